@@ -117,7 +117,9 @@ def play(
         swing=None,
     )
     known = {name: Estimate(value=value) for name, value in CONSTANTS.items()}
-    variants = Variants.of(known | ball_constants(balls))
+    variants = Variants.of(
+        known | {name: each.of(0) for name, each in ball_constants(balls).items()}
+    )
     shots = shot_results(
         variants.columns, BAT, measured_balls(variants.columns, balls), readings, ASKED
     )

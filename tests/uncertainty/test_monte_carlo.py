@@ -1,7 +1,8 @@
 """The first order beside a Monte Carlo of the whole measurement model (GUM Supplement 1)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +11,7 @@ from numpy.typing import NDArray
 from tests.laboratories import certified
 from virtual_lab.measurement.certification import evaluate
 from virtual_lab.measurement.session_reduction import reduce_session
-from virtual_lab.uncertainty.budget import Component, Variants
-from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.uncertainty.budget import Components, Variants, types_a
 
 Array = NDArray[np.float64]
 DRAWS = 4000
@@ -19,39 +19,34 @@ DRAWS = 4000
 
 @dataclass(frozen=True)
 class MonteCarlo:
-    """Every constant drawn at once from its normal distribution, row after row."""
+    """Every constant of a block of one drawn at once from its normal distribution, row after row."""
 
     columns: Mapping[str, Array]
 
     @classmethod
-    def of(cls, constants: Mapping[str, Estimate]) -> "MonteCarlo":
+    def of(cls, constants: Mapping[str, Any]) -> "MonteCarlo":
         rng = np.random.default_rng(5)
         drawn = {}
         for name, known in constants.items():
             noise = rng.standard_normal((DRAWS, 1)) * known.u
-            drawn[name] = np.concatenate([[[known.value]], known.value + noise])
+            column = np.concatenate([np.zeros((1, 1)), noise])
+            drawn[name] = np.reshape(known.value, (*np.shape(known.value), 1, 1)) + column
         return cls(drawn)
 
-    def components(self, values: Array) -> list[Component]:
-        u = float(values[1:].std(ddof=1))
-        return [
-            Component(
-                name="constants",
-                value=0.0,
-                u=u,
-                evaluation="B",
-                dof=np.inf,
-                sensitivity=1.0,
-                contribution=u,
-                shift=float(values[1:].mean() - values[0]),
-            )
-        ]
+    def components(self, values: Array) -> Components:
+        values = values.reshape(-1, DRAWS + 1)
+        u = values[:, 1:].std(axis=1, ddof=1)
+        parts = types_a("constants", values[:, 0], u)
+        return replace(
+            parts, evaluations=("B",), shift=(values[:, 1:].mean(axis=1) - values[:, 0])[:, None]
+        )
 
     def effects(self, values: Array) -> Array:
-        return (values[1:] - values[1:].mean(axis=0)) / np.sqrt(DRAWS - 1)
+        drawn = values[..., 1:, :]
+        return (drawn - drawn.mean(axis=-2, keepdims=True)) / np.sqrt(DRAWS - 1)
 
     def u(self, values: Array) -> Array:
-        return np.asarray(values[1:].std(axis=0, ddof=1))
+        return np.asarray(values[..., 1:, :].std(axis=-2, ddof=1))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from virtual_lab.measurement.procedure import Curve, Lot, Procedure, metric_of
+from virtual_lab.measurement.procedure import Curve, Procedure, metric_of
 from virtual_lab.measurement.reduction.flights import FlightModel
 from virtual_lab.measurement.reduction.observations import BallReadings, ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import (
@@ -14,7 +14,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     measured_balls,
     shot_results,
 )
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 
 CONTROL = "control.restitution_ratio"
 
@@ -38,7 +38,7 @@ class MeasurementModel:
 
     rules: Procedure
     balls: BallReadings
-    lot: Lot
+    used: Mask  # balls that define the lot, (..., ball)
     readings: ImpactReadings
 
     def __call__(self, constants: Mapping[str, Array]) -> dict[str, Array]:
@@ -58,7 +58,7 @@ class MeasurementModel:
             self.readings,
             self.rules.reduction_settings,
             flown,
-            self.lot.used,
+            self.used,
         )
 
     def metric(self, constants: Mapping[str, Array], shots: ShotResults) -> Array:

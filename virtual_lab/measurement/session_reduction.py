@@ -4,26 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.model import MeasurementModel
+from virtual_lab.measurement.model import CONTROL, MeasurementModel
 from virtual_lab.measurement.procedure import (
     Acceptance,
+    BlockOutcome,
+    Curve,
     HitWeights,
     Judgement,
     Lot,
+    NextShots,
     Procedure,
     Sought,
-    aimed_place,
+    accepted,
+    admitted,
     judge,
     lot_of,
+    metric_of,
+    next_shots,
     outcome_of,
+    outcomes_of,
     sought_of,
 )
+from virtual_lab.measurement.reduction.kinematics import centre_of_percussion
 from virtual_lab.measurement.reduction.observations import (
     BallReadings,
     ImpactReadings,
@@ -37,46 +47,180 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     PLACE_SLOPE,
     SLOPE_ERROR,
     BatProperties,
+    MeasuredBalls,
     ShotResults,
     bat_properties,
     measured_balls,
+    shot_results,
 )
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, combine, propagate
-from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import Array
+from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.units import Array, Mask
 
 AIM_ALONG = "impact.cannon.along"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Preparation:
-    """Reduced values of bat, balls and rigs before the bat is hit."""
+class BlockPreparation:
+    """Reduced values of bats, balls and rigs of a block before the bats are hit."""
 
+    procedure: Entry[Procedure]
+    constants: Mapping[str, Known]
+    balls: BallReadings
+    lot: MeasuredBalls  # by the best values, (laboratory, 1, ball)
+    used: Mask  # balls that define the lot, (laboratory, 1, ball)
+    bat: BatProperties  # by the best values, (laboratory, 1, 1)
+
+    @property
+    def laboratories(self) -> int:
+        """Number of laboratories."""
+        return len(self.used)
+
+    @property
+    def percussion(self) -> Array:
+        """The place at which the procedure aims, for each measured bat, (laboratory,) [m]."""
+        bat, pivot = self.bat, self.procedure.spec.pivot_from_knob
+        place = centre_of_percussion(bat.z_cm, bat.inertia_cm, bat.mass, bat.length - pivot)
+        return np.asarray(place).reshape(-1)
+
+    @property
+    def turn_rate(self) -> Array:
+        """The angular speed the procedure requires for each measured bat, (laboratory,) [rad/s]."""
+        return self.procedure.spec.turn_rate(self.bat.length).reshape(-1)
+
+    def alone(self, laboratory: int) -> BlockPreparation:
+        """Return the block of one of its laboratories."""
+        one = slice(laboratory, laboratory + 1)
+        return replace(
+            self,
+            constants={name: known.part(one) for name, known in self.constants.items()},
+            balls=self.balls.alone(laboratory),
+            lot=self.lot.part(one),
+            used=self.used[one],
+            bat=self.bat.part(one),
+        )
+
+    def of(self, laboratory: int) -> Preparation:
+        """Return what one laboratory has."""
+        constants = {name: known.of(laboratory) for name, known in self.constants.items()}
+        lot = self.lot.part((laboratory, 0))
+        return Preparation(
+            block=self,
+            laboratory=laboratory,
+            procedure=self.procedure,
+            constants=constants,
+            balls=self.balls.of(laboratory),
+            lot=lot_of(self.procedure.spec, lot),
+            bat=_bat_budgets(constants),
+            percussion=float(self.percussion[laboratory]),
+            turn_rate=float(self.turn_rate[laboratory]),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preparation:
+    """Reduced values of bat, balls and rigs of one laboratory before its bat is hit."""
+
+    block: BlockPreparation
+    laboratory: int  # of the block
     procedure: Entry[Procedure]
     constants: Mapping[str, Estimate]
     balls: BallReadings
     lot: Lot
     bat: Mapping[str, Budget]  # mass, length, z_cm, inertia_cm [SI]
+    percussion: float  # where the procedure aims, for the measured bat [m]
+    turn_rate: float  # that it requires for the measured bat [rad/s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockReduction:
+    """Reduced and judged shots of a block, as fired, (shot,); their readings are left behind."""
+
+    preparation: BlockPreparation
+    constants: Mapping[str, Known]  # those of the preparation and of the hits
+    owner: NDArray[np.intp]  # whose shot it is
+    place: Array  # aimed at, from the barrel tip [m]
+    results: ShotResults
+    metric: Array
+    sought: Sought  # by a scan
+    valid: Mask  # by the procedure
 
     @property
-    def percussion(self) -> float:
-        """The place at which the procedure aims, for the measured bat [m]."""
-        return aimed_place(self._bat, self.procedure.spec.pivot_from_knob)
+    def procedure(self) -> Procedure:
+        return self.preparation.procedure.spec
 
     @property
-    def turn_rate(self) -> float:
-        """The angular speed that the procedure requires for the measured bat [rad/s]."""
-        return float(self.procedure.spec.turn_rate(self._bat["length"]))
+    def outcome(self) -> BlockOutcome:
+        """What the hits weigh by the procedure."""
+        return outcomes_of(
+            self.procedure,
+            self.preparation.laboratories,
+            self.owner,
+            self.place,
+            self.valid,
+            self.metric,
+            self.sought,
+        )
 
-    @property
-    def _bat(self) -> dict[str, float]:
-        return {name: budget.value for name, budget in self.bat.items()}
+    def next_shots(self) -> NextShots:
+        """Return what the procedure asks for next; nothing where a test is complete."""
+        return next_shots(
+            self.procedure,
+            self.preparation.percussion,
+            self.owner,
+            self.place,
+            self.valid,
+            self.sought.value,
+        )
+
+    def with_round(self, more: BlockReduction) -> BlockReduction:
+        """Return the shots of both, `more` fired later."""
+
+        def both(name: str) -> Any:
+            return np.concatenate([getattr(self, name), getattr(more, name)])
+
+        value, gain = map(np.concatenate, zip(self.sought, more.sought, strict=True))
+        return replace(
+            self,
+            owner=both("owner"),
+            place=both("place"),
+            results=self.results.with_shots(more.results),
+            metric=both("metric"),
+            sought=Sought(value, gain),
+            valid=both("valid"),
+        )
+
+    def of(
+        self, laboratory: int, readings: ImpactReadings, acceptance: Acceptance = judge
+    ) -> SessionReduction:
+        """Return what one laboratory has.
+
+        `readings` are those of all shots, as fired, (shot,).
+        """
+        preparation, own = self.preparation.of(laboratory), self.owner == laboratory
+        rules, seen, results = self.procedure, readings.part(own), self.results.part(own)
+        metric, sought = self.metric[own], Sought(self.sought.value[own], self.sought.gain[own])
+        judgement = acceptance(rules, results, seen, preparation.percussion, preparation.turn_rate)
+        return SessionReduction(
+            preparation=preparation,
+            constants={name: known.of(laboratory) for name, known in self.constants.items()},
+            model=MeasurementModel(
+                rules=rules, balls=preparation.balls, used=preparation.lot.used, readings=seen
+            ),
+            bat=self.preparation.bat.part((laboratory, 0, 0)),
+            shots=results,
+            shot_metric=metric,
+            sought=sought,
+            judgement=judgement,
+            outcome=outcome_of(rules, seen.place, judgement.valid, metric, sought),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionReduction:
-    """Reduced and judged records, before the evaluation of uncertainty."""
+    """Reduced and judged records of one laboratory, before the evaluation of uncertainty."""
 
     preparation: Preparation
     constants: Mapping[str, Estimate]  # those of the preparation and of the hits
@@ -112,7 +256,6 @@ def reduce_session(session: Session) -> SessionReduction:
     return reduce_hits(session, prepare(session))
 
 
-@constants_known()
 def prepare(session: Session) -> Preparation:
     """Return the results of bench and wall rig of a session, before or after the bat was hit.
 
@@ -121,25 +264,33 @@ def prepare(session: Session) -> Preparation:
     InputError
         A record, calibration or procedure that is missing or cannot be used.
     """
-    procedure = read(session.procedure_text, "procedure.toml", Procedure)
-    axis = session.calibration["impact.pivot.from_knob"].value
-    asked = procedure.spec.pivot_from_knob
-    if abs(axis - asked) > 5e-3:  # m: another rig
-        allowed = f"the rig's axis is at {axis:g} m"
-        raise InputError("procedure.toml", "pivot_from_knob", f"{asked:g} m", allowed)
-    balls = observe_balls(session)
-    constants = _constants(session) | ball_constants(balls)
-    constants |= _place_constants(procedure.spec, constants.get(AIM_ALONG))
-    return Preparation(
-        procedure=procedure,
-        constants=constants,
-        balls=balls,
-        lot=lot_of(procedure.spec, measured_balls(best_values(constants), balls)),
-        bat=_bat_budgets(constants),
-    )
+    return prepare_block(SessionBlock.of(session)).of(0)
 
 
 @constants_known()
+def prepare_block(block: SessionBlock) -> BlockPreparation:
+    """Return the results of bench and wall rig of a block. `InputError` as `prepare`."""
+    procedure = read(block.procedure_text, "procedure.toml", Procedure)
+    asked = procedure.spec.pivot_from_knob
+    for axis in block.calibration["impact.pivot.from_knob"].value:
+        if abs(axis - asked) > 5e-3:  # m: another rig
+            allowed = f"the rig's axis is at {axis:g} m"
+            raise InputError("procedure.toml", "pivot_from_knob", f"{asked:g} m", allowed)
+    balls = observe_balls(block)
+    constants = _constants(block) | ball_constants(balls)
+    constants |= _place_constants(procedure.spec, constants.get(AIM_ALONG))
+    best = best_values(constants)
+    lot = measured_balls(best, balls)
+    return BlockPreparation(
+        procedure=procedure,
+        constants=constants,
+        balls=balls,
+        lot=lot,
+        used=admitted(procedure.spec, lot),
+        bat=bat_properties(best),
+    )
+
+
 def reduce_hits(
     session: Session, preparation: Preparation, acceptance: Acceptance = judge
 ) -> SessionReduction:
@@ -159,45 +310,67 @@ def reduce_hits(
     InputError
         As `prepare`.
     """
-    rules, constants = preparation.procedure.spec, dict(preparation.constants)
-    _require_channels(session, rules)
-    readings = observe_impact(session)
+    block, alone = SessionBlock.of(session), preparation.block.alone(preparation.laboratory)
+    readings = observe_hits(block, alone)
+    return reduce_shots(block, alone, readings).of(0, readings, acceptance)
+
+
+@constants_known()
+def observe_hits(block: SessionBlock, preparation: BlockPreparation) -> ImpactReadings:
+    """Return the readings at the bat, (shot,). `InputError` as `prepare`."""
+    _require_channels(block, preparation.procedure.spec)
+    return observe_impact(block)
+
+
+@constants_known()
+def reduce_shots(
+    block: SessionBlock, preparation: BlockPreparation, readings: ImpactReadings
+) -> BlockReduction:
+    """Reduce the shots whose readings are given, each by the constants of its laboratory.
+
+    `readings` and the owners in `block` are those of the same shots.
+    """
+    rules, constants, owner = preparation.procedure.spec, dict(preparation.constants), block.owner
     if not readings.seen.shows_height:
-        constants["impact.aim.across_square"] = across_constant(session.records["impact"])
-    model = MeasurementModel(
-        rules=rules,
-        balls=preparation.balls,
-        lot=preparation.lot,
-        readings=readings,
+        constants["impact.aim.across_square"] = across_constant(block)
+    alone = readings.part(np.arange(owner.size)[:, None, None])
+    best = {name: known.value[owner, None, None] for name, known in constants.items()}
+    bat = preparation.bat.part(owner)
+    results = shot_results(
+        best,
+        bat,
+        preparation.lot.part(owner),
+        alone,
+        rules.reduction_settings,
+        used=preparation.used[owner],
     )
-    best = best_values(constants)
-    shots = model.shots(best)
-    shot_metric = model.metric(best, shots)
-    bat = bat_properties(best)
-    sought = sought_of(rules, shot_metric, readings.place, bat)
-    judgement = acceptance(rules, shots, readings, preparation.percussion, preparation.turn_rate)
-    return SessionReduction(
+    metric = metric_of(rules, control=best.get(CONTROL, 1.0))(Curve.measured(results), bat)
+    sought = sought_of(rules, metric, alone.place, bat)
+    asked = (each[owner, None, None] for each in (preparation.percussion, preparation.turn_rate))
+    valid = accepted(rules, results, alone, *asked)
+    return BlockReduction(
         preparation=preparation,
         constants=constants,
-        model=model,
-        bat=bat,
-        shots=shots,
-        shot_metric=shot_metric,
-        sought=sought,
-        judgement=judgement,
-        outcome=outcome_of(rules, readings.place, judgement.valid, shot_metric, sought),
+        owner=owner,
+        place=readings.place,
+        results=results.part((slice(None), 0, 0)),
+        metric=metric.reshape(-1),
+        sought=Sought(*(np.broadcast_to(each, metric.shape).reshape(-1) for each in sought)),
+        valid=valid.reshape(-1),
     )
 
 
-def best_values(constants: Mapping[str, Estimate]) -> dict[str, Array]:
-    """Return the constants' values, as a model takes them."""
-    return {name: np.array(known.value) for name, known in constants.items()}
+def best_values(constants: Mapping[str, Estimate] | Mapping[str, Known]) -> dict[str, Array]:
+    """Return the constants' values, as a model takes them: of a block (laboratory, 1, 1)."""
+    return {
+        name: known.value[:, None, None] if isinstance(known, Known) else np.array(known.value)
+        for name, known in constants.items()
+    }
 
 
-def _require_channels(session: Session, procedure: Procedure) -> None:
-    """Refuse sessions without a channel that the procedure needs."""
-    written = session.records.get("impact", {}).keys()
-    for channel in sorted(procedure.needs - written):
+def _require_channels(block: SessionBlock, procedure: Procedure) -> None:
+    """Refuse records without a channel that the procedure needs."""
+    for channel in sorted(procedure.needs - block.impact.keys()):
         allowed = f"{procedure.name} needs this record"
         raise InputError(f"impact/{channel}", "record", None, allowed)
 
@@ -217,7 +390,7 @@ def _bat_budgets(constants: Mapping[str, Estimate]) -> dict[str, Budget]:
     }
 
 
-def _place_constants(rules: Procedure, along: Estimate | None) -> dict[str, Estimate]:
+def _place_constants(rules: Procedure, along: Known | None) -> dict[str, Known]:
     """Return the procedure's slope of e_A, and the effect of its uncertainty on e_A.
 
     The place is corrected for the known aim, so the product of the two uncertainties matters
@@ -225,17 +398,17 @@ def _place_constants(rules: Procedure, along: Estimate | None) -> dict[str, Esti
     """
     if along is None or not (rules.place_slope or rules.place_slope_u):
         return {}
-    error = rules.place_slope_u * along.u
+    nothing, endless = np.zeros(along.u.shape), np.full(along.u.shape, np.inf)
     return {
-        PLACE_SLOPE: Estimate(value=rules.place_slope),
-        SLOPE_ERROR: Estimate(value=0.0, u=error),
+        PLACE_SLOPE: Known(value=nothing + rules.place_slope, u=nothing, dof=endless),
+        SLOPE_ERROR: Known(value=nothing, u=rules.place_slope_u * along.u, dof=endless),
     }
 
 
-def _constants(session: Session) -> dict[str, Estimate]:
+def _constants(block: SessionBlock) -> dict[str, Known]:
     positive = {"span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch"}
-    for name, known in session.calibration.items():
-        if name.rpartition(".")[2] in positive and not known.value > 0:
+    for name, known in block.calibration.items():
+        if name.rpartition(".")[2] in positive and not (known.value > 0).all():
             key = f"calibration.{name}"
-            raise InputError("session.json", key, known.value, "allowed: above 0")
-    return dict(session.calibration) | bench_constants(session)
+            raise InputError("session.json", key, float(known.value.min()), "allowed: above 0")
+    return dict(block.calibration) | bench_constants(block)

@@ -29,6 +29,7 @@ from virtual_lab.measurement.session_reduction import AIM_ALONG
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.simulation.physics.beam import outer_diameter
 from virtual_lab.studies.coverage import bat_tests
@@ -161,7 +162,7 @@ def _off(tested: BatTest) -> dict[str, float]:
 
 def _readings_off(tested: BatTest, true: Mapping[str, float]) -> dict[str, float]:
     """Return the errors of the mean bench readings, without instrument errors."""
-    found = {name: one.value for name, one in bench_constants(tested.certification.session).items()}
+    found = {name: one.of(0).value for name, one in bench_constants(_block(tested)).items()}
     bat, body = tested.sealed.bat_properties, tested.sealed.bat.body
     lever = float(bat["length"] - true["bench.pendulum.pivot_from_knob"] - bat["z_cm"])
     turning = float(bat["inertia_cm"] + bat["mass"] * lever**2)
@@ -186,7 +187,7 @@ def _readings_off(tested: BatTest, true: Mapping[str, float]) -> dict[str, float
 
 def _balls_off(tested: BatTest, constants: Mapping[str, float]) -> dict[str, float]:
     """Return the errors by scatter alone of each ball's mean e0 and of its slope."""
-    readings, lot = observe_balls(tested.certification.session), tested.sealed.balls
+    readings, lot = observe_balls(_block(tested)).of(0), tested.sealed.balls
     names = restitution_names(len(readings.mass))
     x = {name: np.array(value) for name, value in constants.items()}
     x |= dict.fromkeys([*names, SLOPE_REPEATABILITY], np.array(0.0))
@@ -199,6 +200,10 @@ def _balls_off(tested: BatTest, constants: Mapping[str, float]) -> dict[str, flo
     if sloped:
         off[SLOPE_REPEATABILITY] = float(np.squeeze(found.slope)) - lot.spec.restitution.slope
     return off
+
+
+def _block(tested: BatTest) -> SessionBlock:
+    return SessionBlock.of(tested.certification.session)
 
 
 def _errors_of(name: str, cases: list[_Case]) -> Array | None:

@@ -5,6 +5,10 @@ constant shifted up, then each one shifted down. So the sensitivities come from 
 itself, and a constant shared by all hits shifts them together and does not average out. The
 scatter between hits is one type A component of the mean, after subtraction of the scatter that
 comes from constants with different effects on different hits.
+
+All is written for a block of laboratories side by side, `Components` and `Budgets`, arrays with a
+leading laboratory axis. `Component` and `Budget` are those of one laboratory, to be printed; the
+functions for one compute a block of one.
 """
 
 from __future__ import annotations
@@ -12,12 +16,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.uncertainty.estimate import Estimate, Known
 from virtual_lab.units import Array
 
 
@@ -38,6 +41,95 @@ class Component:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Components:
+    """Sources of uncertainty and their effects on a result, arrays (laboratory, source)."""
+
+    names: tuple[str, ...]
+    evaluations: tuple[str, ...]
+    pools: tuple[str, ...]
+    value: Array
+    u: Array
+    dof: Array
+    effect: Array  # of one standard uncertainty on the result, with its sign
+    shift: Array  # of the result's mean by curvature
+
+    @classmethod
+    def listed(cls, components: Sequence[Component]) -> Self:
+        """Return the components of one laboratory as a block of one; of a pool its parts."""
+        every = [part for line in components for part in (line.parts or (line,))]
+        columns = [
+            [part.value, part.u, part.dof, part.sensitivity * part.u, part.shift] for part in every
+        ]
+        value, u, dof, effect, shift = np.array(columns).reshape(-1, 5).T[:, None]
+        return cls(
+            names=tuple(part.name for part in every),
+            evaluations=tuple(part.evaluation for part in every),
+            pools=tuple(part.pool for part in every),
+            value=value,
+            u=u,
+            dof=dof,
+            effect=effect,
+            shift=shift,
+        )
+
+    def __add__(self, more: Components) -> Components:
+        """Return both sets of sources."""
+
+        def side_by_side(name: str) -> Array:
+            return np.concatenate([getattr(self, name), getattr(more, name)], axis=1)
+
+        return Components(
+            names=self.names + more.names,
+            evaluations=self.evaluations + more.evaluations,
+            pools=self.pools + more.pools,
+            value=side_by_side("value"),
+            u=side_by_side("u"),
+            dof=side_by_side("dof"),
+            effect=side_by_side("effect"),
+            shift=side_by_side("shift"),
+        )
+
+    @property
+    def sensitivity(self) -> Array:
+        """Of the result, per unit of the source; 0 of a source without uncertainty."""
+        known = self.u > 0
+        return np.where(known, self.effect / np.where(known, self.u, 1.0), 0.0)
+
+    def of(self, laboratory: int) -> list[Component]:
+        """Return the components of one laboratory, without those that are certain there."""
+        sensitivity, uncertain = self.sensitivity, self.u[laboratory] > 0
+        return [
+            Component(
+                name=name,
+                value=float(self.value[laboratory, at]),
+                u=float(self.u[laboratory, at]),
+                evaluation=self.evaluations[at],
+                dof=float(self.dof[laboratory, at]),
+                sensitivity=float(sensitivity[laboratory, at]),
+                contribution=abs(float(self.effect[laboratory, at])),
+                shift=float(self.shift[laboratory, at]),
+                pool=self.pools[at],
+            )
+            for at, name in enumerate(self.names)
+            if uncertain[at]
+        ]
+
+    def lines(self) -> tuple[Array, Array]:
+        """Return variance and degrees of freedom of lines, (laboratory, line): a pool is one."""
+        square = self.effect**2
+        if not any(self.pools):
+            return square, self.dof
+        alone = [at for at, pool in enumerate(self.pools) if not pool]
+        pools = dict.fromkeys(pool for pool in self.pools if pool)
+        squares, freedoms = [square[:, alone]], [self.dof[:, alone]]
+        for pool in pools:
+            parts = [at for at, own in enumerate(self.pools) if own == pool]
+            squares.append(square[:, parts].sum(axis=1, keepdims=True))
+            freedoms.append(self.dof[:, parts[:1]])
+        return np.concatenate(squares, axis=1), np.concatenate(freedoms, axis=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
     """Standard uncertainty of a result and its components, largest first."""
 
@@ -51,28 +143,57 @@ class Budget:
     components: tuple[Component, ...]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budgets:
+    """Standard uncertainties of the results of a block, arrays (laboratory,)."""
+
+    value: Array
+    u: Array
+    dof: Array
+    components: Components
+
+    def of(self, laboratory: int) -> Budget:
+        """Return the budget of one laboratory."""
+        every = _pooled(self.components.of(laboratory))
+        every.sort(key=lambda part: -part.contribution)
+        value, u, dof = (float(own[laboratory]) for own in (self.value, self.u, self.dof))
+        return Budget(
+            value=value,
+            u=u,
+            u_type_a=_root_sum([part.contribution for part in every if part.evaluation == "A"]),
+            u_type_b=_root_sum([part.contribution for part in every if part.evaluation == "B"]),
+            dof=dof,
+            interval_95=interval_95(value, u, dof),
+            shift=sum(part.shift for part in every),
+            components=tuple(every),
+        )
+
+
 class Variation(Protocol):
-    """Constants shifted within their uncertainty, and the effects on the outputs of a model."""
+    """Constants shifted within their uncertainty, and the effects on the outputs of a model.
+
+    Of a block of laboratories the arrays have a leading axis (laboratory,), of one they have none.
+    """
 
     @property
     def columns(self) -> Mapping[str, Array]:
-        """The constants as columns (k, 1), the estimates first."""
+        """The constants as columns (..., k, 1), the estimates first."""
         ...
 
-    def components(self, values: Array) -> list[Component]:
-        """Return what the constants contribute to an output of shape (k,)."""
+    def components(self, values: Array) -> Components:
+        """Return what the constants contribute to an output of shape (..., k)."""
         ...
 
     def effects(self, values: Array) -> Array:
-        """Return effects on outputs (k, ...), (m, ...): their squares add up to the variance."""
+        """Return effects on outputs (..., k, n), (..., m, n): squares add up to the variance."""
         ...
 
     def u(self, values: Array) -> Array:
-        """Return the standard uncertainties of a row of results, (n,), from outputs (k, n)."""
+        """Return the standard uncertainties of results, (..., n), from outputs (..., k, n)."""
         ...
 
 
-Propagator = Callable[[Mapping[str, Estimate]], Variation]
+Propagator = Callable[[Mapping[str, Estimate] | Mapping[str, Known]], Variation]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,58 +203,62 @@ class Variants:
     The outputs of the model for these columns give the effect of each constant.
     """
 
-    uncertain: Mapping[str, Estimate]
+    uncertain: Mapping[str, Estimate] | Mapping[str, Known]
     columns: Mapping[str, Array]
 
     @classmethod
-    def of(cls, constants: Mapping[str, Estimate]) -> Self:
+    def of(cls, constants: Mapping[str, Estimate] | Mapping[str, Known]) -> Self:
         """Return the variants; constants without uncertainty are not shifted."""
-        uncertain = {name: known for name, known in constants.items() if known.u > 0}
-        n = len(uncertain)
-        columns = {
-            name: np.full((2 * n + 1, 1), known.value, float) for name, known in constants.items()
+        uncertain: dict[str, Any] = {
+            name: known for name, known in constants.items() if np.any(known.u > 0)
         }
+        n = len(uncertain)
+        columns: dict[str, Array] = {}
+        for name, known in constants.items():
+            value = np.array(known.value, float)[..., None, None]
+            columns[name] = np.broadcast_to(value, (*np.shape(known.value), 2 * n + 1, 1))
         for index, (name, known) in enumerate(uncertain.items()):
-            columns[name][1 + index] += known.u
-            columns[name][1 + n + index] -= known.u
+            columns[name] = columns[name].copy()
+            columns[name][..., 1 + index, 0] += known.u
+            columns[name][..., 1 + n + index, 0] -= known.u
         return cls(uncertain=uncertain, columns=columns)
 
-    def components(self, values: Array) -> list[Component]:
-        """Return what each constant contributes to an output of shape (k,)."""
-        up, down = self._moved(values)
-        effects, shifts = self.effects(values), (up + down) / 2 - values[0]
-        return [
-            Component(
-                name=name,
-                value=known.value,
-                u=known.u,
-                evaluation=known.evaluation,
-                dof=known.dof,
-                sensitivity=float(effect / known.u),
-                contribution=abs(float(effect)),
-                shift=float(shift),
-                pool=known.pool,
-            )
-            for (name, known), effect, shift in zip(
-                self.uncertain.items(), effects, shifts, strict=True
-            )
-        ]
+    def components(self, values: Array) -> Components:
+        """Return what each constant contributes to an output of shape (..., k)."""
+        values = np.reshape(values, (-1, values.shape[-1]))
+        up, down = self._moved(values[..., None])
+        known: list[Estimate | Known] = list(self.uncertain.values())
+
+        def columns(name: str) -> Array:
+            own = [np.ravel(getattr(each, name)) for each in known]
+            return np.stack(own, axis=1) if own else np.zeros((len(values), 0))
+
+        return Components(
+            names=tuple(self.uncertain),
+            evaluations=tuple(each.evaluation for each in known),
+            pools=tuple(each.pool for each in known),
+            value=columns("value"),
+            u=columns("u"),
+            dof=columns("dof"),
+            effect=((up - down) / 2)[..., 0],
+            shift=((up + down) / 2)[..., 0] - values[:, :1],
+        )
 
     def u(self, values: Array) -> Array:
-        """Return the standard uncertainties of a row of results, (n,), from outputs (k, n)."""
-        return np.asarray(np.sqrt(np.sum(self.effects(values) ** 2, axis=0)))
+        """Return the standard uncertainties of results, (..., n), from outputs (..., k, n)."""
+        return np.asarray(np.sqrt(np.sum(self.effects(values) ** 2, axis=-2)))
 
     def effects(self, values: Array) -> Array:
-        """Return what one standard uncertainty of each constant does to outputs, (constant, ...).
+        """Return what one standard uncertainty of each constant does, (..., constant, n).
 
-        `values` are the outputs of the columns, (k, ...).
+        `values` are the outputs of the columns, (..., k, n).
         """
         up, down = self._moved(values)
         return np.asarray((up - down) / 2)
 
     def _moved(self, values: Array) -> tuple[Array, Array]:
         n = len(self.uncertain)
-        return values[1 : n + 1], values[n + 1 :]
+        return values[..., 1 : n + 1, :], values[..., n + 1 :, :]
 
 
 def propagate(
@@ -151,24 +276,24 @@ def propagate(
     """
     variants = Variants.of(constants)
     return {
-        output: variants.components(values) for output, values in model(variants.columns).items()
+        name: variants.components(values).of(0) for name, values in model(variants.columns).items()
     }
 
 
 def combine(value: float, components: Sequence[Component]) -> Budget:
     """Return the budget of a result; the components of a pool become one line."""
-    every = sorted(_pooled(components), key=lambda part: -part.contribution)
-    u = _root_sum([part.contribution for part in every])
-    dof = effective_dof(every)
-    return Budget(
+    return combined(np.array([value]), Components.listed(components)).of(0)
+
+
+def combined(value: Array, components: Components) -> Budgets:
+    """Return the budgets of results (laboratory,); the components of a pool become one line."""
+    square, dof = components.lines()
+    variance = square.sum(axis=1)
+    return Budgets(
         value=value,
-        u=u,
-        u_type_a=_root_sum([part.contribution for part in every if part.evaluation == "A"]),
-        u_type_b=_root_sum([part.contribution for part in every if part.evaluation == "B"]),
-        dof=dof,
-        interval_95=interval_95(value, u, dof),
-        shift=sum(part.shift for part in every),
-        components=tuple(every),
+        u=np.sqrt(variance),
+        dof=_effective_dof(square, dof, variance),
+        components=components,
     )
 
 
@@ -187,8 +312,34 @@ def mean_of_hits(
         Derivative of the result with respect to each hit, (hit,), if it differs from the weight.
     """
     effects = weights if effects is None else effects
-    own = scatter(hits[0], effects, places, variants.effects(hits))
-    return combine(float(hits[0] @ weights), [*variants.components(hits @ effects), own])
+    return means_of_hits(variants, hits[None], weights[None], places[None], effects[None]).of(0)
+
+
+def means_of_hits(
+    variants: Variation, hits: Array, weights: Array, places: Array, effects: Array
+) -> Budgets:
+    """Return the budgets of a block, as `mean_of_hits` of each laboratory.
+
+    Parameters
+    ----------
+    variants, hits
+        Constants, and the outputs of a model for their columns, (laboratory, k, hit).
+    weights, places, effects
+        Of each hit, (laboratory, hit); a hit of weight and effect 0 is none.
+    """
+    value = weighed(hits[:, :1], weights)[:, 0]
+    constants = variants.components(weighed(hits, effects))
+    own = scatters(hits[:, 0], effects, places, variants.effects(hits))
+    return combined(value, constants + own)
+
+
+def weighed(hits: Array, weights: Array) -> Array:
+    """Return the weighted sums of hits (laboratory, k, hit), (laboratory, k)."""
+    from virtual_lab.uncertainty.hits_kernel import weigh
+
+    out = np.empty(hits.shape[:2])
+    weigh(np.ascontiguousarray(hits), np.ascontiguousarray(weights, float), out)
+    return out
 
 
 def _pooled(components: Sequence[Component]) -> list[Component]:
@@ -196,10 +347,10 @@ def _pooled(components: Sequence[Component]) -> list[Component]:
 
     The u of the line is the root mean square of the parts' u; its sensitivity is positive.
     """
-    lines = [part for part in components if not part.pool or part.parts]
+    lines = [part for part in components if not part.pool]
     pools: dict[str, list[Component]] = {}
     for part in components:
-        if part.pool and not part.parts:
+        if part.pool:
             pools.setdefault(part.pool, []).append(part)
     for name, parts in pools.items():
         u = _root_sum([part.u for part in parts]) / sqrt(len(parts))
@@ -211,7 +362,7 @@ def _pooled(components: Sequence[Component]) -> list[Component]:
                 u=u,
                 evaluation=parts[0].evaluation,
                 dof=parts[0].dof,
-                sensitivity=contribution / u,
+                sensitivity=contribution / u if u else 0.0,
                 contribution=contribution,
                 shift=sum(part.shift for part in parts),
                 pool=name,
@@ -235,32 +386,20 @@ def scatter(hits: Array, weights: Array, groups: Array, effects: Array | None = 
         budget. The mean scatter that these effects cause within a place is subtracted from the
         variance of the place (never below 0), because the budget already contains it.
     """
-    _, place = np.unique(groups, return_inverse=True)
-    many = np.bincount(place)
-    off = hits - (np.bincount(place, hits) / many)[place]
-    squares, freedom = np.bincount(place, off**2), many - 1
-    pooled = float(squares.sum()) / max(int(freedom.sum()), 1)
-    seen = np.where(freedom > 0, squares / np.maximum(freedom, 1), pooled)
-    square = np.bincount(place, weights**2)
-    # a variance is as uncertain as before when a known part of it is taken off
-    uncertain = (square * seen)[freedom > 0] ** 2 / freedom[freedom > 0]
-    total = float(square @ np.maximum(seen - _explained(effects, place, freedom), 0.0))
-    dof = total**2 / float(uncertain.sum()) if total > 0 and uncertain.sum() > 0 else inf
-    return type_a("hits", float(hits @ weights), sqrt(total), dof=dof)
+    effects = np.zeros((0, hits.size)) if effects is None else effects
+    found = scatters(hits[None], weights[None], groups[None], effects[None])
+    value, u, dof = (float(each[0, 0]) for each in (found.value, found.u, found.dof))
+    return type_a("hits", value, u, dof=dof)
 
 
-def _explained(effects: Array | None, place: NDArray[np.int_], freedom: NDArray[np.int_]) -> Array:
-    """Return the mean variance within each place that constants cause, (place,).
+def scatters(hits: Array, weights: Array, groups: Array, effects: Array) -> Components:
+    """Return the type A components of a block, as `scatter`, each array with a laboratory axis."""
+    from virtual_lab.uncertainty.hits_kernel import scatter_u
 
-    A place with a single hit gets the pooled value of the others.
-    """
-    if effects is None or not len(effects):
-        return np.zeros(freedom.size)
-    here = place[:, None] == np.arange(freedom.size)
-    means = effects @ here / (freedom + 1)
-    squares = np.sum((effects - means[:, place]) ** 2, axis=0) @ here
-    pooled = float(squares.sum()) / max(int(freedom.sum()), 1)
-    return np.where(freedom > 0, squares / np.maximum(freedom, 1), pooled)
+    u, dof = np.empty((2, len(hits)))
+    own = [np.ascontiguousarray(each, float) for each in (hits, weights, groups, effects)]
+    scatter_u(own[0], own[1], own[2], own[3], u, dof)
+    return types_a("hits", weighed(hits[:, None], weights)[:, 0], u, dof)
 
 
 def type_a(name: str, value: float, u: float, *, dof: float = inf) -> Component:
@@ -276,19 +415,46 @@ def type_a(name: str, value: float, u: float, *, dof: float = inf) -> Component:
     )
 
 
+def types_a(name: str, value: Array, u: Array, dof: Array | float = inf) -> Components:
+    """Return the components of type A of a block, (laboratory,), in units of the result."""
+    column = (len(u), 1)
+    return Components(
+        names=(name,),
+        evaluations=("A",),
+        pools=("",),
+        value=np.reshape(value, column),
+        u=u[:, None],
+        dof=np.broadcast_to(dof, u.shape)[:, None],
+        effect=u[:, None],
+        shift=np.zeros(column),
+    )
+
+
 def effective_dof(components: Sequence[Component]) -> float:
     """Return the Welch–Satterthwaite degrees of freedom (GUM G.2b)."""
-    fourth = sum(part.contribution**4 / part.dof for part in components)
-    u = _root_sum([part.contribution for part in components])
-    return u**4 / fourth if fourth > 0 else inf
+    square = np.array([[part.contribution**2 for part in components]])
+    dof = np.array([[part.dof for part in components]])
+    return float(_effective_dof(square, dof, square.sum(axis=1))[0])
+
+
+def _effective_dof(square: Array, dof: Array, variance: Array) -> Array:
+    """Return the degrees of freedom of sums of variances, (laboratory, line) to (laboratory,)."""
+    fourth = np.sum(square**2 / dof, axis=1)
+    some = fourth > 0
+    return np.where(some, variance**2 / np.where(some, fourth, 1.0), inf)
 
 
 def interval_95(value: float, u: float, dof: float) -> tuple[float, float]:
     """Return the 95 % interval value ± t u, t of Student with `dof` degrees of freedom."""
+    factor = float(coverage_factors(np.array(dof)))
+    return value - factor * u, value + factor * u
+
+
+def coverage_factors(dof: Array) -> Array:
+    """Return t of Student with `dof` degrees of freedom for 95 %, of any shape."""
     from scipy.special import stdtrit  # half a second to load, that a page must not wait for
 
-    factor = float(stdtrit(min(dof, 1e9), 0.975))
-    return value - factor * u, value + factor * u
+    return np.asarray(stdtrit(np.minimum(dof, 1e9), 0.975))
 
 
 def _root_sum(contributions: Sequence[float]) -> float:

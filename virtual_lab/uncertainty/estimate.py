@@ -94,10 +94,15 @@ def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0) -> Estimate:
     values = np.asarray(readings, dtype=float)
     if values.ndim != 1 or values.size < 2:
         raise ValueError(f"a type A evaluation needs at least 2 readings, not {values.size}")
-    scatter = float(values.std(ddof=1)) / sqrt(values.size)
-    return Estimate(
-        value=float(values.mean()),
-        u=max(scatter, least_u),
-        dof=float(values.size - 1) if scatter >= least_u else inf,
+    return means_of_readings(values[None], least_u=least_u).of(0)
+
+
+def means_of_readings(readings: Array, *, least_u: Array | float = 0.0) -> Known:
+    """Return the means of a block, as `mean_of_readings` of each row (laboratory, n)."""
+    scatter = readings.std(axis=1, ddof=1) / sqrt(readings.shape[1])
+    return Known(
+        value=readings.mean(axis=1),
+        u=np.maximum(scatter, least_u),
+        dof=np.where(scatter >= least_u, readings.shape[1] - 1.0, inf),
         evaluation="A",
     )

@@ -11,7 +11,7 @@ from virtual_lab.measurement.procedure import CHOICE, Procedure, outcome_of, sho
 from virtual_lab.measurement.procedure.choice import Shortfall
 from virtual_lab.measurement.procedure.outcome import complete_places
 from virtual_lab.measurement.procedure.schedule import best_place
-from virtual_lab.uncertainty.budget import combine, scatter
+from virtual_lab.uncertainty.budget import combined, scatters, types_a
 
 BBCOR = catalog.load("procedures", "bbcor", Procedure).spec
 INCH = 0.0254
@@ -47,12 +47,15 @@ def test_the_shortfall_is_the_mean_of_a_truncated_normal() -> None:
 
 def test_the_result_is_raised_by_the_mean() -> None:
     """And the rest, √(rms² - mean²), is one line; nothing lost leaves the budget alone."""
-    budget = combine(0.5, [])
-    raised = with_choice(budget, Shortfall(mean=3e-4, rms=5e-4))
+    nothing = Shortfall(mean=0.0, rms=0.0)
+    budgets = combined(np.array([0.5, 0.5]), types_a("hits", np.full(2, 0.5), np.zeros(2)))
+    block = with_choice(budgets, [Shortfall(mean=3e-4, rms=5e-4), nothing])
+    raised, left = block.of(0), block.of(1)
     assert raised.value == pytest.approx(0.5003)
     assert raised.u == pytest.approx(4e-4)
     assert [part.name for part in raised.components] == [CHOICE]
-    assert with_choice(budget, Shortfall(mean=0.0, rms=0.0)) is budget
+    assert left == budgets.of(1)
+    assert with_choice(budgets, [nothing, nothing]) is budgets
 
 
 def test_both_sides_are_missed_alike() -> None:
@@ -71,8 +74,11 @@ def test_both_sides_are_missed_alike() -> None:
         metric, valid = np.append(metric, fresh), np.ones(place.size, dtype=bool)
         outcome = outcome_of(BBCOR, place, valid, metric)
         used, weights = outcome.used, outcome.weights[outcome.used]
-        own = combine(float(metric[used] @ weights), [scatter(metric[used], weights, place[used])])
-        low, high = with_choice(own, shortfall(BBCOR, place, valid, metric)).interval_95
+        nothing = np.zeros((1, 0, weights.size))
+        own = scatters(metric[None, used], weights[None], place[None, used], nothing)
+        result = combined(np.array([metric[used] @ weights]), own)
+        lost = shortfall(BBCOR, place, valid, metric)
+        low, high = with_choice(result, [lost]).of(0).interval_95
         true = curve(np.unique(PLACES), top).max()
         above, below = above + (true > high), below + (true < low)
     few, many = stats.binom.ppf([0.001, 0.999], RUNS, 0.025)

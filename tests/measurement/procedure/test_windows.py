@@ -76,7 +76,7 @@ def why(
                 heights_u=np.zeros((1, 2, 3)),
                 misfit=np.array([misfit]),
             ),
-            distances=np.array([0.5, 0.2]),
+            distances=np.array([0.5, 0.35, 0.2]),
             shows_height=False,
         ),
         recoil=struck if recoil else None,

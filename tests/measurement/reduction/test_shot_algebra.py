@@ -21,6 +21,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     shot_results,
 )
 from virtual_lab.records import AimMarks, LengthReadings, MassReadings, PendulumRecord, ShotLog
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.origin import Supplied
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
@@ -90,8 +91,9 @@ def bench() -> Session:
 
 
 def _best(session: Session) -> dict[str, np.ndarray]:
-    known = dict(session.calibration) | bench_constants(session)
-    return {key: np.array(estimate.value) for key, estimate in known.items()}
+    block = SessionBlock.of(session)
+    known = dict(block.calibration) | bench_constants(block)
+    return {key: np.array(each.of(0).value) for key, each in known.items()}
 
 
 def test_inertia_from_an_integrated_pendulum(bench: Session) -> None:
@@ -123,7 +125,14 @@ def test_across_constant() -> None:
     """Mean square of 3 and 4 mm is 12.5 mm²; √(2/n) of it is its u (variance of chi-square)."""
     log = ShotLog(ball=np.zeros(1), nominal_speed=np.ones(1), place=np.ones(1))
     marks = AimMarks(along=np.zeros(2), across=np.array([3e-3, -4e-3]))
-    square = across_constant({"aim": marks, "log": log})
+    block = SessionBlock(
+        procedure_text="",
+        calibration={},
+        records={"impact": {"aim": marks, "log": log}},
+        owner=np.zeros(1, dtype=np.intp),
+        laboratories=1,
+    )
+    square = across_constant(block).of(0)
     assert square.value == pytest.approx(12.5e-6, rel=1e-12)
     assert square.u == pytest.approx(12.5e-6, rel=1e-12)
     assert square.dof == 2

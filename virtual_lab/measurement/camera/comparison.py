@@ -201,7 +201,7 @@ def _compared(
         values = gates * hits[GATES] + video * hits[VIDEO]
         return mean_of_hits(variants, values, weights, places)
 
-    parts = {who: variants.components(values @ weights) for who, values in hits.items()}
+    parts = {who: variants.components(values @ weights).of(0) for who, values in hits.items()}
     apart = hits[VIDEO] - hits[GATES]
     share = _share(parts, scatter(apart[0], weights, places, variants.effects(apart)))
     return ComparedQuantity(

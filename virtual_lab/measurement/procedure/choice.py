@@ -7,6 +7,7 @@ component of the uncertainty.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import sqrt
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ import numpy as np
 from virtual_lab.measurement.procedure.outcome import complete_places, neighbours
 from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.procedure.schedule import best_place, same_place, scan_hits
-from virtual_lab.uncertainty.budget import Budget, combine, type_a
+from virtual_lab.uncertainty.budget import Budgets, combined, types_a
 from virtual_lab.units import Array, Mask
 
 CHOICE = "choice of the place"  # its line in a budget
@@ -61,12 +62,12 @@ def shortfall(procedure: Procedure, place: Array, valid: Mask, metric: Array) ->
     return Shortfall(float(sum(means)), sqrt(float(sum(squares))))
 
 
-def with_choice(metric: Budget, lost: Shortfall) -> Budget:
-    """Return the result corrected for the shortfall; unchanged if there is none."""
-    if not lost.rms > 0:
+def with_choice(metric: Budgets, lost: Sequence[Shortfall]) -> Budgets:
+    """Return the results of a block corrected for their shortfalls, unchanged if there is none."""
+    if not any(each.rms > 0 for each in lost):
         return metric
-    choice = type_a(CHOICE, lost.mean, lost.u)
-    return combine(metric.value + lost.mean, [*metric.components, choice])
+    mean, u = np.array([(each.mean, each.u) for each in lost]).T
+    return combined(metric.value + mean, metric.components + types_a(CHOICE, mean, u))
 
 
 def variance_within(place: Array, metric: Array) -> float:

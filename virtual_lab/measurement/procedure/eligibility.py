@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.reduction.kinematics import parallel_axis
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
-from virtual_lab.units import INCH, OUNCE, OZ_IN2
+from virtual_lab.units import INCH, OUNCE, OZ_IN2, Mask
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Finding:
 def findings(procedure: Procedure, bat: BatProperties) -> tuple[Finding, ...]:
     """Return the findings of the eligibility rules for a measured bat."""
     exempt = procedure.eligibility.exempt if procedure.eligibility else None
-    found = _findings(procedure, bat)
+    found = [Finding(said(), bool(met)) for met, said in _rules(procedure, bat)]
     if exempt is None:
         return tuple(found)
     return tuple(
@@ -33,29 +33,42 @@ def findings(procedure: Procedure, bat: BatProperties) -> tuple[Finding, ...]:
     )
 
 
-def _findings(procedure: Procedure, bat: BatProperties) -> Iterator[Finding]:
+def eligible(procedure: Procedure, bat: BatProperties) -> Mask:
+    """Return whether bats meet all the rules, of the shape of their properties."""
+    met = np.ones(np.shape(bat.length), dtype=bool)
+    for each, _ in _rules(procedure, bat):
+        met = met & each
+    return met
+
+
+def _rules(
+    procedure: Procedure, bat: BatProperties
+) -> Iterator[tuple[Mask | bool, Callable[[], str]]]:
+    """Yield whether each rule is met, and what says it of one bat."""
     rules = procedure.eligibility
     if rules is None:
         return
-    length, mass = float(bat.length), float(bat.mass)
+    length, mass = bat.length, bat.mass
     if rules.length_less_weight is not None:
-        less = round(length / INCH - mass / OUNCE, 2)
-        most = rules.length_less_weight
-        yield Finding(
-            f"length less weight {less:.2f} (in, oz), allowed up to {most:g}", less <= most
+        less, most = np.round(length / INCH - mass / OUNCE, 2), rules.length_less_weight
+        yield (
+            less <= most,
+            lambda: f"length less weight {less:.2f} (in, oz), allowed up to {most:g}",
         )
     if rules.barrel_diameter is not None:
-        wide, ring = 2 * float(bat.barrel_radius), rules.barrel_diameter
-        yield Finding(
-            f"barrel {wide / INCH:.3f} in across, the ring passes {ring / INCH:.3f} in",
+        wide, ring = 2 * bat.barrel_radius, rules.barrel_diameter
+        yield (
             wide <= ring,
+            lambda: f"barrel {wide / INCH:.3f} in across, the ring passes {ring / INCH:.3f} in",
         )
     if rules.inertia_lengths:
-        lever = length - procedure.pivot_from_knob - float(bat.z_cm)
-        inertia = float(parallel_axis(float(bat.inertia_cm), mass, lever))
-        floor = float(np.interp(length, rules.inertia_lengths, rules.inertia_floors))
-        yield Finding(
-            f"moment of inertia {inertia / OZ_IN2:.0f} oz in² about the pivot, "
-            f"at least {floor / OZ_IN2:.0f} for {length / INCH:.1f} in",
+        lever = length - procedure.pivot_from_knob - bat.z_cm
+        inertia = np.asarray(parallel_axis(bat.inertia_cm, mass, lever))
+        floor = np.interp(length, rules.inertia_lengths, rules.inertia_floors)
+        yield (
             inertia >= floor,
+            lambda: (
+                f"moment of inertia {inertia / OZ_IN2:.0f} oz in² about the pivot, "
+                f"at least {floor / OZ_IN2:.0f} for {length / INCH:.1f} in"
+            ),
         )

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls
-from virtual_lab.units import MPH, OUNCE
+from virtual_lab.units import MPH, OUNCE, Array, Mask
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,25 +26,43 @@ class Lot:
     If none is admissible, all are `used`, and every shot is then rejected.
     """
 
-    used: NDArray[np.bool_]  # (ball,)
+    used: Mask  # (ball,)
     set_aside: tuple[SetAside, ...]
+
+
+def admitted(procedure: Procedure, balls: MeasuredBalls) -> Mask:
+    """Return which balls define the lot, (..., ball): those admissible, all where none is."""
+    light, e0 = _misfits(procedure, balls)
+    fit = ~(light | e0)
+    return np.asarray(fit | ~fit.any(axis=-1, keepdims=True))
 
 
 def lot_of(procedure: Procedure, balls: MeasuredBalls) -> Lot:
     """Return the lot, judged by the windows of mass and e0, at the procedure's speed for e0."""
     windows = procedure.windows
-    restitution = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
+    of_mass, of_e0 = _misfits(procedure, balls)
+    e0 = _restitution(procedure, balls)
     set_aside = []
-    for ball, (mass, e0) in enumerate(zip(balls.mass, restitution, strict=True)):
-        if not windows.ball_mass_low <= mass <= windows.ball_mass_high:
+    for ball in np.flatnonzero(of_mass | of_e0):
+        if of_mass[ball]:
             low, high = windows.ball_mass_low / OUNCE, windows.ball_mass_high / OUNCE
-            reason = f"{mass / OUNCE:.3f} oz, allowed {low:.3f} to {high:.3f} oz"
-            set_aside.append(SetAside(ball, reason))
-        elif not windows.ball_restitution_low <= e0 <= windows.ball_restitution_high:
+            reason = f"{balls.mass[ball] / OUNCE:.3f} oz, allowed {low:.3f} to {high:.3f} oz"
+        else:
             low, high = windows.ball_restitution_low, windows.ball_restitution_high
             at = f"at {windows.ball_restitution_speed / MPH:.4g} mph"
-            reason = f"e0 {e0:.4f} {at}, allowed {low:.3f} to {high:.3f}"
-            set_aside.append(SetAside(ball, reason))
-    used = np.ones(len(restitution), dtype=bool)
-    used[[each.ball for each in set_aside]] = False
-    return Lot(used if used.any() else ~used, tuple(set_aside))
+            reason = f"e0 {e0[ball]:.4f} {at}, allowed {low:.3f} to {high:.3f}"
+        set_aside.append(SetAside(int(ball), reason))
+    return Lot(admitted(procedure, balls), tuple(set_aside))
+
+
+def _restitution(procedure: Procedure, balls: MeasuredBalls) -> Array:
+    speed = procedure.windows.ball_restitution_speed
+    return np.asarray(balls.restitution + balls.slope * (speed - balls.speed))
+
+
+def _misfits(procedure: Procedure, balls: MeasuredBalls) -> tuple[Mask, Mask]:
+    """Return which balls miss the window of the mass, and which that of e0, (..., ball)."""
+    windows, e0 = procedure.windows, _restitution(procedure, balls)
+    of_mass = (windows.ball_mass_low <= balls.mass) & (balls.mass <= windows.ball_mass_high)
+    of_e0 = (windows.ball_restitution_low <= e0) & (e0 <= windows.ball_restitution_high)
+    return ~of_mass, ~of_e0

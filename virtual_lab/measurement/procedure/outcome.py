@@ -14,6 +14,7 @@ from enum import Enum
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.eligibility import Finding
 from virtual_lab.measurement.procedure.metric import Sought
@@ -21,6 +22,8 @@ from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Sca
 from virtual_lab.measurement.procedure.schedule import best_place, final_hits, scan_hits
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.units import Array, Mask
+
+TOO_FEW = "fewer than two hits were valid"
 
 
 class Verdict(Enum):
@@ -69,12 +72,77 @@ def outcome_of(
     """
     sought = sought or Sought(metric, np.ones_like(metric))
     if valid.sum() < 2:
-        return _nothing(len(place), "fewer than two hits were valid")
+        return _nothing(len(place), TOO_FEW)
     if procedure.scan is None:
-        few = valid.sum() < procedure.valid_hits
-        reason = f"{valid.sum()} valid hits of {procedure.valid_hits}" if few else ""
-        return _mean(valid, place, reason)
+        first = np.zeros(len(place), dtype=np.intp)
+        alone = outcomes_of(procedure, 1, first, place, valid, metric, sought)
+        return alone.of(0, np.ones(len(place), dtype=bool))
     return _of_scan(procedure, procedure.scan, place, valid, metric, sought)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockOutcome:
+    """Weights and effects of the hits of a block, as `HitWeights` of each laboratory."""
+
+    weights: Array  # (shot,)
+    effects: Array  # (shot,)
+    place: Array  # (laboratory,)
+    reasons: tuple[str, ...]  # (laboratory,)
+
+    def of(self, laboratory: int, shots: Mask) -> HitWeights:
+        """Return those of one laboratory; `shots` are its own."""
+        return HitWeights(
+            weights=self.weights[shots],
+            effects=self.effects[shots],
+            place=float(self.place[laboratory]),
+            reason=self.reasons[laboratory],
+        )
+
+
+def outcomes_of(
+    procedure: Procedure,
+    laboratories: int,
+    owner: NDArray[np.intp],
+    place: Array,
+    valid: Mask,
+    metric: Array,
+    sought: Sought,
+) -> BlockOutcome:
+    """Return the weights of the hits of a block, as `outcome_of` each laboratory's own.
+
+    `owner` is the laboratory of each shot, (shot,); the other arrays are those of `outcome_of`.
+    """
+    if procedure.scan is not None:
+        found = []
+        weights, effects = np.empty((2, len(place)))
+        for one in range(laboratories):
+            own = owner == one
+            looked = Sought(sought.value[own], sought.gain[own])
+            found.append(outcome_of(procedure, place[own], valid[own], metric[own], looked))
+            weights[own], effects[own] = found[-1].weights, found[-1].effects
+        return BlockOutcome(
+            weights=weights,
+            effects=effects,
+            place=np.array([each.place for each in found]),
+            reasons=tuple(each.reason for each in found),
+        )
+    hits = np.bincount(owner, valid, laboratories)
+    enough = hits >= 2
+    many = np.where(enough, hits, np.nan)
+    weights = np.where(enough[owner], valid / many[owner], np.nan)
+    return BlockOutcome(
+        weights=weights,
+        effects=weights,
+        place=np.bincount(owner, np.where(valid, place, 0.0), laboratories) / many,
+        reasons=tuple(
+            TOO_FEW
+            if number < 2
+            else ""
+            if number >= procedure.valid_hits
+            else f"{number:.0f} valid hits of {procedure.valid_hits}"
+            for number in hits
+        ),
+    )
 
 
 def complete_places(procedure: Procedure, place: Array, valid: Mask) -> Array:

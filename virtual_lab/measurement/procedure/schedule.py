@@ -7,6 +7,7 @@ far, so a reduction of the records finds the same places again.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,45 @@ def next_places(
     else:
         missing = _scan(procedure, procedure.scan, place, valid, sought)
     return missing[: max(procedure.attempts - len(place), 0)]
+
+
+class NextShots(NamedTuple):
+    """Shots to fire next in a block, sorted by laboratory, (shot,)."""
+
+    owner: NDArray[np.intp]  # which laboratory
+    place: Array  # [m]
+
+
+def next_shots(
+    procedure: Procedure,
+    percussion: Array,
+    owner: NDArray[np.intp],
+    place: Array,
+    valid: Mask,
+    sought: Array,
+) -> NextShots:
+    """Return the shots to fire next, as `next_places` of each laboratory.
+
+    Parameters
+    ----------
+    percussion
+        (laboratory,) [m].
+    owner, place, valid, sought
+        Of the shots fired so far, in order, (shot,).
+    """
+    laboratories = np.arange(percussion.size)
+    if procedure.scan is None:
+        hits = np.bincount(owner, valid, percussion.size).astype(int)
+        fired = np.bincount(owner, minlength=percussion.size)
+        left = np.maximum(procedure.attempts - fired, 0)
+        number = np.minimum(np.maximum(procedure.valid_hits - hits, 0), left)
+        return NextShots(laboratories.repeat(number), percussion.repeat(number))
+    places = []
+    for one in laboratories:
+        own = owner == one
+        places.append(next_places(procedure, percussion[one], place[own], valid[own], sought[own]))
+    number = np.array([each.size for each in places])
+    return NextShots(laboratories.repeat(number), np.concatenate(places))
 
 
 def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Mask, sought: Array) -> Array:

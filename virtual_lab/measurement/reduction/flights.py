@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from virtual_lab.units import Array, Mask
 
 Constants = Mapping[str, Array]
-Shots = Mask | NDArray[np.intp]  # some of them: a mask, or their numbers, below 0 where there is none
+Shots = (
+    Mask | NDArray[np.intp]
+)  # some of them: a mask, or their numbers, below 0 where there is none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,11 +92,11 @@ class FlightReadings(Protocol):
         ...
 
 
-def part_of(values: NDArray[Any], chosen: Shots) -> NDArray[Any]:
-    """Return some of the values of shots, (shot, ...); nothing is known of a shot that is none."""
+def part_of(values: NDArray[Any], chosen: Shots, none: Any = np.nan) -> NDArray[Any]:
+    """Return some of the values of shots, (shot, ...), and `none` (False) of one that is none."""
     found = values[chosen]
-    if chosen.dtype != bool and (none := chosen < 0).any():
-        found[none] = False if found.dtype == bool else np.nan
+    if chosen.dtype != bool and (missing := chosen < 0).any():
+        found[missing] = False if found.dtype == bool else none
     return found
 
 

@@ -31,7 +31,7 @@ from virtual_lab.measurement.reduction.flights import (
 )
 from virtual_lab.records import BoardRecord, GateRecord, PassageRecord
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import Array, Mask
+from virtual_lab.units import Array
 
 INBOUND, OUTBOUND = 0, 1
 

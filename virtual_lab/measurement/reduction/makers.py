@@ -11,7 +11,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.reduction.flights import FlightReadings
 from virtual_lab.measurement.reduction.gates import GateReadings
 from virtual_lab.records import BallRecord, Record, record_types
-from virtual_lab.records.session import Session
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.uncertainty.estimate import Estimate
 
 Maker = Callable[[Any, Mapping[str, Estimate], str], FlightReadings]  # of record, constants, stage
@@ -30,8 +30,10 @@ def makers() -> Mapping[type[Record], Maker]:
     return {kinds[name]: maker for name, maker in (own | others).items()}
 
 
-def flight_readings(session: Session, stage: str) -> FlightReadings:
-    """Return the readings of a stage's balls.
+def flight_readings(block: SessionBlock, stage: str) -> FlightReadings:
+    """Return the readings of a stage's balls, laboratory after laboratory or as fired, (shot,).
+
+    Gates were surveyed to the same places in all laboratories of a block.
 
     Raises
     ------
@@ -40,7 +42,7 @@ def flight_readings(session: Session, stage: str) -> FlightReadings:
     """
     found = {
         channel: record
-        for channel, record in session.records.get(stage, {}).items()
+        for channel, record in block.records.get(stage, {}).items()
         if isinstance(record, BallRecord)
     }
     if not found:
@@ -52,4 +54,4 @@ def flight_readings(session: Session, stage: str) -> FlightReadings:
     if maker is None:
         known = ", ".join(sorted(kind.__name__ for kind in makers()))
         raise InputError(f"{stage}/{channel}", "record", type(record).__name__, f"allowed: {known}")
-    return maker(record, session.calibration, stage)
+    return maker(record, block.known_to(0), stage)

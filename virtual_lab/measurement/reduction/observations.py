@@ -1,22 +1,26 @@
-"""From a session's raw records to observations, before calibrations are applied.
+"""From raw records to observations, before calibrations are applied.
 
 Repeated bench readings become one constant with a type A uncertainty, beside the calibration
 constants of type B; readings of each shot remain an array. The algebra that combines the two is
 `virtual_lab.measurement.reduction.shot_algebra`.
+
+Shots stand in one of three layouts, and `part` leads from one to another: (shot,), as recorded;
+(laboratory, 1, shot), in which the axis of length 1 is that of the sets of constants; and
+(shot, 1, 1), where each shot has constants of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
 from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.reduction.flights import FlightReadings
+from virtual_lab.measurement.reduction.flights import FlightReadings, Shots, part_of
 from virtual_lab.measurement.reduction.makers import flight_readings
 from virtual_lab.measurement.reduction.rate import RateFit, summed_up, unseen
 from virtual_lab.measurement.reduction.recoil import fit_recoil
@@ -28,12 +32,12 @@ from virtual_lab.records import (
     MassReadings,
     PendulumRecord,
     RateRecord,
-    Record,
     ShotLog,
 )
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.relations.pendulum import mean_amplitude_factor
-from virtual_lab.uncertainty.estimate import Estimate, mean_of_readings
+from virtual_lab.uncertainty.estimate import Known, means_of_readings
 from virtual_lab.units import Array
 
 REPEATABILITY = "balls.repeatability"
@@ -48,33 +52,77 @@ READ_WITH = (  # property, channel, instrument
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallReadings:
-    """Readings of the balls on the scale and at the wall."""
+    """Readings of the balls on the scale and at the wall, of one laboratory or of a block.
 
-    mass: Array  # mean scale reading a ball [kg], (ball,)
-    ball: NDArray[np.int_]  # which ball, a wall hit
-    nominal_speed: Array  # [m/s], (hit,)
+    A block has leading axes (laboratory, 1). A hit that was not seen both ways is none, its ball
+    below 0.
+    """
+
+    mass: Array  # mean scale reading a ball [kg], (..., ball)
+    ball: NDArray[np.intp]  # which ball, a wall hit, (..., hit)
+    nominal_speed: Array  # [m/s], (..., hit)
     seen: FlightReadings
+
+    def of(self, laboratory: int) -> BallReadings:
+        """Return the readings of one laboratory of a block, with the hits that are any."""
+        here, first = np.array(laboratory), np.array(0)
+        ball = self.ball[laboratory, 0]
+        hits = ball >= 0
+        return BallReadings(
+            mass=self.mass[laboratory, 0],
+            ball=ball[hits],
+            nominal_speed=self.nominal_speed[laboratory, 0][hits],
+            seen=self.seen.part(here).part(first).part(hits),
+        )
+
+    def alone(self, laboratory: int) -> BallReadings:
+        """Return a block of one of its laboratories."""
+        one = slice(laboratory, laboratory + 1)
+        return BallReadings(
+            mass=self.mass[one],
+            ball=self.ball[one],
+            nominal_speed=self.nominal_speed[one],
+            seen=self.seen.part(np.array([laboratory])),
+        )
+
+    @property
+    def share(self) -> Array:
+        """Share of each hit in the mean of each ball, (..., hit, ball)."""
+        which = self.ball[..., None] == np.arange(self.mass.shape[-1])
+        return np.asarray(which / which.sum(axis=-2, keepdims=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImpactReadings:
-    """The shots at the bat, arrays of shape (shot,)."""
+    """The shots at the bat, arrays (..., shot)."""
 
-    ball: NDArray[np.int_]
+    ball: NDArray[np.intp]
     place: Array  # aimed at: as set, with what the cannon is off, from the barrel tip [m]
     seen: FlightReadings
     recoil: RateFit | None  # of a bat that was at rest, where an encoder watched it
     swing: RateFit | None  # of a bat that was swung
-    along: float = 0.0  # what the cannon is off, as `place` takes it [m]
+    along: Array | float = 0.0  # what the cannon is off, as `place` takes it [m]
+
+    def part(self, chosen: Shots) -> ImpactReadings:
+        """Return some of the shots, see `part_of`; one that is none is of ball 0."""
+        return ImpactReadings(
+            ball=np.maximum(part_of(self.ball, chosen, none=0), 0),
+            place=part_of(self.place, chosen),
+            seen=self.seen.part(chosen),
+            recoil=self.recoil and self.recoil.part(chosen),
+            swing=self.swing and self.swing.part(chosen),
+            along=part_of(self.along, chosen) if isinstance(self.along, np.ndarray) else self.along,
+        )
 
 
-def bench_constants(session: Session) -> dict[str, Estimate]:
+def bench_constants(block: SessionBlock) -> dict[str, Known]:
     """Return the bat's readings as constants ``bat.…`` with type A uncertainties [SI].
 
     The period is that of small swings: each release is corrected for its amplitudes.
     """
-    pendulum = _channel(session, "bench", "pendulum", PendulumRecord)
-    releases, passages = pendulum.times.shape
+    pendulum = _channel(block, "bench", "pendulum", PendulumRecord)
+    times = _by_laboratory(block, pendulum.times)
+    _, releases, passages = times.shape
     swings = passages - 1
     if releases < 2 or swings < 1:
         raise InputError(
@@ -83,51 +131,62 @@ def bench_constants(session: Session) -> dict[str, Estimate]:
     for name in ("first_amplitude", "last_amplitude"):
         if not (getattr(pendulum, name) > 0).all():
             raise InputError("bench/pendulum", name, None, "amplitudes must be above 0")
-    shown = (pendulum.times[:, -1] - pendulum.times[:, 0]) / swings
-    first, last = pendulum.first_amplitude, pendulum.last_amplitude
+    shown = (times[..., -1] - times[..., 0]) / swings
+    first = _by_laboratory(block, pendulum.first_amplitude)
+    last = _by_laboratory(block, pendulum.last_amplitude)
     constants = {
-        f"bat.{name}": mean_of_readings(
-            _repeated(session, channel),
-            least_u=session.calibration[f"bench.{instrument}.resolution"].value / sqrt(12),
+        f"bat.{name}": means_of_readings(
+            _repeated(block, channel),
+            least_u=block.calibration[f"bench.{instrument}.resolution"].value / sqrt(12),
         )
         for name, channel, instrument in READ_WITH
     }
     small = shown / mean_amplitude_factor(first, last, swings)
-    constants["bat.period"] = mean_of_readings(small)
-    constants["bat.first_amplitude"] = Estimate(value=float(first.mean()))
-    constants["bat.last_amplitude"] = Estimate(value=float(last.mean()))
-    constants["bat.swings"] = Estimate(value=float(swings))
+    constants["bat.period"] = means_of_readings(small)
+    constants["bat.first_amplitude"] = _exactly(first.mean(axis=1))
+    constants["bat.last_amplitude"] = _exactly(last.mean(axis=1))
+    constants["bat.swings"] = _exactly(np.full(block.laboratories, float(swings)))
     return constants
 
 
-def observe_balls(session: Session) -> BallReadings:
-    """Return the ball readings from the scale and the instrument at the wall."""
-    log, seen = _log_and_flights(session, "balls")
-    mass = _table(session, "ball-mass").mean(axis=1)
+def _exactly(value: Array) -> Known:
+    return Known(value=value, u=np.zeros(value.shape), dof=np.full(value.shape, inf))
+
+
+def observe_balls(block: SessionBlock) -> BallReadings:
+    """Return the ball readings from scale and wall, arrays (laboratory, 1, ...)."""
+    log, seen = _log_and_flights(block, "balls")
+    mass = _table(block, "ball-mass").mean(axis=-1)
     raw = seen.raw
     both = np.isfinite(raw.speed_in) & np.isfinite(raw.speed_out)
-    ball = log.ball.astype(int)[both]  # a hit not seen both ways is no measurement of e0
-    hits = np.bincount(ball, minlength=mass.size)
+    # a hit not seen both ways is no measurement of e0
+    ball = _by_laboratory(block, np.where(both, log.ball, -1).astype(np.intp))
+    hits = (ball[..., None] == np.arange(mass.shape[1])).sum(axis=1)
     if hits.min() < 2:
-        raise InputError("balls", "ball", int(hits.argmin()), "needs 2 wall hits seen both ways")
+        worst = int(np.unravel_index(hits.argmin(), hits.shape)[1])
+        raise InputError("balls", "ball", worst, "needs 2 wall hits seen both ways")
+    order = np.where(ball >= 0, np.arange(ball.size).reshape(ball.shape), -1)
     return BallReadings(
-        mass=mass, ball=ball, nominal_speed=log.nominal_speed[both], seen=seen.part(both)
+        mass=mass[:, None],
+        ball=ball[:, None],
+        nominal_speed=_by_laboratory(block, log.nominal_speed)[:, None],
+        seen=seen.part(order[:, None]),
     )
 
 
-def observe_impact(session: Session) -> ImpactReadings:
-    """Return the readings of the ball and of the encoders for the shots."""
-    log, seen = _log_and_flights(session, "impact")
-    raw, along = seen.raw, along_of(session)
-    recoil = _rates(session, "encoder", raw.contact, fit_recoil)
+def observe_impact(block: SessionBlock) -> ImpactReadings:
+    """Return the readings of the ball and of the encoders for the shots, (shot,) as fired."""
+    log, seen = _log_and_flights(block, "impact")
+    raw, along = seen.raw, _along(block)
+    recoil = _rates(block, "encoder", raw.contact, fit_recoil)
     swing = _rates(
-        session,
+        block,
         "swing",
         raw.contact,
-        lambda r, t: fit_swing(r, t, _reach(session, log, raw.speed_in)),
+        lambda r, t: fit_swing(r, t, _reach(block, log, raw.speed_in)),
     )
     return ImpactReadings(
-        ball=log.ball.astype(int),
+        ball=log.ball.astype(np.intp),
         place=log.place + along,
         along=along,
         seen=seen,
@@ -136,12 +195,19 @@ def observe_impact(session: Session) -> ImpactReadings:
     )
 
 
-def _reach(session: Session, log: ShotLog, speed: Array) -> Array:
+def _reach(block: SessionBlock, log: ShotLog, speed: Array) -> Array:
     """Return the ball's time over the bat's motion for one encoder count, (shot,)."""
-    known = session.calibration
-    axis = _repeated(session, "length").mean() - known["impact.pivot.from_knob"].value
+    known, owner = block.calibration, block.owner
+    length = _repeated(block, "length").mean(axis=1)
+    axis = length - known["impact.pivot.from_knob"].value
     turn = 2 * np.pi / known["impact.swing.counts_per_turn"].value
-    return np.asarray(turn * (axis - log.place - along_of(session)) / speed)
+    return np.asarray(turn[owner] * (axis[owner] - log.place - _along(block)) / speed)
+
+
+def _along(block: SessionBlock) -> Array:
+    """Return the offset along the bat of each impact from the set place, (shot,) [m]."""
+    known = block.calibration.get("impact.cannon.along")
+    return known.value[block.owner] if known else np.zeros(block.owner.shape)
 
 
 def along_of(session: Session) -> float:
@@ -150,38 +216,48 @@ def along_of(session: Session) -> float:
     return known.value if known else 0.0
 
 
-def ball_constants(readings: BallReadings) -> dict[str, Estimate]:
+def ball_constants(readings: BallReadings) -> dict[str, Known]:
     """Return type A constants: 0 ± u of each ball's mean e0, and of e0's slope.
 
-    The scatter is that within each ball and speed, pooled over all wall hits; differences between
-    balls are no uncertainty, because the whole lot is measured. The slope [s/m] has a constant
-    only if the wall was hit at two or more speeds.
+    The scatter is that within each ball and speed, pooled over all wall hits of a laboratory;
+    differences between balls are no uncertainty, because the whole lot is measured. The slope
+    [s/m] has a constant only if the wall was hit at two or more speeds.
     """
-    raw = readings.seen.raw
-    ratio = raw.speed_out / raw.speed_in
-    balls = len(readings.mass)
-    hits = np.bincount(readings.ball, minlength=balls)
+    raw, share = readings.seen.raw, readings.share
+    share = share.reshape(-1, *share.shape[-2:])  # (laboratory, hit, ball)
+    known = readings.ball.reshape(len(share), -1) >= 0
+    ratio = np.where(known, np.reshape(raw.speed_out / raw.speed_in, known.shape), 0.0)
+    speed = np.where(known, readings.nominal_speed.reshape(known.shape), 0.0)
+    balls, hits = share.shape[2], (share > 0).sum(axis=1)
 
     def within(values: Array) -> Array:
-        means = np.bincount(readings.ball, values, balls) / hits
-        return np.asarray(values - means[readings.ball])
+        """Return values less the mean of their ball, (laboratory, hit)."""
+        means = (values[:, None] @ share)[:, 0]
+        own = (share > 0) @ means[..., None]
+        return np.where(known, values - own[..., 0], 0.0)
 
-    steeper = within(readings.nominal_speed)
-    width = float(np.sum(steeper**2))
+    steeper = within(speed)
+    width = np.sum(steeper**2, axis=1)
     sloped = bool(np.ptp(readings.nominal_speed) > 0)
-    slope = float(np.sum(steeper * within(ratio))) / width if sloped else 0.0
-    rest = within(ratio) - slope * steeper
-    dof = float(ratio.size - balls - sloped)
-    scatter = float(np.sum(rest**2)) / dof
+    away = within(ratio)
+    slope = np.sum(steeper * away, axis=1) / width if sloped else np.zeros(len(share))
+    rest = away - slope[:, None] * steeper
+    dof = known.sum(axis=1) - balls - float(sloped)
+    scatter = np.sum(rest**2, axis=1) / dof
+    nothing = np.zeros(len(share))
     constants = {
-        name: Estimate(
-            value=0.0, u=sqrt(scatter / number), dof=dof, evaluation="A", pool=REPEATABILITY
+        name: Known(
+            value=nothing,
+            u=np.sqrt(scatter / number),
+            dof=dof,
+            evaluation="A",
+            pool=REPEATABILITY,
         )
-        for name, number in zip(restitution_names(balls), hits, strict=True)
+        for name, number in zip(restitution_names(balls), hits.T, strict=True)
     }
     if sloped:
-        constants[SLOPE_REPEATABILITY] = Estimate(
-            value=0.0, u=sqrt(scatter / width), dof=dof, evaluation="A"
+        constants[SLOPE_REPEATABILITY] = Known(
+            value=nothing, u=np.sqrt(scatter / width), dof=dof, evaluation="A"
         )
     return constants
 
@@ -191,31 +267,36 @@ def restitution_names(balls: int) -> list[str]:
     return [f"balls.restitution_{ball}" for ball in range(balls)]
 
 
-def across_constant(records: Mapping[str, Record]) -> Estimate:
+def across_constant(block: SessionBlock) -> Known:
     """Return the mean square of the offsets across the bat [m²] from the marks before the test.
 
     Its relative standard uncertainty is that of a mean square of n normal offsets, √(2/n).
     """
-    marks = records.get("aim")
+    marks = block.impact.get("aim")
     if marks is None:
         raise InputError("impact/aim", "record", None, "this record is missing")
     if not isinstance(marks, AimMarks):
         raise InputError("impact/aim", "record", type(marks).__name__, "expected aim marks")
-    square = float(np.mean(marks.across**2))
-    number = marks.across.size
-    return Estimate(value=square, u=square * sqrt(2 / number), dof=number, evaluation="A")
+    across = _by_laboratory(block, marks.across)
+    square, number = np.mean(across**2, axis=1), across.shape[1]
+    return Known(
+        value=square,
+        u=square * sqrt(2 / number),
+        dof=np.full(square.shape, float(number)),
+        evaluation="A",
+    )
 
 
 def _rates(
-    session: Session,
+    block: SessionBlock,
     channel: str,
     contact: Array,
     fit: Callable[[EncoderRecord, Array], RateFit],
 ) -> RateFit | None:
     """Return the encoder's rate at contact, None if the rig has no such encoder."""
-    if channel not in session.records["impact"]:
+    if channel not in block.impact:
         return None
-    record = _channel(session, "impact", channel, EncoderRecord | RateRecord)
+    record = _channel(block, "impact", channel, EncoderRecord | RateRecord)
     where = f"impact/{channel}"
     shots = len(record.rate) if isinstance(record, RateRecord) else len(record.counts)
     if shots != len(contact):
@@ -233,38 +314,45 @@ def _rates(
         raise InputError(where, "times", None, str(fault)) from fault
 
 
-def _log_and_flights(session: Session, stage: str) -> tuple[ShotLog, FlightReadings]:
-    log = _channel(session, stage, "log", ShotLog)
-    balls = len(_table(session, "ball-mass"))
+def _log_and_flights(block: SessionBlock, stage: str) -> tuple[ShotLog, FlightReadings]:
+    log = _channel(block, stage, "log", ShotLog)
+    balls = _table(block, "ball-mass").shape[1]
     odd = (log.ball != np.floor(log.ball)) | (log.ball < 0) | (log.ball >= balls)
     if odd.any():
         allowed = f"allowed: 0 to {balls - 1}, those weighed, counted from 0"
         raise InputError(f"{stage}/log", "ball", log.ball[odd][0], allowed)
-    seen = flight_readings(session, stage)
+    seen = flight_readings(block, stage)
     shots = len(seen.raw.contact)
     if len(log.ball) != shots:
         raise InputError(stage, "shots", shots, f"the log has {len(log.ball)}")
     return log, seen
 
 
-def _repeated(session: Session, channel: str) -> Array:
-    """Return the readings of a bench channel with one item, (repeat,), all above 0."""
-    readings = _table(session, channel)[0]
-    if readings.size < 2:
-        raise InputError(f"bench/{channel}", "repeats", readings.size, "needs 2 readings or more")
+def _repeated(block: SessionBlock, channel: str) -> Array:
+    """Return the readings of a channel of one item, (laboratory, repeat), all above 0."""
+    readings = _table(block, channel)[:, 0]
+    if readings.shape[1] < 2:
+        raise InputError(
+            f"bench/{channel}", "repeats", readings.shape[1], "needs 2 readings or more"
+        )
     if not readings.min() > 0:
         raise InputError(f"bench/{channel}", "reading", readings.min(), "must be above 0")
     return np.asarray(readings)
 
 
-def _table(session: Session, channel: str) -> Array:
-    """Return the readings of a bench channel, (item, repeat)."""
-    record = _channel(session, "bench", channel, MassReadings | LengthReadings)
-    return np.asarray(record.readings)
+def _table(block: SessionBlock, channel: str) -> Array:
+    """Return the readings of a bench channel, (laboratory, item, repeat)."""
+    record = _channel(block, "bench", channel, MassReadings | LengthReadings)
+    return _by_laboratory(block, np.asarray(record.readings))
 
 
-def _channel(session: Session, stage: str, channel: str, kind: Any) -> Any:
-    record = session.records.get(stage, {}).get(channel)
+def _by_laboratory(block: SessionBlock, rows: NDArray[Any]) -> NDArray[Any]:
+    """Return rows of which each laboratory has as many, (laboratory, row, ...)."""
+    return rows.reshape(block.laboratories, -1, *rows.shape[1:])
+
+
+def _channel(block: SessionBlock, stage: str, channel: str, kind: Any) -> Any:
+    record = block.records.get(stage, {}).get(channel)
     if record is None:
         raise InputError(f"{stage}/{channel}", "record", None, "this record is missing")
     if not isinstance(record, kind):

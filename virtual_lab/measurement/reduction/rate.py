@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
+from virtual_lab.measurement.reduction.flights import Shots, part_of
 from virtual_lab.records import RateRecord
 from virtual_lab.units import Array
 
@@ -29,6 +31,16 @@ class RateFit:
     rest: Array  # rms noise at rest, before contact, NaN: it was not recorded, (shot,) [counts]
     residual: Array  # rms, NaN: not recorded, (shot,) [counts]
     counting: float  # rms error of whole counts [counts]
+
+    def part(self, chosen: Shots) -> RateFit:
+        """Return some of the shots, see `part_of`."""
+        shared = ("ring_frequency", "ring_decay", "counting")
+        own: dict[str, Any] = {
+            each.name: part_of(getattr(self, each.name), chosen)
+            for each in fields(self)
+            if each.name not in shared
+        }
+        return replace(self, **own)
 
     @property
     def misfit(self) -> Array:

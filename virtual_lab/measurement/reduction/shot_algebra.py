@@ -1,15 +1,15 @@
 """The algebra of the test: constants and readings to r, e_A, e, e0 and BPF.
 
-Every function here broadcasts: a constant may be a number or a column of numbers (k, 1), a
-reading is a row (n,), and the result is (n,) or (k, n). The uncertainty budget calls the same
-functions with shifted constants.
+Every function here broadcasts: a constant may be a number or a column of numbers (..., k, 1), a
+reading is a row (..., n), and the result is (..., n) or (..., k, n). The uncertainty budget calls
+the same functions with shifted constants, a block of laboratories with a leading axis for them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, fields
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,10 +32,9 @@ from virtual_lab.measurement.reduction.observations import (
 )
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_factor
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 
 Constants = Mapping[str, Array]
-ALL = slice(None)
 PLACE_SLOPE = "procedure.place_slope"  # de_A/dz [1/m]
 SLOPE_ERROR = "procedure.place_slope_error"  # what the slope's own error makes of e_A
 
@@ -50,6 +49,12 @@ class BatProperties:
     inertia_cm: Array
     barrel_radius: Array
 
+    def part(self, chosen: Any) -> BatProperties:
+        """Return the bats of some laboratories."""
+        return BatProperties(
+            **{each.name: getattr(self, each.name)[chosen] for each in fields(self)}
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredBalls:
@@ -57,8 +62,14 @@ class MeasuredBalls:
 
     mass: Array
     restitution: Array
-    speed: float  # mean nominal one of the wall hits [m/s]
-    slope: Array  # of e0 over the speed [s/m]
+    speed: Array  # mean nominal one of the wall hits, (..., 1) [m/s]
+    slope: Array  # of e0 over the speed, (..., 1) [s/m]
+
+    def part(self, chosen: Any) -> MeasuredBalls:
+        """Return the balls of some laboratories."""
+        return MeasuredBalls(
+            **{each.name: getattr(self, each.name)[chosen] for each in fields(self)}
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,6 +98,17 @@ class ShotResults:
     asked_recoil_factor: Array  # lot_recoil_factor where the ball was asked to strike
     rebound_efficiency: Array  # e_A from the ball's own rebound, NaN: the gates did not see it
     recoil_efficiency: Array  # e_A from the bat's recoil, NaN: nothing watched it
+
+    def part(self, chosen: Any) -> ShotResults:
+        """Return some of the shots."""
+        return ShotResults(**{each.name: getattr(self, each.name)[chosen] for each in fields(self)})
+
+    def with_shots(self, more: ShotResults) -> ShotResults:
+        """Return the shots of both, (shot,)."""
+        names = [each.name for each in fields(self)]
+        return ShotResults(
+            **{name: np.concatenate([getattr(self, name), getattr(more, name)]) for name in names}
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,20 +157,38 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     """Return the balls' masses and their mean e0 over the wall hits, at the hits' mean speed."""
     mass = (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
-    seen = readings.seen.flights(x, drag_of(x, mass[..., readings.ball]))
-    nominal, given = float(readings.nominal_speed.mean()), seen.speed_out / seen.speed_in
+    some = readings.ball >= 0
+    seen = readings.seen.flights(x, drag_of(x, of_ball(mass, np.maximum(readings.ball, 0))))
+    given, speed = seen.speed_out / seen.speed_in, np.where(some, readings.nominal_speed, 0.0)
+    nominal = speed.sum(axis=-1, keepdims=True) / some.sum(axis=-1, keepdims=True)
     slope = _slope(x, readings, given)
-    hits = given - slope * (seen.speed_in - nominal)
-    which = readings.ball[:, None] == np.arange(len(readings.mass))
-    errors = [x[error] for error in restitution_names(len(readings.mass))]
-    scattered = np.stack([np.reshape(each, np.shape(each)[:-1]) for each in errors], axis=-1)
-    restitution = hits @ (which / which.sum(axis=0)) + scattered
+    hits = np.where(some, given - slope * (seen.speed_in - nominal), 0.0)
+    errors = (np.atleast_1d(x[error]) for error in restitution_names(mass.shape[-1]))
+    scattered = np.concatenate(np.broadcast_arrays(*errors), axis=-1)
+    restitution = _means(hits, readings.share) + scattered
     return MeasuredBalls(
         mass=np.broadcast_to(mass, restitution.shape),
         restitution=restitution,
         speed=nominal,
-        slope=slope,
+        slope=np.asarray(slope),
     )
+
+
+def of_ball(values: Array, ball: NDArray[np.intp]) -> Array:
+    """Return the value of the ball of each shot, (..., shot), from those of balls (..., ball)."""
+    if ball.ndim == 1:
+        return values[..., ball]
+    wide = np.broadcast_to(ball, (*values.shape[:-1], ball.shape[-1]))
+    return np.take_along_axis(values, wide, axis=-1)
+
+
+def _means(hits: Array, share: Array) -> Array:
+    """Return the mean of each ball, (..., k, ball), from hits (..., k, hit) and their shares.
+
+    Of a block the shares are (laboratory, 1, hit, ball): they are those of every k.
+    """
+    shared = share if share.ndim == 2 else share[:, 0]
+    return np.asarray(hits @ shared)
 
 
 def _slope(x: Constants, readings: BallReadings, restitution: Array) -> Array:
@@ -158,10 +198,12 @@ def _slope(x: Constants, readings: BallReadings, restitution: Array) -> Array:
     """
     if SLOPE_REPEATABILITY not in x:
         return x["ball.restitution_slope"]
-    speed, ball = readings.nominal_speed, readings.ball
-    off = speed - (np.bincount(ball, speed) / np.bincount(ball))[ball]
-    slope = restitution @ (off / np.sum(off**2))
-    return np.asarray(slope[..., None] + x[SLOPE_REPEATABILITY])
+    some, share = readings.ball >= 0, readings.share
+    speed = np.where(some, readings.nominal_speed, 0.0)
+    middle = of_ball(_means(speed, share), np.maximum(readings.ball, 0))
+    off = np.where(some, speed - middle, 0.0)
+    rise = np.sum(np.where(some, restitution, 0.0) * off, axis=-1, keepdims=True)
+    return np.asarray(rise / np.sum(off**2, axis=-1, keepdims=True) + x[SLOPE_REPEATABILITY])
 
 
 def shot_results(
@@ -171,14 +213,14 @@ def shot_results(
     readings: ImpactReadings,
     asked: ReductionSettings,
     flown: FlightModel | None = None,
-    used: NDArray[np.bool_] | slice = ALL,
+    used: Mask | None = None,
 ) -> ShotResults:
     """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5).
 
     `flown` gives the flights by an instrument beside that of the readings. `used` are the
-    balls that define the mean of the lot.
+    balls that define the mean of the lot, (..., ball); None: all.
     """
-    mass = balls.mass[..., readings.ball]
+    mass = of_ball(balls.mass, readings.ball)
     seen = (flown or readings.seen.flights)(x, drag_of(x, mass))
     abreast = bat.length - x["impact.pivot.from_knob"] - _struck(x, readings)
     swing_rate, slant = np.zeros(()), np.zeros(())
@@ -218,15 +260,15 @@ def shot_results(
         return recoil_factor(asked.recoil, bat, ball, where, asked.pivot_from_knob)
 
     restitution = restitution_from_efficiency(efficiency, recoil(mass, at))
-    own = balls.restitution[..., readings.ball]
+    own = of_ball(balls.restitution, readings.ball)
     e0 = own + balls.slope * (relative_speed - balls.speed)
     factor = bat_performance_factor(restitution, e0)
     nominal = asked.ball_speed + asked.turn_rate(bat.length) * (
         bat.length - asked.pivot_from_knob - readings.place
     )
-    lot = balls.restitution[..., used].mean(axis=-1, keepdims=True)
+    lot = _of_lot(balls.restitution, used)
     lot_e0 = lot + balls.slope * (nominal - balls.speed)
-    lot_mass = balls.mass[..., used].mean(axis=-1, keepdims=True)
+    lot_mass = _of_lot(balls.mass, used)
     lot_restitution = factor * lot_e0
     shape = np.shape(factor)
     return ShotResults(
@@ -255,6 +297,14 @@ def shot_results(
         rebound_efficiency=np.broadcast_to(rebound, shape),
         recoil_efficiency=np.broadcast_to(recoiled, shape),
     )
+
+
+def _of_lot(values: Array, used: Mask | None) -> Array:
+    """Return the mean of the balls that are used, (..., 1)."""
+    if used is None:
+        return np.asarray(values.mean(axis=-1, keepdims=True))
+    total = np.where(used, values, 0.0).sum(axis=-1, keepdims=True)
+    return np.asarray(total / used.sum(axis=-1, keepdims=True))
 
 
 def recoil_factor(

@@ -1,0 +1,78 @@
+"""Sessions of many laboratories side by side, or of one: what a reduction takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.records import EncoderRecord, Record
+from virtual_lab.records.session import Session
+from virtual_lab.uncertainty.estimate import Estimate, Known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionBlock:
+    """The records and calibrations of laboratories that test by one procedure.
+
+    Records of bench and wall, and the aim marks, have as many rows of each laboratory, one
+    laboratory after another; those of shots at the bat come as fired, and `owner` says whose they
+    are. Raises `ValueError` for encoder counts of several laboratories: a fit is of one bat.
+    """
+
+    procedure_text: str
+    calibration: Mapping[str, Known]  # "stage.instrument.constant", (laboratory,)
+    records: Mapping[str, Mapping[str, Record]]  # stage: channel: record
+    owner: NDArray[np.intp]  # laboratory of each shot at the bat, (shot,)
+    laboratories: int
+
+    def __post_init__(self) -> None:
+        counted = any(isinstance(each, EncoderRecord) for each in self.impact.values())
+        if counted and self.laboratories > 1:
+            raise ValueError("counts of an encoder are reduced one laboratory at a time")
+
+    @classmethod
+    def of(cls, session: Session) -> Self:
+        """Return the block of one session."""
+        log = session.records.get("impact", {}).get("log")
+        return cls(
+            procedure_text=session.procedure_text,
+            calibration={
+                name: Known.stacked([known]) for name, known in session.calibration.items()
+            },
+            records=session.records,
+            owner=np.zeros(log.sizes().get("shot", 0) if log else 0, dtype=np.intp),
+            laboratories=1,
+        )
+
+    @property
+    def impact(self) -> Mapping[str, Record]:
+        """The records of the shots at the bat, by channel; {} before the first."""
+        return self.records.get("impact", {})
+
+    def known_to(self, laboratory: int) -> Mapping[str, Estimate]:
+        """Return the calibration of one laboratory."""
+        return _OfOne(self.calibration, laboratory)
+
+
+@dataclass(frozen=True, slots=True)
+class _OfOne(Mapping[str, Estimate]):
+    """The estimates of one laboratory, each made as it is asked for."""
+
+    block: Mapping[str, Known]
+    laboratory: int
+
+    def __getitem__(self, name: str) -> Estimate:
+        return self.block[name].of(self.laboratory)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.block)
+
+    def __len__(self) -> int:
+        return len(self.block)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.block
