@@ -1,5 +1,6 @@
 """Thresholds of the reduction and its checks, each tried just within and just beyond."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from math import pi
 from types import SimpleNamespace
@@ -10,10 +11,11 @@ import pytest
 from tests.laboratories import certified
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.diagnostics.bench import bat_shape, lot_rules
+from virtual_lab.measurement.diagnostics.flag import Flag, Raised
 from virtual_lab.measurement.diagnostics.impact import edges
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties, MeasuredBalls
 from virtual_lab.measurement.session_reduction import prepare
 from virtual_lab.simulation.rig import Reality
-from virtual_lab.units import Array
 
 LENGTH, RADIUS = 0.86, 0.0325  # m
 
@@ -23,14 +25,19 @@ def shape(
 ) -> SimpleNamespace:
     """Return a bat of a density over its barrel [kg/m³], the others by its length."""
     mass = density * pi * RADIUS**2 * LENGTH
-    bat = SimpleNamespace(
-        mass=mass,
-        length=LENGTH,
-        barrel_radius=RADIUS,
-        z_cm=balance * LENGTH,
-        inertia_cm=mass * (gyration * LENGTH) ** 2,
+    bat = BatProperties(
+        mass=np.full((1, 1, 1), mass),
+        length=np.full((1, 1, 1), LENGTH),
+        barrel_radius=np.full((1, 1, 1), RADIUS),
+        z_cm=np.full((1, 1, 1), balance * LENGTH),
+        inertia_cm=np.full((1, 1, 1), mass * (gyration * LENGTH) ** 2),
     )
-    return SimpleNamespace(bat=bat)
+    return SimpleNamespace(reduced=SimpleNamespace(preparation=SimpleNamespace(bat=bat)))
+
+
+def flags_of(answers: Iterable[Raised]) -> list[Flag]:
+    """Return the flags raised in the first laboratory."""
+    return [flag for each in answers if (flag := each.of(0))]
 
 
 @pytest.mark.parametrize(
@@ -50,14 +57,14 @@ def shape(
 def test_a_bat_of_no_likely_shape_is_remarked(
     within: dict[str, float], beyond: dict[str, float]
 ) -> None:
-    assert list(bat_shape(shape(**within))) == []
-    (flag,) = bat_shape(shape(**beyond))
+    assert flags_of(bat_shape(shape(**within))) == []
+    (flag,) = flags_of(bat_shape(shape(**beyond)))
     assert not flag.invalidates
 
 
 @pytest.mark.parametrize(("density", "impossible"), [(101, 0), (99, 1), (11_900, 0), (12_100, 1)])
 def test_a_density_of_no_material_makes_a_test_invalid(density: float, impossible: int) -> None:
-    flags = [flag for flag in bat_shape(shape(density=density)) if flag.invalidates]
+    flags = [flag for flag in flags_of(bat_shape(shape(density=density))) if flag.invalidates]
     assert len(flags) == impossible
 
 
@@ -79,8 +86,12 @@ def test_an_axis_of_another_rig_is_refused(off: float, refused: bool) -> None:
 @pytest.mark.parametrize(("bad", "flagged"), [(1, False), (2, True)])
 def test_more_shots_off_their_flight_than_scraps_explain(bad: int, flagged: bool) -> None:
     """A tenth of ten shots, and two of them."""
-    off: Array = np.arange(10) < bad
-    assert bool(list(edges(SimpleNamespace(off_flight=off)))) == flagged
+    seen = SimpleNamespace(
+        off_flight=np.arange(10) < bad,
+        owner=np.zeros(10, dtype=int),
+        per_laboratory=lambda values: np.array([values.sum()]),
+    )
+    assert bool(flags_of(edges(seen))) == flagged
 
 
 @pytest.mark.parametrize(
@@ -100,17 +111,18 @@ def test_a_ball_far_outside_the_windows_or_fired_all_the_same_is_told(
     """The window is .525 to .555 at 60 mph; 5e-3 beyond it no sound ball lies."""
     procedure = certified(seed=7, reality=Reality.IDEAL).certification.procedure
     at = procedure.windows.ball_restitution_speed
-    balls = SimpleNamespace(
-        mass=np.full(3, 0.145),
-        restitution=np.array([0.54, e0, 0.54]),
-        slope=0.0,
-        speed=at,
+    balls = MeasuredBalls(
+        mass=np.full((1, 1, 3), 0.145),
+        restitution=np.array([[[0.54, e0, 0.54]]]),
+        slope=np.zeros((1, 1, 1)),
+        speed=np.full((1, 1, 1), at),
     )
     seen = SimpleNamespace(
         procedure=procedure,
         measured_balls=balls,
         readings=SimpleNamespace(ball=np.array([0, 1 if fired else 2])),
+        owner=np.zeros(2, dtype=int),
     )
-    flags = list(lot_rules(seen))
+    flags = flags_of(lot_rules(seen))
     assert len(flags) == bool(said)
     assert all(said in flag.sentence for flag in flags)

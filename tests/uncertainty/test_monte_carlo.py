@@ -19,7 +19,7 @@ DRAWS = 4000
 
 @dataclass(frozen=True)
 class MonteCarlo:
-    """Every constant of a block of one drawn at once from its normal distribution, row after row."""
+    """Every constant drawn at once from its normal distribution, row after row."""
 
     columns: Mapping[str, Array]
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from math import hypot, tau
 from types import MappingProxyType
+from typing import cast
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from virtual_lab.bench.entries import record_of
 from virtual_lab.bench.protocol import left_out
 from virtual_lab.bench.table import action_table
 from virtual_lab.catalog.faults import FaultSheet, FoundBy
-from virtual_lab.records import GateRecord
+from virtual_lab.records import GateRecord, PendulumRecord
 
 CLOCK = "clock of the gates, fast"  # as compare-clock shows it
 
@@ -115,9 +116,11 @@ def _pendulum(desk: Desk) -> Iterator[Sign]:
     from virtual_lab.measurement.diagnostics.bench import DECAY_U, swing_slowing  # slow to load
 
     swung, alone = desk.last("swing"), _shown(desk, "swing-clamp")
-    slowed = swing_slowing(record_of(swung.records["pendulum"])) if swung else None
-    if slowed:
-        times, u, _ = slowed
+    slowed = (
+        swing_slowing(cast(PendulumRecord, record_of(swung.records["pendulum"]))) if swung else None
+    )
+    if slowed and np.isfinite(slowed.times[0]):
+        times, u = float(slowed.times[0]), float(slowed.u[0])
         why = f"the periods shorten {times:.1f} times as much as the amplitudes read allow"
         yield Sign("pendulum-wide", abs(times - 1) / hypot(u, DECAY_U), why)
     if alone:

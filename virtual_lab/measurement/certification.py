@@ -8,14 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.catalog import Datum
 from virtual_lab.measurement.camera.comparison import CameraComparison, compare_camera
-from virtual_lab.measurement.diagnostics import Discrepancy, Evidence, Flag, check
+from virtual_lab.measurement.diagnostics import (
+    BlockChecked,
+    Discrepancy,
+    Evidence,
+    Flag,
+    check,
+    numbered,
+)
 from virtual_lab.measurement.model import MeasurementModel
 from virtual_lab.measurement.other_support import OtherSupport, other_support
 from virtual_lab.measurement.procedure import (
@@ -27,6 +32,7 @@ from virtual_lab.measurement.procedure import (
     SetAside,
     Shortfall,
     Verdict,
+    eligible,
     findings,
     not_met,
     shortfall,
@@ -37,16 +43,15 @@ from virtual_lab.measurement.procedure.peak_width import Width, width_of
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.measurement.session_reduction import (
-    BlockPreparation,
     BlockReduction,
     SessionReduction,
     reduce_session,
 )
 from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.output.metrics import METRICS
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, Budgets, Propagator, Variants, means_of_hits
-from virtual_lab.uncertainty.estimate import Known
 from virtual_lab.units import Array, Mask
 
 
@@ -105,161 +110,159 @@ def evaluate(
     `propagator` carries the uncertainty of the constants through the measurement model, by
     default to first order.
     """
-    preparation, outcome = reduced.preparation, reduced.outcome
     found = evaluate_block(
-        BlockEvidence(
-            preparation=preparation.block.alone(preparation.laboratory),
-            constants={name: Known.stacked([known]) for name, known in reduced.constants.items()},
-            owner=np.zeros(outcome.weights.size, dtype=np.intp),
-            readings=reduced.readings,
-            valid=reduced.judgement.valid,
-            metric=reduced.shot_metric,
-            outcome=BlockOutcome(
-                weights=outcome.weights,
-                effects=outcome.effects,
-                place=np.array([outcome.place]),
-                reasons=(outcome.reason,),
-            ),
-        ),
-        propagator,
+        SessionBlock.of(session), BlockReduction.alone(reduced), reduced.readings, propagator
     )
-    return _certification(session, reduced, found, 0, propagator)
+    return found.of(0, session, reduced, propagator)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BlockEvidence:
-    """What the results of a block are evaluated from; shots as fired, (shot,)."""
+class BlockCertification:
+    """The outcomes of the tests of a block; all values are measured."""
 
-    preparation: BlockPreparation
-    constants: Mapping[str, Known]
-    owner: NDArray[np.intp]
-    readings: ImpactReadings
-    valid: Mask
-    metric: Array
+    procedure: Procedure
     outcome: BlockOutcome
+    some: Mask  # which laboratories have a result, (laboratory,)
+    results: Mapping[str, Budgets]  # ``metric``, and by the keys of QUANTITIES
+    checked: BlockChecked
+    invalid: Mask  # (laboratory,)
+    met: Mask  # every rule that the bat must meet, (laboratory,)
 
-    @classmethod
-    def of(cls, reduced: BlockReduction, readings: ImpactReadings) -> Self:
-        """Return that of a reduction by the procedure, and the readings of all its shots."""
-        return cls(
-            preparation=reduced.preparation,
-            constants=reduced.constants,
-            owner=reduced.owner,
-            readings=readings,
-            valid=reduced.valid,
-            metric=reduced.metric,
-            outcome=reduced.outcome,
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """The verdict of each laboratory."""
+        return tuple(
+            verdict(self.procedure, sound=not invalid, met=bool(met))
+            for invalid, met in zip(self.invalid, self.met, strict=True)
+        )
+
+    def of(
+        self,
+        laboratory: int,
+        session: Session,
+        reduced: SessionReduction,
+        propagator: Propagator = Variants.of,
+    ) -> Certification:
+        """Return the certification of one laboratory, to be printed, from its records."""
+        procedure, shots, outcome = reduced.procedure, reduced.shots, reduced.outcome
+        where, valid = reduced.readings.place, reduced.judgement.valid
+        quantities = (
+            {name: budgets.of(laboratory) for name, budgets in self.results.items()}
+            if self.some[laboratory]
+            else {}
+        )
+        metric = quantities.pop("metric", None)
+        found, checked = findings(procedure, reduced.bat), self.checked.of(laboratory)
+        invalid = tuple(_reasons(procedure, outcome, metric, checked.flags))
+        unmet = not_met(procedure, found, metric.value if metric else None)
+        return Certification(
+            session=session,
+            procedure=procedure,
+            procedure_sheet=reduced.preparation.procedure.sheet,
+            bat=reduced.preparation.bat,
+            shots=shots,
+            shot_metric=reduced.shot_metric,
+            readings=reduced.readings,
+            judgement=reduced.judgement,
+            outcome=outcome,
+            metric=metric,
+            quantities=quantities,
+            width=width_of(procedure, where, valid, reduced.shot_metric) if metric else None,
+            swings=swing_range(reduced, propagator) if metric else (),
+            other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
+            camera=compare_camera(session, reduced, propagator),
+            set_aside=reduced.preparation.lot.set_aside,
+            findings=found,
+            flags=checked.flags,
+            pairs=checked.pairs,
+            not_checked=checked.left_out,
+            reasons=invalid or unmet,
+            verdict=self.verdicts[laboratory],
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BlockResults:
-    """Results of a block with their uncertainties, before flags and verdict."""
+def evaluate_block(
+    block: SessionBlock,
+    reduced: BlockReduction,
+    readings: ImpactReadings,
+    propagator: Propagator = Variants.of,
+) -> BlockCertification:
+    """Return results, uncertainties and verdicts of a block.
 
-    quantities: Mapping[str, Budgets]  # by the keys of QUANTITIES, and ``metric``
-    some: Mask  # which laboratories have any, (laboratory,)
-
-    def of(self, laboratory: int) -> dict[str, Budget]:
-        """Return the results of one laboratory; {} where too few hits were valid to give one."""
-        if not self.some[laboratory]:
-            return {}
-        return {name: budgets.of(laboratory) for name, budgets in self.quantities.items()}
-
-
-def evaluate_block(seen: BlockEvidence, propagator: Propagator = Variants.of) -> BlockResults:
-    """Return the results of a block of laboratories with their uncertainties."""
-    preparation, outcome, owner = seen.preparation, seen.outcome, seen.owner
-    rules, laboratories = preparation.procedure.spec, preparation.laboratories
+    `readings` are those of all the shots reduced, (shot,).
+    """
+    rules, outcome, owner = reduced.procedure, reduced.outcome, reduced.owner
+    laboratories = block.laboratories
     used = np.isfinite(outcome.weights) & (outcome.weights != 0)
     hits = numbered(owner, used, laboratories)
 
     def at_hits(values: Array) -> Array:
         return np.where(hits >= 0, values[hits], 0.0)
 
+    preparation = reduced.preparation
     model = MeasurementModel(
         rules=rules,
         balls=preparation.balls,
         used=preparation.used,
-        readings=seen.readings.part(hits[:, None]),
+        readings=readings.part(hits[:, None]),
     )
-    variants = propagator(seen.constants)
+    variants = propagator(reduced.constants)
+    moved = model.shots(variants.columns)
     weights, effects = at_hits(outcome.weights), at_hits(outcome.effects)
-    places = at_hits(np.round(seen.readings.place, 6))
-    quantities = {
+    places = at_hits(np.round(reduced.place, 6))
+    results = {
         name: means_of_hits(
             variants, values, weights, places, effects if name == "metric" else weights
         )
-        for name, values in model(variants.columns).items()
+        for name, values in model.quantities(variants.columns, moved).items()
     }
-    if rules.scan is not None and rules.scan.final_hits:
-        lost = []
-        for one in range(laboratories):
-            own = owner == one
-            lost.append(
-                shortfall(rules, seen.readings.place[own], seen.valid[own], seen.metric[own])
-                if used[own].any()
-                else Shortfall(0.0, 0.0)
-            )
-        quantities["metric"] = with_choice(quantities["metric"], lost)
+    results["metric"] = with_choice(results["metric"], _shortfalls(reduced, used))
     some = np.bincount(owner, used, laboratories) > 0
-    return BlockResults(quantities=quantities, some=some)
-
-
-def numbered(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDArray[np.intp]:
-    """Return the numbers of the shots of each laboratory that are used, (laboratory, hit).
-
-    In the order fired; -1 fills up where one has fewer than another.
-    """
-    shots = np.flatnonzero(used)
-    shots = shots[np.argsort(owner[shots], kind="stable")]
-    own = owner[shots]
-    many = np.bincount(own, minlength=laboratories)
-    turn = np.arange(shots.size) - np.repeat(np.cumsum(many) - many, many)
-    found = np.full((laboratories, max(int(many.max(initial=0)), 1)), -1, dtype=np.intp)
-    found[own, turn] = shots
-    return found
-
-
-def _certification(
-    session: Session,
-    reduced: SessionReduction,
-    results: BlockResults,
-    laboratory: int,
-    propagator: Propagator,
-) -> Certification:
-    """Return the certification of one laboratory of a block, to be printed."""
-    procedure, shots, outcome = reduced.procedure, reduced.shots, reduced.outcome
-    where, valid = reduced.readings.place, reduced.judgement.valid
-    quantities = results.of(laboratory)
-    metric = quantities.pop("metric", None)
-    found = findings(procedure, reduced.bat)
-    checked = check(_evidence(session, reduced, metric))
-    invalid = tuple(_reasons(procedure, outcome, metric, checked.flags))
-    unmet = not_met(procedure, found, metric.value if metric else None)
-    return Certification(
-        session=session,
-        procedure=procedure,
-        procedure_sheet=reduced.preparation.procedure.sheet,
-        bat=reduced.preparation.bat,
-        shots=shots,
-        shot_metric=reduced.shot_metric,
-        readings=reduced.readings,
-        judgement=reduced.judgement,
-        outcome=outcome,
-        metric=metric,
-        quantities=quantities,
-        width=width_of(procedure, where, valid, reduced.shot_metric) if metric else None,
-        swings=swing_range(reduced, propagator) if metric else (),
-        other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
-        camera=compare_camera(session, reduced, propagator),
-        set_aside=reduced.preparation.lot.set_aside,
-        findings=found,
-        flags=checked.flags,
-        pairs=checked.pairs,
-        not_checked=checked.left_out,
-        reasons=invalid or unmet,
-        verdict=verdict(procedure, sound=not invalid, met=not unmet),
+    metric = results["metric"]
+    checked = check(
+        Evidence(
+            block=block,
+            reduced=reduced,
+            readings=readings,
+            outcome=outcome,
+            metric=metric,
+            some=some,
+            variants=variants,
+            hits=hits,
+            moved=moved,
+        )
     )
+    invalid = np.array([bool(reason) for reason in outcome.reasons])
+    invalid |= some & ~(metric.u <= rules.largest_metric_u)
+    for voided in checked.voids.values():
+        invalid |= voided
+    met = eligible(rules, preparation.bat).reshape(-1)
+    if rules.metric_limit is not None:
+        met &= ~(some & (metric.value > rules.metric_limit))
+    return BlockCertification(
+        procedure=rules,
+        outcome=outcome,
+        some=some,
+        results=results,
+        checked=checked,
+        invalid=invalid,
+        met=met,
+    )
+
+
+def _shortfalls(reduced: BlockReduction, used: Mask) -> list[Shortfall]:
+    """Return what the place that each laboratory chose may fall short of the best."""
+    rules, laboratories = reduced.procedure, reduced.preparation.laboratories
+    nothing = Shortfall(0.0, 0.0)
+    if rules.scan is None or not rules.scan.final_hits:
+        return [nothing] * laboratories
+    found = []
+    for one in range(laboratories):
+        own = reduced.owner == one
+        chosen = bool(used[own].any())
+        of_hits = reduced.place[own], reduced.valid[own], reduced.metric[own]
+        found.append(shortfall(rules, *of_hits) if chosen else nothing)
+    return found
 
 
 def _reasons(
@@ -275,19 +278,3 @@ def _reasons(
     for flag in flagged:
         if flag.invalidates:
             yield f"by the flag {flag.name}"
-
-
-def _evidence(session: Session, reduced: SessionReduction, metric: Budget | None) -> Evidence:
-    return Evidence(
-        session=session,
-        procedure=reduced.procedure,
-        constants=reduced.constants,
-        bat=reduced.bat,
-        balls=reduced.model.balls,
-        readings=reduced.readings,
-        shots=reduced.shots,
-        judgement=reduced.judgement,
-        model=reduced.model,
-        effects=reduced.outcome.effects,
-        metric=metric,
-    )

@@ -43,7 +43,10 @@ class MeasurementModel:
 
     def __call__(self, constants: Mapping[str, Array]) -> dict[str, Array]:
         """Return the quantities of a certificate and ``metric``, each (..., shot)."""
-        shots = self.shots(constants)
+        return self.quantities(constants, self.shots(constants))
+
+    def quantities(self, constants: Mapping[str, Array], shots: ShotResults) -> dict[str, Array]:
+        """Return the same of the shots' results for these constants."""
         found = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
         return found | {"metric": self.metric(constants, shots)}
 

@@ -147,6 +147,21 @@ class BlockReduction:
     sought: Sought  # by a scan
     valid: Mask  # by the procedure
 
+    @classmethod
+    def alone(cls, reduced: SessionReduction) -> BlockReduction:
+        """Return the block of one laboratory, with those hits valid that were judged to be."""
+        preparation = reduced.preparation
+        return cls(
+            preparation=preparation.block.alone(preparation.laboratory),
+            constants={name: Known.stacked([known]) for name, known in reduced.constants.items()},
+            owner=np.zeros(reduced.shot_metric.size, dtype=np.intp),
+            place=reduced.readings.place,
+            results=reduced.shots,
+            metric=reduced.shot_metric,
+            sought=reduced.sought,
+            valid=reduced.judgement.valid,
+        )
+
     @property
     def procedure(self) -> Procedure:
         return self.preparation.procedure.spec

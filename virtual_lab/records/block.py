@@ -28,6 +28,9 @@ class SessionBlock:
     records: Mapping[str, Mapping[str, Record]]  # stage: channel: record
     owner: NDArray[np.intp]  # laboratory of each shot at the bat, (shot,)
     laboratories: int
+    bat: str = ""  # by name
+    bat_sport: str = ""  # what it is marked for; "": not known
+    ball_sport: str = ""
 
     def __post_init__(self) -> None:
         counted = any(isinstance(each, EncoderRecord) for each in self.impact.values())
@@ -46,6 +49,9 @@ class SessionBlock:
             records=session.records,
             owner=np.zeros(log.sizes().get("shot", 0) if log else 0, dtype=np.intp),
             laboratories=1,
+            bat=session.bat,
+            bat_sport=session.bat_sport,
+            ball_sport=session.ball_sport,
         )
 
     @property

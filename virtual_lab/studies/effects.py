@@ -33,10 +33,8 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.simulation.physics.beam import outer_diameter
 from virtual_lab.studies.coverage import bat_tests
-from virtual_lab.uncertainty.budget import Component
+from virtual_lab.uncertainty.budget import HITS, Component
 from virtual_lab.units import INCH, Array
-
-HITS = "hits"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,6 +23,8 @@ import numpy as np
 from virtual_lab.uncertainty.estimate import Estimate, Known
 from virtual_lab.units import Array
 
+HITS = "hits"  # the line of their scatter
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Component:
@@ -96,7 +98,7 @@ class Components:
         return np.where(known, self.effect / np.where(known, self.u, 1.0), 0.0)
 
     def of(self, laboratory: int) -> list[Component]:
-        """Return the components of one laboratory, without those that are certain there."""
+        """Return the components of one laboratory; of those certain there the hits alone."""
         sensitivity, uncertain = self.sensitivity, self.u[laboratory] > 0
         return [
             Component(
@@ -111,7 +113,7 @@ class Components:
                 pool=self.pools[at],
             )
             for at, name in enumerate(self.names)
-            if uncertain[at]
+            if uncertain[at] or name == HITS
         ]
 
     def lines(self) -> tuple[Array, Array]:
@@ -389,7 +391,7 @@ def scatter(hits: Array, weights: Array, groups: Array, effects: Array | None = 
     effects = np.zeros((0, hits.size)) if effects is None else effects
     found = scatters(hits[None], weights[None], groups[None], effects[None])
     value, u, dof = (float(each[0, 0]) for each in (found.value, found.u, found.dof))
-    return type_a("hits", value, u, dof=dof)
+    return type_a(HITS, value, u, dof=dof)
 
 
 def scatters(hits: Array, weights: Array, groups: Array, effects: Array) -> Components:
@@ -399,7 +401,7 @@ def scatters(hits: Array, weights: Array, groups: Array, effects: Array) -> Comp
     u, dof = np.empty((2, len(hits)))
     own = [np.ascontiguousarray(each, float) for each in (hits, weights, groups, effects)]
     scatter_u(own[0], own[1], own[2], own[3], u, dof)
-    return types_a("hits", weighed(hits[:, None], weights)[:, 0], u, dof)
+    return types_a(HITS, weighed(hits[:, None], weights)[:, 0], u, dof)
 
 
 def type_a(name: str, value: float, u: float, *, dof: float = inf) -> Component:

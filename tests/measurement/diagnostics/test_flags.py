@@ -17,11 +17,12 @@ from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.measurement.diagnostics.bench import wall_drift
-from virtual_lab.measurement.diagnostics.flag import REMARKED, chance, pair
+from virtual_lab.measurement.diagnostics.flag import REMARKED, Pairs, chance, pairs
+from virtual_lab.measurement.reduction.observations import BallReadings
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
-from virtual_lab.uncertainty.budget import type_a
+from virtual_lab.uncertainty.budget import Component, Components, type_a
 
 
 @pytest.mark.parametrize("reality", [Reality.IDEAL, Reality.NOISE_FREE])
@@ -160,6 +161,12 @@ def test_gates_and_encoder_on_separate_triggers_decide_nothing(sound: Session) -
     assert "no smooth turn fits the encoder" in certificate_page(document)
 
 
+def pair(value: float, components: list[Component], **given: float) -> Pairs:
+    """Return the pair of a block of one."""
+    listed = Components.listed(components)
+    return pairs("of-two", lambda _: "said", np.array([value]), listed, **given)
+
+
 @pytest.mark.parametrize(("chance_of", "raised"), [(6e-4, None), (4e-4, False), (9e-6, True)])
 def test_a_pair_is_remarked_on_below_5e_4_and_contradicts_below_1e_5(
     chance_of: float, raised: bool | None
@@ -167,31 +174,33 @@ def test_a_pair_is_remarked_on_below_5e_4_and_contradicts_below_1e_5(
     """The normal deviate that is exceeded either way with this chance, in units of u."""
     apart = float(stats.norm.isf(chance_of / 2))
     for value in (0.2 * apart, -0.2 * apart):
-        found = pair("of-two", "said", value, [type_a("scatter", 0.0, 0.2)], least=1e-9)
+        found = pair(value, [type_a("scatter", 0.0, 0.2)], least=1e-9)
         assert found.likely == pytest.approx(chance_of, rel=1e-6)
         assert found.sigmas == pytest.approx(apart)
-        assert (found.flag and found.flag.invalidates) is raised
+        flag = found.of(0)
+        assert (flag and flag.invalidates) is raised
+        assert flag is None or flag.sentence == f"said, {apart:.1f} standard uncertainties"
 
 
 def test_a_difference_that_hardly_moves_the_result_is_no_more_than_a_remark() -> None:
     """20 of its own u, and .02 u of the result: a twentieth of a u counts as noise."""
     given = {"value": 20.0, "components": [type_a("fit", 0.0, 1.0)], "least": 1e-9}
-    harmless = pair("of-two", "said", moves=0.001, **given)
-    assert harmless.flag is not None
-    assert not harmless.flag.invalidates
+    harmless = pair(moves=0.001, **given).of(0)
+    assert harmless is not None
+    assert not harmless.invalidates
     # of normal noise of hypot(1, 0.05 / 0.01) of its u, 20 is 3.92 standard deviations
-    bad = pair("of-two", "said", moves=0.01, **given)
+    bad = pair(moves=0.01, **given)
     assert bad.harmful == pytest.approx(2 * stats.norm.sf(20 / 26**0.5))
-    assert not bad.flag.invalidates
-    worse = pair("of-two", "said", moves=0.0125, **given)  # 20 / hypot(1, 4) = 4.85
-    assert worse.flag.invalidates
-    assert pair("of-two", "said", moves=0.0, **given).harmful == 1.0
+    assert not bad.voids.any()
+    worse = pair(moves=0.0125, **given)  # 20 / hypot(1, 4) = 4.85
+    assert worse.voids.all()
+    assert pair(moves=0.0, **given).harmful == 1.0
 
 
 def test_the_worst_of_several_is_less_surprising() -> None:
     """Of 6 the chance is 1 - (1 - p)^6."""
     given = {"value": 3.0, "components": [type_a("fit", 0.0, 1.0)], "least": 1e-9}
-    one, six = pair("x", "said", **given), pair("x", "said", among=6, **given)
+    one, six = pair(**given), pair(among=6, **given)
     assert six.likely == pytest.approx(1 - (1 - one.likely) ** 6)
 
 
@@ -322,13 +331,21 @@ def test_a_trend_of_the_lot_is_judged_as_a_regression_is(side: float) -> None:
     steep = brentq(
         lambda slope: stats.linregress(np.arange(4), lot(slope)).pvalue - REMARKED, 1e-4, 0.1
     )
+    balls = BallReadings(
+        mass=np.zeros((1, 1, 4)),
+        ball=np.repeat(np.arange(4), 3)[None, None],
+        nominal_speed=np.zeros((1, 1, 12)),
+        seen=None,
+    )
     seen = SimpleNamespace(
-        measured_balls=SimpleNamespace(restitution=lot(side * steep)),
-        balls=SimpleNamespace(ball=np.repeat(np.arange(4), 3)),
+        measured_balls=SimpleNamespace(restitution=lot(side * steep)[None, None]),
+        reduced=SimpleNamespace(preparation=SimpleNamespace(balls=balls)),
+        some=np.zeros(1, dtype=bool),
+        metric=SimpleNamespace(u=np.zeros(1)),
         sensitivities={},
     )
     (found,) = wall_drift(seen)
-    assert (found.flag is not None) == (side > 1)
+    assert (found.of(0) is not None) == (side > 1)
 
 
 @pytest.mark.parametrize(("size", "flagged"), [(1.0, False), (1.015, False), (1.03, True)])

@@ -48,7 +48,7 @@ def test_the_shortfall_is_the_mean_of_a_truncated_normal() -> None:
 def test_the_result_is_raised_by_the_mean() -> None:
     """And the rest, √(rms² - mean²), is one line; nothing lost leaves the budget alone."""
     nothing = Shortfall(mean=0.0, rms=0.0)
-    budgets = combined(np.array([0.5, 0.5]), types_a("hits", np.full(2, 0.5), np.zeros(2)))
+    budgets = combined(np.array([0.5, 0.5]), types_a("other", np.full(2, 0.5), np.zeros(2)))
     block = with_choice(budgets, [Shortfall(mean=3e-4, rms=5e-4), nothing])
     raised, left = block.of(0), block.of(1)
     assert raised.value == pytest.approx(0.5003)

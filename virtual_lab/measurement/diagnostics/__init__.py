@@ -1,7 +1,16 @@
 """Consistency checks of a session's records, in addition to the procedure's windows."""
 
-from virtual_lab.measurement.diagnostics.evidence import Evidence
+from virtual_lab.measurement.diagnostics.evidence import Evidence, numbered
 from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag
-from virtual_lab.measurement.diagnostics.flags import CHECKS, Checked, check
+from virtual_lab.measurement.diagnostics.flags import CHECKS, BlockChecked, Checked, check
 
-__all__ = ["CHECKS", "Checked", "Discrepancy", "Evidence", "Flag", "check"]
+__all__ = [
+    "CHECKS",
+    "BlockChecked",
+    "Checked",
+    "Discrepancy",
+    "Evidence",
+    "Flag",
+    "check",
+    "numbered",
+]

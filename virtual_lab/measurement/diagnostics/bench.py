@@ -3,153 +3,210 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf, pi, sqrt
-from typing import Any
+from math import pi
+from typing import NamedTuple
 
 import numpy as np
 
 from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag, pair
+from virtual_lab.measurement.diagnostics.flag import Pairs, Raised, pairs
 from virtual_lab.measurement.procedure import lot_of
 from virtual_lab.measurement.reduction.observations import restitution_names
-from virtual_lab.uncertainty.budget import type_a
+from virtual_lab.records import PendulumRecord
+from virtual_lab.uncertainty.budget import types_a
+from virtual_lab.units import Array, Mask
 
 DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
 
 
-def sports(seen: Evidence) -> Iterator[Flag]:
+def sports(seen: Evidence) -> Iterator[Raised]:
     """Compare the sports of bat, balls and procedure, as far as known."""
-    session = seen.session
     known = {
-        "the bat": session.bat_sport,
-        "the ball": session.ball_sport,
+        "the bat": seen.block.bat_sport,
+        "the ball": seen.block.ball_sport,
         "the procedure": seen.procedure.sport,
     }
     found = {what: sport for what, sport in known.items() if sport and sport != CHECK_STANDARD}
     if len(set(found.values())) > 1:
         said = ", ".join(f"{what} is of {sport}" for what, sport in found.items())
-        yield Flag(name="sports", sentence=f"{said}: the result holds for no game")
-
-
-def check_standard(seen: Evidence) -> Iterator[Flag]:
-    """Flag a check standard: its result describes the laboratory, not a bat."""
-    if seen.session.bat_sport == CHECK_STANDARD:
-        sentence = f"{seen.session.bat} is a check standard and no bat: the verdict holds for none"
-        yield Flag(name="check-standard", sentence=sentence)
-
-
-def bat_shape(seen: Evidence) -> Iterator[Flag]:
-    """Compare density, balance, mass and radius of gyration with limits valid for any bat."""
-    bat = seen.bat
-    length, mass = float(bat.length), float(bat.mass)
-    light, heavy = 100.0, 12000.0  # kg/m³, solid balsa and solid lead
-    density = mass / (pi * float(bat.barrel_radius) ** 2 * length)
-    if not light <= density <= heavy:
-        yield Flag(
-            name="bat-shape",
-            sentence=f"mass over length and barrel is {density:.3g} kg/m³, "
-            f"possible {light:g} to {heavy:g}",
-            invalidates=True,
+        yield Raised(
+            name="sports",
+            where=np.ones(seen.laboratories, dtype=bool),
+            sentence=lambda _: f"{said}: the result holds for no game",
         )
-    square = float(bat.inertia_cm) / mass / length**2
+
+
+def check_standard(seen: Evidence) -> Iterator[Raised]:
+    """Flag a check standard: its result describes the laboratory, not a bat."""
+    if seen.block.bat_sport == CHECK_STANDARD:
+        yield Raised(
+            name="check-standard",
+            where=np.ones(seen.laboratories, dtype=bool),
+            sentence=lambda _: (
+                f"{seen.block.bat} is a check standard and no bat: the verdict holds for none"
+            ),
+        )
+
+
+def bat_shape(seen: Evidence) -> Iterator[Raised]:
+    """Compare density, balance, mass and radius of gyration with limits valid for any bat."""
+    bat = seen.reduced.preparation.bat.part((slice(None), 0, 0))
+    length, mass = bat.length, bat.mass
+    light, heavy = 100.0, 12000.0  # kg/m³, solid balsa and solid lead
+    density = mass / (pi * bat.barrel_radius**2 * length)
+    yield Raised(
+        name="bat-shape",
+        where=~((light <= density) & (density <= heavy)),
+        sentence=lambda i: (
+            f"mass over length and barrel is {density[i]:.3g} kg/m³, "
+            f"possible {light:g} to {heavy:g}"
+        ),
+        invalidates=True,
+    )
+    gyration = np.sqrt(np.maximum(bat.inertia_cm / mass / length**2, 0.0))
     # of any bat, a child's too, and of the plain steel cylinder of a morning's check
-    for words, value, (low, high), unit in (
-        ("balance point", float(bat.z_cm) / length, (0.25, 0.55), " of the length from the tip"),
-        ("radius of gyration", sqrt(max(square, 0.0)), (0.20, 0.36), " of the length"),
-        ("mass", mass, (0.4, 20.0), " kg"),
-    ):
-        if not low <= value <= high:
-            yield Flag(
-                name="bat-shape",
-                sentence=f"{words} {value:.3g}{unit}, allowed {low:g} to {high:g}",
-            )
+    yield _band("balance point", bat.z_cm / length, 0.25, 0.55, " of the length from the tip")
+    yield _band("radius of gyration", gyration, 0.20, 0.36, " of the length")
+    yield _band("mass", mass, 0.4, 20.0, " kg")
 
 
-def pendulum_swing(seen: Evidence) -> Iterator[Discrepancy]:
-    """Compare the change of the pendulum period with the amplitudes that were read."""
-    record: Any = seen.session.records["bench"]["pendulum"]
-    found = swing_slowing(record)
-    if found is None:
-        return
-    slowing, scatter, dof = found
-    # the period is that of small swings times 1 + θ²/16, and θ² would be so many times as large
-    square = float((record.first_amplitude * record.last_amplitude).mean())
-    period = seen.sensitivities.get("bat.period", inf) * float(seen.best["bat.period"])
-    yield pair(
-        "pendulum-swing",
-        f"periods shorten {slowing:.1f} times as much as the amplitudes read allow, in "
-        f"{len(record.times)} releases of bench/pendulum",
-        slowing - 1,
-        [type_a("scatter", 0.0, scatter, dof=dof)],
-        least=DECAY_U,
-        moves=abs(period) * square / 16,
+def _band(words: str, value: Array, low: float, high: float, unit: str) -> Raised:
+    return Raised(
+        name="bat-shape",
+        where=~((low <= value) & (value <= high)),
+        sentence=lambda i: f"{words} {value[i]:.3g}{unit}, allowed {low:g} to {high:g}",
     )
 
 
-def swing_slowing(record: Any) -> tuple[float, float, int] | None:
-    """Return the change of the period over that from the amplitudes read, its u and dof.
+def pendulum_swing(seen: Evidence) -> Iterator[Pairs]:
+    """Compare the change of the pendulum period with the amplitudes that were read."""
+    record = seen.block.records["bench"]["pendulum"]
+    assert isinstance(record, PendulumRecord)
+    found = swing_slowing(record, seen.laboratories)
+    if found is None:
+        return
+    # the period is that of small swings times 1 + θ²/16, and θ² would be so many times as large
+    square = (record.first_amplitude * record.last_amplitude).reshape(seen.laboratories, -1)
+    unknown = np.full(seen.laboratories, np.inf)
+    period = seen.sensitivities.get("bat.period", unknown) * seen.best["bat.period"][:, 0, 0]
+    moves = np.abs(period) * square.mean(axis=1) / 16
+    releases = square.shape[1]
+    yield pairs(
+        "pendulum-swing",
+        lambda i: (
+            f"periods shorten {found.times[i]:.1f} times as much as the amplitudes read allow, in "
+            f"{releases} releases of bench/pendulum"
+        ),
+        found.times - 1,
+        types_a("scatter", np.zeros(seen.laboratories), found.u, found.dof),
+        least=DECAY_U,
+        moves=np.where(np.isfinite(moves), moves, np.inf),
+        compared=np.isfinite(found.times),
+    )
+
+
+class Slowing(NamedTuple):
+    """Change of a pendulum's period over that from the amplitudes read, (laboratory,)."""
+
+    times: Array  # NaN of a swing that did not decay
+    u: Array
+    dof: int
+
+
+def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | None:
+    """Return the change of the period over that from the amplitudes read.
 
     The period grows with the square of the amplitude, so it shortens as the swing decays; the
-    amount of this change shows the real amplitude. None for a swing that is too short, or did
-    not decay.
+    amount of this change shows the real amplitude. None for a swing that is too short.
     """
-    releases, passages = record.times.shape
+    times = record.times.reshape(laboratories, -1, record.times.shape[1])
+    _, releases, passages = times.shape
     swings = passages - 1
     if swings < 4:
         return None
-    first, last = record.first_amplitude.mean(), record.last_amplitude.mean()
+    first, last = (
+        np.mean(each.reshape(laboratories, -1), axis=1, keepdims=True)
+        for each in (record.first_amplitude, record.last_amplitude)
+    )
     middle = first * (last / first) ** ((np.arange(swings) + 0.5) / swings)
-    longer = np.concatenate([[0.0], np.cumsum(middle**2 / 16)])
-    basis = np.stack([np.ones(passages), np.arange(passages), longer], axis=1)
-    orthogonal, triangle = np.linalg.qr(basis)
-    fitted = record.times @ orthogonal
-    rest = record.times - fitted @ orthogonal.T
+    longer = np.concatenate([np.zeros_like(first), np.cumsum(middle**2 / 16, axis=1)], axis=1)
+    # least squares on orthogonal columns: a start, a period, and what of `longer` is neither
+    even = np.arange(passages) - swings / 2
+    width = np.sum(even**2)
+    longer -= longer.mean(axis=1, keepdims=True)
+    part = longer @ even / width
+    longer -= part[:, None] * even
+    square = np.sum(longer**2, axis=1)
+    decays = square > 1e-18  # rad⁴
+    square = np.where(decays, square, np.nan)
+    rest = times - times.mean(axis=2, keepdims=True)
+    period = rest @ even / width  # (laboratory, release)
+    rest = rest - period[..., None] * even
+    slowing = np.einsum("lrp,lp->lr", rest, longer) / square[:, None]
+    rest = rest - slowing[..., None] * longer[:, None]
     dof = releases * (passages - 3)
-    spread = sqrt(float((rest**2).sum()) / dof)
-    if abs(triangle[2, 2]) < 1e-9:  # rad²
-        return None
-    _, period, slowing = np.linalg.solve(triangle, fitted.mean(axis=0))
-    u = spread / sqrt(releases) / abs(triangle[2, 2]) / float(period)
-    return float(slowing / period), u, dof
+    spread = np.sqrt(np.sum(rest**2, axis=(1, 2)) / dof)
+    slowed = slowing.mean(axis=1)
+    small = period.mean(axis=1) - slowed * part
+    return Slowing(slowed / small, spread / np.sqrt(releases * square) / small, dof)
 
 
-def lot_rules(seen: Evidence) -> Iterator[Flag]:
+def lot_rules(seen: Evidence) -> Iterator[Raised]:
     """Flag balls far outside the windows, and inadmissible balls that were fired."""
-    windows, balls = seen.procedure.windows, seen.measured_balls
+    windows, balls = seen.procedure.windows, seen.measured_balls.part((slice(None), 0))
     at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
     low, high = windows.ball_restitution_low, windows.ball_restitution_high
-    for each in lot_of(seen.procedure, balls).set_aside:
-        if each.ball in seen.readings.ball:
-            sentence = f"ball {each.ball}, which the rules do not admit, was fired: {each.reason}"
-        elif not low - 5e-3 <= at[each.ball] <= high + 5e-3:  # no sound lot scatters as much
-            sentence = f"ball {each.ball} of the lot has {each.reason}: worn, or of another kind"
-        else:
-            continue
-        yield Flag(name="lot-rules", sentence=sentence)
+    fired = np.zeros(at.shape, dtype=bool)
+    fired[seen.owner, seen.readings.ball] = True
+    # no sound lot scatters as much
+    far = ~((low - 5e-3 <= at) & (at <= high + 5e-3))
+    fit = (windows.ball_mass_low <= balls.mass) & (balls.mass <= windows.ball_mass_high)
+    bad = ~(fit & (low <= at) & (at <= high)) & (fired | far)
+    yield Raised(
+        name="lot-rules",
+        where=np.asarray(bad.any(axis=1)),
+        sentence=lambda i: _of_ball(seen, i, fired[i], bad[i]),
+    )
 
 
-def wall_drift(seen: Evidence) -> Iterator[Discrepancy]:
+def _of_ball(seen: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str:
+    """Return what is wrong with the first ball that is."""
+    lot = lot_of(seen.procedure, seen.measured_balls.part((laboratory, 0)))
+    each = next(one for one in lot.set_aside if bad[one.ball])
+    if fired[each.ball]:
+        return f"ball {each.ball}, which the rules do not admit, was fired: {each.reason}"
+    return f"ball {each.ball} of the lot has {each.reason}: worn, or of another kind"
+
+
+def wall_drift(seen: Evidence) -> Iterator[Pairs]:
     """Look for a trend of e0 over the order in which the balls were measured."""
-    e0 = seen.measured_balls.restitution
-    hits = np.bincount(seen.balls.ball, minlength=e0.size)
-    order = np.bincount(seen.balls.ball, np.arange(seen.balls.ball.size), e0.size) / hits
-    if e0.size < 4:
+    e0, readings = seen.measured_balls.restitution[:, 0], seen.reduced.preparation.balls
+    if e0.shape[1] < 4:
         return
-    along, length = order - order.mean(), float(np.ptp(order))
-    slope = float(along @ e0 / (along @ along))
-    rest = e0 - e0.mean() - slope * along
-    dof = e0.size - 2
-    change, scatter = slope * length, sqrt(rest @ rest / dof / (along @ along)) * length
+    number = np.cumsum(readings.ball[:, 0] >= 0, axis=1) - 1.0  # of the hits that are any
+    order = (number[:, None] @ readings.share[:, 0])[:, 0]
+    along, length = order - order.mean(axis=1, keepdims=True), np.ptp(order, axis=1)
+    width = np.sum(along**2, axis=1)
+    slope = np.sum(along * e0, axis=1) / width
+    rest = e0 - e0.mean(axis=1, keepdims=True) - slope[:, None] * along
+    dof = e0.shape[1] - 2
+    change = slope * length
+    scatter = np.sqrt(np.sum(rest**2, axis=1) / dof / width) * length
     # as the trend goes on or began there, the mean is off by half the change
     known = seen.sensitivities
-    shared = sum(known.get(name, 0.0) for name in restitution_names(e0.size))
-    yield pair(
+    shared = sum(
+        (known[name] for name in restitution_names(e0.shape[1]) if name in known),
+        np.where(seen.some & (seen.metric.u > 0), 0.0, np.nan),
+    )
+    yield pairs(
         "wall-drift",
-        f"e0 at the wall changed by {change:+.4f} from first ball to last of {e0.size} "
-        "(balls/gates)",
+        lambda i: (
+            f"e0 at the wall changed by {change[i]:+.4f} from first ball to last of "
+            f"{e0.shape[1]} (balls/gates)"
+        ),
         change,
-        [type_a("scatter", 0.0, scatter, dof=dof)],
+        types_a("scatter", np.zeros(change.shape), scatter, dof),
         least=1e-5,
-        moves=abs(shared) / 2 if known else inf,
+        moves=np.where(np.isfinite(shared), np.abs(shared) / 2, np.inf),
     )

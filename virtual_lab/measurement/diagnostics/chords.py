@@ -3,81 +3,118 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import Flag
+from virtual_lab.measurement.diagnostics.flag import Raised
 from virtual_lab.measurement.reduction.flights import FlightReadings
 from virtual_lab.measurement.reduction.gates import INBOUND, GateReadings
-from virtual_lab.measurement.reduction.shot_algebra import drag_of
-from virtual_lab.records import BoardRecord, GateRecord
-from virtual_lab.units import Array
+from virtual_lab.measurement.reduction.shot_algebra import drag_of, of_ball
+from virtual_lab.records import BoardRecord, GateRecord, Record
+from virtual_lab.units import Array, Mask
+
+Numbers = NDArray[np.intp]
 
 SIZE = 0.02  # relative, of the diameter; the rules' own 9 to 9 1/4 in are 0.014 either way
 
 
-def chords(seen: Evidence) -> Iterator[Flag]:
+def chords(seen: Evidence) -> Iterator[Raised]:
     """Compare the diameter from the edges of each beam with the ball's diameter.
 
     No beam can show more than the diameter; a single beam off the centre shows less.
     """
+    hits = seen.reduced.preparation.balls
+    wall, bat = (seen.block.records[stage].get("gates") for stage in ("balls", "impact"))
+    by_hit = np.arange(seen.laboratories).repeat(hits.ball.shape[-1])
+    shots = seen.readings
     found = {
-        "wall": _diameters(seen, "balls", seen.balls.seen, seen.balls.ball),
-        "bat": _diameters(seen, "impact", seen.readings.seen, seen.readings.ball),
+        "wall": (by_hit, _diameters(seen, "balls", wall, hits.seen, hits.ball)),
+        "bat": (
+            seen.owner,
+            _diameters(seen, "impact", bat, shots.seen, shots.ball),
+        ),
     }
-    if isinstance(seen.session.records["impact"].get("gates"), BoardRecord):
+    if isinstance(bat, BoardRecord):
         # the window on the edges has already thrown out what scraps of the sabot spoil
-        found["bat"] = found["bat"][~seen.off_flight]
-    nominal = 2 * float(seen.best["ball.radius"])
-    for where, diameters in found.items():
+        owner, diameters = found["bat"]
+        found["bat"] = owner[~seen.off_flight], diameters[~seen.off_flight]
+    nominal = 2 * seen.best["ball.radius"][:, 0, 0]
+    for where, (owner, diameters) in found.items():
         flat = diameters.reshape(len(diameters), diameters[:1].size)
         known = np.isfinite(flat)
+        if not known.any():
+            continue
         longest = np.where(known, flat, 0.0).max(axis=1, initial=0.0)
-        bad = int((longest > nominal * (1 + SIZE)).sum())
-        if bad:
-            yield Flag(
-                name="chords",
-                sentence=f"{bad} of {longest.size} balls at the {where} look up to "
-                f"{longest.max() * 1e3:.1f} mm across, they are {nominal * 1e3:.1f} mm",
-            )
+        wide = longest > nominal[owner] * (1 + SIZE)
+        yield _too_wide(seen, where, owner, longest, wide, nominal)
         # a single beam sees most balls off their centre, and shorter
-        size = float(np.quantile(flat[known], 0.9)) if known.any() else nominal
-        if size < nominal * (1 - SIZE):
-            yield Flag(
-                name="chords",
-                sentence=f"balls at the {where} look {size * 1e3:.1f} mm across, "
-                f"they are {nominal * 1e3:.1f} mm",
-            )
+        size = nominal.copy()
+        for one in range(seen.laboratories):
+            own = flat[owner == one]
+            if np.isfinite(own).any():
+                size[one] = np.quantile(own[np.isfinite(own)], 0.9)
+        yield _too_narrow(where, size, nominal)
+
+
+def _too_wide(
+    seen: Evidence, where: str, owner: Numbers, longest: Array, wide: Mask, nominal: Array
+) -> Raised:
+    bad = np.bincount(owner, wide, seen.laboratories)
+
+    def said(one: int) -> str:
+        own = longest[owner == one]
+        return (
+            f"{bad[one]:.0f} of {own.size} balls at the {where} look up to "
+            f"{own.max() * 1e3:.1f} mm across, they are {nominal[one] * 1e3:.1f} mm"
+        )
+
+    return Raised(name="chords", where=bad > 0, sentence=said)
+
+
+def _too_narrow(where: str, size: Array, nominal: Array) -> Raised:
+    return Raised(
+        name="chords",
+        where=size < nominal * (1 - SIZE),
+        sentence=lambda one: (
+            f"balls at the {where} look {size[one] * 1e3:.1f} mm across, "
+            f"they are {nominal[one] * 1e3:.1f} mm"
+        ),
+    )
 
 
 def _diameters(
-    seen: Evidence, stage: str, readings: FlightReadings, ball: NDArray[np.int_]
+    seen: Evidence, stage: str, record: Record | None, readings: FlightReadings, ball: Numbers
 ) -> Array:
     """Return the diameter from each passage [m], (shot, way, gate); NaN: none."""
-    if not isinstance(readings, GateReadings):
-        return np.full((len(ball), 2, 1), np.nan)
-    record: Any = seen.session.records[stage]["gates"]
-    x = seen.best
-    drag = drag_of(x, seen.measured_balls.mass[ball])
-    flown = readings.flights(x, drag)
-    grows = np.exp(drag[:, None] * readings.distances)
-    speed = np.stack([flown.speed_in[:, None] * grows, flown.speed_out[:, None] / grows], axis=1)
+    if not isinstance(readings, GateReadings) or not isinstance(record, GateRecord | BoardRecord):
+        return np.full((ball.size, 2, 1), np.nan)
+    x, mass = seen.best, seen.measured_balls.mass
+    if stage == "impact":  # (shot, 1, 1), each with the constants of its laboratory
+        x = {name: value[seen.owner] for name, value in x.items()}
+        mass, ball = mass[seen.owner], ball[:, None, None]
+        readings = readings.part(np.arange(ball.size)[:, None, None])
+    drag = drag_of(x, of_ball(mass, np.maximum(ball, 0)))
+    flown, shots = readings.flights(x, drag), ball.size
+    distances = readings.distances
+    grows = np.exp(drag.reshape(shots, 1) * distances)
+    into, back = (each.reshape(shots, 1) for each in (flown.speed_in, flown.speed_out))
+    speed = np.stack([into * grows, back / grows], axis=1)
+    owner = seen.owner if stage == "impact" else np.arange(seen.laboratories).repeat(ball.shape[-1])
+
+    def constant(name: str) -> Array:
+        return np.ravel(seen.best[f"{stage}.gates.{name}"])[owner]
+
     if isinstance(record, GateRecord):
-        times = record.times
-        if stage == "balls":  # of which the reduction keeps the hits seen both ways
-            ends = times[:, :, [0, -1]]
-            times = times[np.isfinite(ends).all(axis=(1, 2, 3))]
-        return np.asarray(np.diff(times, axis=-1)[..., 0] * speed / x[f"{stage}.gates.clock"])
-    if not isinstance(record, BoardRecord):
-        return np.full(speed.shape, np.nan)
+        chords_shown = np.diff(record.times, axis=-1)[..., 0]
+        return np.asarray(chords_shown * speed / constant("clock")[:, None, None])
     # a beam off the centre's height sees a shorter chord; a steep way back is left out
-    pitch, lowest = float(x[f"{stage}.gates.pitch"]), float(x[f"{stage}.gates.lowest"])
-    beams = lowest + pitch * np.arange(record.times.shape[3])
+    pitch, lowest = constant("pitch"), constant("lowest")
+    beams = lowest[:, None] + pitch[:, None] * np.arange(record.times.shape[3])
     along = np.diff(record.times[:, INBOUND], axis=-1)[..., 0] * speed[:, INBOUND, :, None]
-    above = beams - readings.passages.heights[:, INBOUND, :, None]
+    heights = readings.passages.heights.reshape(shots, *readings.passages.heights.shape[-2:])
+    above = beams[:, None] - heights[:, INBOUND, :, None]
     square = along**2 + 4 * above**2
     seen_any = np.asarray(np.isfinite(square).any(axis=-1))
     middle = np.nanmedian(np.where(seen_any[..., None], square, 0.0), axis=-1)

@@ -1,80 +1,135 @@
-"""Input of the checks: a session and its reduced results."""
+"""Input of the checks: the records of a block and its results."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.measurement.model import MeasurementModel
-from virtual_lab.measurement.procedure import Judgement, Procedure, worst_misfit
-from virtual_lab.measurement.reduction.observations import BallReadings, ImpactReadings
-from virtual_lab.measurement.reduction.shot_algebra import (
-    BatProperties,
-    MeasuredBalls,
-    ShotResults,
-    measured_balls,
-)
-from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, Component
-from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import Array
+from virtual_lab.measurement.procedure import BlockOutcome, Procedure, worst_misfit
+from virtual_lab.measurement.reduction.observations import ImpactReadings
+from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls, ShotResults
+from virtual_lab.measurement.session_reduction import BlockReduction, best_values
+from virtual_lab.records.block import SessionBlock
+from virtual_lab.uncertainty.budget import Budgets, Components, Variation
+from virtual_lab.units import Array, Mask
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Records, constants and results of one test."""
+    """Records, constants and results of a block; shots as fired, (shot,)."""
 
-    session: Session
-    procedure: Procedure
-    constants: Mapping[str, Estimate]
-    bat: BatProperties
-    balls: BallReadings
+    block: SessionBlock
+    reduced: BlockReduction
     readings: ImpactReadings
-    shots: ShotResults
-    judgement: Judgement
-    model: MeasurementModel  # the results as functions of the constants
-    effects: Array  # of each shot's metric on the result, NaN: there is none, (shot,)
-    metric: Budget | None  # the result
+    outcome: BlockOutcome
+    metric: Budgets  # the results
+    some: Mask  # which laboratories have one, (laboratory,)
+    variants: Variation  # of the constants
+    hits: NDArray[np.intp]  # numbers of the shots a result rests on, below 0: none
+    moved: ShotResults  # of these shots for the variants, (laboratory, variant, hit)
+
+    @property
+    def procedure(self) -> Procedure:
+        return self.reduced.procedure
+
+    @property
+    def laboratories(self) -> int:
+        return self.block.laboratories
+
+    @property
+    def owner(self) -> NDArray[np.intp]:
+        """Laboratory of each shot."""
+        return self.reduced.owner
+
+    @property
+    def shots(self) -> ShotResults:
+        return self.reduced.results
 
     @cached_property
     def best(self) -> dict[str, Array]:
-        """The constants' values."""
-        return {name: np.array(known.value) for name, known in self.constants.items()}
+        """The constants' values, (laboratory, 1, 1)."""
+        return best_values(self.reduced.constants)
 
     @property
-    def off_flight(self) -> NDArray[np.bool_]:
-        """Shots whose edges deviate from one flight by more than the procedure allows, (shot,)."""
+    def measured_balls(self) -> MeasuredBalls:
+        """Mass and e0 of each ball of the lot, (laboratory, 1, ball)."""
+        return self.reduced.preparation.lot
+
+    @cached_property
+    def off_flight(self) -> Mask:
+        """Shots whose edges deviate from one flight by more than the procedure allows."""
         most = self.procedure.windows.edge_misfit
         worst = worst_misfit(self.shots, self.readings)
         return np.asarray(worst > (np.inf if most is None else most))
 
-    @property
-    def sensitivities(self) -> dict[str, float]:
-        """The result's sensitivities to the constants, in its u a unit; {} without a result."""
-        if self.metric is None or not self.metric.u:
-            return {}
-        every = [part for line in self.metric.components for part in (line.parts or (line,))]
-        return {part.name: part.sensitivity / self.metric.u for part in every}
+    @cached_property
+    def sensitivities(self) -> dict[str, Array]:
+        """The results' sensitivities to the constants, in their u a unit, (laboratory,).
 
-    def moves(self, components: Sequence[Component]) -> float:
+        NaN without a result.
+        """
+        known = self.some & (self.metric.u > 0)
+        u = np.where(known, self.metric.u, np.nan)
+        parts = self.metric.components
+        return dict(zip(parts.names, parts.sensitivity.T / u, strict=True))
+
+    def moves(self, components: Components) -> Array:
         """Return what a unit of a difference does to the result if one constant is its cause.
 
-        `components` are those of the difference; in the result's u, of the worst constant.
+        `components` are those of the difference; in the result's u, of the worst constant; infinite
+        where nothing is known of that, (laboratory,).
         """
-        known = self.sensitivities
-        ratios = [
-            abs(known[part.name] / part.sensitivity)
-            for part in components
-            if part.name in known and part.sensitivity
-        ]
-        return max(ratios, default=inf)
+        worst = np.full(self.laboratories, np.nan)
+        for name, own in zip(components.names, components.sensitivity.T, strict=True):
+            if name in self.sensitivities:
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    ratio = np.abs(self.sensitivities[name] / own)
+                worst = np.fmax(worst, np.where(own != 0, ratio, np.nan))
+        return np.where(np.isfinite(worst), worst, np.inf)
+
+    def per_laboratory(self, values: Array | Mask) -> Array:
+        """Return the sum of values of shots, (shot,), over each laboratory's."""
+        return np.asarray(np.bincount(self.owner, values, self.laboratories))
+
+    def mean_of(self, values: Array, used: Mask) -> tuple[Array, Array, Array]:
+        """Return means over the used shots of each laboratory, their scatter's u, and the numbers.
+
+        (laboratory,) each; NaN where too few are used.
+        """
+        number = self.per_laboratory(used)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = self.per_laboratory(np.where(used, values, 0.0)) / number
+            off = np.where(used, values - mean[self.owner], 0.0)
+            variance = self.per_laboratory(off**2) / (number - 1)
+            return mean, np.sqrt(variance / number), number
 
     @cached_property
-    def measured_balls(self) -> MeasuredBalls:
-        """Mass and e0 of each ball of the lot."""
-        return measured_balls(self.best, self.balls)
+    def model(self) -> MeasurementModel:
+        """The results of all the shots as functions of the constants, (laboratory, 1, shot)."""
+        preparation = self.reduced.preparation
+        every = numbered(self.owner, np.ones(self.owner.size, dtype=bool), self.laboratories)
+        return MeasurementModel(
+            rules=self.procedure,
+            balls=preparation.balls,
+            used=preparation.used,
+            readings=self.readings.part(every[:, None]),
+        )
+
+
+def numbered(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDArray[np.intp]:
+    """Return the numbers of the shots of each laboratory that are used, (laboratory, hit).
+
+    In the order fired; -1 fills up where one has fewer than another.
+    """
+    shots = np.flatnonzero(used)
+    shots = shots[np.argsort(owner[shots], kind="stable")]
+    own = owner[shots]
+    many = np.bincount(own, minlength=laboratories)
+    turn = np.arange(shots.size) - np.repeat(np.cumsum(many) - many, many)
+    found = np.full((laboratories, max(int(many.max(initial=0)), 1)), -1, dtype=np.intp)
+    found[own, turn] = shots
+    return found

@@ -5,17 +5,24 @@ compared with its uncertainty. Chance exceeds it in one faultless test of two th
 remarked on, and in one of a hundred thousand before no verdict stands. A band compares a number
 with wide limits that a faultless laboratory stays well within. Together they flag fewer than one
 faultless test in a hundred.
+
+A check answers for a block of laboratories, with `Raised` or `Pairs`; `Flag` and `Discrepancy` are
+those of one laboratory, to be printed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import expm1, inf, log1p
+from math import inf
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtr
 
-from virtual_lab.uncertainty.budget import Component, combine, type_a
+from virtual_lab.uncertainty.budget import Component, Components, combined, types_a
+from virtual_lab.units import Array, Mask
 
 REMARKED = 5e-4  # chance of a difference as large in a sound laboratory, below which it is flagged
 CONTRADICTS = 1e-5  # and below which no verdict stands
@@ -32,6 +39,28 @@ class Flag:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Raised:
+    """A flag in the laboratories of a block in which it is raised."""
+
+    name: str  # of the check
+    where: Mask  # (laboratory,)
+    sentence: Callable[[int], str]  # of a laboratory in which it is raised
+    invalidates: bool = False
+
+    @property
+    def voids(self) -> Mask:
+        """Where nothing can be said of the bat, (laboratory,)."""
+        return self.where & self.invalidates
+
+    def of(self, laboratory: int) -> Flag | None:
+        """Return the flag of one laboratory."""
+        if not self.where[laboratory]:
+            return None
+        said = self.sentence(laboratory)
+        return Flag(name=self.name, sentence=said, invalidates=self.invalidates)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Discrepancy:
     """The difference of two measurements of one thing."""
 
@@ -42,49 +71,97 @@ class Discrepancy:
     likely: float  # chance of one as large in a sound laboratory
     harmful: float  # the same, where what would not move the result counts as noise
 
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pairs:
+    """The differences of two measurements of one thing in a block, arrays (laboratory,)."""
+
+    name: str
+    which: str
+    said: Callable[[int], str]  # sentence without the size in standard uncertainties
+    compared: Mask  # where there are two measurements
+    sigmas: Array
+    likely: Array
+    harmful: Array
+
     @property
-    def flag(self) -> Flag | None:
-        """The flag it raises, None where chance explains the difference."""
-        if self.likely >= REMARKED:
+    def where(self) -> Mask:
+        """Where chance does not explain the difference."""
+        return self.compared & (self.likely < REMARKED)
+
+    @property
+    def voids(self) -> Mask:
+        """Where no verdict stands."""
+        return self.where & (self.harmful < CONTRADICTS)
+
+    def difference(self, laboratory: int) -> Discrepancy | None:
+        """Return the difference in one laboratory, None where there is none."""
+        if not self.compared[laboratory]:
             return None
-        invalidates = self.harmful < CONTRADICTS
-        return Flag(name=self.name, sentence=self.sentence, invalidates=invalidates)
+        sigmas = float(self.sigmas[laboratory])
+        return Discrepancy(
+            name=self.name,
+            of=self.which,
+            sentence=f"{self.said(laboratory)}, {sigmas:.1f} standard uncertainties",
+            sigmas=sigmas,
+            likely=float(self.likely[laboratory]),
+            harmful=float(self.harmful[laboratory]),
+        )
+
+    def of(self, laboratory: int) -> Flag | None:
+        """Return the flag it raises in one laboratory."""
+        if not self.where[laboratory]:
+            return None
+        found = self.difference(laboratory)
+        assert found is not None
+        voids = bool(self.voids[laboratory])
+        return Flag(name=self.name, sentence=found.sentence, invalidates=voids)
 
 
-def pair(
+Answer = Raised | Pairs
+
+
+def pairs(
     name: str,
-    said: str,
-    value: float,
-    components: Sequence[Component],
+    said: Callable[[int], str],
+    value: Array,
+    components: Components,
     *,
     of: str = "",
-    least: float,
-    moves: float = inf,
-    among: int = 1,
-) -> Discrepancy:
-    """Return a pair whose difference `value` should be 0.
+    least: Array | float,
+    moves: Array | float = inf,
+    among: NDArray[Any] | int = 1,
+    compared: Mask | None = None,
+) -> Pairs:
+    """Return pairs whose differences `value`, (laboratory,), should be 0.
 
     Parameters
     ----------
     said
-        Sentence without the size in standard uncertainties.
+        Gives the sentence of a laboratory, without the size in standard uncertainties.
     components
         Of the uncertainty of `value`; `least` is a lower bound of it.
     moves
         What a unit of `value` may do to the result, in the result's standard uncertainties.
     among
         Number of like differences of which this is the least likely.
+    compared
+        Where there are two measurements; None: everywhere.
     """
-    u, likely = chance(value, components, least=least)
-    spared = HARMLESS / moves if moves > 0 else inf
-    harmful = chance(value, components, least=max(least, spared))[1] if spared < inf else 1.0
-    return Discrepancy(
+    u, likely = chances(value, components, least=least)
+    moves = np.broadcast_to(np.asarray(moves, dtype=float), value.shape)
+    harms = moves > 0
+    spared = np.where(harms, HARMLESS / np.where(harms, moves, 1.0), 0.0)
+    _, harmful = chances(value, components, least=np.maximum(least, spared))
+    everywhere = np.ones(value.shape, dtype=bool)
+    return Pairs(
         name=name,
-        of=of,
-        sentence=f"{said}, {abs(value) / u:.1f} standard uncertainties",
-        sigmas=abs(value) / u,
+        which=of,
+        said=said,
+        compared=everywhere if compared is None else compared,
+        sigmas=np.abs(value) / u,
         likely=_of_any(likely, among),
-        harmful=_of_any(harmful, among),
+        harmful=np.where(harms, _of_any(harmful, among), 1.0),
     )
 
 
@@ -93,11 +170,19 @@ def chance(value: float, components: Sequence[Component], *, least: float) -> tu
 
     `least` is a lower bound of the standard uncertainty.
     """
-    floor = type_a("scatter", 0.0, least)
-    budget = combine(value, [*components, floor])
-    return budget.u, 2 * float(stdtr(min(budget.dof, 1e9), -abs(value) / budget.u))
+    u, likely = chances(np.array([value]), Components.listed(components), least=least)
+    return float(u[0]), float(likely[0])
 
 
-def _of_any(likely: float, among: int) -> float:
+def chances(value: Array, components: Components, *, least: Array | float) -> tuple[Array, Array]:
+    """Return uncertainties and chances of a block, as `chance` of each laboratory."""
+    floor = types_a("scatter", np.zeros(value.shape), np.broadcast_to(least, value.shape))
+    budget = combined(value, components + floor)
+    likely = 2 * stdtr(np.minimum(budget.dof, 1e9), -np.abs(value) / budget.u)
+    return budget.u, np.asarray(likely)
+
+
+def _of_any(likely: Array, among: NDArray[Any] | int) -> Array:
     """Return the chance that the least likely of several is as unlikely as this."""
-    return -expm1(among * log1p(-likely)) if likely < 1 else 1.0
+    with np.errstate(divide="ignore"):  # of a chance of 1
+        return np.asarray(-np.expm1(among * np.log1p(-np.minimum(likely, 1.0))))

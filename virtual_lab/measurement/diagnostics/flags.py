@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+
+import numpy as np
 
 from virtual_lab.measurement.diagnostics.bench import (
     bat_shape,
@@ -15,7 +17,7 @@ from virtual_lab.measurement.diagnostics.bench import (
 )
 from virtual_lab.measurement.diagnostics.chords import chords
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag
+from virtual_lab.measurement.diagnostics.flag import Answer, Discrepancy, Flag, Pairs
 from virtual_lab.measurement.diagnostics.impact import (
     aim,
     ball_seen,
@@ -27,8 +29,9 @@ from virtual_lab.measurement.diagnostics.impact import (
     records_repeated,
 )
 from virtual_lab.records import PassageRecord, RateRecord
+from virtual_lab.units import Mask
 
-CHECKS: Mapping[str, Callable[[Evidence], Iterator[Flag | Discrepancy]]] = {
+CHECKS: Mapping[str, Callable[[Evidence], Iterator[Answer]]] = {
     "sports": sports,
     "check-standard": check_standard,
     "bat-shape": bat_shape,
@@ -55,27 +58,54 @@ OF_READINGS = {  # checks of what a recorder that sums up does not keep
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checked:
-    """What the checks of a session found."""
+    """What the checks of one session found."""
 
     flags: tuple[Flag, ...]  # at most one a check: the most serious one
     pairs: tuple[Discrepancy, ...]  # the differences compared with their uncertainties
     left_out: tuple[str, ...]  # checks of readings that a recorder which sums up does not keep
 
 
-def check(seen: Evidence) -> Checked:
-    """Return what the checks find in a session."""
-    every = [tuple(one(seen)) for one in CHECKS.values()]
-    flags = [tuple(_raised(found)) for found in every]
-    kinds = {type(record) for record in seen.session.records["impact"].values()}
-    return Checked(
-        flags=tuple(max(own, key=lambda flag: flag.invalidates) for own in flags if own),
-        pairs=tuple(found for own in every for found in own if isinstance(found, Discrepancy)),
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockChecked:
+    """What the checks of a block found."""
+
+    answers: tuple[tuple[Answer, ...], ...]  # a check's, in the order of the day
+    left_out: tuple[str, ...]
+
+    def of(self, laboratory: int) -> Checked:
+        """Return what they found in one laboratory."""
+        flags, differences = [], []
+        for own in self.answers:
+            raised = [flag for each in own if (flag := each.of(laboratory))]
+            if raised:
+                flags.append(max(raised, key=lambda flag: flag.invalidates))
+            found = (each.difference(laboratory) for each in own if isinstance(each, Pairs))
+            differences += [each for each in found if each]
+        return Checked(flags=tuple(flags), pairs=tuple(differences), left_out=self.left_out)
+
+    @property
+    def voids(self) -> Mapping[str, Mask]:
+        """Where a check leaves no verdict, (laboratory,), by its name."""
+        return {
+            name: np.logical_or.reduce([each.voids for each in own])
+            for name, own in zip(CHECKS, self.answers, strict=True)
+            if own
+        }
+
+    @property
+    def flagged(self) -> Mapping[str, Mask]:
+        """Where a check raises a flag, (laboratory,), by its name."""
+        return {
+            name: np.logical_or.reduce([each.where for each in own])
+            for name, own in zip(CHECKS, self.answers, strict=True)
+            if own
+        }
+
+
+def check(seen: Evidence) -> BlockChecked:
+    """Return what the checks find in the sessions of a block."""
+    kinds = {type(record) for record in seen.block.impact.values()}
+    return BlockChecked(
+        answers=tuple(tuple(one(seen)) for one in CHECKS.values()),
         left_out=tuple(name for kind, own in OF_READINGS.items() if kind in kinds for name in own),
     )
-
-
-def _raised(found: Iterable[Flag | Discrepancy]) -> Iterator[Flag]:
-    for each in found:
-        flag = each.flag if isinstance(each, Discrepancy) else each
-        if flag:
-            yield flag

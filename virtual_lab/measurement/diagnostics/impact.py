@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from math import inf, sqrt
+from math import sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
-from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag, pair
+from virtual_lab.measurement.diagnostics.evidence import Evidence, numbered
+from virtual_lab.measurement.diagnostics.flag import Pairs, Raised, pairs
 from virtual_lab.measurement.reduction.gates import INBOUND, GateReadings
-from virtual_lab.measurement.reduction.rate import MOST_MISFIT
-from virtual_lab.measurement.reduction.shot_algebra import drag_of
+from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
+from virtual_lab.measurement.reduction.shot_algebra import ShotResults, drag_of
 from virtual_lab.records import AimMarks, EncoderRecord
 from virtual_lab.relations.flight import time_before
-from virtual_lab.uncertainty.budget import Component, propagate, type_a
-from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.uncertainty.budget import Components, Variants, types_a, weighed
+from virtual_lab.uncertainty.estimate import Known
 from virtual_lab.units import Array, Mask
 
 AIM_ALONG = "impact.cannon.along"
@@ -24,119 +25,144 @@ RATE_ROUNDING = 1e-5  # relative, of a rate: what its extrapolation to contact i
 FEWEST_SHOTS = 3  # shots that a mean and its scatter may rest on
 
 
-def ball_seen(seen: Evidence) -> Iterator[Flag]:
+def ball_seen(seen: Evidence) -> Iterator[Raised]:
     """Count incoming balls that a gate did not see: faultless gates see every one."""
-    missed = ~seen.readings.seen.raw.complete
-    if missed.any():
-        yield Flag(
-            name="ball-seen",
-            sentence=f"a gate did not see the ball come in, in {int(missed.sum())} "
-            f"of {missed.size} shots",
-        )
+    missed = seen.per_laboratory(~seen.readings.seen.raw.complete)
+    fired = seen.per_laboratory(np.ones(seen.owner.size))
+    yield Raised(
+        name="ball-seen",
+        where=missed > 0,
+        sentence=lambda i: (
+            f"a gate did not see the ball come in, in {missed[i]:.0f} of {fired[i]:.0f} shots"
+        ),
+    )
 
 
-def edges(seen: Evidence) -> Iterator[Flag]:
+def edges(seen: Evidence) -> Iterator[Raised]:
     """Count shots whose edges at the boards deviate from one flight."""
-    off = seen.off_flight
-    if off.mean() > 0.1:  # no scrap of a sabot explains so many
-        yield Flag(
-            name="edges",
-            sentence=f"edges off one flight in {int(off.sum())} of {off.size} shots: "
-            "more than scraps of sabots explain",
-        )
+    off = seen.per_laboratory(seen.off_flight)
+    fired = seen.per_laboratory(np.ones(seen.owner.size))
+    yield Raised(
+        name="edges",
+        where=off > 0.1 * fired,  # no scrap of a sabot explains so many
+        sentence=lambda i: (
+            f"edges off one flight in {off[i]:.0f} of {fired[i]:.0f} shots: "
+            "more than scraps of sabots explain"
+        ),
+    )
 
 
-def boards_in_line(seen: Evidence) -> Iterator[Discrepancy]:
+def boards_in_line(seen: Evidence) -> Iterator[Pairs]:
     """Compare each board between first and last with the flight through these two."""
-    known, best, gates = seen.constants, seen.best, seen.readings.seen
+    known, best, gates = seen.reduced.constants, seen.best, seen.readings.seen
     if not isinstance(gates, GateReadings):
         return
-    last = gates.distances.size - 1
-    drag = drag_of(best, seen.shots.ball_mass)
-    reach = [time_before(best[_distance(k)], 1.0, drag) for k in range(last + 1)]
-    times, valid = gates.passages.times[:, INBOUND], seen.judgement.valid
+    last = gates.distances.shape[-1] - 1
+    if last < 2:
+        return
+    own = {name: value[seen.owner, 0, 0] for name, value in best.items()}
+    drag = drag_of(own, seen.shots.ball_mass)
+    reach = [time_before(own[_distance(k)], 1.0, drag) for k in range(last + 1)]
+    times = gates.passages.times[:, INBOUND]
     for board in range(1, last):
         part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
         off = reach[board] - reach[0] - part * (reach[last] - reach[0])
-        used = valid & np.isfinite(off)
-        if used.sum() < FEWEST_SHOTS:
-            continue
-        place = {_distance(k): known[_distance(k)] for k in (0, board, last)}
-        survey = propagate(_between(board, last, float(part[used].mean())), place)["off"]
-        mean = float(off[used].mean())
-        yield pair(
+        used = seen.reduced.valid & np.isfinite(off)
+        mean, u, number = seen.mean_of(off, used)
+        share, _, _ = seen.mean_of(part, used)
+        survey = _between(known, board, last, np.where(number > 0, share, 0.5))
+        yield pairs(
             "boards-in-line",
-            f"board {board} stands {mean * 1e3:+.2f} mm off the flight through its neighbours, in "
-            f"{_shots(used)} of impact/gates",
+            _board_said(board, mean, used, seen),
             mean,
-            [*survey, _of_mean(off[used])],
+            survey + types_a("scatter", mean, u, number - 1),
             of=f"board {board}",
             least=1e-5,
             moves=seen.moves(survey),
+            compared=number >= FEWEST_SHOTS,
         )
 
 
-def aim(seen: Evidence) -> Iterator[Discrepancy]:
+def _board_said(board: int, mean: Array, used: Mask, seen: Evidence) -> Callable[[int], str]:
+    return lambda i: (
+        f"board {board} stands {mean[i] * 1e3:+.2f} mm off the flight through its neighbours, in "
+        f"{_shots(seen, used, i)} of impact/gates"
+    )
+
+
+def _between(known: Mapping[str, Known], board: int, last: int, part: Array) -> Components:
+    """Return what the survey makes of the deviation of a board from its place."""
+    variants = Variants.of({_distance(k): known[_distance(k)] for k in (0, board, last)})
+    first, here, end = (variants.columns[_distance(k)][..., 0] for k in (0, board, last))
+    return variants.components(here - first - part[:, None] * (end - first))
+
+
+def aim(seen: Evidence) -> Iterator[Pairs]:
     """Compare the mean of the marks on the aim paper with the aim, both ways."""
-    marks = seen.session.records["impact"].get("aim")
+    marks = seen.block.impact.get("aim")
     if not isinstance(marks, AimMarks):
         return
-    nothing = Estimate(value=0.0)
-    lined_up = seen.constants.get(AIM_ALONG, nothing)
-    height = seen.constants.get("impact.pivot.height", nothing)
-    survey = propagate(lambda x: {"off": x[AIM_ALONG][:, 0]}, {AIM_ALONG: lined_up})["off"]
+    none, endless = np.zeros(seen.laboratories), np.full(seen.laboratories, np.inf)
+    nothing = Known(value=none, u=none, dof=endless)
+    lined_up = seen.reduced.constants.get(AIM_ALONG, nothing)
+    height = seen.reduced.constants.get("impact.pivot.height", nothing)
+    variants = Variants.of({AIM_ALONG: lined_up})
+    survey = variants.components(variants.columns[AIM_ALONG][..., 0])
     aimed = (
         ("along", marks.along, lined_up, seen.moves(survey)),
-        ("across", marks.across, height, inf),
+        ("across", marks.across, height, np.inf),
     )
     for way, marked, at, moves in aimed:
-        off = marked - at.value
-        if off.size < FEWEST_SHOTS:
+        off = marked.reshape(seen.laboratories, -1) - at.value[:, None]
+        number = off.shape[1]
+        if number < FEWEST_SHOTS:
             continue
-        mean = float(off.mean())
-        yield pair(
+        mean, u = off.mean(axis=1), off.std(axis=1, ddof=1) / sqrt(number)
+        yield pairs(
             "aim",
-            f"{off.size} marks of impact/aim lie {mean * 1e3:+.1f} mm off the aim {way} the bat",
+            _aim_said(way, number, mean),
             mean,
-            [*survey, _of_mean(off)],
+            survey + types_a("scatter", mean, u, number - 1),
             of=way,
             least=1e-5,
             moves=moves,
         )
 
 
-def _of_mean(values: Array) -> Component:
-    """Return the scatter of the mean of some values."""
-    return type_a(
-        "scatter", 0.0, float(values.std(ddof=1)) / sqrt(values.size), dof=values.size - 1
+def _aim_said(way: str, number: int, mean: Array) -> Callable[[int], str]:
+    return lambda i: (
+        f"{number} marks of impact/aim lie {mean[i] * 1e3:+.1f} mm off the aim {way} the bat"
     )
 
 
-def _shots(used: Mask) -> str:
-    """Return the shots by number, or how many there are."""
-    shots = np.flatnonzero(used)
+def _shots(seen: Evidence, used: Mask, laboratory: int) -> str:
+    """Return the shots of a laboratory that are used by number, or how many there are."""
+    shots = np.flatnonzero(used[seen.owner == laboratory])
     return f"shots {', '.join(map(str, shots))}" if shots.size <= 6 else f"{shots.size} shots"
 
 
-def encoder_fit(seen: Evidence) -> Iterator[Flag]:
+def encoder_fit(seen: Evidence) -> Iterator[Raised]:
     """Count shots whose fit leaves more of the counts than resolution and noise at rest."""
     for fit in (seen.readings.recoil, seen.readings.swing):
         if fit is None:
             continue
-        rough = np.flatnonzero(fit.misfit > MOST_MISFIT)
-        if rough.size:
-            worst = int(rough[fit.misfit[rough].argmax()])
-            yield Flag(
-                name="encoder-fit",
-                sentence=f"{rough.size} of {fit.misfit.size} shots leave more of the encoder's "
-                f"counts than counting and noise at rest, shot {worst} "
-                f"{fit.residual[worst]:.2f} rms",
+        rough = fit.misfit > MOST_MISFIT
+
+        def said(i: int, fit: RateFit = fit, rough: Mask = rough) -> str:
+            own = np.flatnonzero(seen.owner == i)
+            worst = int(np.where(rough[own], fit.misfit[own], 0.0).argmax())
+            return (
+                f"{int(rough[own].sum())} of {own.size} shots leave more of the encoder's counts "
+                f"than counting and noise at rest, shot {worst} "
+                f"{fit.residual[own[worst]]:.2f} rms"
             )
 
+        yield Raised(name="encoder-fit", where=seen.per_laboratory(rough) > 0, sentence=said)
 
-def records_repeated(seen: Evidence) -> Iterator[Flag]:
+
+def records_repeated(seen: Evidence) -> Iterator[Raised]:
     """Look for shots with the same encoder record whose gates differ: it was filed twice."""
-    record = seen.session.records["impact"].get("encoder")
+    record = seen.block.impact.get("encoder")
     if not isinstance(record, EncoderRecord):
         return
     turned = np.flatnonzero(np.ptp(record.counts, axis=1))  # a bat that was not hit stands
@@ -146,16 +172,23 @@ def records_repeated(seen: Evidence) -> Iterator[Flag]:
     for shot in map(int, turned):
         other = first.setdefault(record.counts[shot].tobytes(), shot)
         if not np.array_equal(flown[other], flown[shot], equal_nan=True):
-            yield Flag(
-                name="records-repeated",
-                sentence=f"shots {other} and {shot} have one and the same record in "
-                "impact/encoder, and other flights of the ball",
-                invalidates=True,
-            )
+            yield _repeated(seen, other, shot)
             return
 
 
-def encoder_halves(seen: Evidence) -> Iterator[Discrepancy]:
+def _repeated(seen: Evidence, first: int, second: int) -> Raised:
+    return Raised(
+        name="records-repeated",
+        where=np.ones(seen.laboratories, dtype=bool),  # counts are those of one laboratory
+        sentence=lambda _: (
+            f"shots {first} and {second} have one and the same record in "
+            "impact/encoder, and other flights of the ball"
+        ),
+        invalidates=True,
+    )
+
+
+def encoder_halves(seen: Evidence) -> Iterator[Pairs]:
     """Compare the rate by the half of a record nearest contact with that by the whole record.
 
     Twice: the result by halves with the result, and the worst shot. Both in units of the result,
@@ -163,106 +196,151 @@ def encoder_halves(seen: Evidence) -> Iterator[Discrepancy]:
     """
     for channel, which in (("encoder", "recoil"), ("swing", "swing")):
         fit = getattr(seen.readings, which)
-        if fit is None or seen.metric is None or not seen.metric.u:
+        if fit is None or not np.isfinite(fit.by_half).any():
             continue
-        lever = seen.effects * _by_rate(seen, which)  # 0 where the ball alone gives the result
+        lever = seen.outcome.effects * _by_rate(seen, which)  # 0 where the ball alone gives it
         used = (lever != 0) & np.isfinite(lever) & np.isfinite(fit.by_half)
-        if not used.any():
+        known = seen.some & (seen.metric.u > 0) & (seen.per_laboratory(used) > 0)
+        if not known.any():
             continue
-        apart, u = lever * (fit.by_half - fit.rate), np.abs(lever) * fit.by_half_u
-        rounding, moves = RATE_ROUNDING * lever * fit.rate, 1 / seen.metric.u
-        change = float(apart[used].sum())
-        yield pair(
+        with np.errstate(divide="ignore"):
+            moves = np.where(known, 1 / seen.metric.u, 0.0)
+        apart = np.where(used, lever * (fit.by_half - fit.rate), 0.0)
+        u = np.where(used, np.abs(lever) * fit.by_half_u, 0.0)
+        rounding = np.where(used, RATE_ROUNDING * lever * fit.rate, 0.0)
+        change = seen.per_laboratory(apart)
+        yield pairs(
             "encoder-halves",
-            f"half of each record of impact/{channel} moves the result by "
-            f"{change * moves:+.2f} of its u, in {_shots(used)}",
+            _halves_said(seen, channel, change * moves, used),
             change,
-            [type_a("fit", 0.0, sqrt(float((u[used] ** 2).sum())))],
+            types_a("fit", change, np.sqrt(seen.per_laboratory(u**2))),
             of="mean",
-            least=abs(float(rounding[used].sum())),
+            least=np.abs(seen.per_laboratory(rounding)),
             moves=moves,
+            compared=known,
         )
-        singly = [
-            pair(
-                "encoder-halves",
-                f"half of the record of shot {shot} of impact/{channel} moves the result by "
-                f"{apart[shot] * moves:+.2f} of its u",
-                float(apart[shot]),
-                [type_a("fit", 0.0, float(u[shot]))],
-                of="worst shot",
-                least=abs(float(rounding[shot])),
-                moves=moves,
-                among=int(used.sum()),
-            )
-            for shot in np.flatnonzero(used)
-        ]
-        yield min(singly, key=lambda each: (each.harmful, each.likely))
+        yield _worst_shot(seen, channel, used & known[seen.owner], apart, u, rounding, moves)
+
+
+def _halves_said(seen: Evidence, channel: str, change: Array, used: Mask) -> Callable[[int], str]:
+    return lambda i: (
+        f"half of each record of impact/{channel} moves the result by "
+        f"{change[i]:+.2f} of its u, in {_shots(seen, used, i)}"
+    )
+
+
+def _worst_shot(
+    seen: Evidence, channel: str, used: Mask, apart: Array, u: Array, rounding: Array, moves: Array
+) -> Pairs:
+    """Return the pair of each laboratory's least likely shot."""
+    shots = np.flatnonzero(used)
+    owner = seen.owner[shots]
+    among = np.bincount(owner, minlength=seen.laboratories)
+    every = pairs(
+        "encoder-halves",
+        str,
+        apart[shots],
+        types_a("fit", apart[shots], u[shots]),
+        least=np.abs(rounding[shots]),
+        moves=moves[owner],
+        among=among[owner],
+    )
+    order = np.lexsort((shots, every.likely, every.harmful, owner))
+    compared = among > 0
+    first = order[np.searchsorted(owner[order], np.flatnonzero(compared))]
+    worst = np.zeros(seen.laboratories, dtype=np.intp)
+    worst[compared] = first
+
+    def said(i: int) -> str:
+        shot = shots[worst[i]]
+        number = int(np.sum(seen.owner[:shot] == i))
+        return (
+            f"half of the record of shot {number} of impact/{channel} moves the result by "
+            f"{apart[shot] * moves[i]:+.2f} of its u"
+        )
+
+    return Pairs(
+        name="encoder-halves",
+        which="worst shot",
+        said=said,
+        compared=compared,
+        sigmas=every.sigmas[worst],
+        likely=every.likely[worst],
+        harmful=every.harmful[worst],
+    )
 
 
 def _by_rate(seen: Evidence, which: str) -> Array:
     """Return the metric's change per count a second of an encoder's rate, (shot,)."""
-    fit, step = getattr(seen.readings, which), 1e-4
+    fit, step, model = getattr(seen.model.readings, which), 1e-4, seen.model
 
     def metric(factor: float) -> Array:
         turned = replace(fit, rate=fit.rate * factor)
-        model = replace(seen.model, readings=replace(seen.readings, **{which: turned}))
-        return model.metric(seen.best, model.shots(seen.best))
+        moved = replace(model, readings=replace(model.readings, **{which: turned}))
+        return moved.metric(seen.best, moved.shots(seen.best))
 
-    return np.asarray((metric(1 + step) - metric(1 - step)) / (2 * step * fit.rate))
+    every = numbered(seen.owner, np.ones(seen.owner.size, dtype=bool), seen.laboratories)
+    found = np.empty(seen.owner.size)
+    change = (metric(1 + step) - metric(1 - step)) / (2 * step * fit.rate)
+    found[every[every >= 0]] = change[:, 0][every >= 0]
+    return found
 
 
-def recoil_and_rebound(seen: Evidence) -> Iterator[Discrepancy]:
+def recoil_and_rebound(seen: Evidence) -> Iterator[Pairs]:
     """Compare the mean e_A from the bat's recoil with that from the ball's rebound."""
-    shots, valid = seen.shots, seen.judgement.valid
-    apart = shots.recoil_efficiency - shots.rebound_efficiency
-    both = valid & np.isfinite(apart)
-    if both.sum() < FEWEST_SHOTS:
+    apart = seen.shots.recoil_efficiency - seen.shots.rebound_efficiency
+    both = seen.reduced.valid & np.isfinite(apart)
+    mean, _, number = seen.mean_of(apart, both)
+    compared = number >= FEWEST_SHOTS
+    if not compared.any():
         return
-
-    def mean_apart(x: Mapping[str, Array]) -> dict[str, Array]:
-        found = seen.model.shots(x)
-        difference = found.recoil_efficiency - found.rebound_efficiency
-        return {"apart": difference[..., both].mean(axis=-1)}
-
-    mean, shared = float(apart[both].mean()), propagate(mean_apart, seen.constants)["apart"]
-    yield pair(
+    hits, moved = _moved(seen, both)
+    used = np.where(hits >= 0, both[hits], False)
+    weights = used / np.maximum(used.sum(axis=1, keepdims=True), 1)
+    shared = seen.variants.components(
+        weighed(moved.recoil_efficiency - moved.rebound_efficiency, weights)
+    )
+    square, degrees = _scatter(seen, apart, both, shared)
+    yield pairs(
         "recoil-and-rebound",
-        f"e_A by recoil (impact/encoder) less e_A by rebound (impact/gates) is {mean:+.4f} in the "
-        f"mean of {_shots(both)}",
+        lambda i: (
+            f"e_A by recoil (impact/encoder) less e_A by rebound (impact/gates) is "
+            f"{mean[i]:+.4f} in the mean of {_shots(seen, both, i)}"
+        ),
         mean,
-        [*shared, _scatter(seen, apart[both], shared)],
+        shared + types_a("scatter", mean, np.sqrt(square / number), degrees),
         least=1e-5,
+        compared=compared,
     )
 
 
-def _scatter(seen: Evidence, apart: Array, shared: Sequence[Component]) -> Component:
-    """Return the scatter of a mean, from the shots and from the aim marks.
+def _moved(seen: Evidence, both: Mask) -> tuple[NDArray[np.intp], ShotResults]:
+    """Return numbers of shots, `both` among them, and their results for the variants."""
+    hits = numbered(seen.owner, both, seen.laboratories)
+    if np.isin(hits, seen.hits).all():
+        return seen.hits, seen.moved
+    model = replace(seen.model, readings=seen.readings.part(hits[:, None]))
+    return hits, model.shots(seen.variants.columns)
+
+
+def _scatter(seen: Evidence, apart: Array, both: Mask, shared: Components) -> tuple[Array, Array]:
+    """Return the variance of a shot and its degrees of freedom, from shots and from aim marks.
 
     Recoil and rebound of a shot differ mainly because of its place along the bat, and the marks
     give the scatter of this place better than a few shots do.
     """
-    degrees, square = apart.size - 1.0, float(apart.var(ddof=1))
-    marks = seen.session.records["impact"].get("aim")
-    lever = [part.sensitivity for part in shared if part.name == AIM_ALONG]
-    if isinstance(marks, AimMarks) and marks.along.size >= FEWEST_SHOTS and lever:
-        more = marks.along.size - 1.0
-        marked = lever[0] ** 2 * float(marks.along.var(ddof=1))
-        square = (degrees * square + more * marked) / (degrees + more)
-        degrees += more
-    return type_a("scatter", 0.0, sqrt(square / apart.size), dof=degrees)
+    _, u, number = seen.mean_of(apart, both)
+    square, degrees = u**2 * number, number - 1.0
+    marks = seen.block.impact.get("aim")
+    if isinstance(marks, AimMarks) and AIM_ALONG in shared.names:
+        along = marks.along.reshape(seen.laboratories, -1)
+        if along.shape[1] >= FEWEST_SHOTS:
+            lever, more = shared.sensitivity[:, shared.names.index(AIM_ALONG)], along.shape[1] - 1.0
+            marked = lever**2 * along.var(axis=1, ddof=1)
+            square = (degrees * square + more * marked) / (degrees + more)
+            degrees = degrees + more
+    return square, degrees
 
 
 def _distance(gate: int) -> str:
     return f"impact.gates.distance_{gate}"
-
-
-def _between(
-    board: int, last: int, part: float
-) -> Callable[[Mapping[str, Array]], dict[str, Array]]:
-    """Return the deviation of a board from its surveyed place, as a function of the survey."""
-
-    def off(x: Mapping[str, Array]) -> dict[str, Array]:
-        first, here, end = (x[_distance(k)][:, 0] for k in (0, board, last))
-        return {"off": here - first - part * (end - first)}
-
-    return off

@@ -53,8 +53,8 @@ class RawFlights:
     complete: Mask  # every part of the instrument saw the ball come in
 
     def part(self, chosen: Shots) -> Self:
-        """Return some of the shots, see `part_of`."""
-        own = {each.name: part_of(getattr(self, each.name), chosen) for each in fields(self)}
+        """Return some of the shots, see `some_of`."""
+        own = {each.name: some_of(getattr(self, each.name), chosen) for each in fields(self)}
         return type(self)(**own)
 
 
@@ -92,7 +92,7 @@ class FlightReadings(Protocol):
         ...
 
 
-def part_of(values: NDArray[Any], chosen: Shots, none: Any = np.nan) -> NDArray[Any]:
+def some_of(values: NDArray[Any], chosen: Shots, none: Any = np.nan) -> NDArray[Any]:
     """Return some of the values of shots, (shot, ...), and `none` (False) of one that is none."""
     found = values[chosen]
     if chosen.dtype != bool and (missing := chosen < 0).any():

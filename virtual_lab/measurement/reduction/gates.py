@@ -27,7 +27,7 @@ from virtual_lab.measurement.reduction.flights import (
     Flights,
     RawFlights,
     Shots,
-    part_of,
+    some_of,
 )
 from virtual_lab.records import BoardRecord, GateRecord, PassageRecord
 from virtual_lab.uncertainty.estimate import Estimate
@@ -46,12 +46,12 @@ class Passages:
     misfit: Array  # rms of the edges about the parabola and the line, (..., shot, way) [s]
 
     def part(self, chosen: Shots) -> Passages:
-        """Return some of the shots, see `part_of`."""
+        """Return some of the shots, see `some_of`."""
         return Passages(
-            times=part_of(self.times, chosen),
-            heights=part_of(self.heights, chosen),
-            heights_u=part_of(self.heights_u, chosen),
-            misfit=part_of(self.misfit, chosen),
+            times=some_of(self.times, chosen),
+            heights=some_of(self.heights, chosen),
+            heights_u=some_of(self.heights_u, chosen),
+            misfit=some_of(self.misfit, chosen),
         )
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.reduction.flights import FlightReadings, Shots, part_of
+from virtual_lab.measurement.reduction.flights import FlightReadings, Shots, some_of
 from virtual_lab.measurement.reduction.makers import flight_readings
 from virtual_lab.measurement.reduction.rate import RateFit, summed_up, unseen
 from virtual_lab.measurement.reduction.recoil import fit_recoil
@@ -104,14 +104,14 @@ class ImpactReadings:
     along: Array | float = 0.0  # what the cannon is off, as `place` takes it [m]
 
     def part(self, chosen: Shots) -> ImpactReadings:
-        """Return some of the shots, see `part_of`; one that is none is of ball 0."""
+        """Return some of the shots, see `some_of`; one that is none is of ball 0."""
         return ImpactReadings(
-            ball=np.maximum(part_of(self.ball, chosen, none=0), 0),
-            place=part_of(self.place, chosen),
+            ball=np.maximum(some_of(self.ball, chosen, none=0), 0),
+            place=some_of(self.place, chosen),
             seen=self.seen.part(chosen),
             recoil=self.recoil and self.recoil.part(chosen),
             swing=self.swing and self.swing.part(chosen),
-            along=part_of(self.along, chosen) if isinstance(self.along, np.ndarray) else self.along,
+            along=some_of(self.along, chosen) if isinstance(self.along, np.ndarray) else self.along,
         )
 
 

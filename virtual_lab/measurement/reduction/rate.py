@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.measurement.reduction.flights import Shots, part_of
+from virtual_lab.measurement.reduction.flights import Shots, some_of
 from virtual_lab.records import RateRecord
 from virtual_lab.units import Array
 
@@ -33,10 +33,10 @@ class RateFit:
     counting: float  # rms error of whole counts [counts]
 
     def part(self, chosen: Shots) -> RateFit:
-        """Return some of the shots, see `part_of`."""
+        """Return some of the shots, see `some_of`."""
         shared = ("ring_frequency", "ring_decay", "counting")
         own: dict[str, Any] = {
-            each.name: part_of(getattr(self, each.name), chosen)
+            each.name: some_of(getattr(self, each.name), chosen)
             for each in fields(self)
             if each.name not in shared
         }
