@@ -10,7 +10,7 @@ import numpy as np
 from virtual_lab.certificate.filling import budget_lines
 from virtual_lab.measurement.camera.comparison import CameraComparison
 from virtual_lab.measurement.certification import Certification
-from virtual_lab.measurement.reduction.flights import FlightReadings, RawFlights
+from virtual_lab.measurement.reduction.flights import FlightReadings, RawFlightsU
 from virtual_lab.measurement.reduction.gates import INBOUND, OUTBOUND, GateReadings
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
@@ -33,7 +33,7 @@ def shot_table(certification: Certification) -> pd.DataFrame:
         **_gate_columns(readings.seen),
         "speed_mph": shots.speed / MPH,
         "rebound_mph": shots.rebound_speed / MPH,
-        **_speed_u_columns(readings.seen.raw),
+        **_speed_u_columns(readings.seen.raw_u),
     }
     for name, encoder in (("encoder", readings.recoil), ("swing", readings.swing)):
         if encoder is not None:
@@ -82,9 +82,9 @@ def _gate_columns(seen: FlightReadings) -> dict[str, Any]:
     }
 
 
-def _speed_u_columns(raw: RawFlights) -> dict[str, Any]:
+def _speed_u_columns(raw_u: RawFlightsU) -> dict[str, Any]:
     """Return the standard uncertainties of the speeds by the readings alone, if they show them."""
-    named = {"speed_u_mph": raw.speed_in_u, "rebound_u_mph": raw.speed_out_u}
+    named = {"speed_u_mph": raw_u.speed_in, "rebound_u_mph": raw_u.speed_out}
     return {name: u / MPH for name, u in named.items() if np.isfinite(u).any()}
 
 

@@ -207,6 +207,9 @@ class Variants:
 
     uncertain: Mapping[str, Estimate] | Mapping[str, Known]
     columns: Mapping[str, Array]
+    value: Array  # of the uncertain ones, (laboratory, constant)
+    stated: Array  # their u
+    dof: Array
 
     @classmethod
     def of(cls, constants: Mapping[str, Estimate] | Mapping[str, Known]) -> Self:
@@ -223,25 +226,31 @@ class Variants:
             columns[name] = columns[name].copy()
             columns[name][..., 1 + index, 0] += known.u
             columns[name][..., 1 + n + index, 0] -= known.u
-        return cls(uncertain=uncertain, columns=columns)
+
+        def beside(name: str) -> Array:
+            own = [np.ravel(getattr(known, name)) for known in uncertain.values()]
+            return np.stack(own, axis=1) if own else np.zeros((1, 0))
+
+        return cls(
+            uncertain=uncertain,
+            columns=columns,
+            value=beside("value"),
+            stated=beside("u"),
+            dof=beside("dof"),
+        )
 
     def components(self, values: Array) -> Components:
         """Return what each constant contributes to an output of shape (..., k)."""
         values = np.reshape(values, (-1, values.shape[-1]))
         up, down = self._moved(values[..., None])
         known: list[Estimate | Known] = list(self.uncertain.values())
-
-        def columns(name: str) -> Array:
-            own = [np.ravel(getattr(each, name)) for each in known]
-            return np.stack(own, axis=1) if own else np.zeros((len(values), 0))
-
         return Components(
             names=tuple(self.uncertain),
             evaluations=tuple(each.evaluation for each in known),
             pools=tuple(each.pool for each in known),
-            value=columns("value"),
-            u=columns("u"),
-            dof=columns("dof"),
+            value=self.value,
+            u=self.stated,
+            dof=self.dof,
             effect=((up - down) / 2)[..., 0],
             shift=((up + down) / 2)[..., 0] - values[:, :1],
         )

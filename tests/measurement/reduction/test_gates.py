@@ -87,15 +87,15 @@ def test_three_gates_show_how_well_they_know_a_speed() -> None:
     ways = np.stack([0.1 - (places + off) / speed, 0.2 + (places + off) / speed])
     noise = sigma * np.sqrt(2) * rng.standard_normal((balls, 2, 3, 2))  # of an edge, two a gate
     known = {f"impact.gates.distance_{k}": Estimate(value=d) for k, d in enumerate(places)}
-    raw = GateReadings.of(GateRecord(times=ways[None, ..., None] + noise), known, "impact").raw
+    raw_u = GateReadings.of(GateRecord(times=ways[None, ..., None] + noise), known, "impact").raw_u
     width = np.sum((places - places.mean()) ** 2)
-    assert raw.speed_in_u == pytest.approx(speed**2 * sigma / np.sqrt(width), rel=0.05)
-    assert raw.speed_out_u == pytest.approx(speed**2 * sigma / np.sqrt(width), rel=0.05)
+    assert raw_u.speed_in == pytest.approx(speed**2 * sigma / np.sqrt(width), rel=0.05)
+    assert raw_u.speed_out == pytest.approx(speed**2 * sigma / np.sqrt(width), rel=0.05)
     at_bat = sigma * np.sqrt(1 / 3 + places.mean() ** 2 / width)
-    assert raw.contact_u == pytest.approx(at_bat, rel=0.05)
+    assert raw_u.contact == pytest.approx(at_bat, rel=0.05)
 
 
 def test_two_gates_do_not_show_how_well_they_know_a_speed() -> None:
     known = {name: Estimate(value=float(value)) for name, value in SURVEYED.items()}
-    raw = GateReadings.of(record_of(26.8224, 7.0, 0.0), known, "impact").raw
-    assert np.isnan(raw.speed_in_u).all()
+    raw_u = GateReadings.of(record_of(26.8224, 7.0, 0.0), known, "impact").raw_u
+    assert np.isnan(raw_u.speed_in).all()

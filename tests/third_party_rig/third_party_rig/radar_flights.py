@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from third_party_rig.radar_record import RadarRecord
-from virtual_lab.measurement.reduction.flights import Constants, Flights, RawFlights, not_stated
+from virtual_lab.measurement.reduction.flights import Constants, Flights, RawFlights, RawFlightsU
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array, Mask
 
@@ -24,20 +24,20 @@ class RadarReadings:
 
     @classmethod
     def of(cls, record: RadarRecord, known: Mapping[str, Estimate], stage: str) -> Self:
-        unknown = not_stated(record.speed_in)
         return cls(
             stage=stage,
             raw=RawFlights(
                 speed_in=record.speed_in,
-                speed_in_u=unknown,
                 speed_out=record.speed_out,
-                speed_out_u=unknown,
                 contact=record.turned,
-                contact_u=unknown,
                 misfit=np.full((record.speed_in.size, 2), np.nan),
                 complete=np.isfinite(record.speed_in),
             ),
         )
+
+    @property
+    def raw_u(self) -> RawFlightsU:
+        return RawFlightsU.unknown(self.raw.speed_in)
 
     def flights(self, x: Constants, drag: Array) -> Flights:
         """Carry the speeds from the gun's distance d to the target: v exp(∓κ d), dv/dx = -κ v."""

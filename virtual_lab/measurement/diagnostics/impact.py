@@ -317,7 +317,7 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Pairs]:
 def _moved(seen: Evidence, both: Mask) -> tuple[NDArray[np.intp], ShotResults]:
     """Return numbers of shots, `both` among them, and their results for the variants."""
     hits = numbered(seen.owner, both, seen.laboratories)
-    if np.isin(hits, seen.hits).all():
+    if np.isin(hits[hits >= 0], seen.hits).all():
         return seen.hits, seen.moved
     model = replace(seen.model, readings=seen.readings.part(hits[:, None]))
     return hits, model.shots(seen.variants.columns)

@@ -37,18 +37,14 @@ FlightModel = Callable[[Constants, Array], Flights]  # of constants, drag [1/m]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawFlights:
-    """Flights by an instrument's own clock and survey, before any correction, (shot,).
+    """Flights by an instrument's own clock and survey, before any correction, (..., shot).
 
-    NaN: not seen. A standard uncertainty is that of the readings alone, without the calibration;
-    NaN if the readings hold nothing that shows it.
+    NaN: not seen.
     """
 
     speed_in: Array  # [m/s]
-    speed_in_u: Array
     speed_out: Array
-    speed_out_u: Array
     contact: Array  # time at which the ball reaches the target [s]
-    contact_u: Array
     misfit: Array  # rms of the readings about one flight, (shot, way) [s]; NaN: not known
     complete: Mask  # every part of the instrument saw the ball come in
 
@@ -58,12 +54,35 @@ class RawFlights:
         return type(self)(**own)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RawFlightsU:
+    """Standard uncertainties of raw flights by the readings alone, without the calibration.
+
+    (..., shot); NaN where the readings hold nothing that shows them.
+    """
+
+    speed_in: Array  # [m/s]
+    speed_out: Array
+    contact: Array  # [s]
+
+    @classmethod
+    def unknown(cls, like: Array) -> Self:
+        """Return those of an instrument that shows none, of the shape of `like`."""
+        none = np.full(np.shape(like), np.nan)
+        return cls(speed_in=none, speed_out=none, contact=none)
+
+
 class FlightReadings(Protocol):
     """Readings of a stage's balls by one instrument."""
 
     @property
     def raw(self) -> RawFlights:
         """The flights before any correction."""
+        ...
+
+    @property
+    def raw_u(self) -> RawFlightsU:
+        """Their standard uncertainties."""
         ...
 
     @property
@@ -98,8 +117,3 @@ def some_of(values: NDArray[Any], chosen: Shots, none: Any = np.nan) -> NDArray[
     if chosen.dtype != bool and (missing := chosen < 0).any():
         found[missing] = False if found.dtype == bool else none
     return found
-
-
-def not_stated(like: Array) -> Array:
-    """Return NaN for a standard uncertainty that the readings do not show."""
-    return np.full(np.shape(like), np.nan)

@@ -26,6 +26,7 @@ from virtual_lab.measurement.reduction.flights import (
     FlightModel,
     Flights,
     RawFlights,
+    RawFlightsU,
     Shots,
     some_of,
 )
@@ -143,17 +144,24 @@ class GateReadings:
         back = times[..., OUTBOUND, 0] - times[..., OUTBOUND, -1]
         with np.errstate(divide="ignore"):  # a clock too slow shows two gates at one tick
             speed_in, speed_out = span / into, span / back
-        slope_in, level = self._line_u(INBOUND)
-        slope_out, _ = self._line_u(OUTBOUND)
         return RawFlights(
             speed_in=speed_in,
-            speed_in_u=speed_in**2 * slope_in,
             speed_out=speed_out,
-            speed_out_u=speed_out**2 * slope_out,
             contact=times[..., INBOUND, -1] + near * into / span,
-            contact_u=np.where(np.isfinite(into), level, np.nan),
             misfit=self.passages.misfit,
             complete=np.asarray(np.isfinite(times[..., INBOUND, :]).all(axis=-1)),
+        )
+
+    @property
+    def raw_u(self) -> RawFlightsU:
+        """Their standard uncertainties, by the scatter of the gates between about the flight."""
+        raw = self.raw
+        slope_in, level = self._line_u(INBOUND)
+        slope_out, _ = self._line_u(OUTBOUND)
+        return RawFlightsU(
+            speed_in=raw.speed_in**2 * slope_in,
+            speed_out=raw.speed_out**2 * slope_out,
+            contact=np.where(np.isfinite(raw.contact), level, np.nan),
         )
 
     def _line_u(self, way: int) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,8 @@ from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_f
 from virtual_lab.units import Array, Mask
 
 Constants = Mapping[str, Array]
+AT_WALL = ("balls.", "bench.scale.", "hall.", "ball.radius")  # constants a hit there knows of
+ADDED = ("balls.restitution_", "balls.slope_")  # errors of its results
 PLACE_SLOPE = "procedure.place_slope"  # de_A/dz [1/m]
 SLOPE_ERROR = "procedure.place_slope_error"  # what the slope's own error makes of e_A
 
@@ -155,23 +157,73 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
 
 
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
-    """Return the balls' masses and their mean e0 over the wall hits, at the hits' mean speed."""
+    """Return the balls' masses and their mean e0 over the wall hits, at the hits' mean speed.
+
+    Most sets of constants differ in what no hit at the wall knows of, so the hits are reduced for
+    those sets alone that differ in what one does.
+    """
     mass = (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
-    some = readings.ball >= 0
-    seen = readings.seen.flights(x, drag_of(x, of_ball(mass, np.maximum(readings.ball, 0))))
-    given, speed = seen.speed_out / seen.speed_in, np.where(some, readings.nominal_speed, 0.0)
+    some, share = readings.ball >= 0, readings.share
+    speed = np.where(some, readings.nominal_speed, 0.0)
     nominal = speed.sum(axis=-1, keepdims=True) / some.sum(axis=-1, keepdims=True)
-    slope = _slope(x, readings, given)
-    hits = np.where(some, given - slope * (seen.speed_in - nominal), 0.0)
+    sets = _sets_at_wall(x)
+    own = {name: sets.chosen(value) for name, value in x.items()}
+    drag = of_ball(drag_of(own, sets.chosen(mass)), np.maximum(readings.ball, 0))
+    seen = readings.seen.flights(own, drag)
+    given = np.where(some, seen.speed_out / seen.speed_in, 0.0)
+    faster = np.where(some, seen.speed_in - nominal, 0.0)
+    slope = x["ball.restitution_slope"]
+    if SLOPE_REPEATABILITY in x:
+        slope = sets.spread(_slope(readings, given, speed)) + x[SLOPE_REPEATABILITY]
     errors = (np.atleast_1d(x[error]) for error in restitution_names(mass.shape[-1]))
     scattered = np.concatenate(np.broadcast_arrays(*errors), axis=-1)
-    restitution = _means(hits, readings.share) + scattered
+    means, off = (sets.spread(_means(each, share)) for each in (given, faster))
+    restitution = means - slope * off + scattered
     return MeasuredBalls(
         mass=np.broadcast_to(mass, restitution.shape),
         restitution=restitution,
         speed=nominal,
         slope=np.asarray(slope),
     )
+
+
+class Sets(NamedTuple):
+    """Some of the sets of constants (..., k, 1), and which of them stands for each."""
+
+    rows: NDArray[np.intp] | None  # None: all
+    back: NDArray[np.intp]
+
+    def chosen(self, values: Array) -> Array:
+        """Return the values for some sets, (..., k, n)."""
+        if self.rows is None or np.ndim(values) < 2:
+            return values
+        return values[..., self.rows, :]
+
+    def spread(self, values: Array) -> Array:
+        """Return the values for all the sets from those for some."""
+        return values if self.rows is None else values[..., self.back, :]
+
+
+def _sets_at_wall(x: Constants) -> Sets:
+    """Return the sets that differ in a constant of which the hits at the wall know."""
+    every = np.zeros(0, dtype=np.intp)
+    known = [
+        value
+        for name, value in x.items()
+        if name.startswith(AT_WALL) and not name.startswith(ADDED) and np.ndim(value) > 1
+    ]
+    if not known:
+        return Sets(None, every)
+    moved = np.zeros(max(value.shape[-2] for value in known), dtype=bool)
+    for value in known:
+        differs = value != value[..., :1, :]
+        moved |= differs.any(axis=(*range(value.ndim - 2), value.ndim - 1))
+    rows = np.flatnonzero(moved)
+    if moved[1:].all():
+        return Sets(None, every)
+    back = np.zeros(moved.size, dtype=np.intp)
+    back[rows] = np.arange(1, rows.size + 1)
+    return Sets(np.append(0, rows), back)
 
 
 def of_ball(values: Array, ball: NDArray[np.intp]) -> Array:
@@ -191,19 +243,15 @@ def _means(hits: Array, share: Array) -> Array:
     return np.asarray(hits @ shared)
 
 
-def _slope(x: Constants, readings: BallReadings, restitution: Array) -> Array:
-    """Return the slope of e0 over the speed [s/m]: measured at two speeds or more, else nominal.
+def _slope(readings: BallReadings, restitution: Array, speed: Array) -> Array:
+    """Return the slope of e0 over the speed, (..., k, 1) [s/m], by least squares within each ball.
 
-    By least squares over the hits' nominal speeds, within each ball.
+    `speed` are the hits' nominal ones, (..., hit).
     """
-    if SLOPE_REPEATABILITY not in x:
-        return x["ball.restitution_slope"]
-    some, share = readings.ball >= 0, readings.share
-    speed = np.where(some, readings.nominal_speed, 0.0)
-    middle = of_ball(_means(speed, share), np.maximum(readings.ball, 0))
-    off = np.where(some, speed - middle, 0.0)
-    rise = np.sum(np.where(some, restitution, 0.0) * off, axis=-1, keepdims=True)
-    return np.asarray(rise / np.sum(off**2, axis=-1, keepdims=True) + x[SLOPE_REPEATABILITY])
+    middle = of_ball(_means(speed, readings.share), np.maximum(readings.ball, 0))
+    off = np.where(readings.ball >= 0, speed - middle, 0.0)
+    rise = np.sum(restitution * off, axis=-1, keepdims=True)
+    return np.asarray(rise / np.sum(off**2, axis=-1, keepdims=True))
 
 
 def shot_results(
