@@ -28,7 +28,6 @@ from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.measurement.procedure import variance_within
-from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -119,7 +118,7 @@ def coverage(
             first = shared.laboratory(seed)
             bends = _curvatures(first, certification.outcome.place)
             rehearsal = Rehearsal.of(first, tested) if first.rules.spec.scan else None
-        along = _marks(certification).along - along_of(certification.session)
+        along = _marks(certification).along - np.mean(certification.readings.along)
         strayed.append((float(np.var(along, ddof=1)), _scatter(certification)))
         for name in names:
             beside = 0.0 if rehearsal and name == "metric" else float(np.mean(along**2))
