@@ -55,7 +55,6 @@ def test_the_table_holds_every_bit(tmp_path: Path) -> None:
         ({"truth": 0.94 * (1 + 2e-12)}, "truth"),
         ({"dof": 12 * (1 + 2e-9)}, "dof"),
         ({"shots": 8}, "shots"),
-        ({"scenes": 1}, "scenes"),
         ({"verdict": "FAIL"}, "verdict"),
         ({"flags": "chords"}, "flags"),
     ],

@@ -25,8 +25,8 @@ from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.flights import scene_of
 from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.simulation.motion.events import play_events
 from virtual_lab.simulation.motion.played import PlayedShots
-from virtual_lab.simulation.motion.pymunk_scene import play_pymunk
 from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.simulation.physics.beam import Free, Support, beam_of
 from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen, Stage, find_rig
@@ -93,8 +93,8 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
     fired = station.fly(plan, specimen, laboratory.draws)
     more = fired.flown.kicks or not np.all(fired.flown.met) or np.any(fired.flown.late)
     around = station.around(specimen.balls.spec.radius)
-    scene = scene_of(fired.passage, fired.bat, around, 0.5 if more else FILM.after)
-    played = play_pymunk(scene)
+    scene = scene_of(fired.passage, fired.bat, around, 0.5 if more else FILM.after).alone(0)
+    played = play_events(scene)
     return None if played.refused[0] else (scene, played)
 
 
@@ -105,7 +105,7 @@ def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
         return None
     scene, played = found
     contacts = played.pieces.time[1:]
-    time = np.union1d(np.linspace(0.0, scene.duration, 200), contacts)
+    time = np.union1d(np.linspace(0.0, float(scene.duration), 200), contacts)
     seen = played.at(scene, time).part(0)
     return Motion(
         time=time - contacts[0] if contacts.size else time,

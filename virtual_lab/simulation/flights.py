@@ -1,4 +1,4 @@
-"""The rungs of the motion at a rig: flights in closed form, or played shot by shot in pymunk."""
+"""The rungs of the motion at a rig: flights in closed form or by events, or played in pymunk."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_before
 from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.simulation.instruments.passage import Passage
-from virtual_lab.simulation.motion.played import Pieces, Target
+from virtual_lab.simulation.motion.events import play_events
+from virtual_lab.simulation.motion.played import Pieces, PlayedShots, Target
 from virtual_lab.simulation.motion.pymunk_scene import play_pymunk
 from virtual_lab.simulation.motion.scene import (
     FrameSpec,
@@ -50,9 +51,9 @@ class Surroundings(NamedTuple):
         unseen = np.all((low <= self.view[0]) & (high >= self.view[1]))
         return self.gates[..., int(unseen) :]
 
-    def at(self, shot: int) -> Surroundings:
-        """Return what stands around the bat of one shot."""
-        return self._replace(gates=self.gates[shot] if self.gates.ndim > 1 else self.gates)
+    def at(self, shots: NDArray[np.int_]) -> Surroundings:
+        """Return what stands around the bats of some shots."""
+        return self._replace(gates=self.gates[shots] if self.gates.ndim > 1 else self.gates)
 
 
 class RestingBat(NamedTuple):
@@ -79,11 +80,11 @@ class FlownShots(NamedTuple):
 def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
     """Return the flights at a pivoted bat at rest by the plan's rung of the motion.
 
-    Closed form, but pymunk for a shot whose ball may meet a frame on its way in, or whose bat may
-    come back from its stop to the ball; for all shots where the plan asks for it. What a scene
-    comes to replaces speeds, slopes and places of its flight. The blow is that of a level ball, as
-    it is in closed form. A frame on the way back needs no scene: no gate beyond it sees the ball,
-    whatever then becomes of it.
+    Closed form, but from event to event where the ball may meet a frame on its way in, or the bat
+    come back from its stop to the ball; pymunk for all shots where the plan asks for it. What a
+    scene comes to replaces speeds, slopes and places of its flight. The blow is that of a level
+    ball, as it is in closed form. A frame on the way back needs no scene: no gate beyond it sees
+    the ball, whatever then becomes of it.
 
     Raises
     ------
@@ -91,48 +92,41 @@ def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surrounding
         A shot that pymunk cannot play.
     """
     beyond, framed = _beyond_closed_form(passage, bat, around)
-    asked = plan.motion is MotionRung.PYMUNK
+    asked, count = plan.motion is MotionRung.PYMUNK, len(beyond)
     if not asked:
         passage = _stopped(passage, around, framed & ~beyond)
-    shots = np.arange(len(beyond)) if asked else np.flatnonzero(beyond)
+    shots = np.arange(count) if asked else np.flatnonzero(beyond)
     if not shots.size:
         return FlownShots(passage)
-    whole, count = _columns(passage, len(beyond)), len(beyond)
+    some = replace(passage, **_columns(passage, count, shots), **_shared(passage, shots))
+    # on a free way back a millisecond after the contact is enough: the ball has parted
+    after = np.where((beyond | framed)[shots], RECORD, 1e-3)
+    blows = RestingBat(bat.body, *(each[shots] for each in bat[1:]))
+    scene = scene_of(some, blows, around.at(shots), after)
+    played = play_pymunk(scene) if asked else play_events(scene)
+    chosen = _all_met(played) if asked else _beyond_one_blow(played)
+    pieces, turns = played.pieces, _turns(played.pieces, len(shots)).part(chosen)
+    late, met = np.zeros(count), np.ones(count, dtype=bool)
+    late[shots[chosen]] = pieces.time[turns.back] - pieces.time[turns.first]
+    met[shots[chosen]] = pieces.struck[turns.first] == Target.BAT
+    whole = _columns(passage, count)
     whole |= {"plane_out": whole["plane"].copy(), "height_out": whole["height"].copy()}
     whole.setdefault("reach", np.full(count, np.inf))
-    late, met, kicks = np.zeros(count), np.ones(count, dtype=bool), []
-    for shot in shots.tolist():
-        one = slice(shot, shot + 1)
-        blow = RestingBat(bat.body, *(each[one] for each in bat[1:]))
-        alone = replace(passage, **_columns(passage, count, one), **_shared(passage, count, shot))
-        # on a free way back a millisecond after the contact is enough: the ball has parted
-        near = around.at(shot)
-        scene = scene_of(alone, blow, near, RECORD if beyond[shot] or framed[shot] else 1e-3)
-        pieces = _played(scene, asked)
-        if pieces is None:
-            continue
-        first, back = _contacts(pieces)
-        for name, value in _as_flown(scene, pieces, first, back).items():
-            whole[name][shot] = value
-        late[shot] = pieces.time[back] - pieces.time[first]
-        met[shot] = pieces.struck[first] == Target.BAT
-        for again in np.flatnonzero(pieces.struck == Target.BAT_AGAIN):
-            more = float(np.diff(pieces.state.rate)[again - 1])
-            kicks.append((int(shot), float(pieces.time[again] - pieces.time[first]), more))
+    for name, values in _as_flown(scene, some, pieces, turns).items():
+        whole[name][shots[chosen]] = values
     if met.all() and np.isinf(whole["reach"]).all():
         whole.pop("reach")
-    if not late.any():
-        whole = {name: each for name, each in whole.items() if not name.endswith("e_out")}
-    return FlownShots(replace(passage, **whole), late, met, tuple(kicks))
+    return FlownShots(replace(passage, **whole), late, met, _kicks(pieces, shots))
 
 
-def scene_of(passage: Passage, bat: RestingBat, around: Surroundings, after: float) -> ShotScene:
-    """Return the scene of one shot: flights and blow of (1,), to `after` [s] past the contact."""
-    axis = float(bat.axis[0])
-    held = PivotedBat(bat.body.profile, axis, beam_of(bat.body).inertia(axis))
+def scene_of(
+    passage: Passage, bat: RestingBat, around: Surroundings, after: Array | float
+) -> ShotScene:
+    """Return the scene of shots, to `after` [s] past the contact in closed form."""
+    held = PivotedBat(bat.body.profile, bat.axis, beam_of(bat.body).inertia(bat.axis))
     touching = -np.sqrt((held.radius(bat.place) + passage.radius) ** 2 - bat.across**2)
     span = time_before(AHEAD, passage.speed_in, passage.drag)
-    up = float((bat.across - passage.height)[0])
+    up = bat.across - passage.height
     return ShotScene(
         start=ShotState.of(
             x=touching - AHEAD,
@@ -142,14 +136,14 @@ def scene_of(passage: Passage, bat: RestingBat, around: Surroundings, after: flo
             vy=passage.gravity * span,
         ),
         ball_mass=bat.mass,
-        ball_drag=np.broadcast_to(passage.drag, (1,)),
+        ball_drag=np.broadcast_to(passage.drag, bat.mass.shape),
         ball_radius=passage.radius,
         bat=held,
-        efficiency=lambda *_: bat.efficiency,
-        duration=float(span[0]) + after,
+        efficiency=lambda _place, _speed, shots: bat.efficiency[shots],
+        duration=span + after,
         gravity=passage.gravity,
         stop=around.stop,
-        frames=tuple(GateFrame(around.frame, float(touching[0]) - at, up) for at in around.gates),
+        frames=tuple(GateFrame(around.frame, touching - at, up) for at in around.gates.T),
     )
 
 
@@ -256,61 +250,90 @@ def _columns(passage: Passage, count: int, chosen: Any = slice(None)) -> dict[st
     return {name: values[chosen].astype(float) for name, values in whole.items()}
 
 
-def _shared(passage: Passage, count: int, shot: int) -> dict[str, Any]:
-    """Return what one shot shares with all of its laboratory, as numbers."""
-    names = ("radius", "gravity")
-    return {n: float(np.broadcast_to(getattr(passage, n), count)[shot]) for n in names}
+def _shared(passage: Passage, shots: NDArray[np.int_]) -> dict[str, Any]:
+    """Return what some shots share with all of their laboratory."""
+    each = {name: np.asarray(getattr(passage, name)) for name in ("radius", "gravity")}
+    return {name: values[shots] if values.ndim else values for name, values in each.items()}
 
 
-def _played(scene: ShotScene, asked: bool) -> Pieces | None:
-    """Return the pieces of one shot; None where it was not asked for and closed form does it.
-
-    A blow on the edge of the tip, which the law of the collision takes and no scene, stays in it.
-    """
-    played = play_pymunk(scene)
-    pieces = played.pieces
-    if not asked:
-        alone = pieces.struck[1:].tolist() == [Target.BAT]
-        return None if alone or len(pieces.time) < 2 else pieces
-    if len(pieces.time) < 2:
-        why = str(played.refused[0]) or "the ball misses"
+def _all_met(played: PlayedShots) -> NDArray[np.int_]:
+    """Return all shots; `InputError` where one was refused or met nothing."""
+    contacts = np.bincount(played.pieces.shot, minlength=len(played.refused)) - 1
+    for shot in np.flatnonzero(contacts < 1)[:1]:
+        why = str(played.refused[shot]) or "the ball misses"
         raise InputError("", "motion", MotionRung.PYMUNK.value, f"allowed: closed-form; {why}")
-    return pieces
+    return np.arange(len(contacts))
 
 
-def _contacts(pieces: Pieces) -> tuple[int, int]:
-    """Return on which pieces the ball comes to the bat, or to what it meets instead, and goes back.
+def _beyond_one_blow(played: PlayedShots) -> NDArray[np.int_]:
+    """Return the shots that met more than closed form knows.
 
-    It goes back after it last touched the bat, before any frame.
+    A refused one is none: a blow on the edge of the tip, which the law of the collision takes and
+    no scene, stays in closed form.
     """
-    bats = np.flatnonzero(pieces.struck == Target.BAT)
-    first = int(bats[0]) if bats.size else 1
-    frames = np.flatnonzero(pieces.struck[first + 1 :] == Target.FRAME) + first + 1
-    free = slice(first, frames[0] if frames.size else None)
-    last = first + int(
-        np.flatnonzero(np.isin(pieces.struck[free], (Target.BAT, Target.BAT_AGAIN)))[-1:].sum()
-    )
-    turned = np.flatnonzero(pieces.state.vx[last : free.stop] < 0)
-    return first, last + int(turned[:1].sum())
+    other = ~np.isin(played.pieces.struck, (Target.START, Target.BAT))
+    return np.unique(played.pieces.shot[other])
 
 
-def _as_flown(scene: ShotScene, pieces: Pieces, first: int, back: int) -> dict[str, Any]:
-    """Return what a scene of one shot comes to as flights in and back."""
-    once = np.zeros(1, dtype=np.int_)
-    begun = pieces.state.part(slice(first - 1, first))
-    before = moved(scene, begun, pieces.time[first] - pieces.time[first - 1 : first], once)
-    state, up = pieces.state.part(back), scene.frames[0].up
-    contact = scene.start.x[0] + AHEAD  # where it would be in closed form
-    frames = np.flatnonzero(pieces.struck[back + 1 :] == Target.FRAME) + back + 1
-    found = {
-        "speed_in": before.vx[0],
-        "plane": contact - before.x[0],
+class _Turns(NamedTuple):
+    """Rows of pieces, one a shot: their number where there is none."""
+
+    first: NDArray[np.int_]  # the ball comes to the bat, or to what it meets instead
+    back: NDArray[np.int_]  # it goes back, after it last touched the bat, before any frame
+    frame: NDArray[np.int_]  # and meets a frame then
+
+    def part(self, chosen: NDArray[np.int_]) -> _Turns:
+        return _Turns(*(each[chosen] for each in self))
+
+
+def _turns(pieces: Pieces, shots: int) -> _Turns:
+    """Return where the balls turn."""
+    struck, shot = pieces.struck, pieces.shot
+    row, at_frame = np.arange(len(shot)), struck == Target.FRAME
+
+    def first_row(true: NDArray[np.bool_]) -> NDArray[np.int_]:
+        found = np.full(shots, len(row))
+        np.minimum.at(found, shot[true], row[true])
+        return found
+
+    first = first_row(struck == Target.BAT)
+    first = np.where(first < len(row), first, first_row(struck == Target.START) + 1)
+    free = (row >= first[shot]) & (row < first_row(at_frame & (row > first[shot]))[shot])
+    blow, last = free & np.isin(struck, (Target.BAT, Target.BAT_AGAIN)), first.copy()
+    np.maximum.at(last, shot[blow], row[blow])
+    back = first_row(free & (row >= last[shot]) & (pieces.state.vx < 0))
+    back = np.where(back < len(row), back, last)
+    return _Turns(first, back, first_row(at_frame & (row > back[shot])))
+
+
+def _as_flown(scene: ShotScene, given: Passage, pieces: Pieces, turns: _Turns) -> dict[str, Array]:
+    """Return what shots of a scene come to as flights in and back, in place of those `given`."""
+    first, shot = turns.first, pieces.shot[turns.first]
+    begun = pieces.state.part(first - 1)
+    before = moved(scene, begun, pieces.time[first] - pieces.time[first - 1], shot)
+    state, up = pieces.state.part(turns.back), np.asarray(scene.frames[0].up)[shot]
+    contact = scene.start.x[shot] + AHEAD  # where it would be in closed form
+    ends = np.append(pieces.state.x, -np.inf)[turns.frame]
+    missed = pieces.struck[first] != Target.BAT
+    return {
+        "speed_in": before.vx,
+        "plane": contact - before.x,
+        "height": np.where(missed, before.y - up, np.asarray(given.height)[shot]),
         "speed_out": -state.vx,
-        "slope_out": -state.vy / (state.vx or np.nan),
+        "slope_out": -state.vy / np.where(state.vx == 0, np.nan, state.vx),
         "plane_out": contact - state.x,
         "height_out": state.y - up,
-        "reach": contact - pieces.state.x[frames[0]] if frames.size else np.inf,
+        "reach": contact - ends,
     }
-    if pieces.struck[first] != Target.BAT:
-        found["height"] = before.y[0] - up
-    return found
+
+
+def _kicks(pieces: Pieces, shots: NDArray[np.int_]) -> tuple[tuple[int, float, float], ...]:
+    """Return what later blows add to the rate of a bat, as `FlownShots` has it."""
+    again = np.flatnonzero(pieces.struck == Target.BAT_AGAIN)
+    firsts = np.flatnonzero(pieces.struck == Target.BAT)
+    first = firsts[np.searchsorted(pieces.shot[firsts], pieces.shot[again])]
+    after = pieces.time[again] - pieces.time[first]
+    more = pieces.state.rate[again] - pieces.state.rate[again - 1]
+    return tuple(
+        zip(shots[pieces.shot[again]].tolist(), after.tolist(), more.tolist(), strict=True)
+    )

@@ -48,7 +48,7 @@ class Reality(Enum):
 class MotionRung(Enum):
     """How ball and bat are carried through flight, contact and rebound."""
 
-    CLOSED_FORM = "closed-form"  # all shots at once
+    CLOSED_FORM = "closed-form"  # all shots at once, from event to event where the ball meets more
     PYMUNK = "pymunk"  # a scene a shot
 
 

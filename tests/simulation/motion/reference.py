@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.simulation.motion.scene import GateFrame, ShotScene
+from virtual_lab.simulation.motion.scene import FrameSpec, GateFrame, ShotScene
 
 __all__ = ["Reference", "reference"]
 
 Array = NDArray[np.float64]
 UP = np.array([0.0, 1.0, 0.0])
 TOLERANCE, LONGEST_STEP = 1e-13, 2e-3  # s, so that the interpolant between steps is as good
+LONGEST_WAY = 0.06  # m in a step: no bar is passed in one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +55,7 @@ def reference(scene: ShotScene, shot: int) -> Reference:
             method="DOP853",
             rtol=TOLERANCE,
             atol=TOLERANCE,
-            max_step=LONGEST_STEP,
+            max_step=min(LONGEST_STEP, LONGEST_WAY / np.linalg.norm(state[3:6])),
             events=events,
         )
         now, state = float(found.t[-1]), found.y[:, -1]
@@ -100,6 +101,14 @@ def _watched(scene: ShotScene) -> list[tuple[Any, Callable[..., Any]]]:
             return "stop", np.nan, np.nan, np.nan
 
         pairs.append((_falling(lambda y: float(stop.angle - y[6])), turn))
+        way = stop.angle + np.arcsin(max(scene.bat.profile.outer_diameter) / 2 / stop.reach)
+        post = FrameSpec(
+            bottom=-1.0, top=1.0, tip_side=0.0, knob_side=1.0,
+            radius=stop.radius, restitution=stop.restitution,
+        )  # fmt: skip
+        where = float(scene.bat.axis - stop.reach * np.cos(way))
+        frame = GateFrame(post, float(stop.reach * np.sin(way)))
+        pairs.append(_solid(scene, frame, where, where, "stop"))
     for frame in scene.frames:
         ends = frame.spec.tip_side - frame.spec.radius, frame.spec.knob_side + frame.spec.radius
         for low, high in (ends, ends[:1] * 2, ends[1:] * 2):  # bars, and either post
@@ -108,30 +117,37 @@ def _watched(scene: ShotScene) -> list[tuple[Any, Callable[..., Any]]]:
 
 
 def _solid(
-    scene: ShotScene, frame: GateFrame, low: float, high: float
+    scene: ShotScene, frame: GateFrame, low: float, high: float, kind: str = "frame"
 ) -> tuple[Any, Callable[..., Any]]:
     """Return the event and the rebound of a ball on what stands from `low` to `high` [m]."""
 
     def away(y: Array) -> Array:
         return np.array([y[0] - frame.x, 0.0, y[2] - min(max(y[2], low), high)])
 
+    passing = False  # over or under the bar, until the ball is clear of it in the plan
+
     def bounce(_: int, y: Array) -> tuple[str, float, float, float]:
+        nonlocal passing
         spec, radius, up = frame.spec, scene.ball_radius, y[1] - frame.up
         if low < high:
             bar = 2 * spec.radius + radius
             between = spec.bottom + radius < up < spec.top - radius
             past = not spec.bottom - bar <= up <= spec.top + bar
             if between or past:
+                passing = True
                 return "", 0.0, 0.0, np.nan
         normal = away(y) / np.linalg.norm(away(y))
         y[3:6] -= (1 + spec.restitution) * (y[3:6] @ normal) * normal
-        return "frame", np.nan, np.nan, np.nan
+        return kind, np.nan, np.nan, np.nan
 
     reach = frame.spec.radius + scene.ball_radius
 
     def gap(y: Array) -> float:
+        nonlocal passing
         beside = low < high and not low < y[2] < high  # a post's business
-        return 1.0 if beside else float(np.linalg.norm(away(y))) - reach
+        own = float(np.linalg.norm(away(y))) - reach
+        passing &= own < 1e-9
+        return 1.0 if beside or passing else own
 
     return _falling(gap), bounce
 

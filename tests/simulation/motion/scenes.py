@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.simulation.motion.closed_form import play_closed_form
+from virtual_lab.simulation.motion.events import play_events
 from virtual_lab.simulation.motion.played import PlayedShots
 from virtual_lab.simulation.motion.pymunk_scene import play_pymunk
 from virtual_lab.simulation.motion.scene import (
@@ -37,7 +38,8 @@ def rigid(place: Array, *_: Any) -> Array:
 
 
 def play(scene: ShotScene, rung: str) -> PlayedShots:
-    return {"closed-form": play_closed_form, "pymunk": play_pymunk}[rung](scene)
+    rungs = {"closed-form": play_closed_form, "events": play_events, "pymunk": play_pymunk}
+    return rungs[rung](scene)
 
 
 def stop(angle: float, restitution: float = 0.5) -> StopSpec:

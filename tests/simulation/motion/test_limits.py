@@ -18,7 +18,7 @@ from virtual_lab.simulation.motion.scene import FrameSpec, PivotedBat, ShotScene
 from virtual_lab.simulation.motion.touch import moved, nearness
 from virtual_lab.units import INCH
 
-BOTH = pytest.mark.parametrize("rung", ["closed-form", "pymunk"])
+EVERY = pytest.mark.parametrize("rung", ["closed-form", "events", "pymunk"])
 
 
 @pytest.mark.parametrize(
@@ -64,8 +64,9 @@ def test_without_settings_the_step_is_short_enough() -> None:
     fast = scene(vx=190.0, duration=0.02)
     with pytest.raises(InputError, match="step"):
         PymunkSettings(step=1e-3).check(fast)
-    hits = [play(fast, rung).first(Target.BAT).time for rung in ("pymunk", "closed-form")]
-    assert hits[0] == pytest.approx(hits[1])
+    hits = [play(fast, rung).first(Target.BAT).time for rung in ("pymunk", "events", "closed-form")]
+    assert hits[0] == pytest.approx(hits[2])
+    assert hits[1] == pytest.approx(hits[2])
 
 
 def test_a_ball_that_starts_in_the_bat_is_refused() -> None:
@@ -78,7 +79,7 @@ def test_a_frame_without_an_opening_is_refused() -> None:
         FrameSpec(bottom=0.1, top=0.2, tip_side=0.0, knob_side=1.0, radius=0.01, restitution=0.5)
 
 
-@pytest.mark.parametrize("rung", ["closed-form", "pymunk"])
+@EVERY
 def test_what_no_rung_can_do_is_said(rung: str) -> None:
     """A ball on the tip's edge, and an e_A by which the bat would run through the ball."""
     played = scene(z=[-0.02, 6 * INCH], efficiency=constant(-0.9))
@@ -91,7 +92,7 @@ def test_what_no_rung_can_do_is_said(rung: str) -> None:
     assert np.isnan(outcome.at(played, 0.01).x).all()
 
 
-@pytest.mark.parametrize("rung", ["closed-form", "pymunk"])
+@EVERY
 def test_a_ball_past_the_tip_misses(rung: str) -> None:
     """No contact is an outcome, not a refusal: by more than its radius, above or beside."""
     played = scene(z=[-0.0367, 0.1], y=[0.0, 0.15], gravity=0.0)
@@ -103,7 +104,7 @@ def test_a_ball_past_the_tip_misses(rung: str) -> None:
     assert (last.x > 1).all()
 
 
-@pytest.mark.parametrize("rung", ["closed-form", "pymunk"])
+@EVERY
 def test_a_graze_ends_and_is_no_fault(rung: str) -> None:
     """Depths above, about and below what the search tells apart: done, refused, or a miss."""
     touching = 0.0366 + float(scene().bat.radius(np.array(6 * INCH)))
@@ -114,6 +115,7 @@ def test_a_graze_ends_and_is_no_fault(rung: str) -> None:
     assert {0, 1} <= set(hit.shot) <= {0, 1, 2, 3, 4}
     shallow = 26.8 * np.exp(-0.006 * 0.9) * np.sqrt(2 * depth[:2] / touching)
     assert hit.speed[:2] == pytest.approx(shallow, rel=6e-2)
+    assert (hit.speed > 0).all()
 
 
 def test_a_frame_pymunk_does_not_feel_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,7 +134,7 @@ def constant(value: float) -> Callable[..., Array]:
     return lambda place, *_: np.full(len(place), value)
 
 
-@BOTH
+@EVERY
 @pytest.mark.parametrize("z", [-0.5 * RADIUS, BODY.length + 0.5 * RADIUS])
 def test_a_ball_on_the_edge_of_either_end_is_refused(rung: str, z: float) -> None:
     """No law of a collision holds there, at the knob as little as at the tip."""

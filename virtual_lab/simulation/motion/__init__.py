@@ -1,1 +1,1 @@
-"""The motion of ball and bat around their collision: in closed form, or carried by pymunk."""
+"""The motion of ball and bat around their collision: in closed form, by events, by pymunk."""

@@ -1,6 +1,6 @@
 """One contact of ball and bat between free flights, in closed form: all shots at once.
 
-It knows no stop, no frame and no second contact: where these may come, pymunk plays the shot.
+It knows no stop, no frame and no second contact: `events` and `pymunk_scene` do.
 """
 
 from __future__ import annotations

@@ -21,6 +21,7 @@ from virtual_lab.relations.flight import time_after
 from virtual_lab.simulation.motion.played import Pieces, PlayedShots, Target
 from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import (
+    Obstacle,
     first_touch,
     moved,
     nearness,
@@ -32,6 +33,7 @@ from virtual_lab.units import Array
 
 ONE = np.zeros(1, dtype=np.int_)
 SHARE = 0.9  # of the longest safe step, what one by the present speed takes
+OVERLAP = 1e-9  # m, of a ball and a post or bar: pymunk sees no contact before they overlap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +102,7 @@ def play_pymunk(scene: ShotScene, settings: PymunkSettings = USUAL) -> PlayedSho
 
 def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
     """Return the results of the shots, by settings as they are; those refused have no pieces."""
-    shots = [_Shot(scene.part(np.array([shot])), settings) for shot in range(scene.shots)]
+    shots = [_Shot(scene.alone(shot), settings) for shot in range(scene.shots)]
     pieces = [
         piece._replace(shot=np.array([number]))
         for number, shot in enumerate(shots)
@@ -131,15 +133,16 @@ class _Shot:
         self.state, self.now, self.refused = scene.start, 0.0, ""
         self.struck: list[Target] = []
         self.touching = False
+        self.end = float(scene.duration)
         self.space = pymunk.Space()
         self.space.iterations, self.space.collision_slop = settings.iterations, settings.slop
         self.ball = pymunk.Body(float(scene.ball_mass[0]), inf)
-        circle = pymunk.Circle(self.ball, scene.ball_radius)
+        circle = pymunk.Circle(self.ball, float(scene.ball_radius))
         circle.elasticity = 1.0  # pymunk multiplies: the solid's own stands
         circle.filter = pymunk.ShapeFilter(categories=1)  # it alone meets what stands
         # centre and moment are those of its axis: the joint does no work, whatever the step
-        self.bat = pymunk.Body(1.0, scene.bat.inertia)
-        self.bat.position = (0.0, scene.bat.axis)
+        self.bat = pymunk.Body(1.0, float(scene.bat.inertia))
+        self.bat.position = (0.0, float(scene.bat.axis))
         joint = pymunk.PivotJoint(self.space.static_body, self.bat, self.bat.position)
         self.space.add(self.ball, circle, self.bat, joint)
         self.solids = self._stand(self.space.static_body)
@@ -151,15 +154,14 @@ class _Shot:
 
         found = []
         if stop := self.scene.stop:
-            way = stop.angle + np.arcsin(self.scene.bat.widest / stop.reach)
-            post = stop.reach * sin(way), self.scene.bat.axis - stop.reach * cos(way)
+            post = stop.post(self.scene.bat)
             found.append(
                 (_Solid(pymunk.Circle(hall, stop.radius, post), Target.STOP), stop.restitution)
             )
         for frame in self.scene.frames:
             spec = frame.spec
-            ends = ((frame.x, spec.tip_side - spec.radius), (frame.x, spec.knob_side + spec.radius))
-            bars = pymunk.Segment(hall, *ends, spec.radius)
+            ends = [(float(frame.x), end) for end in frame.ends]
+            bars = pymunk.Segment(hall, ends[0], ends[1], spec.radius)
             found += [
                 (_Solid(pymunk.Circle(hall, spec.radius, end), Target.FRAME), spec.restitution)
                 for end in ends
@@ -177,8 +179,8 @@ class _Shot:
     def play(self) -> list[Pieces]:
         """Carry the shot to the end of the record; a refused one has no pieces."""
         pieces = [Pieces.of(ONE, np.zeros(1), Target.START, self.state)]
-        while self.now < self.scene.duration and not self.refused:
-            step = min(self._longest(), self.scene.duration - self.now)
+        while self.now < self.end and not self.refused:
+            step = min(self._longest(), self.end - self.now)
             touch = self._touch(step)
             stop = float(time_to_stop(self.scene, self.state)[0])
             solid = self._solid(min(step, touch, stop))
@@ -192,7 +194,7 @@ class _Shot:
             elif touch <= span:
                 pieces.append(self._strike())
             if len(self.struck) > 100:
-                self.refused = "more than 100 contacts in one record"
+                self.refused = Obstacle.MANY
         return [] if self.refused else pieces
 
     def _longest(self) -> float:
@@ -252,8 +254,7 @@ class _Shot:
             # one it is already over, by more than rounding explains, it rolls over
             if solid.shape.point_query(here).distance < scene.ball_radius - 1e-6:
                 continue
-            # pymunk sees a shape only as the ball overlaps it
-            flown = hit.alpha * np.hypot(*way) + 1e-9
+            flown = hit.alpha * np.hypot(*way) + OVERLAP
             time = float(time_after(flown, speed, scene.ball_drag[0]))
             height = moved(scene, start, np.array([time]), ONE).y
             cleared = solid.frame and solid.frame.clears(height, scene.ball_radius)[0]

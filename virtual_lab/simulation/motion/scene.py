@@ -55,11 +55,14 @@ class ShotState(NamedTuple):
 
 @dataclass(frozen=True)
 class PivotedBat:
-    """A bat on its axis, `axis` [m] from the tip, and its moment of inertia about it [kg m²]."""
+    """A bat on its axis, `axis` [m] from the tip, and its moment of inertia about it [kg m²].
+
+    One axis for all shots, or (n,).
+    """
 
     profile: Profile
-    axis: float
-    inertia: float
+    axis: Array | float
+    inertia: Array | float
 
     @property
     def length(self) -> float:
@@ -95,6 +98,11 @@ class StopSpec(Spec):
     radius: Annotated[float, Gt(0), Dimension("length")]
     restitution: Share  # of the bat's rate, and of a ball that meets the post
 
+    def post(self, bat: PivotedBat) -> tuple[Any, Any]:
+        """Return x and z of the post on which a bat rests by its widest place [m]."""
+        way = self.angle + np.arcsin(bat.widest / self.reach)
+        return self.reach * np.sin(way), bat.axis - self.reach * np.cos(way)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameSpec(Spec):
@@ -115,38 +123,50 @@ class FrameSpec(Spec):
 class GateFrame(NamedTuple):
     """A frame in the plane x of its gate, `up` [m] that the bat's axis is below the line of fire.
 
-    A ball whose outline is not within the opening as it comes to the plane is thrown back in the
-    plan, as if smooth. One that comes down on a bar while it passes rolls over it.
+    Both are of all shots, or each one's own, (n,). A ball whose outline is not within the opening
+    as it comes to the plane is thrown back in the plan, as if smooth. One that comes down on a bar
+    while it passes rolls over it.
     """
 
     spec: FrameSpec
-    x: float
-    up: float = 0.0
+    x: Array | float
+    up: Array | float = 0.0
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Axes of its posts, along the bat from its tip [m]."""
+        return self.spec.tip_side - self.spec.radius, self.spec.knob_side + self.spec.radius
+
+    @property
+    def heights(self) -> tuple[float, float, float, float]:
+        """Lower and upper faces of the bars, from below, from the line of fire [m]."""
+        spec, bar = self.spec, 2 * self.spec.radius
+        return spec.bottom - bar, spec.bottom, spec.top, spec.top + bar
 
     def clears(self, height: ArrayLike, ball_radius: float | Array) -> NDArray[np.bool_]:
         """Return whether balls at heights [m] above the bat's axis pass between or beside bars."""
-        y, spec = np.asarray(height) - self.up, self.spec
-        inside = (spec.bottom + ball_radius < y) & (y < spec.top - ball_radius)
-        bar = 2 * spec.radius + ball_radius
-        return np.asarray(inside | (y < spec.bottom - bar) | (y > spec.top + bar))
+        y, (under, bottom, top, over) = np.asarray(height) - self.up, self.heights
+        inside = (bottom + ball_radius < y) & (y < top - ball_radius)
+        return np.asarray(inside | (y < under - ball_radius) | (y > over + ball_radius))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShotScene:
-    """Shots to be played, all from time 0 to `duration` [s] at one bat.
+    """Shots to be played, each from time 0 to `duration` [s], at one bat.
 
-    `efficiency` gives e_A for places [m], normal relative speeds [m/s] and numbers of shots, at
-    first contacts and later ones alike; the contact takes no time here.
+    What may be a number or an array (n,) is one of all shots, or each one's own. `efficiency` gives
+    e_A for places [m], normal relative speeds [m/s] and numbers of shots, at first contacts and
+    later ones alike; the contact takes no time here.
     """
 
     start: ShotState
     ball_mass: Array  # [kg]
     ball_drag: Array  # κ [1/m]
-    ball_radius: float
+    ball_radius: Array | float
     bat: PivotedBat
     efficiency: Callable[[Array, Array, Any], Array]
-    duration: float
-    gravity: float = 0.0
+    duration: Array | float
+    gravity: Array | float = 0.0
     stop: StopSpec | None = None
     frames: tuple[GateFrame, ...] = ()
 
@@ -154,12 +174,22 @@ class ShotScene:
     def shots(self) -> int:
         return len(self.start.x)
 
-    def part(self, chosen: NDArray[np.int_]) -> Self:
-        """Return the scene of some shots."""
+    def alone(self, shot: int) -> Self:
+        """Return the scene of one shot; what may be a number is one."""
+
+        def own(each: Array | float) -> float:
+            return float(np.broadcast_to(each, (self.shots,))[shot])
+
+        one = slice(shot, shot + 1)
         return replace(
             self,
-            start=self.start.part(chosen),
-            ball_mass=self.ball_mass[chosen],
-            ball_drag=self.ball_drag[chosen],
-            efficiency=lambda place, speed, shot: self.efficiency(place, speed, chosen[shot]),
+            start=self.start.part(one),
+            ball_mass=self.ball_mass[one],
+            ball_drag=self.ball_drag[one],
+            ball_radius=own(self.ball_radius),
+            bat=replace(self.bat, axis=own(self.bat.axis), inertia=own(self.bat.inertia)),
+            efficiency=lambda place, speed, _: self.efficiency(place, speed, np.array([shot])),
+            duration=own(self.duration),
+            gravity=own(self.gravity),
+            frames=tuple(each._replace(x=own(each.x), up=own(each.up)) for each in self.frames),
         )

@@ -37,6 +37,7 @@ class Obstacle(StrEnum):
     EDGE = "the ball strikes the edge of the bat's end, where no collision model holds"
     GRAZED = "the ball grazes the bat by less than its roundness is known"
     FOLLOWED = "the bat follows faster than the ball leaves it: no such e_A can be"
+    MANY = "more than 100 contacts in one record"
 
 
 class Nearness(NamedTuple):
@@ -58,16 +59,17 @@ def moved(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> Shot
     """
     speed = np.hypot(state.vx, state.vz)
     drag = scene.ball_drag[shots]
+    gravity = np.broadcast_to(scene.gravity, (scene.shots,))[shots]
     # a resting ball flies nowhere in any direction
     share = 1 / np.where(speed > 0, speed, 1.0)
     way = distance_after(time, speed, drag) * share
     kept = np.where(speed > 0, speed_after(time, speed, drag) * share, 1.0)
     return ShotState(
         x=state.x + state.vx * way,
-        y=state.y + (state.vy - scene.gravity / 2 * time) * time,
+        y=state.y + (state.vy - gravity / 2 * time) * time,
         z=state.z + state.vz * way,
         vx=state.vx * kept,
-        vy=state.vy - scene.gravity * time,
+        vy=state.vy - gravity * time,
         vz=state.vz * kept,
         angle=state.angle + state.rate * time,
         rate=state.rate + 0 * time,
@@ -126,7 +128,8 @@ def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.
     """
     edge = (near.place < 0) | (near.place > scene.bat.length)
     follows = nearness(scene, after).approach >= 0
-    return np.select([edge, near.approach <= 0, follows], list(Obstacle), "")
+    why = [Obstacle.EDGE, Obstacle.GRAZED, Obstacle.FOLLOWED]
+    return np.select([edge, near.approach <= 0, follows], why, "")
 
 
 def time_to_stop(scene: ShotScene, state: ShotState) -> Array:

@@ -99,6 +99,15 @@ def outer_diameter(profile: Profile, z: Array) -> Array:
     return _between_stations(profile, profile.outer_diameter, z)
 
 
+def radius_cubics(profile: Profile) -> tuple[Array, Array]:
+    """Return stations [m], (k + 1,), and cubics of the outer radius past each, (4, k).
+
+    Highest power first; at places as `outer_diameter` has them.
+    """
+    found = _interpolant(profile.z, profile.outer_diameter)
+    return found.x, found.c / 2
+
+
 def section(body: BatBody, z: Array) -> Section:
     """Return the section at places `z` [m]."""
     material = body.material

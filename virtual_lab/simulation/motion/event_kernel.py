@@ -1,0 +1,311 @@
+"""Shots carried from one event to the next, each in numbers of its own; compiled.
+
+An event is a contact of the ball with the bat, a bar or a post, or of the bat with its stop.
+Between events all motion is in closed form, so that the moment of each is a root: of a quadratic
+at a bar or post, to which the ball flies straight in the plan; of the gap at the bat, found to
+rounding.
+"""
+
+from __future__ import annotations
+
+from math import cos, expm1, hypot, inf, log1p, nan, sin, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from virtual_lab.simulation.motion.played import Target
+from virtual_lab.simulation.motion.touch import TOUCHING, Obstacle
+from virtual_lab.units import Array
+
+_, BAT, BAT_AGAIN, STOP, FRAME = range(len(Target))
+PLAYED, EDGE, GRAZED, FOLLOWED, MANY = range(len(Obstacle) + 1)
+MOST = 100  # contacts
+NEAR, PARTING, SHARP = TOUCHING.near, TOUCHING.parting, TOUCHING.sharp
+NEWTONS = 20  # at most: each leaves the share of the last error by which the taper slopes
+OVER = 1e-6  # m by which a ball over a bar or post overlaps it, more than rounding explains
+
+
+class Own(NamedTuple):
+    """What a shot has for itself [SI]."""
+
+    mass: float  # of the ball
+    drag: float
+    radius: float
+    gravity: float
+    duration: float
+    axis: float
+    inertia: float
+
+
+class Moving(NamedTuple):
+    """Ball and bat at a moment: `ShotState` of one shot."""
+
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+    angle: float
+    rate: float
+
+
+class Near(NamedTuple):
+    """How near they are: `Nearness` of one shot."""
+
+    gap: float
+    place: float
+    lever: float
+    approach: float
+    sliding: float
+    normal: tuple[float, float, float]
+    turning: float
+
+
+class Solid(NamedTuple):
+    """Columns of what stands in the plan, (shot, solid, 10): a bar along z, or a post, as high."""
+
+    x: int = 0
+    low: int = 1  # its axis, from z
+    high: int = 2  # to z: a post's are equal
+    reach: int = 3  # from its axis to that of a ball that touches it
+    restitution: int = 4
+    kind: int = 5
+    under: int = 6  # heights of a ball that clears the bar: below this,
+    bottom: int = 7  # from this
+    top: int = 8  # to this,
+    over: int = 9  # and above this; NaN of a post
+
+
+SOLID = Solid()
+
+
+class Scene(NamedTuple):
+    """What the shots have in common, and what each has for itself [SI]."""
+
+    knots: Array  # (k + 1,) from the tip
+    cubics: Array  # of the bat's radius past each, highest power first (4, k)
+    steepest: float  # the radius, at most
+    stop: float  # angle of the bat on it, inf without one
+    restitution: float  # of the bat on it
+    own: Array  # columns of `Own` (shot, 7)
+    solids: Array  # (shot, solid, 10)
+
+
+class Log(NamedTuple):
+    """What came of the shots: rows of their pieces, the first the start."""
+
+    rows: NDArray[np.int64]  # so far (shot,)
+    kind: NDArray[np.int8]  # (row, shot)
+    time: Array
+    place: Array  # on the bat
+    speed: Array  # of approach to it, normal
+    state: Array  # after the event; before a blow whose e_A it `waits` for (row, shot, 8)
+    waits: NDArray[np.bool_]  # for the e_A of a blow (shot,)
+    refused: NDArray[np.int8]
+
+
+@njit(cache=True, error_model="numpy")
+def _radius(place: float, scene: Scene) -> float:
+    """Return the bat's radius [m]; beyond its ends that of the end."""
+    last = scene.knots.size - 1
+    at = min(max(place, scene.knots[0]), scene.knots[last])
+    k = 0
+    while k < last - 1 and at >= scene.knots[k + 1]:
+        k += 1
+    past, radius = at - scene.knots[k], 0.0
+    for power in range(4):
+        radius = radius * past + scene.cubics[power, k]
+    return radius
+
+
+@njit(cache=True, error_model="numpy")
+def _moved(state: Moving, time: float, shot: Own) -> Moving:
+    """Return the state a `time` [s] later if nothing is touched."""
+    lost = shot.drag * hypot(state.vx, state.vz) * time
+    way = time * log1p(lost) / lost if lost > 0 else time
+    return Moving(
+        state.x + state.vx * way,
+        state.y + (state.vy - shot.gravity / 2 * time) * time,
+        state.z + state.vz * way,
+        state.vx / (1 + lost),
+        state.vy - shot.gravity * time,
+        state.vz / (1 + lost),
+        state.angle + state.rate * time,
+        state.rate,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _nearness(state: Moving, shot: Own, scene: Scene) -> Near:
+    """Return how near ball and bat are. Beyond its ends the bat is cut off flat."""
+    c, s = cos(state.angle), sin(state.angle)
+    z = state.z - shot.axis
+    beside, lever = state.x * c + z * s, state.x * s - z * c
+    place = shot.axis - lever
+    across = hypot(beside, state.y)
+    deep = across - _radius(place, scene)
+    beyond = max(scene.knots[0] - place, place - scene.knots[-1])
+    gap = (hypot(max(deep, 0.0), beyond) if beyond > 0 else deep) - shot.radius
+    in_plane, up = (beside / across, state.y / across) if across > 0 else (0.0, 0.0)
+    outward = state.vx * c + state.vz * s - state.rate * lever
+    return Near(
+        gap,
+        place,
+        lever,
+        -(outward * in_plane + state.vy * up),
+        -(state.vx * s - state.vz * c + state.rate * beside),
+        (in_plane * c, up, in_plane * s),
+        -in_plane,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _kicked(state: Moving, gain: float, normal: tuple[float, float, float], rate: float) -> Moving:
+    """Return the state after the ball gained a speed along a normal, the bat then at a rate."""
+    vx, vy, vz = state.vx + gain * normal[0], state.vy + gain * normal[1], state.vz
+    return Moving(state.x, state.y, state.z, vx, vy, vz + gain * normal[2], state.angle, rate)
+
+
+@njit(cache=True, error_model="numpy")
+def _struck(state: Moving, efficiency: float, shot: Own, scene: Scene) -> tuple[Moving, int]:
+    """Return the state after a smooth blow of this e_A, and why it cannot be, if so."""
+    near = _nearness(state, shot, scene)
+    gain = (1 + efficiency) * near.approach
+    rate = state.rate + shot.mass * gain * near.lever * near.turning / shot.inertia
+    after = _kicked(state, gain, near.normal, rate)
+    if near.place < scene.knots[0] or near.place > scene.knots[-1]:
+        return after, EDGE
+    if near.approach <= 0:
+        return after, GRAZED
+    return after, FOLLOWED if _nearness(after, shot, scene).approach >= 0 else PLAYED
+
+
+@njit(cache=True, error_model="numpy")
+def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
+    """Return when ball and bat first touch, before `until`; inf where they do not [s].
+
+    The bound of `touch.first_touch`, which passes no touch however short.
+    """
+    near, time = _nearness(state, shot, scene), 0.0
+    fast = hypot(state.vx, state.vz)
+    if near.gap <= NEAR and near.approach < 0:  # they part
+        apart = hypot(state.x, state.z - shot.axis)
+        speeds = hypot(fast, state.vy) + abs(state.rate) * apart
+        reach = shot.radius + _radius(shot.axis - apart, scene)
+        time = -PARTING * near.approach / (speeds**2 / reach + shot.gravity)
+    drop = abs(state.vy - shot.gravity * until)
+    while time < until:
+        here = _moved(state, time, shot)
+        near = _nearness(here, shot, scene)
+        if near.gap <= NEAR:
+            break
+        spin = abs(here.rate)
+        sliding = abs(near.sliding) + 2 * spin * near.gap
+        turning = spin * (hypot(here.x, here.z - shot.axis) + near.gap)
+        closing = hypot(hypot(here.vx, here.vz), max(abs(here.vy), drop))
+        time += near.gap / (closing + turning + scene.steepest * sliding)
+    if not time < until:
+        return inf
+    for _ in range(NEWTONS):
+        near = _nearness(_moved(state, time, shot), shot, scene)
+        if near.approach <= SHARP * fast:
+            break
+        later = max(time + near.gap / near.approach, 0.0)
+        if later == time:
+            break
+        time = later
+    return time
+
+
+@njit(cache=True, error_model="numpy")
+def _next_solid(
+    state: Moving, shot: Own, solids: Array
+) -> tuple[float, int, tuple[float, float, float]]:
+    """Return when the ball comes to a bar or post [s], to which, and its normal in the plan."""
+    first, ahead, normal = inf, -1, (0.0, 0.0, 0.0)
+    speed = hypot(state.vx, state.vz)
+    if speed == 0:
+        return first, ahead, normal
+    along_x, along_z = state.vx / speed, state.vz / speed
+    for k in range(solids.shape[0]):
+        x, low, high, reach = solids[k, 0], solids[k, 1], solids[k, 2], solids[k, 3]
+        beside = state.x - x
+        if low < high:
+            way = (abs(beside) - reach) / abs(along_x) if beside * along_x < 0 else inf
+            if not low <= state.z + along_z * way <= high:
+                continue  # its ends are posts
+        else:
+            towards = -(beside * along_x + (state.z - low) * along_z)
+            off = beside * along_z - (state.z - low) * along_x
+            way = towards - sqrt(reach**2 - off**2) if towards > 0 and abs(off) < reach else inf
+        if not -OVER <= way < inf:
+            continue
+        way = max(way, 0.0)
+        lost = shot.drag * way
+        time = (expm1(lost) / lost if lost > 0 else 1.0) * way / speed
+        y = state.y + (state.vy - shot.gravity / 2 * time) * time
+        under, bottom, top, over = solids[k, 6], solids[k, 7], solids[k, 8], solids[k, 9]
+        if time < first and not (y < under or bottom < y < top or y > over):
+            first, ahead, at = time, k, state.z + along_z * way
+            off_x, off_z = beside + along_x * way, at - min(max(at, low), high)
+            normal = off_x / reach, 0.0, off_z / reach
+    return first, ahead, normal
+
+
+@njit(cache=True)
+def _write(state: Moving, row: Array) -> None:
+    for k in range(row.size):
+        row[k] = state[k]
+
+
+@njit(cache=True, error_model="numpy")
+def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log) -> None:
+    """Carry shots on to their next contact with the bat, or to their end, and log what is met.
+
+    `efficiency` is the e_A of the blows they wait for, (len(shots),).
+    """
+    for number in range(shots.size):
+        i = shots[number]
+        row, own, solids = log.rows[i] - 1, scene.own[i], scene.solids[i]
+        shot = Own(own[0], own[1], own[2], own[3], own[4], own[5], own[6])
+        s, now = log.state[row, i], log.time[row, i]
+        state = Moving(s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7])
+        if log.waits[i]:
+            state, log.refused[i] = _struck(state, efficiency[number], shot, scene)
+            _write(state, s)
+            log.waits[i] = False
+        while now < shot.duration and not (log.refused[i] or log.waits[i]):
+            solid, ahead, normal = _next_solid(state, shot, solids)
+            stop = inf
+            if state.rate > 0:
+                stop = max(scene.stop - state.angle, 0.0) / state.rate
+            free = min(solid, stop, shot.duration - now)
+            span = min(free, _first_touch(state, free, shot, scene))
+            now += span
+            state = _moved(state, span, shot)
+            row += 1
+            log.place[row, i] = log.speed[row, i] = nan
+            if span == solid:
+                away = state.vx * normal[0] + state.vz * normal[2]
+                gain = -(1 + solids[ahead, SOLID.restitution]) * away
+                state = _kicked(state, gain, normal, state.rate)
+                log.kind[row, i] = int(solids[ahead, SOLID.kind])
+            elif span == stop:
+                state = Moving(*state[:6], scene.stop, -scene.restitution * state.rate)
+                log.kind[row, i] = STOP
+            elif span < free:
+                near = _nearness(state, shot, scene)
+                log.place[row, i], log.speed[row, i] = near.place, near.approach
+                again = (log.kind[:row, i] == BAT).any()
+                log.kind[row, i] = BAT_AGAIN if again else BAT
+                log.waits[i] = True
+            else:
+                break
+            log.time[row, i] = now
+            _write(state, log.state[row, i])
+            log.rows[i] = row + 1
+            if row > MOST:
+                log.refused[i], log.waits[i] = MANY, False
