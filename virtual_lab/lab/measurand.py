@@ -11,14 +11,18 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from virtual_lab.lab.true_metric import TrueCurve, scan_result
+from virtual_lab.measurement.certification import BlockCertification
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.measurement.session_reduction import SessionReduction
+from virtual_lab.measurement.procedure.rules import Scan
+from virtual_lab.measurement.session_reduction import BlockReduction, SessionReduction
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import ImpactStation, ShotPlan, Specimen
+from virtual_lab.streams import Owner
 from virtual_lab.units import Array
 
 CONTINUOUS = "metric_of_continuous_curve"
 WIDTH_KEY = "width_m"
+POINTS = 41  # of the continuous curve
 
 
 def measurand(
@@ -47,34 +51,95 @@ def measurand(
         curve.metric(control)[back],
     )
     if procedure.scan is not None:
-        along = np.linspace(procedure.scan.low, procedure.scan.high, 41)
-        found |= _of_continuous(true_curve(station, specimen, procedure, along), control)
+        along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)
+        continuous = true_curve(station, specimen, procedure, along)
+        sought, metric = continuous.sought(control), continuous.metric(control)
+        found |= _of_continuous(procedure.scan, along, sought, metric)
     return found
 
 
-def _of_continuous(curve: TrueCurve, control: float) -> dict[str, float]:
+def measurands(
+    station: ImpactStation,
+    specimen: Specimen,
+    reduced: BlockReduction,
+    certified: BlockCertification,
+) -> dict[str, Array]:
+    """Return the same of a block, as `measurand` of each laboratory, (laboratory,).
+
+    NaN where a test gave no result.
+    """
+    procedure, weights, owner = reduced.procedure, certified.outcome.weights, reduced.owner
+    laboratories = reduced.preparation.laboratories
+    some = certified.some
+    at, back = np.unique(np.stack([owner, reduced.place]), axis=1, return_inverse=True)
+    whose, place = at[0].astype(np.intp), at[1]
+    curve = true_curve(station, specimen, procedure, place, whose)
+    weighed = np.where(np.isfinite(weights), weights, 0.0)
+
+    def result(values: Array) -> Array:
+        total = np.bincount(owner, values[back] * weighed, laboratories)
+        return np.where(some, total, np.nan)
+
+    found = {name: result(values) for name, values in curve.quantities.items()}
+    metric, sought = curve.metric()[back], curve.sought()[back]
+    if procedure.scan is None:
+        found["metric"] = np.where(
+            some,
+            np.bincount(owner, np.where(reduced.valid, metric, 0.0), laboratories)
+            / np.maximum(np.bincount(owner, reduced.valid, laboratories), 1),
+            np.nan,
+        )
+        return found
+    found["metric"] = np.full(laboratories, np.nan)
+    shots = np.split(np.argsort(owner, kind="stable"), np.cumsum(np.bincount(owner)))[:-1]
+    for one in np.flatnonzero(some):
+        own = shots[one]
+        found["metric"][one] = scan_result(
+            procedure, reduced.place[own], reduced.valid[own], sought[own], metric[own]
+        )
+    along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)
+    every = np.arange(laboratories).repeat(POINTS)
+    smooth = true_curve(station, specimen, procedure, np.tile(along, laboratories), every)
+    looked, read = (each.reshape(-1, POINTS) for each in (smooth.sought(), smooth.metric()))
+    of_curves = [
+        _of_continuous(procedure.scan, along, *pair) for pair in zip(looked, read, strict=True)
+    ]
+    for name in of_curves[0]:
+        own_curves = np.array([each[name] for each in of_curves])
+        found[name] = np.where(some, own_curves, np.nan)
+    return found
+
+
+def _of_continuous(
+    scan: Scan, place: Array, sought_at: Array, metric_at: Array
+) -> dict[str, float]:
     """Return the metric at the maximum of the curve, and the width the rules ask for."""
-    scan = curve.procedure.scan
-    assert scan is not None
-    sought = CubicSpline(curve.place, curve.sought(control))
-    metric = CubicSpline(curve.place, curve.metric(control))
+    sought = CubicSpline(place, sought_at)
+    metric = CubicSpline(place, metric_at)
     turns = sought.derivative().roots(discontinuity=False, extrapolate=False)
-    candidates = np.concatenate([curve.place[[0, -1]], turns])
+    candidates = np.concatenate([place[[0, -1]], turns])
     best = candidates[np.argmax(sought(candidates))]
     found = {CONTINUOUS: float(metric(best))}
     if scan.width_drop is not None:
         level = float(metric(best)) - scan.width_drop
         crossings = metric.solve(level, discontinuity=False, extrapolate=False)
-        low = crossings[crossings < best].max(initial=curve.place[0])
-        high = crossings[crossings > best].min(initial=curve.place[-1])
+        low = crossings[crossings < best].max(initial=place[0])
+        high = crossings[crossings > best].min(initial=place[-1])
         found[WIDTH_KEY] = float(high - low)
     return found
 
 
 def true_curve(
-    station: ImpactStation, specimen: Specimen, procedure: Procedure, places: Array
+    station: ImpactStation,
+    specimen: Specimen,
+    procedure: Procedure,
+    places: Array,
+    owner: Owner = ...,
 ) -> TrueCurve:
-    """Return the true curve at `places` [m] at the procedure's nominal speeds."""
+    """Return the true curve at `places` [m] at the procedure's nominal speeds.
+
+    `owner` is the laboratory whose balls strike at each place of a block.
+    """
     beam = beam_of(specimen.bat.body)
     plan = ShotPlan(
         slot=np.arange(places.size),
@@ -82,6 +147,7 @@ def true_curve(
         speed=np.full(places.shape, procedure.ball_speed),
         place=places,
         turn_rate=float(procedure.turn_rate(beam.length)),
+        owner=owner,
     )
     true = station.outcome(plan, specimen)
     rigid = true.free if procedure.recoil == "free" else true.pivoted

@@ -1,0 +1,234 @@
+"""A block of laboratories of one study on the day of their tests, all of them at once.
+
+Instruments write sums and the bat is nominal. What a laboratory draws, measures and certifies
+depends on its number alone, not on the others of its block: it is what it is in a test of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.lab.laboratory import constant_name, lot_constants
+from virtual_lab.lab.measurand import measurands
+from virtual_lab.lab.setup import TestSetup
+from virtual_lab.measurement.certification import BlockCertification, evaluate_block
+from virtual_lab.measurement.procedure import next_shots, to_set
+from virtual_lab.measurement.reduction.observations import ImpactReadings
+from virtual_lab.measurement.session_reduction import (
+    BlockPreparation,
+    BlockReduction,
+    observe_hits,
+    prepare_block,
+    reduce_shots,
+)
+from virtual_lab.records import Record, join
+from virtual_lab.records.block import SessionBlock
+from virtual_lab.simulation.rig import (
+    RigOutput,
+    ShotPlan,
+    Specimen,
+    Stage,
+    find_rig,
+    knows_blocks,
+)
+from virtual_lab.simulation.truth import draw_balls, made_bat
+from virtual_lab.streams import Draws, Quiet, Streams, in_turn
+from virtual_lab.uncertainty.estimate import Known
+from virtual_lab.units import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaboratoryBlock:
+    """Laboratories of one study with installed rigs, a bat and their lots of balls."""
+
+    setup: TestSetup
+    draws: Draws
+    stations: Mapping[Stage, Any]
+    specimen: Specimen
+    sessions: SessionBlock  # what stands in them before anything is measured
+
+    @classmethod
+    def open(cls, setup: TestSetup, seed: int, numbers: NDArray[np.int_]) -> LaboratoryBlock:
+        """Install the rigs and draw the balls of the laboratories of these numbers.
+
+        `setup` is that of a campaign: instruments write sums, the bat is nominal. `InputError` as
+        `Laboratory.open`.
+        """
+        rules, bat, ball = setup.rules.spec, setup.bat.spec, setup.ball.spec
+        assert setup.collision is not None, "a campaign has one"
+        draws = Streams(seed, (), numbers)
+        stations = {
+            stage: find_rig(name, stage).commission(draws) for stage, name in setup.rigs.items()
+        }
+        known = {
+            constant_name(stage, name): each
+            for stage, station in stations.items()
+            for name, each in station.calibration.items()
+        }
+        lot = {
+            name: Known.stacked([each] * numbers.size) for name, each in lot_constants(ball).items()
+        }
+        return cls(
+            setup=setup,
+            draws=draws,
+            stations=stations,
+            specimen=Specimen(
+                bat=made_bat(bat, Quiet()),
+                balls=draw_balls(ball, rules.balls, draws),
+                collision=setup.collision,
+            ),
+            sessions=SessionBlock(
+                procedure_text=setup.rules.text,
+                calibration=known | lot,
+                records={},
+                owner=np.zeros(0, dtype=np.intp),
+                laboratories=numbers.size,
+                bat=bat.name,
+                bat_sport=bat.sport or "",
+                ball_sport=ball.sport or "",
+            ),
+        )
+
+    def play(self, stage: Stage, plan: ShotPlan) -> RigOutput:
+        """Carry out ordered shots of all laboratories."""
+        output: RigOutput = self.stations[stage].play(plan, self.specimen, self.draws)
+        return output
+
+
+def can_be_a_block(setup: TestSetup) -> bool:
+    """Return whether the laboratories of a setup can be played all at once."""
+    rigs = (find_rig(name, stage) for stage, name in setup.rigs.items())
+    plain = not setup.faults.names and not setup.rules.spec.controlled and not setup.made
+    return plain and all(knows_blocks(rig) for rig in rigs)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockTest:
+    """The certifications of a block with their sealed truth, which only a study may read."""
+
+    certified: BlockCertification
+    reduced: BlockReduction
+    readings: ImpactReadings  # of all shots, as fired
+    measurands: Mapping[str, Array]  # ``metric``, and by the quantities' names, (laboratory,)
+    sessions: SessionBlock
+    laboratories: LaboratoryBlock
+    shots: Mapping[str, Array]  # what really happened, (shot,)
+
+
+def certify_block(setup: TestSetup, seed: int, numbers: NDArray[np.int_]) -> BlockTest:
+    """Take the bat of a campaign through its procedure in the laboratories of these numbers.
+
+    Raises
+    ------
+    InputError
+        As `Laboratory.open`; records of one of them that cannot be reduced.
+    """
+    block = LaboratoryBlock.open(setup, seed, numbers)
+    block, preparation = _prepared(block)
+    rounds, reduced = _fired(block, preparation)
+    sessions = _with_shots(block.sessions, rounds, reduced.owner)
+    readings = observe_hits(sessions, preparation)
+    certified = evaluate_block(sessions, reduced, readings)
+    return BlockTest(
+        certified=certified,
+        reduced=reduced,
+        readings=readings,
+        measurands=measurands(block.stations[Stage.IMPACT], block.specimen, reduced, certified),
+        sessions=sessions,
+        laboratories=block,
+        shots={
+            name: np.concatenate([each.truth[name] for each in rounds]) for name in rounds[0].truth
+        },
+    )
+
+
+def _prepared(block: LaboratoryBlock) -> tuple[LaboratoryBlock, BlockPreparation]:
+    """Measure bats and balls, fire the balls at the wall, and reduce what was recorded."""
+    rules, detail = block.setup.rules.spec, block.setup.detail
+    shape = (block.sessions.laboratories,)
+    owner, ball = in_turn(shape, rules.balls)
+    nothing = np.full(ball.shape, np.nan)
+    bench = block.play(
+        Stage.BENCH, ShotPlan(slot=ball, ball=ball, speed=nothing, place=nothing, owner=owner)
+    )
+    hits = rules.wall_hits * len(rules.wall_speeds)
+    owner, slot = in_turn(shape, rules.balls * hits)
+    wall = block.play(
+        Stage.BALLS,
+        plan := ShotPlan(
+            slot=slot,
+            ball=slot // hits,
+            speed=np.asarray(rules.wall_speeds)[slot % hits % len(rules.wall_speeds)],
+            place=np.zeros(slot.shape),
+            owner=owner,
+            detail=detail,
+        ),
+    )
+    balls = block.specimen.balls.as_found(plan.ball, wall.truth["restitution_loss"], plan.owner)
+    records = {Stage.BENCH.value: bench.records, Stage.BALLS.value: wall.records}
+    sessions = replace(block.sessions, records=records)
+    preparation = prepare_block(sessions)
+    found = replace(balls, used=preparation.used[:, 0])
+    specimen = replace(block.specimen, balls=found)
+    return replace(block, specimen=specimen, sessions=sessions), preparation
+
+
+def _fired(
+    block: LaboratoryBlock, preparation: BlockPreparation
+) -> tuple[list[RigOutput], BlockReduction]:
+    """Fire and judge, round by round, until the procedure asks no laboratory for more."""
+    rules = block.setup.rules.spec
+    empty = np.zeros(0)
+    asked = next_shots(
+        rules, preparation.percussion, empty.astype(np.intp), empty, empty.astype(bool), empty
+    )
+    rounds: list[RigOutput] = []
+    reduced: BlockReduction | None = None
+    along = block.sessions.calibration.get("impact.cannon.along")
+    used = preparation.used[:, 0]
+    turn, many = np.argsort(~used, axis=1, kind="stable"), used.sum(axis=1)
+    fired = np.zeros(len(used), dtype=np.intp)
+    while asked.owner.size:
+        owner = asked.owner
+        slot = fired[owner] + _counted(owner)
+        place = asked.place - (along.value[owner] if along else 0.0)
+        plan = ShotPlan(
+            slot=slot,
+            ball=turn[owner, slot % many[owner]],
+            speed=np.full(slot.shape, rules.ball_speed),
+            place=to_set(place, exact=False),
+            turn_rate=preparation.turn_rate[owner],
+            owner=owner,
+            detail=block.setup.detail,
+            motion=block.setup.motion,
+        )
+        rounds.append(block.play(Stage.IMPACT, plan))
+        sessions = _with_shots(block.sessions, rounds[-1:], owner)
+        more = reduce_shots(sessions, preparation, observe_hits(sessions, preparation))
+        reduced = more if reduced is None else reduced.with_round(more)
+        fired += np.bincount(owner, minlength=fired.size)
+        asked = reduced.next_shots()
+    assert reduced is not None, "every procedure asks for shots"
+    return rounds, reduced
+
+
+def _counted(owner: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the number of each shot among those of its laboratory; the owners are sorted."""
+    _, first, back = np.unique(owner, return_index=True, return_inverse=True)
+    return np.asarray(np.arange(owner.size) - first[back])
+
+
+def _with_shots(
+    sessions: SessionBlock, rounds: Sequence[RigOutput], owner: NDArray[np.intp]
+) -> SessionBlock:
+    """Return the sessions with the records of rounds at the bat, one after another."""
+    impact: dict[str, Record] = {
+        channel: join([each.records[channel] for each in rounds]) for channel in rounds[0].records
+    }
+    records = {**sessions.records, Stage.IMPACT.value: impact}
+    return replace(sessions, records=records, owner=owner)
