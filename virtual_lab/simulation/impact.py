@@ -87,9 +87,10 @@ def thrown_back(
     A smooth ball keeps its speed along the barrel's surface; in the bat's frame it comes back
     with e_A of the speed across it.
     """
-    across, along = relative_speed * np.cos(tilt), relative_speed * np.sin(tilt)
-    back = efficiency * across * np.cos(tilt) - along * np.sin(tilt) + bat_speed
-    up = efficiency * across * np.sin(tilt) + along * np.cos(tilt)
+    cosine, sine = np.cos(tilt), np.sin(tilt)
+    across, along = relative_speed * cosine, relative_speed * sine
+    back = efficiency * across * cosine - along * sine + bat_speed
+    up = efficiency * across * sine + along * cosine
     return back, np.asarray(up / np.where(back == 0, np.nan, back))
 
 
@@ -147,19 +148,18 @@ def wall_restitution(scenes: Scenes) -> Array:
     """
     x, weights = gauss_points(64)  # exact to rounding for any ball
     share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # crowded where powers begin
-    found = np.empty(len(scenes))
+    found, names = np.empty(len(scenes)), ("stiffness", "exponent", "ball_restitution")
     few = 256  # scenes at a time: keeps their forces in the cache
     for first in range(0, len(scenes), few):
-        some = scenes.part(slice(first, first + few))
-        balls: dict[str, Any] = {
-            "stiffness": some.stiffness[:, None],
-            "exponent": some.exponent[:, None],
-            "restitution": some.ball_restitution[:, None],
-        }
-        law = PowerLaw.of(**balls, speed=1.0)
+        some = slice(first, first + few)
+        ball: list[Any] = [getattr(scenes, name)[some, None] for name in names]
+        stiffness, exponent, restitution = ball
+        law = PowerLaw.of(
+            stiffness=stiffness, exponent=exponent, restitution=restitution, speed=1.0
+        )
         loading = law.branch(Event.TOUCH, 0.0, None)
         unloading = law.branch(Event.TURN, 1.0, loading)
         nodes: Any = share
         work = [(width * branch.force(nodes, 0.0)).sum(axis=1) for branch in (loading, unloading)]
-        found[first : first + few] = np.sqrt(work[1] / work[0])
+        found[some] = np.sqrt(work[1] / work[0])
     return found

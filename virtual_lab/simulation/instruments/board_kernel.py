@@ -9,22 +9,10 @@ import numpy as np
 from numba import njit
 
 from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
+from virtual_lab.simulation.instruments.gate_kernel import WAY, pass_gate
 from virtual_lab.units import Array
 
 CENTRE_PHASES = 64  # of a centre between two beams
-
-
-class Way(NamedTuple):
-    """Rows of `Passage.way`."""
-
-    pace: int = 0
-    drag: int = 1
-    height: int = 2
-    slope: int = 3
-    plane: int = 4
-
-
-WAY = Way()
 
 
 class Boards(NamedTuple):
@@ -68,7 +56,7 @@ def write_edges(
         flight, (since, height, steep) = flights[:, first : first + n], known[:, :n]
         for board in range(len(boards.distances)):
             distance = boards.distances[board, first : first + n]
-            _pass(flight, distance, boards.gravity[first : first + n], since, height, steep)
+            pass_gate(flight, distance, boards.gravity[first : first + n], since, height, steep)
             for i in range(n):
                 lean, ahead = 1 + steep[i] ** 2, distance[i] - flight[WAY.plane, i]
                 bottom = height[i] - boards.heights[board, first + i] - boards.lowest
@@ -121,7 +109,7 @@ def sum_up(
         flight, began, (since, height, steep) = flights[:, shots], start[shots], known[:, :n]
         for board in range(len(boards.distances)):
             distance = boards.distances[board, shots]
-            _pass(flight, distance, boards.gravity[shots], since, height, steep)
+            pass_gate(flight, distance, boards.gravity[shots], since, height, steep)
             centre = gains[0, :n]
             for i in range(n):
                 height[i] -= boards.heights[board, first + i]
@@ -135,20 +123,6 @@ def sum_up(
                 late = time[i] * (edge * gains[0, i]) + off * steep[i] * pace
                 time[i] = boards.clock[first + i] * (began[i] + sign * since[i]) + late
                 tall[i] = nan if np.isnan(late) else height[i] + off
-
-
-@njit(cache=True, fastmath=FAST, error_model="numpy")
-def _pass(
-    flight: Array, distance: Array, gravity: Array, since: Array, height: Array, steep: Array
-) -> None:
-    """Fill in when, how high and how steeply balls pass a distance [s, m, 1]."""
-    for i in range(since.size):
-        height[i] = distance[i] - flight[WAY.plane, i]
-    time_over(height, flight[WAY.pace], flight[WAY.drag], since)
-    for i in range(since.size):
-        fall = gravity[i] * since[i]
-        height[i] = flight[WAY.height, i] + flight[WAY.slope, i] * height[i] - fall * since[i] / 2
-        steep[i] = flight[WAY.slope, i] - fall * flight[WAY.pace, i]
 
 
 @njit(cache=True)
@@ -190,43 +164,37 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
         gains[0, i], gains[1, i], gains[2, i] = known[1], known[2], known[3]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 def _gains(phase: float, missing: float, radius: float) -> tuple[float, float, float]:
     """Return the three gains with the lowest `missing` beams not there.
 
     Chords' squares lie on a parabola; its slope at the centre, by weighted least squares, is the
     height. Chords shorter than a tenth of the longest weigh no more than one of a tenth.
     """
-    reach, skipped, many, middle = int(radius) + 1, 0.0, 0, 0.0
-    m0, m1, m2, m3, m4 = 0.0, 0.0, 0.0, 0.0, 0.0  # moments of the weights
-    for beam in range(-reach, reach + 2):
-        place = (beam - phase) / radius
-        if 1 - place**2 <= 0:
-            continue
-        skipped += 1
-        if skipped <= missing:
-            continue
-        weight = 1 / max(1 - place**2, 1e-2)
-        many, middle = many + 1, middle + place
-        m0, m1, m2 = m0 + weight, m1 + weight * place, m2 + weight * place**2
-        m3, m4 = m3 + weight * place**3, m4 + weight * place**4
+    low, high = floor(phase - radius) + 1 + int(missing), ceil(phase + radius) - 1
+    many = high - low + 1
     if many < 4:
         return nan, nan, nan
-    middle /= many
-    level, lean, bend = m2 * m3 - m1 * m4, m0 * m4 - m2**2, m1 * m2 - m0 * m3
-    normal = m1 * level + m2 * lean + m3 * bend  # Cramer's rule, by the row of the slope
-    level, lean, bend = level / normal, lean / normal, bend / normal
-    spread, way, trip = 0.0, 0.0, 0.0
-    for beam in range(-reach, reach + 2):
+    middle = ((low + high) / 2 - phase) / radius
+    m0, m1, m2, m3, m4 = 0.0, 0.0, 0.0, 0.0, 0.0  # moments of the weights
+    spread = 0.0
+    for beam in range(low, high + 1):
         place = (beam - phase) / radius
-        square = 1 - place**2
-        if square <= 0:
-            continue
-        missing -= 1
-        if missing >= 0:
-            continue
-        spread += (place - middle) ** 2
-        slope = (level + lean * place + bend * place**2) / max(square, 1e-2)
-        way += slope**2 * square
-        trip += slope**2
-    return sqrt((1 / many + middle**2 / spread) / 2), sqrt(way / 2), sqrt(trip)
+        square = place * place
+        weight = 1 / max(1 - square, 1e-2)
+        m0 += weight
+        m1 += weight * place
+        m2 += weight * square
+        m3 += weight * square * place
+        m4 += weight * square * square
+        spread += (place - middle) * (place - middle)
+    level, lean, bend = m2 * m3 - m1 * m4, m0 * m4 - m2 * m2, m1 * m2 - m0 * m3
+    normal = m1 * level + m2 * lean + m3 * bend  # Cramer's rule, by the row of the slope
+    way, trip = 0.0, 0.0
+    for beam in range(low, high + 1):
+        place = (beam - phase) / radius
+        square = 1 - place * place
+        slope = (level + place * (lean + bend * place)) / (normal * max(square, 1e-2))
+        way += slope * slope * square
+        trip += slope * slope
+    return sqrt((1 / many + middle * middle / spread) / 2), sqrt(way / 2), sqrt(trip)

@@ -16,9 +16,14 @@ from annotated_types import Ge, Gt, Lt, MinLen
 
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import BoardRecord, PassageRecord
-from virtual_lab.simulation.instruments.calibrated import Freedom, TrueConstant, certified, drawn
+from virtual_lab.simulation.instruments.calibrated import Freedom, certified, drawn
 from virtual_lab.simulation.instruments.indicator import quantise
-from virtual_lab.simulation.instruments.light_gate import BallGates, GateSheet, WatchedBatch
+from virtual_lab.simulation.instruments.light_gate import (
+    BallGates,
+    GateSheet,
+    WatchedBatch,
+    each_shot,
+)
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -144,16 +149,12 @@ class LightBoards(BallGates[LightBoardSpec]):
         from virtual_lab.simulation.instruments.board_kernel import Boards
 
         spec, shots = self.spec, passage.speed_in.size
-
-        def at_shots(values: TrueConstant) -> Array:
-            return np.ascontiguousarray(np.broadcast_to(values, shots))
-
         return Boards(
-            distances=np.stack([at_shots(each) for each in self.distances.T]),
-            heights=np.stack([at_shots(each) for each in self.heights.T]),
-            clock=at_shots(self.clock),
-            gravity=at_shots(passage.gravity),
-            radius=at_shots(passage.radius / spec.pitch),
+            distances=self.rows("distance", shots),
+            heights=self.rows("height", shots),
+            clock=each_shot(self.clock, shots),
+            gravity=each_shot(passage.gravity, shots),
+            radius=each_shot(passage.radius / spec.pitch, shots),
             tick=spec.tick,
             lowest=spec.lowest,
             pitch=spec.pitch,

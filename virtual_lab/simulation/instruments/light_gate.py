@@ -62,6 +62,11 @@ class GateSheet(CalibratedSpec):
         } | {"clock": certified(1 + self.clock_fast, self.clock_u)}
 
 
+def each_shot(constant: TrueConstant, shots: int) -> Array:
+    """Return a constant of each shot for compiled code, (shot,)."""
+    return np.ascontiguousarray(np.broadcast_to(constant, shots))
+
+
 class WatchedBatch(NamedTuple):
     """Balls that reach the target at `contact` and leave it at `leaving` [s]."""
 
@@ -95,12 +100,17 @@ class BallGates(CalibratedInstrument[G], ABC):
         gates = range(len(self.spec.distances))
         return np.stack([self.true[f"{constant}_{gate}"] for gate in gates], axis=-1)
 
+    def rows(self, constant: str, shots: int) -> Array:
+        """Return the same as rows for compiled code, (gate, shot)."""
+        gates = range(len(self.spec.distances))
+        return np.stack([np.broadcast_to(self.true[f"{constant}_{at}"], shots) for at in gates])
+
     def arrival(self, passage: Passage) -> Array:
         """Return the true time from the trigger to contact [s], shape (shot,).
 
         The trigger is the ball's front at the far gate.
         """
-        return passage.inbound(np.atleast_1d(self.distances[..., 0] + passage.radius))[0]
+        return passage.inbound(np.atleast_1d(self.true["distance_0"] + passage.radius))[0]
 
     def watch(
         self,
@@ -117,7 +127,7 @@ class BallGates(CalibratedInstrument[G], ABC):
             raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
         record = self.edges if detail is RecordDetail.FULL else self.sums
         written = record(WatchedBatch(passage, contact, leaving, draws, name, slots))
-        return passage.seen(written, self.distances)
+        return written if passage.reach is None else passage.seen(written, self.distances)
 
     @abstractmethod
     def edges(self, batch: WatchedBatch) -> Record:
@@ -166,16 +176,24 @@ class LightGates(BallGates[LightGateSpec]):
     def sums(self, batch: WatchedBatch) -> PassageRecord:
         """Sum each gate up: a passage with the noise of two edges."""
         passage, contact, leaving, draws, name, slots = batch
-        distances = np.atleast_2d(self.distances)
-        before, _ = passage.inbound(distances)
-        after, height = passage.outbound(distances)
-        inbound = contact[:, None] - before
-        outbound = leaving[:, None] + self._seen(after, height)
-        times = np.stack([inbound, outbound], axis=1)
-        jitter = sqrt((self.spec.edge_jitter**2 + self.spec.tick**2 / 12) / 2)
-        noise = jitter * draws.normal(f"{name}.sums", times.shape[1:], slots)
-        shown = np.asarray(self.clock)[..., None, None] * times
-        return PassageRecord(times=shown + noise, heights=np.full(times.shape, np.nan))
+        from virtual_lab.simulation.instruments.gate_kernel import Gates, sum_up_gates
+
+        spec, shots = self.spec, slots.size
+        gates = Gates(
+            distances=self.rows("distance", shots),
+            clock=each_shot(self.clock, shots),
+            gravity=each_shot(passage.gravity, shots),
+            half_height=spec.half_height,
+        )
+        jitter = sqrt((spec.edge_jitter**2 + spec.tick**2 / 12) / 2)
+        # what starts as noise ends as times
+        times = draws.normal(f"{name}.sums", (2, len(spec.distances)), slots)
+        for way, start in enumerate((contact, leaving)):
+            sum_up_gates(times[:, way], passage.way(out=bool(way)), start, bool(way), gates, jitter)
+        heights = np.full(times.shape, np.nan)
+        for values in (times, heights):
+            values.setflags(write=False)
+        return PassageRecord(times=times, heights=heights)
 
     def _seen(self, time: Array, height: Array) -> Array:
         return np.where(np.abs(height) < self.spec.half_height, time, np.nan)

@@ -65,8 +65,7 @@ class Passage:
 
         `distances` of the gates are (gate,) or (shot, gate) [m].
         """
-        if self.reach is None:
-            return record
+        assert self.reach is not None, "no frame stopped a ball"
         plane = np.broadcast_to(self.plane, self.reach.shape)
         rows = np.flatnonzero(np.isfinite(self.reach) | (plane >= distances.min(axis=-1)))
         gates = np.broadcast_to(distances, (plane.size, distances.shape[-1]))[rows]
