@@ -221,13 +221,8 @@ def test_the_width_is_that_of_the_highest_of_several_hills() -> None:
         place = np.linspace(0.04, 0.16, 241)
         tops = ((0.06, lower), (0.1, 1.0), (0.14, lower))
         values = np.max([top - 200 * (place - at) ** 2 for at, top in tops], axis=0)
-        curve = SimpleNamespace(
-            place=place,
-            sought=lambda _: values,
-            metric=lambda _: values,
-            procedure=SimpleNamespace(scan=SimpleNamespace(width_drop=0.02)),
-        )
-        return _of_continuous(cast("TrueCurve", curve), 1.0)[WIDTH_KEY]
+        scan = cast("Scan", SimpleNamespace(width_drop=0.02))
+        return float(_of_continuous(scan, place, values[None], values[None])[WIDTH_KEY][0])
 
     assert hills(0.9) == pytest.approx(20e-3, rel=1e-3)
     assert hills(0.99) == pytest.approx(20e-3, rel=1e-3)

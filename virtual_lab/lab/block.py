@@ -65,7 +65,7 @@ class LaboratoryBlock:
         stations = {
             stage: find_rig(name, stage).commission(draws) for stage, name in setup.rigs.items()
         }
-        known = {
+        known: dict[str, Any] = {  # Known: the rigs know blocks
             constant_name(stage, name): each
             for stage, station in stations.items()
             for name, each in station.calibration.items()

@@ -7,8 +7,10 @@ asks for it, the width of the curve near its maximum.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from virtual_lab.lab.true_metric import TrueCurve, scan_result
 from virtual_lab.measurement.certification import BlockCertification
@@ -54,7 +56,8 @@ def measurand(
         along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)
         continuous = true_curve(station, specimen, procedure, along)
         sought, metric = continuous.sought(control), continuous.metric(control)
-        found |= _of_continuous(procedure.scan, along, sought, metric)
+        alone = _of_continuous(procedure.scan, along, sought[None], metric[None])
+        found |= {name: float(values[0]) for name, values in alone.items()}
     return found
 
 
@@ -101,32 +104,46 @@ def measurands(
     every = np.arange(laboratories).repeat(POINTS)
     smooth = true_curve(station, specimen, procedure, np.tile(along, laboratories), every)
     looked, read = (each.reshape(-1, POINTS) for each in (smooth.sought(), smooth.metric()))
-    of_curves = [
-        _of_continuous(procedure.scan, along, *pair) for pair in zip(looked, read, strict=True)
-    ]
-    for name in of_curves[0]:
-        own_curves = np.array([each[name] for each in of_curves])
-        found[name] = np.where(some, own_curves, np.nan)
+    for name, values in _of_continuous(procedure.scan, along, looked, read).items():
+        found[name] = np.where(some, values, np.nan)
     return found
 
 
 def _of_continuous(
     scan: Scan, place: Array, sought_at: Array, metric_at: Array
-) -> dict[str, float]:
-    """Return the metric at the maximum of the curve, and the width the rules ask for."""
-    sought = CubicSpline(place, sought_at)
-    metric = CubicSpline(place, metric_at)
+) -> dict[str, Array]:
+    """Return the metric at the maximum of each curve, and the width the rules ask for, (curve,).
+
+    The curves are known at `place`, (curve, place).
+    """
+    sought = CubicSpline(place, sought_at.T)
+    metric = CubicSpline(place, metric_at.T)
     turns = sought.derivative().roots(discontinuity=False, extrapolate=False)
-    candidates = np.concatenate([place[[0, -1]], turns])
-    best = candidates[np.argmax(sought(candidates))]
-    found = {CONTINUOUS: float(metric(best))}
+    ends, best = place[[0, -1]], np.empty(len(sought_at))
+    for one, turn in enumerate(turns):
+        candidates = np.concatenate([ends, turn])
+        best[one] = candidates[np.argmax(_at(sought, candidates, one))]
+    top = _at(metric, best, np.arange(best.size))
+    found = {CONTINUOUS: top}
     if scan.width_drop is not None:
-        level = float(metric(best)) - scan.width_drop
-        crossings = metric.solve(level, discontinuity=False, extrapolate=False)
-        low = crossings[crossings < best].max(initial=place[0])
-        high = crossings[crossings > best].min(initial=place[-1])
-        found[WIDTH_KEY] = float(high - low)
+        lowered = metric.c.copy()
+        lowered[-1] -= top - scan.width_drop
+        level = PPoly(lowered, metric.x).roots(discontinuity=False, extrapolate=False)
+        width = np.empty(best.size)
+        for one, crossings in enumerate(level):
+            low = crossings[crossings < best[one]].max(initial=ends[0])
+            width[one] = crossings[crossings > best[one]].min(initial=ends[1]) - low
+        found[WIDTH_KEY] = width
     return found
+
+
+def _at(curves: CubicSpline, place: Array, curve: Any) -> Array:
+    """Return the values of some of the curves at places (n,), by Horner's rule."""
+    piece = np.clip(np.searchsorted(curves.x, place, side="right") - 1, 0, len(curves.x) - 2)
+    off, total = place - curves.x[piece], np.zeros(place.shape)
+    for power in curves.c:
+        total = total * off + power[piece, curve]
+    return total
 
 
 def true_curve(

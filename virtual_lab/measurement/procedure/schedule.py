@@ -6,8 +6,8 @@ far, so a reduction of the records finds the same places again.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,8 @@ from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Sca
 from virtual_lab.measurement.reduction.kinematics import centre_of_percussion
 from virtual_lab.units import Array, Mask
 
-ROUNDING = 1e-9  # m
+if TYPE_CHECKING:
+    from virtual_lab.measurement.procedure.scan_kernel import ScanRules
 
 
 def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
@@ -79,82 +80,67 @@ def next_shots(
         Of the shots fired so far, in order, (shot,).
     """
     laboratories = np.arange(percussion.size)
+    fired = np.bincount(owner, minlength=percussion.size)
     if procedure.scan is None:
         hits = np.bincount(owner, valid, percussion.size).astype(int)
-        fired = np.bincount(owner, minlength=percussion.size)
         left = np.maximum(procedure.attempts - fired, 0)
         number = np.minimum(np.maximum(procedure.valid_hits - hits, 0), left)
         return NextShots(laboratories.repeat(number), percussion.repeat(number))
-    places = []
-    for one in laboratories:
-        own = owner == one
-        places.append(next_places(procedure, percussion[one], place[own], valid[own], sought[own]))
-    number = np.array([each.size for each in places])
-    return NextShots(laboratories.repeat(number), np.concatenate(places))
+    from virtual_lab.measurement.procedure.scan_kernel import next_hits_of_block
+
+    order, starts = np.argsort(owner, kind="stable"), np.append(0, np.cumsum(fired))
+    number, out = np.empty(fired.size, np.int64), np.empty((fired.size, procedure.attempts))
+    own = place[order], valid[order], sought[order]
+    next_hits_of_block(starts, *own, _rules(procedure, procedure.scan), number, out)
+    asked = np.arange(procedure.attempts) < number[:, None]
+    return NextShots(laboratories.repeat(number), out[asked])
 
 
 def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Mask, sought: Array) -> Array:
-    coarse = np.arange(scan.low, scan.high + ROUNDING, scan.coarse_step)
-    coarse = _hopeful(coarse, scan.coarse_hits, place, sought)
-    lacking = _lacking(coarse, scan.coarse_hits, place, valid)
-    if lacking.size or not coarse.size:
-        return lacking
-    means = [sought[valid & same_place(place, at)][: scan.coarse_hits].mean() for at in coarse]
-    middle = float(coarse[int(np.argmax(means))])
-    fine = _grid(scan, middle)
-    fine = _hopeful(fine, procedure.valid_hits, place, sought)
-    reaches = (scan.fine_step,) if scan.final_hits else (scan.fine_step, scan.fit_half_width)
-    settled = False
-    while not settled:
-        for reach in reaches:
-            around = fine[np.abs(fine - middle) < reach + ROUNDING]
-            lacking = _lacking(around, procedure.valid_hits, place, valid)
-            if lacking.size:
-                return lacking
-            # the result will be taken about the best of all the places, wherever it lies
-            complete = fine[_hits(fine, place, valid) >= procedure.valid_hits]
-            if not complete.size:
-                return np.zeros(0)
-            best = best_place(procedure, complete, place, valid, sought)
-            settled = best == middle
-            if not settled:
-                middle = best
-                break
-    fresh = final_hits(procedure, scan, middle, place, valid)
-    return np.full(max(scan.final_hits - fresh.size, 0), middle)
+    from virtual_lab.measurement.procedure.scan_kernel import most_asked, next_hits
+
+    rules = _rules(procedure, scan)
+    out = np.empty(most_asked(rules))
+    return out[: next_hits(place, valid, sought, rules, out)]
 
 
-def _grid(scan: Scan, middle: float) -> Array:
-    """Return the fine places from `low` to `high`, one of them `middle` [m]."""
-    below = int((middle - scan.low + ROUNDING) / scan.fine_step)
-    above = int((scan.high - middle + ROUNDING) / scan.fine_step)
-    return np.asarray(middle + scan.fine_step * np.arange(-below, above + 1))
+def _rules(procedure: Procedure, scan: Scan) -> ScanRules:
+    from virtual_lab.measurement.procedure.scan_kernel import ScanRules
 
-
-def _hopeful(places: Array, hits: int, place: Array, sought: Array) -> Array:
-    """Return the places without those where `hits` balls or more, and most, did not rebound.
-
-    There the bat returns almost no speed, so such a place cannot have the maximum.
-    """
-    here, came = same_place(place, places[:, None]), np.isfinite(sought)
-    lost, back = (here & ~came).sum(axis=1), (here & came).sum(axis=1)
-    return np.asarray(places[(lost < hits) | (back > lost)])
+    return ScanRules(
+        low=scan.low,
+        high=scan.high,
+        coarse_step=scan.coarse_step,
+        fine_step=scan.fine_step,
+        coarse_hits=scan.coarse_hits,
+        fit_half_width=scan.fit_half_width,
+        final_hits=scan.final_hits,
+        consecutive=scan.consecutive,
+        valid_hits=procedure.valid_hits,
+        attempts=procedure.attempts,
+        reach=SETTING_STEP / 2,
+    )
 
 
 def best_place(
-    procedure: Procedure, among: Iterable[float], place: Array, valid: Mask, sought: Array
+    procedure: Procedure, among: Array, place: Array, valid: Mask, sought: Array
 ) -> float:
     """Return the place [m] where the maximised quantity has the greatest mean over the hits."""
-    counted = scan_hits(procedure, place, valid)
-    means = {at: sought[counted & same_place(place, at)].mean() for at in among}
-    return max(means, key=means.__getitem__)
+    from virtual_lab.measurement.procedure.scan_kernel import best_of
+
+    assert procedure.scan is not None
+    rules = _rules(procedure, procedure.scan)
+    return float(among[best_of(among, rules.valid_hits, place, valid, sought, rules)])
 
 
 def scan_hits(procedure: Procedure, place: Array, valid: Mask) -> Mask:
     """Return which hits are the scan's: at each place the first `valid_hits` valid ones."""
-    places = np.unique(np.round(place, 6))
-    here = valid & same_place(place, places[:, None])
-    return np.asarray((here & (here.cumsum(axis=1) <= procedure.valid_hits)).any(axis=0))
+    from virtual_lab.measurement.procedure.scan_kernel import count_scan_hits
+
+    assert procedure.scan is not None
+    counted = np.empty(place.size, dtype=bool)
+    count_scan_hits(place, valid, _rules(procedure, procedure.scan), counted)
+    return counted
 
 
 def final_hits(
@@ -164,12 +150,10 @@ def final_hits(
 
     If the procedure asks for consecutive ones, those since the last invalid shot there.
     """
-    here = same_place(place, best) & ~scan_hits(procedure, place, valid)
-    shots = np.flatnonzero(here)
-    if scan.consecutive:
-        failed = np.flatnonzero(~valid[shots])
-        return shots[failed[-1] + 1 :] if failed.size else shots
-    return shots[valid[shots]]
+    from virtual_lab.measurement.procedure.scan_kernel import fresh_hits
+
+    fresh = np.empty(place.size, dtype=np.int64)
+    return fresh[: fresh_hits(best, place, valid, _rules(procedure, scan), fresh)]
 
 
 def same_place(place: Array, at: float | Array) -> Mask:
@@ -178,12 +162,3 @@ def same_place(place: Array, at: float | Array) -> Mask:
     `at` (place, 1) gives a row a place, (place, shot).
     """
     return np.asarray(np.abs(place - at) < SETTING_STEP / 2 + 1e-9)
-
-
-def _lacking(places: Array, hits: int, place: Array, valid: Mask) -> Array:
-    return np.repeat(places, np.maximum(hits - _hits(places, place, valid), 0))
-
-
-def _hits(places: Array, place: Array, valid: Mask) -> NDArray[np.int_]:
-    """Return the number of valid hits at each of `places`."""
-    return np.asarray((valid & same_place(place, places[:, None])).sum(axis=1))

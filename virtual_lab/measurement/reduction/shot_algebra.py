@@ -302,12 +302,14 @@ def shot_results(
     efficiency = np.asarray(struck - beside)
     at = readings.place + (0.0 if PLACE_SLOPE in x else off)
 
-    def recoil(ball: Array, where: Array) -> Array:
-        # about the axis asked for: e_A hardly knows where it is, so what a misplaced one spoils
-        # is the angular momentum above and nothing here
-        return recoil_factor(asked.recoil, bat, ball, where, asked.pivot_from_knob)
-
-    restitution = restitution_from_efficiency(efficiency, recoil(mass, at))
+    # r of 1 kg, about the axis asked for: e_A hardly knows where it is, so what a misplaced one
+    # spoils is the angular momentum above and nothing here
+    unit = np.ones(())
+    recoil, asked_recoil = (
+        recoil_factor(asked.recoil, bat, unit, where, asked.pivot_from_knob)
+        for where in (at, readings.place)
+    )
+    restitution = restitution_from_efficiency(efficiency, mass * recoil)
     own = of_ball(balls.restitution, readings.ball)
     e0 = own + balls.slope * (relative_speed - balls.speed)
     factor = bat_performance_factor(restitution, e0)
@@ -317,7 +319,7 @@ def shot_results(
     lot = _of_lot(balls.restitution, used)
     lot_e0 = lot + balls.slope * (nominal - balls.speed)
     lot_mass = _of_lot(balls.mass, used)
-    lot_restitution = factor * lot_e0
+    lot_restitution, lot_recoil = factor * lot_e0, lot_mass * recoil
     shape = np.shape(factor)
     return ShotResults(
         speed=seen.speed_in,
@@ -329,18 +331,18 @@ def shot_results(
         rebound_slope=seen.slope_out,
         ball_mass=mass,
         place=np.broadcast_to(at + abreast - lever, shape),
-        recoil_factor=np.broadcast_to(recoil(mass, at), shape),
+        recoil_factor=np.broadcast_to(mass * recoil, shape),
         ball_restitution=e0,
         collision_efficiency=efficiency,
         restitution=np.asarray(restitution),
         bat_performance_factor=np.asarray(factor),
         window_ball_restitution=own + balls.slope * (asked.window_speed - balls.speed),
         lot_ball_restitution=np.broadcast_to(lot_e0, shape),
-        lot_recoil_factor=np.broadcast_to(recoil(lot_mass, at), shape),
-        asked_recoil_factor=np.broadcast_to(recoil(lot_mass, readings.place), shape),
+        lot_recoil_factor=np.broadcast_to(lot_recoil, shape),
+        asked_recoil_factor=np.broadcast_to(lot_mass * asked_recoil, shape),
         lot_restitution=np.asarray(lot_restitution),
         lot_collision_efficiency=np.asarray(
-            efficiency_from_restitution(lot_restitution, recoil(lot_mass, at))
+            efficiency_from_restitution(lot_restitution, lot_recoil)
         ),
         rebound_efficiency=np.broadcast_to(rebound, shape),
         recoil_efficiency=np.broadcast_to(recoiled, shape),
