@@ -1,4 +1,4 @@
-"""Many laboratories: what one gives depends on its seed alone, and its scenes lie in the box."""
+"""Many laboratories: what one gives depends on its number alone; its scenes lie in the box."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ def bits(tested: lab.BatTest) -> str:
     return digest.hexdigest()
 
 
-def played(procedure: str, seeds: Iterable[int]) -> Bits:
+def played(procedure: str, numbers: Iterable[int]) -> Bits:
     """Return the bits of laboratories of a campaign of their own, played in turn."""
     campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    return {seed: bits(lab.by_the_book(campaign.laboratory(seed))) for seed in seeds}
+    return {number: bits(lab.by_the_book(campaign.laboratory(1, number))) for number in numbers}
 
 
-def run(procedure: str, laboratories: int, first_seed: int) -> Bits:
+def run(procedure: str, laboratories: int, first: int) -> Bits:
     campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    tests = campaign.run(laboratories, first_seed)
-    return {first_seed + number: bits(tested) for number, tested in enumerate(tests)}
+    tests = campaign.run(laboratories, 1, first)
+    return {first + number: bits(tested) for number, tested in enumerate(tests)}
 
 
 @cache
@@ -61,21 +61,21 @@ def of_64() -> Bits:
 
 
 def test_a_laboratory_is_the_same_alone_and_among_37_or_64() -> None:
-    """From any first seed: metric, u, records and truth, bit for bit."""
+    """From any first number: metric, u, records and truth, bit for bit."""
     of_37 = run("astm-f1881", 37, 20)
-    assert of_37 == {seed: of_64()[seed] for seed in of_37 if seed <= 64}
+    assert of_37 == {number: of_64()[number] for number in of_37 if number <= 64}
     assert len(set(of_64().values())) == 64
-    for seed in (1, 33, 56):
-        assert played("astm-f1881", [seed]) == {seed: of_64()[seed]}
+    for number in (1, 33, 56):
+        assert played("astm-f1881", [number]) == {number: of_64()[number]}
 
 
 def test_two_processes_give_what_one_gives() -> None:
-    """Started by the test, half of the seeds each, one of them backward."""
+    """Started by the test, half of the laboratories each, one of them backward."""
     halves = range(1, 4), range(6, 3, -1)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         found = [pool.submit(played, "astm-f1881", half) for half in halves]
         both = found[0].result() | found[1].result()
-    assert both == {seed: of_64()[seed] for seed in both}
+    assert both == {number: of_64()[number] for number in both}
 
 
 @pytest.mark.parametrize("procedure", ["asa", "bbcor", "ncaa-besr"])
@@ -95,9 +95,9 @@ def test_what_ran_before_changes_nothing(procedure: str) -> None:
     )
     for from_knob in (campaign.setup.rules.spec.pivot_from_knob, body.length - SIDE):
         campaign.setup.collision.efficiency(body, Pinned(body.length - from_knob), far)
-    for seed in (8, 5):
-        lab.by_the_book(campaign.laboratory(seed))
-    assert bits(lab.by_the_book(campaign.laboratory(3))) == alone
+    for number in (8, 5):
+        lab.by_the_book(campaign.laboratory(1, number))
+    assert bits(lab.by_the_book(campaign.laboratory(1, 3))) == alone
 
 
 class AskedError(Exception):

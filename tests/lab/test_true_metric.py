@@ -8,7 +8,7 @@ from dataclasses import replace
 from math import sqrt
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -221,7 +221,7 @@ def test_the_width_is_that_of_the_highest_of_several_hills() -> None:
         place = np.linspace(0.04, 0.16, 241)
         tops = ((0.06, lower), (0.1, 1.0), (0.14, lower))
         values = np.max([top - 200 * (place - at) ** 2 for at, top in tops], axis=0)
-        scan = cast("Scan", SimpleNamespace(width_drop=0.02))
+        scan = cast("Any", SimpleNamespace(width_drop=0.02))
         return float(_of_continuous(scan, place, values[None], values[None])[WIDTH_KEY][0])
 
     assert hills(0.9) == pytest.approx(20e-3, rel=1e-3)

@@ -1,5 +1,6 @@
 """One test, through both sides: rigs write records, the reduction reads them."""
 
+from virtual_lab.lab.block import BlockTest, certify_block
 from virtual_lab.lab.campaign import Campaign
 from virtual_lab.lab.certify import certify_bat
 from virtual_lab.lab.laboratory import Laboratory
@@ -8,11 +9,13 @@ from virtual_lab.lab.test_day import BatTest, TestDay, by_the_book, prepared
 
 __all__ = [
     "BatTest",
+    "BlockTest",
     "Campaign",
     "Laboratory",
     "TestDay",
     "TestSetup",
     "by_the_book",
     "certify_bat",
+    "certify_block",
     "prepared",
 ]

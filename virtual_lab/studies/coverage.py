@@ -8,17 +8,19 @@ found by a scan, the bias of the scan itself, found by rehearsals.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import (
     BatTest,
+    BlockTest,
     Campaign,
     Laboratory,
     TestSetup,
@@ -27,14 +29,15 @@ from virtual_lab.lab import (
 from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import QUANTITIES
-from virtual_lab.measurement.procedure import variance_within
+from virtual_lab.measurement.procedure import variance_within, variances_within
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 from virtual_lab.records import AimMarks
 from virtual_lab.streams import Streams
 from virtual_lab.studies.rehearsal import Rehearsal
-from virtual_lab.units import Array
+from virtual_lab.uncertainty.budget import coverage_factors
+from virtual_lab.units import Array, Mask
 
 WORDS = (
     "Error: measured minus true value. At least, at most: 95 % confidence interval of the\n"
@@ -90,11 +93,11 @@ def coverage(
 ) -> Rows[Coverage]:
     """Certify one bat design in many laboratories; count intervals with the true value.
 
-    Every laboratory has its own random bat, balls and calibration errors. With `summed` the bat is
-    nominal and instruments write sums, which takes a tenth of the time. `seed` is that of the
-    first laboratory. Equal seeds give equal standardised errors for every bat, so two bats with
-    the same seeds are not independent samples (their errors correlate by 0.98). INVALID tests
-    have no result and are counted separately. One row per quantity, the metric first.
+    Every laboratory has its own random bat, balls and calibration errors: the laboratories are
+    those of `seed` by number, from 0. With `summed` the bat is nominal and instruments write sums,
+    which takes a hundredth of the time. Equal seeds give equal standardised errors for every bat,
+    so two bats with the same seed are not independent samples (their errors correlate by 0.98).
+    INVALID tests have no result and are counted separately. One row per quantity, the metric first.
 
     Raises
     ------
@@ -103,31 +106,29 @@ def coverage(
     """
     names = ("metric", *QUANTITIES)
     shared = Campaign.of(bat, procedure)
-    found: dict[str, list[tuple[float, ...]]] = {name: [] for name in names}
-    strayed: list[tuple[float, float]] = []
+    found: dict[str, list[Array]] = {name: [] for name in names}
+    strayed: list[Array] = []
     bends: dict[str, float] = {}
     rehearsal = None
-    invalid, hits = 0, []
-    for tested in bat_tests(bat, procedure, laboratories, seed, summed, progress):
-        certification = tested.certification
-        hits.append(certification.judgement.valid)
-        if certification.verdict.value == "INVALID":
-            invalid += 1
+    invalid, valid, fired = 0, 0, 0
+    for part in _samples(bat, procedure, laboratories, seed, summed, progress):
+        valid, fired = valid + int(part.valid.sum()), fired + int(part.fired.sum())
+        invalid += int((~part.sound).sum())
+        if not part.sound.any():
             continue
         if not bends:
-            first = shared.laboratory(seed)
-            bends = _curvatures(first, certification.outcome.place)
-            rehearsal = Rehearsal.of(first, tested) if first.rules.spec.scan else None
-        along = _marks(certification).along - np.mean(certification.readings.along)
-        strayed.append((float(np.var(along, ddof=1)), _scatter(certification)))
+            first, place = shared.laboratory(seed), float(part.place[part.sound][0])
+            bends = _curvatures(first, place)
+            rehearsal = Rehearsal.of(first, place) if first.rules.spec.scan else None
+        strayed.append(np.stack([part.stray, part.scatter], axis=1)[part.sound])
         for name in names:
-            beside = 0.0 if rehearsal and name == "metric" else float(np.mean(along**2))
-            found[name].append(_result(tested, name, bends[name] * beside / 2))
-    rejected = 1 - float(np.mean(np.concatenate(hits)))
+            beside = 0.0 if rehearsal and name == "metric" else part.beside
+            found[name].append(part.results[name].rows(bends[name] * beside / 2)[part.sound])
+    rejected = 1 - valid / fired
     about = {"bat": bat, "procedure": procedure, "invalid": invalid, "rejected": rejected}
-    metric, *rows = (_row(np.array(found[name]), quantity=name, **about) for name in names)
+    metric, *rows = (_row(np.concatenate(found[name]), quantity=name, **about) for name in names)
     if rehearsal:
-        straying = rehearsal.straying(*np.sqrt(np.mean(strayed, axis=0)))
+        straying = rehearsal.straying(*np.sqrt(np.mean(np.concatenate(strayed), axis=0)))
         bias, bias_se = rehearsal.bias(straying, Streams(seed), laboratories)
         metric = replace(metric, expected=metric.expected + bias, expected_se=bias_se)
     return Rows(
@@ -140,25 +141,137 @@ def coverage(
 
 
 def bat_tests(
-    bat: str, procedure: str, laboratories: int, first_seed: int, summed: bool, progress: Progress
+    bat: str, procedure: str, laboratories: int, seed: int, summed: bool, progress: Progress
 ) -> Iterator[BatTest]:
-    """Yield the tests of one bat design in laboratories of successive seeds, as `coverage`.
+    """Yield the tests of one bat design in the laboratories of a seed, as `coverage`.
 
     Raises
     ------
     InputError
         Unknown names, or fewer than 2 laboratories.
     """
-    if laboratories < 2:
-        raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
+    _require_some(laboratories)
     if summed:
-        played = Campaign.of(bat, procedure).run(laboratories, first_seed)
+        played = Campaign.of(bat, procedure).run(laboratories, seed)
     else:
-        seeds = range(first_seed, first_seed + laboratories)
-        played = (certify_bat(TestSetup.of(bat, procedure=procedure, seed=seed)) for seed in seeds)
+        setup = TestSetup.of(bat, procedure=procedure, seed=seed)
+        played = (certify_bat(replace(setup, number=number)) for number in range(laboratories))
     for number, tested in enumerate(played, start=1):
         progress("laboratories", number, laboratories)
         yield tested
+
+
+def _require_some(laboratories: int) -> None:
+    if laboratories < 2:
+        raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Results:
+    """One quantity in some laboratories, arrays (laboratory,)."""
+
+    value: Array
+    u: Array
+    dof: Array
+    shift: Array  # to be expected by curvature
+    true: Array
+
+    def rows(self, beside: Array | float) -> Array:
+        """Return side on which the truth was missed, error, u, expected error, (laboratory, 4)."""
+        reach = coverage_factors(self.dof) * self.u
+        above, below = self.true > self.value + reach, self.true < self.value - reach
+        missed = above.astype(float) - below
+        return np.stack([missed, self.value - self.true, self.u, self.shift + beside], axis=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """What the study takes from some laboratories, arrays (laboratory,)."""
+
+    sound: Mask  # tests that are not INVALID
+    fired: NDArray[Any]  # shots
+    valid: NDArray[Any]  # and those that counted
+    place: Array  # of the result [m]
+    stray: Array  # variance of the marks along the bat [m²]
+    beside: Array  # their mean square about the aim that is known [m²]
+    scatter: Array  # variance of the metric within a place, over the hits of the result
+    results: Mapping[str, Results]  # by the quantities' names
+
+
+def _samples(
+    bat: str, procedure: str, laboratories: int, seed: int, summed: bool, progress: Progress
+) -> Iterator[Sample]:
+    """Yield the laboratories of a seed, block by block where their rigs know blocks."""
+    _require_some(laboratories)
+    campaign = Campaign.of(bat, procedure) if summed else None
+    if campaign is None or not campaign.in_blocks:
+        for tested in bat_tests(bat, procedure, laboratories, seed, summed, progress):
+            yield _of_test(tested)
+        return
+    done = 0
+    for block in campaign.blocks(laboratories, seed):
+        sample = _of_block(block)
+        done += sample.sound.size
+        progress("laboratories", done, laboratories)
+        yield sample
+
+
+def _of_block(tested: BlockTest) -> Sample:
+    certified, reduced, owner = tested.certified, tested.reduced, tested.reduced.owner
+    count = certified.invalid.size
+    marks = tested.sessions.impact["aim"]
+    assert isinstance(marks, AimMarks)
+    known = tested.sessions.calibration.get("impact.cannon.along")
+    along = marks.along.reshape(count, -1)
+    off = along - (known.value[:, None] if known else 0.0)
+    weights = certified.outcome.weights
+    used = np.isfinite(weights) & (weights != 0)
+    return Sample(
+        sound=~certified.invalid,
+        fired=np.bincount(owner, minlength=count),
+        valid=np.bincount(owner, reduced.valid, count),
+        place=certified.outcome.place,
+        stray=off.var(axis=1, ddof=1),
+        beside=np.mean(off**2, axis=1),
+        scatter=variances_within(owner[used], reduced.place[used], reduced.metric[used], count),
+        results={
+            name: Results(
+                value=budgets.value,
+                u=budgets.u,
+                dof=budgets.dof,
+                shift=budgets.components.shift.sum(axis=1),
+                true=tested.measurands[name],
+            )
+            for name, budgets in certified.results.items()
+        },
+    )
+
+
+def _of_test(tested: BatTest) -> Sample:
+    found, true = tested.certification, tested.sealed.measurand
+    along = _marks(found).along - np.mean(found.readings.along)
+    sound = found.verdict.value != "INVALID"
+    budgets = {**found.quantities, "metric": found.metric} if sound else {}
+    return Sample(
+        sound=np.array([sound]),
+        fired=np.array([found.judgement.valid.size]),
+        valid=np.array([found.judgement.valid.sum()]),
+        place=np.array([found.outcome.place]),
+        stray=np.array([np.var(along, ddof=1)]),
+        beside=np.array([np.mean(along**2)]),
+        scatter=np.array([_scatter(found) if sound else np.nan]),
+        results={
+            name: Results(
+                value=np.array([budget.value]),
+                u=np.array([budget.u]),
+                dof=np.array([budget.dof]),
+                shift=np.array([budget.shift]),
+                true=np.array([true[name]]),
+            )
+            for name, budget in budgets.items()
+            if budget is not None
+        },
+    )
 
 
 def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
@@ -182,16 +295,6 @@ def _scatter(certification: Certification) -> float:
     """Return the variance of the metric within a place, over the hits the result rests on."""
     used = certification.outcome.used
     return variance_within(certification.readings.place[used], certification.shot_metric[used])
-
-
-def _result(tested: BatTest, name: str, beside: float) -> tuple[float, ...]:
-    """Return on which side the truth was missed, error, u and the error to be expected."""
-    certification, true = tested.certification, tested.sealed.measurand[name]
-    budget = certification.metric if name == "metric" else certification.quantities[name]
-    assert budget is not None
-    low, high = budget.interval_95
-    missed = float(true > high) - float(true < low)
-    return missed, budget.value - true, budget.u, budget.shift + beside
 
 
 def _row(found: Array, **about: Any) -> Coverage:

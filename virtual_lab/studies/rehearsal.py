@@ -16,7 +16,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from virtual_lab.lab import BatTest, Laboratory
+from virtual_lab.lab import Laboratory
 from virtual_lab.lab.measurand import true_curve
 from virtual_lab.lab.true_metric import scan_result
 from virtual_lab.measurement.procedure import (
@@ -54,10 +54,12 @@ class Rehearsal:
     curve: Callable[[Array], Array]  # e_A, r and e0 at places, (3, n)
 
     @classmethod
-    def of(cls, laboratory: Laboratory, tested: BatTest) -> Self:
-        """Return the rehearsal of a laboratory's test on the curve of its true bat."""
-        procedure, certification = laboratory.rules.spec, tested.certification
-        percussion = certification.outcome.place
+    def of(cls, laboratory: Laboratory, percussion: float) -> Self:
+        """Return the rehearsal of a laboratory's test on the curve of its true bat.
+
+        `percussion` is the place of its result [m].
+        """
+        procedure = laboratory.rules.spec
         scan = procedure.scan
         low, high = (scan.low, scan.high) if scan else (percussion, percussion)
         step, beyond = 4e-3, 0.025  # m: of the curve, and how far it goes on beyond any aim

@@ -118,17 +118,20 @@ class Components:
 
     def lines(self) -> tuple[Array, Array]:
         """Return variance and degrees of freedom of lines, (laboratory, line): a pool is one."""
-        square = self.effect**2
+        # rows in a row: the order of a sum must not depend on the number of laboratories
+        square, dof = np.ascontiguousarray(self.effect**2), np.ascontiguousarray(self.dof)
         if not any(self.pools):
-            return square, self.dof
+            return square, dof
         alone = [at for at, pool in enumerate(self.pools) if not pool]
         pools = dict.fromkeys(pool for pool in self.pools if pool)
-        squares, freedoms = [square[:, alone]], [self.dof[:, alone]]
+        squares, freedoms = [square[:, alone]], [dof[:, alone]]
         for pool in pools:
             parts = [at for at, own in enumerate(self.pools) if own == pool]
-            squares.append(square[:, parts].sum(axis=1, keepdims=True))
-            freedoms.append(self.dof[:, parts[:1]])
-        return np.concatenate(squares, axis=1), np.concatenate(freedoms, axis=1)
+            squares.append(np.ascontiguousarray(square[:, parts]).sum(axis=1, keepdims=True))
+            freedoms.append(dof[:, parts[:1]])
+        joined = (np.concatenate(each, axis=1) for each in (squares, freedoms))
+        square, dof = map(np.ascontiguousarray, joined)
+        return square, dof
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,6 +5,7 @@ from virtual_lab.measurement.procedure.choice import (
     Shortfall,
     shortfall,
     variance_within,
+    variances_within,
     with_choice,
 )
 from virtual_lab.measurement.procedure.eligibility import Finding, eligible, findings
@@ -70,6 +71,7 @@ __all__ = [
     "sought_of",
     "to_set",
     "variance_within",
+    "variances_within",
     "verdict",
     "with_choice",
     "worst_misfit",

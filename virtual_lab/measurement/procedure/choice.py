@@ -12,6 +12,7 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.outcome import complete_places, neighbours
 from virtual_lab.measurement.procedure.rules import Procedure
@@ -72,8 +73,18 @@ def with_choice(metric: Budgets, lost: Sequence[Shortfall]) -> Budgets:
 
 def variance_within(place: Array, metric: Array) -> float:
     """Return the variance of hits about the mean of their place, pooled; NaN of single hits."""
-    _, back = np.unique(np.round(place, 6), return_inverse=True)
+    alone = np.zeros(place.size, dtype=np.intp)
+    return float(variances_within(alone, place, metric, 1)[0])
+
+
+def variances_within(
+    owner: NDArray[np.intp], place: Array, metric: Array, laboratories: int
+) -> Array:
+    """Return the same of each laboratory, (laboratory,); `owner` says whose each hit is."""
+    of, back = np.unique(np.stack([owner, np.round(place, 6)]), axis=1, return_inverse=True)
     many = np.bincount(back)
-    freedom = back.size - many.size
-    means = np.bincount(back, metric) / many
-    return float(np.sum((metric - means[back]) ** 2)) / freedom if freedom else np.nan
+    off = metric - (np.bincount(back, metric) / many)[back]
+    whose = of[0].astype(np.intp)
+    freedom = np.bincount(whose, many - 1, laboratories)
+    square = np.bincount(owner, off**2, laboratories)
+    return np.where(freedom > 0, square / np.where(freedom > 0, freedom, 1.0), np.nan)

@@ -1,0 +1,97 @@
+"""Laboratories side by side: each certifies what the golden table of the loop says of it.
+
+The table was written before there were blocks, by laboratories one after another.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tests.lab.golden.make import BASEBALL, SEED, SOFTBALL, Case, Row, differences, table
+from virtual_lab import catalog, lab
+
+PROCEDURES = catalog.names("procedures")
+Array = np.ndarray
+
+
+def bat_of(procedure: str) -> str:
+    return (SOFTBALL if procedure == "asa" else BASEBALL)[0]
+
+
+@cache
+def campaign(procedure: str, bat: str) -> lab.Campaign:
+    return lab.Campaign.of(bat, procedure)
+
+
+def block_of(procedure: str, bat: str, first: int, last: int) -> lab.BlockTest:
+    return lab.certify_block(campaign(procedure, bat).setup, SEED, np.arange(first, last))
+
+
+def row_of(block: lab.BlockTest, case: Case, one: int, scenes: int) -> Row:
+    found, some = block.certified, bool(block.certified.some[one])
+    metric = found.results["metric"]
+
+    def of(values: Array) -> float:
+        return float(values[one]) if some else np.nan
+
+    return Row(
+        kind=case.kind,
+        procedure=case.procedure,
+        bat=case.bat,
+        number=case.number,
+        metric=of(metric.value),
+        u=of(metric.u),
+        dof=of(metric.dof),
+        truth=of(block.measurands["metric"]),
+        shots=int(np.sum(block.reduced.owner == one)),
+        scenes=scenes,
+        verdict=found.verdicts[one].value,
+        flags="+".join(name for name, where in found.checked.flagged.items() if where[one]),
+    )
+
+
+def compare(procedure: str, bat: str, first: int, last: int) -> list[str]:
+    """Return what differs from the table, a line each."""
+    block, lines = block_of(procedure, bat, first, last), []
+    for number in range(first, last):
+        case = Case(kind="summed", procedure=procedure, bat=bat, number=number)
+        golden = table()[case]
+        own = row_of(block, case, number - first, golden.scenes)
+        lines += [f"{number}: {line}" for line in differences(own, golden)]
+    return lines
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_a_block_is_its_laboratories_one_after_another(procedure: str) -> None:
+    """Metric, u, ν, truth, shots, verdict and flags of twenty, weak rebounds among them."""
+    assert compare(procedure, bat_of(procedure), 0, 20) == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("procedure", PROCEDURES)
+@pytest.mark.parametrize("which", [0, 1])
+def test_blocks_are_the_whole_table(procedure: str, which: int) -> None:
+    """Three hundred laboratories of both bats, in blocks of a hundred."""
+    bat = (SOFTBALL if procedure == "asa" else BASEBALL)[which]
+    for first in (0, 100, 200):
+        assert compare(procedure, bat, first, first + 100) == []
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_nothing_depends_on_the_neighbours(procedure: str) -> None:
+    """Twenty in one block, and in blocks of 1, 7 and 12: all numbers by their bits."""
+    bat = bat_of(procedure)
+    whole = block_of(procedure, bat, 0, 20)
+    for first, last in pairwise((0, 1, 8, 20)):
+        part, own = block_of(procedure, bat, first, last), slice(first, last)
+        for name, budgets in part.certified.results.items():
+            every = whole.certified.results[name]
+            for field in ("value", "u", "dof"):
+                assert np.array_equal(getattr(budgets, field), getattr(every, field)[own]), name
+        for name, values in part.measurands.items():
+            assert np.array_equal(values, whole.measurands[name][own], equal_nan=True), name
+        assert part.certified.verdicts == whole.certified.verdicts[own]
