@@ -16,6 +16,10 @@ import virtual_lab as vl
 from virtual_lab import lab
 
 
+def quiet(*_: object) -> None:
+    """Show no progress."""
+
+
 @pytest.fixture(scope="module")
 def tested() -> vl.Certificate:
     return vl.certify("r161", seed=7)
@@ -114,7 +118,7 @@ def test_a_test_without_a_result_says_so(tmp_path: Path) -> None:
     with pytest.raises(vl.InputError, match="without a truth"):
         vl.reduce(nothing.save(tmp_path / "test") / "records").score()
     assert "no score: the test gave no result" in vl.score(tmp_path / "test").text
-    row = vl.sweep("r161", procedures=rules, seeds=[2], progress=lambda *_: None).iloc[0]
+    row = vl.sweep("r161", procedures=rules, laboratories=1, seed=2, progress=quiet).iloc[0]
     assert (row["verdict"], row["reason"]) == ("INVALID", "fewer than two hits were valid")
     assert np.isnan([row["value"], row["true"], row["restitution_true"]]).all()
 
@@ -122,7 +126,7 @@ def test_a_test_without_a_result_says_so(tmp_path: Path) -> None:
 def test_a_sweep_tells_why_a_bat_fails() -> None:
     """R161 lies on the line of 34 in and 31 oz; the public rules ask no test of one-piece wood."""
     rules = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 2.5, "limit": 0.4})
-    row = vl.sweep("r161", procedures=rules, seeds=[0], progress=lambda *_: None).iloc[0]
+    row = vl.sweep("r161", procedures=rules, laboratories=1, seed=0, progress=quiet).iloc[0]
     weight, limit = row["reason"].split("; ")
     assert weight.startswith("length less weight 3.0")
     assert weight.endswith("allowed up to 2.5 (one-piece wood bats are exempt)")
@@ -130,7 +134,8 @@ def test_a_sweep_tells_why_a_bat_fails() -> None:
     assert vl.certify("r161", procedure=rules, seed=0).reasons[0].startswith("length less weight")
     rules = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 3.5})
     assert (
-        vl.sweep("r161", procedures=rules, seeds=[0], progress=lambda *_: None)["reason"][0] == ""
+        vl.sweep("r161", procedures=rules, laboratories=1, seed=0, progress=quiet)["reason"][0]
+        == ""
     )
 
 
@@ -235,27 +240,30 @@ def test_a_sweep_is_its_tests_one_by_one() -> None:
     found = vl.sweep(
         "r161",
         procedures=["astm-f1881", "proposed"],
-        seeds=np.arange(3, 6),
+        laboratories=3,
+        seed=4,
         progress=lambda _text, done=0, total=0: said.append((done, total)),
     )
     assert said == [(each, 6) for each in range(6)]
-    assert found["seed"].tolist() == [3, 4, 5] * 2
-    (alone,) = lab.Campaign.of("r161", "proposed").run(1, 4)
+    assert found["laboratory"].tolist() == [0, 1, 2] * 2
+    (alone,) = lab.Campaign.of("r161", "proposed").run(1, 4, first=1)
     row = found.iloc[4]
-    assert row["value"] == alone.certification.metric.value / 0.44704
-    assert row["true"] == alone.sealed.measurand["metric"] / 0.44704
+    assert row["value"] == pytest.approx(alone.certification.metric.value / 0.44704, rel=1e-12)
+    assert row["true"] == pytest.approx(alone.sealed.measurand["metric"] / 0.44704, rel=1e-12)
     assert (row["metric"], row["unit"]) == ("v_f", "mph")
     assert row["error"] == pytest.approx(row["value"] - row["true"])
     assert row["low"] < row["value"] < row["high"]
     with pytest.raises(vl.InputError, match="seed"):
-        vl.sweep("r161", seeds=[0.5], progress=lambda *_: None)  # type: ignore[list-item]
+        vl.sweep("r161", seed=0.5, progress=quiet)  # type: ignore[arg-type]
+    with pytest.raises(vl.InputError, match="laboratories"):
+        vl.sweep("r161", laboratories=0, progress=quiet)
 
 
 def test_variants_of_a_sheet_in_one_sweep_are_the_tests_alone() -> None:
     """The u of r161, seed 0, 6, 12 and 24 hits, as each alone had it before they shared a call."""
     base = vl.procedure("astm-f1881")
     variants = [base.with_(valid_hits=hits, attempts=3 * hits) for hits in (6, 12, 24)]
-    said = {"progress": lambda *_: None, "seeds": [0]}
+    said = {"progress": quiet, "laboratories": 1, "seed": 0}
     together = vl.sweep("r161", procedures=variants, **said)
     assert together["u"].round(5).tolist() == [0.00548, 0.00423, 0.00348]
     assert together["procedure"].tolist() == [
@@ -306,10 +314,10 @@ def test_entries_of_one_name_in_one_call_are_refused(tmp_path: Path) -> None:
         vl.procedure("astm-f1881").with_(name="mine", valid_hits=hits) for hits in (6, 9)
     )
     with pytest.raises(vl.InputError, match="two different sheets have this name"):
-        vl.sweep("r161", procedures=[first, second], seeds=[0])
+        vl.sweep("r161", procedures=[first, second], laboratories=1)
     paths = [each.save(tmp_path / f"{each.spec.valid_hits}.toml") for each in (first, second)]
     with pytest.raises(vl.InputError, match="'mine'; is given twice"):
-        vl.sweep("r161", procedures=paths, seeds=[0])
+        vl.sweep("r161", procedures=paths, laboratories=1)
     gates = [vl.instrument("pivot-gates"), vl.instrument("pivot-gates").with_(tick="2 us")]
     with pytest.raises(vl.InputError, match="pivot-gates"):
         vl.certify("r161", instruments=gates)
@@ -319,7 +327,7 @@ def test_an_instrument_of_no_rig_in_the_test_is_refused() -> None:
     """By what the rigs read: so too for a rig of another package."""
     camera = vl.instrument("camera-overhead").with_({"sensor.pixel": "20 um"})
     with pytest.raises(vl.InputError, match=r"camera-overhead.*in use: .*pivot-gates") as caught:
-        vl.sweep("r161", seeds=[0], instruments=[camera], progress=lambda *_: None)
+        vl.sweep("r161", laboratories=1, seed=0, instruments=[camera], progress=quiet)
     assert "light-boards" not in str(caught.value)
     with pytest.raises(vl.InputError, match="in use: none"):
         vl.profile("r161", instruments=[camera])
@@ -339,10 +347,10 @@ WRONG_CALLS = {  # a call that a scientist writes: a part of the sentence that s
     "vl.certify('r161', faults=3)": "names of faults",
     "vl.certify('r161', reality=None)": "real, noise-free or ideal",
     "vl.sweep('r161', procedure='bbcor')": "did you mean procedures",
-    "vl.sweep('r161', seeds=5)": r"range\(5\) for five laboratories",
+    "vl.sweep('r161', laboratories=[5])": "whole number",
     "vl.sweep([])": "at least one",
-    "vl.sweep({'r161'}, seeds=[1])": "or a list",
-    "vl.sweep(['r161', 'r161'], seeds=[1])": "given twice",
+    "vl.sweep({'r161'})": "or a list",
+    "vl.sweep(['r161', 'r161'])": "given twice",
     "vl.score(tested)": r"has a function of its own: write .score\(\) after it",
     "vl.reduce(tested)": "the path of a folder",
     "vl.shelf('bat')": "did you mean bats",
@@ -372,13 +380,13 @@ def test_a_wrong_call_says_what_to_write(call: str, tested: vl.Certificate) -> N
 
 
 def test_arguments_in_other_forms_mean_the_same(tested: vl.Certificate) -> None:
-    """One instrument without a list, names as an array, a path for a name, a rig as a sheet."""
+    """One instrument without a list, what numpy holds, a path for a name, a rig as a sheet."""
     gates = vl.instrument("pivot-gates")
     assert vl.certify("r161", seed=np.uint8(7), instruments=gates).value == tested.value
     rig = vl.rig("astm-pivot").with_({"pivot.from_knob": "152 mm"})
     assert vl.certify(Path("r161"), seed=7, rig=rig).value == tested.value
-    found = vl.sweep(np.array(["r161"]), seeds=(n for n in [3]), progress=lambda *_: None)
-    assert found["seed"].tolist() == [3]
+    found = vl.sweep(np.array(["r161"]), laboratories=np.int64(2), progress=quiet)
+    assert found["laboratory"].tolist() == [0, 1]
 
 
 def test_every_public_function_reads_its_arguments() -> None:

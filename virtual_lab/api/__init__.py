@@ -5,7 +5,7 @@ Functions load their modules when they are called, so that the import is fast.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -481,21 +481,22 @@ def sweep(
     bats: str | Path | Sheet | Sequence[str | Path | Sheet],
     *,
     procedures: str | Path | Sheet | Sequence[str | Path | Sheet] = ("astm-f1881",),
-    seeds: Iterable[int] = range(100),
+    laboratories: int = 100,
+    seed: int = 1,
     instruments: Sequence[Sheet] = (),
     progress: Progress | None = None,
 ) -> pd.DataFrame:
     """Test bats by procedures in many laboratories and return one row per test.
 
     Bats are nominal and instruments write sums instead of every edge and count (as in
-    ``vl.coverage(…, summed=True)``): a test takes some milliseconds.
+    ``vl.coverage(…, summed=True)``): a test takes a millisecond or less.
 
     Parameters
     ----------
     bats, procedures
         One or several: names, paths or sheets.
-    seeds
-        Whole numbers from 0; each is a laboratory: ``range(20)``.
+    laboratories, seed
+        How many laboratories of a study: those of the seed by number, from 0.
     instruments
         Sheets with changed values, as for `certify`.
     progress
@@ -504,20 +505,21 @@ def sweep(
     Returns
     -------
     pandas.DataFrame
-        ``bat``, ``procedure``, ``seed``, ``verdict``, ``reason`` (of FAIL or INVALID, else empty),
-        ``metric`` (its symbol), ``unit``, ``value``, ``u``, ``low`` and ``high`` of the 95 %
-        interval, ``true`` and ``error``, all in the unit; for e_A, e, r, e0 the value, its u and
+        ``bat``, ``procedure``, ``laboratory`` (its number), ``verdict``, ``reason`` (of FAIL or
+        INVALID, else empty), ``metric`` (its symbol), ``unit``, ``value``, ``u``, ``low`` and
+        ``high`` of the 95 % interval, ``true`` and ``error``, all in the unit; for e_A, e, r, e0 the value, its u and
         the true value (``restitution``, ``restitution_u``, ``restitution_true``, …). A test
         without a result has NaN.
 
     Raises
     ------
     InputError
-        Unknown names, files that cannot be used, a seed that is no whole number from 0.
+        Unknown names, files that cannot be used, a seed that is no whole number from 0, no
+        laboratory.
     """
     from virtual_lab.studies.sweep import sweep_tests
 
-    asked: tuple[Any, ...] = bats, procedures, seeds  # names and numbers by now
+    asked: tuple[Any, ...] = bats, procedures, laboratories, seed  # names and numbers by now
     if progress is not None:
         return sweep_tests(*asked, progress=progress)
     with shown() as shown_progress:

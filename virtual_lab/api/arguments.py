@@ -102,12 +102,6 @@ def _whole(value: Any, _store: Store) -> int:
     return number
 
 
-def _wholes(value: Any, store: Store) -> tuple[int, ...]:
-    if not _is_list(value):
-        raise TypeError(value)
-    return cast("tuple[int, ...]", WHOLES.read(value, store))
-
-
 def _number(value: Any, _store: Store) -> float:
     if isinstance(value, bool | str):
         raise TypeError(value)
@@ -170,11 +164,7 @@ ARGUMENTS = {
     LABORATORIES: ArgumentRule(
         _instruments, "sheets of instruments: [vl.instrument('pivot-gates').with_(tick='2 us')]"
     ),
-    "seed": ArgumentRule(_whole, "one whole number from 0; for several, vl.sweep(seeds=range(20))"),
-    "seeds": ArgumentRule(
-        _wholes,
-        "a list of whole numbers from 0: range(5) for five laboratories, [5] for the one of seed 5",
-    ),
+    "seed": ArgumentRule(_whole, "one whole number from 0; for several, vl.sweep(laboratories=20)"),
     "faults": FAULTS,
     "names": FAULTS,
     "rules": WHOLES,

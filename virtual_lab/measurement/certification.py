@@ -41,7 +41,7 @@ from virtual_lab.measurement.procedure import (
 )
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
 from virtual_lab.measurement.reduction.observations import ImpactReadings
-from virtual_lab.measurement.reduction.shot_algebra import ShotResults
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
 from virtual_lab.measurement.session_reduction import (
     BlockReduction,
     SessionReduction,
@@ -125,6 +125,7 @@ class BlockCertification:
     some: Mask  # which laboratories have a result, (laboratory,)
     results: Mapping[str, Budgets]  # ``metric``, and by the keys of QUANTITIES
     checked: BlockChecked
+    bat: BatProperties  # (laboratory, 1, 1)
     invalid: Mask  # (laboratory,)
     met: Mask  # every rule that the bat must meet, (laboratory,)
 
@@ -134,6 +135,18 @@ class BlockCertification:
         return tuple(
             verdict(self.procedure, sound=not invalid, met=bool(met))
             for invalid, met in zip(self.invalid, self.met, strict=True)
+        )
+
+    def reasons(self, laboratory: int) -> tuple[str, ...]:
+        """Return why the verdict of one laboratory is INVALID or FAIL."""
+        metric = self.results["metric"]
+        some = bool(self.some[laboratory])
+        u, value = float(metric.u[laboratory]), float(metric.value[laboratory])
+        outcome, flags = self.outcome.reasons[laboratory], self.checked.of(laboratory).flags
+        invalid = tuple(_reasons(self.procedure, outcome, u if some else None, flags))
+        bat = self.bat.part((laboratory, 0, 0))
+        return invalid or not_met(
+            self.procedure, findings(self.procedure, bat), value if some else None
         )
 
     def of(
@@ -152,9 +165,7 @@ class BlockCertification:
             else {}
         )
         metric = quantities.pop("metric", None)
-        found, checked = findings(procedure, reduced.bat), self.checked.of(laboratory)
-        invalid = tuple(_reasons(procedure, outcome, metric, checked.flags))
-        unmet = not_met(procedure, found, metric.value if metric else None)
+        checked = self.checked.of(laboratory)
         return Certification(
             session=session,
             procedure=procedure,
@@ -172,11 +183,11 @@ class BlockCertification:
             other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
             camera=compare_camera(session, reduced, propagator),
             set_aside=reduced.preparation.lot.set_aside,
-            findings=found,
+            findings=findings(procedure, reduced.bat),
             flags=checked.flags,
             pairs=checked.pairs,
             not_checked=checked.left_out,
-            reasons=invalid or unmet,
+            reasons=self.reasons(laboratory),
             verdict=self.verdicts[laboratory],
         )
 
@@ -245,6 +256,7 @@ def evaluate_block(
         some=some,
         results=results,
         checked=checked,
+        bat=preparation.bat,
         invalid=invalid,
         met=met,
     )
@@ -266,14 +278,17 @@ def _shortfalls(reduced: BlockReduction, used: Mask) -> list[Shortfall]:
 
 
 def _reasons(
-    procedure: Procedure, outcome: HitWeights, metric: Budget | None, flagged: tuple[Flag, ...]
+    procedure: Procedure, of_hits: str, metric_u: float | None, flagged: tuple[Flag, ...]
 ) -> Iterator[str]:
-    """Return the reasons why a test is INVALID; empty if it is not."""
-    if outcome.reason:
-        yield outcome.reason
-    if metric is not None and not metric.u <= procedure.largest_metric_u:
+    """Return the reasons why a test is INVALID; empty if it is not.
+
+    `of_hits` is why its hits give no result, `metric_u` None where it has none.
+    """
+    if of_hits:
+        yield of_hits
+    if metric_u is not None and not metric_u <= procedure.largest_metric_u:
         printed = METRICS[procedure.metric]
-        u, most = metric.u / printed.unit_si, procedure.largest_metric_u / printed.unit_si
+        u, most = metric_u / printed.unit_si, procedure.largest_metric_u / printed.unit_si
         yield f"u of {printed.symbol} is {u:.2g}, allowed up to {most:g} {printed.unit}".rstrip()
     for flag in flagged:
         if flag.invalidates:

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import nan
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from virtual_lab import catalog
-from virtual_lab.lab import BatTest, Campaign
+from virtual_lab.errors import InputError
+from virtual_lab.lab import BatTest, BlockTest, Campaign
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.uncertainty.budget import interval_95
 
 if TYPE_CHECKING:
     import pandas as pd
+
+Numbers = Mapping[str, float]
 
 
 def sweep_tests(
     bats: Sequence[str],
     procedures: Sequence[str],
-    seeds: Sequence[int],
+    laboratories: int,
+    seed: int,
     *,
     progress: Progress = quiet,
 ) -> pd.DataFrame:
@@ -29,53 +36,89 @@ def sweep_tests(
     Raises
     ------
     InputError
-        Unknown names, two bats or procedures of one name, files that cannot be used.
+        Unknown names, two bats or procedures of one name, files that cannot be used, no laboratory.
     """
     import pandas as pd
 
+    if laboratories < 1:
+        raise InputError("", "laboratories", laboratories, "allowed: 1 and more")
     catalog.require_own_names("bats", [catalog.load_bat(each).spec.name for each in bats])
     rules = [catalog.load("procedures", each, Procedure).spec.name for each in procedures]
     catalog.require_own_names("procedures", rules)
     rows: list[dict[str, Any]] = []
-    total = len(bats) * len(procedures) * len(seeds)
+    total = len(bats) * len(procedures) * laboratories
     for bat in bats:
         for procedure in procedures:
             campaign = Campaign.of(bat, procedure)
-            for seed in seeds:
+            for number, row in enumerate(_rows(campaign, laboratories, seed)):
                 progress("tests", len(rows), total)
-                rows.append(_row(seed, next(campaign.run(1, seed))))
-    return pd.DataFrame(rows)
+                rows.append({"bat": campaign.setup.bat.spec.name, **row, "laboratory": number})
+    return pd.DataFrame(rows)[[*LEADING, *(name for name in rows[0] if name not in LEADING)]]
 
 
-def _row(seed: int, tested: BatTest) -> dict[str, Any]:
-    found, true = tested.certification, tested.sealed.measurand
-    printed = METRICS[found.procedure.metric]
-    budget = found.metric
-    value, u = (budget.value, budget.u) if budget else (nan, nan)
-    low, high = budget.interval_95 if budget else (nan, nan)
+LEADING = ["bat", "procedure", "laboratory", "verdict", "reason", "metric", "unit"]
+
+
+def _rows(campaign: Campaign, laboratories: int, seed: int) -> Iterator[dict[str, Any]]:
+    if campaign.in_blocks:
+        for block in campaign.blocks(laboratories, seed):
+            yield from _of_block(campaign, block)
+    else:
+        for tested in campaign.run(laboratories, seed):
+            yield _of_test(campaign, tested)
+
+
+def _of_block(campaign: Campaign, tested: BlockTest) -> Iterator[dict[str, Any]]:
+    found, verdicts = tested.certified, tested.certified.verdicts
+    for one in range(len(verdicts)):
+        some = bool(found.some[one])
+        results = {
+            name: (float(each.value[one]), float(each.u[one]), float(each.dof[one]))
+            for name, each in found.results.items()
+        }
+        true = {name: float(each[one]) for name, each in tested.measurands.items()}
+        reason = "; ".join(found.reasons(one))
+        yield _row(campaign, verdicts[one].value, reason, results if some else {}, true)
+
+
+def _of_test(campaign: Campaign, tested: BatTest) -> dict[str, Any]:
+    found = tested.certification
+    budgets = {**found.quantities, **({"metric": found.metric} if found.metric else {})}
+    results = {name: (each.value, each.u, each.dof) for name, each in budgets.items()}
+    true = tested.sealed.measurand
+    return _row(campaign, found.verdict.value, "; ".join(found.reasons), results, true)
+
+
+def _row(
+    campaign: Campaign,
+    verdict: str,
+    reason: str,
+    results: Mapping[str, tuple[float, float, float]],
+    true: Numbers,
+) -> dict[str, Any]:
+    """Return a row; `results` are value, u and ν by name, {} where the test gave none."""
+    rules = campaign.setup.rules.spec
+    printed = METRICS[rules.metric]
+    value, u, dof = results.get("metric", (nan, nan, nan))
+    low, high = interval_95(value, u, dof)
+    of_metric = true.get("metric", nan)
     numbers = {
         "value": value,
         "u": u,
         "low": low,
         "high": high,
-        "true": true.get("metric", nan),
-        "error": value - true.get("metric", nan),
+        "true": of_metric,
+        "error": value - of_metric,
     }
     row: dict[str, Any] = {
-        "bat": found.session.bat,
-        "procedure": found.procedure.name,
-        "seed": seed,
-        "verdict": found.verdict.value,
-        "reason": "; ".join(found.reasons),
+        "procedure": rules.name,
+        "verdict": verdict,
+        "reason": reason,
         "metric": printed.symbol,
         "unit": printed.unit,
     }
     row |= {name: number / printed.unit_si for name, number in numbers.items()}
     for name in QUANTITIES:
-        one = found.quantities.get(name)
-        row |= {
-            name: one.value if one else nan,
-            f"{name}_u": one.u if one else nan,
-            f"{name}_true": true.get(name, nan),
-        }
+        own, own_u, _ = results.get(name, (nan, nan, nan))
+        row |= {name: own, f"{name}_u": own_u, f"{name}_true": true.get(name, np.nan)}
     return row
