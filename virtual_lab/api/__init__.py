@@ -507,9 +507,9 @@ def sweep(
     pandas.DataFrame
         ``bat``, ``procedure``, ``laboratory`` (its number), ``verdict``, ``reason`` (of FAIL or
         INVALID, else empty), ``metric`` (its symbol), ``unit``, ``value``, ``u``, ``low`` and
-        ``high`` of the 95 % interval, ``true`` and ``error``, all in the unit; for e_A, e, r, e0 the value, its u and
-        the true value (``restitution``, ``restitution_u``, ``restitution_true``, …). A test
-        without a result has NaN.
+        ``high`` of the 95 % interval, ``true`` and ``error``, all in the unit; for e_A, e, r, e0
+        the value, its u and the true value (``restitution``, ``restitution_u``,
+        ``restitution_true``, …). A test without a result has NaN.
 
     Raises
     ------

@@ -30,11 +30,11 @@ FIRST = "; of the first laboratory, the others follow"
 @click.argument("bat", default="r161", shell_complete=names("bats"))
 @procedure_option(None, "  [default: astm-f1881; of clips bbcor]")
 @laboratories_option(1000)
-@seed_option(FIRST)
+@seed_option("; its laboratories are taken by number, from 0")
 @click.option(
     "--summed",
     is_flag=True,
-    help="Instruments write sums (a camera: places) and the bat is nominal: ten times as fast.",
+    help="Instruments write sums (a camera: places), the bat is nominal: a hundred times as fast.",
 )
 @click.option(
     "--effects",

@@ -295,7 +295,8 @@ class InStep:
             struck.squares,
             struck.bat,
             struck.shapes,
-            Given(*(np.ascontiguousarray(each) for each in given)),
+            # one type of array, or the kernel is compiled anew for each mixture
+            Given(*(np.require(each, np.float64, ["C", "W"]) for each in given)),
             (self.splitting.kicks, self.splitting.drifts),
             StepRule(self.growth, self.turn, self.brush, window),
         )

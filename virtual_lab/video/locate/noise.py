@@ -62,12 +62,15 @@ class Noise:
         in a few pixels, and flicker, which moves all alike, are left out.
         """
         first, second = frames[:-1].astype(float), frames[1:].astype(float)
-        mean = ((first + second) / 2).ravel()
+        total = (first + second).ravel()
+        mean = total / 2
         change = second - first
         change = (change - np.median(change, axis=(1, 2), keepdims=True)).ravel()
         kept = mean < 0.97 * full_scale
-        mean, change = mean[kept], change[kept]
-        order = np.argsort(mean, kind="stable")
+        total, mean, change = total[kept], mean[kept], change[kept]
+        if np.issubdtype(frames.dtype, np.integer) and 2 * full_scale < 2**16:
+            total = total.astype(np.uint16)  # numpy sorts 16 bits by digits: ten times as fast
+        order = np.argsort(total, kind="stable")
         levels, variances = [], []
         for bin_ in np.array_split(order, min(24, max(1, order.size // 400))):
             spread = _spread(change[bin_])

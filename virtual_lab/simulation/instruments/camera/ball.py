@@ -157,7 +157,7 @@ def render_balls(
         SAMPLING.detail if look.seam_contrast else 1.0,
     )
     warp, path, times, body, turned, lit = (
-        np.ascontiguousarray(part, dtype=np.float64)
+        np.require(part, np.float64, ["C", "W"])  # one type: the kernel is compiled once
         for part in (outline, course, when, axes, turns, shades)
     )
     render(
