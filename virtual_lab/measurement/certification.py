@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from virtual_lab.catalog import Datum
 from virtual_lab.measurement.camera.comparison import CameraComparison, compare_camera
@@ -53,6 +55,8 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, Budgets, Propagator, Variants, means_of_hits
 from virtual_lab.units import Array, Mask
+
+CACHED = 40_000  # numbers of an array that stays in the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,22 +215,20 @@ def evaluate_block(
         return np.where(hits >= 0, values[hits], 0.0)
 
     preparation = reduced.preparation
-    model = MeasurementModel(
-        rules=rules,
-        balls=preparation.balls,
-        used=preparation.used,
-        readings=readings.part(hits[:, None]),
-    )
     variants = propagator(reduced.constants)
-    moved = model.shots(variants.columns)
-    weights, effects = at_hits(outcome.weights), at_hits(outcome.effects)
-    places = at_hits(np.round(reduced.place, 6))
-    results = {
-        name: means_of_hits(
-            variants, values, weights, places, effects if name == "metric" else weights
-        )
-        for name, values in model.quantities(variants.columns, moved).items()
-    }
+    weighing = Weighing(
+        hits=hits,
+        weights=at_hits(outcome.weights),
+        effects=at_hits(outcome.effects),
+        places=at_hits(np.round(reduced.place, 6)),
+    )
+    sets = len(next(iter(variants.columns.values()))[0])
+    few = max(CACHED // (sets * hits.shape[1]), 1)
+    parts = [
+        _results(reduced, readings, weighing, slice(first, first + few), propagator)
+        for first in range(0, laboratories, few)
+    ]
+    results = {name: Budgets.joined([each[name] for each, _ in parts]) for name in parts[0][0]}
     results["metric"] = with_choice(results["metric"], _shortfalls(reduced, used))
     some = np.bincount(owner, used, laboratories) > 0
     metric = results["metric"]
@@ -240,7 +242,7 @@ def evaluate_block(
             some=some,
             variants=variants,
             hits=hits,
-            moved=moved,
+            apart=np.concatenate([apart for _, apart in parts]),
         )
     )
     invalid = np.array([bool(reason) for reason in outcome.reasons])
@@ -260,6 +262,51 @@ def evaluate_block(
         invalid=invalid,
         met=met,
     )
+
+
+class Weighing(NamedTuple):
+    """The hits that the results of a block rest on, arrays (laboratory, hit)."""
+
+    hits: NDArray[np.intp]  # their numbers, below 0: none
+    weights: Array
+    effects: Array  # of their metric on the result
+    places: Array  # set [m]
+
+    def some(self, chosen: slice) -> Weighing:
+        """Return those of some laboratories."""
+        return Weighing(
+            self.hits[chosen], self.weights[chosen], self.effects[chosen], self.places[chosen]
+        )
+
+
+def _results(
+    reduced: BlockReduction,
+    readings: ImpactReadings,
+    weighing: Weighing,
+    some: slice,
+    propagator: Propagator,
+) -> tuple[dict[str, Budgets], Array]:
+    """Return the results of some laboratories, and e_A by recoil less by rebound of their hits.
+
+    The latter for all sets of constants, (laboratory, k, hit).
+    """
+    hits, weights, effects, places = weighing.some(some)
+    preparation = reduced.preparation
+    model = MeasurementModel(
+        rules=reduced.procedure,
+        balls=preparation.balls.some(some),
+        used=preparation.used[some],
+        readings=readings.part(hits[:, None]),
+    )
+    variants = propagator({name: known.part(some) for name, known in reduced.constants.items()})
+    moved = model.shots(variants.columns)
+    results = {
+        name: means_of_hits(
+            variants, values, weights, places, effects if name == "metric" else weights
+        )
+        for name, values in model.quantities(variants.columns, moved).items()
+    }
+    return results, moved.recoil_efficiency - moved.rebound_efficiency
 
 
 def _shortfalls(reduced: BlockReduction, used: Mask) -> list[Shortfall]:

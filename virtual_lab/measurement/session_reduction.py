@@ -96,7 +96,7 @@ class BlockPreparation:
         return replace(
             self,
             constants={name: known.part(one) for name, known in self.constants.items()},
-            balls=self.balls.alone(laboratory),
+            balls=self.balls.some(one),
             lot=self.lot.part(one),
             used=self.used[one],
             bat=self.bat.part(one),

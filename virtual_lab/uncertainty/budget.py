@@ -91,6 +91,25 @@ class Components:
             shift=side_by_side("shift"),
         )
 
+    @classmethod
+    def joined(cls, blocks: Sequence[Components]) -> Self:
+        """Return the laboratories of some blocks as one, all of the same sources."""
+
+        def below(name: str) -> Array:
+            return np.concatenate([getattr(each, name) for each in blocks])
+
+        first = blocks[0]
+        return cls(
+            names=first.names,
+            evaluations=first.evaluations,
+            pools=first.pools,
+            value=below("value"),
+            u=below("u"),
+            dof=below("dof"),
+            effect=below("effect"),
+            shift=below("shift"),
+        )
+
     @property
     def sensitivity(self) -> Array:
         """Of the result, per unit of the source; 0 of a source without uncertainty."""
@@ -156,6 +175,16 @@ class Budgets:
     u: Array
     dof: Array
     components: Components
+
+    @classmethod
+    def joined(cls, blocks: Sequence[Budgets]) -> Self:
+        """Return the laboratories of some blocks as one."""
+        return cls(
+            value=np.concatenate([each.value for each in blocks]),
+            u=np.concatenate([each.u for each in blocks]),
+            dof=np.concatenate([each.dof for each in blocks]),
+            components=Components.joined([each.components for each in blocks]),
+        )
 
     def of(self, laboratory: int) -> Budget:
         """Return the budget of one laboratory."""

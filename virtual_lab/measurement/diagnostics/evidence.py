@@ -30,7 +30,7 @@ class Evidence:
     some: Mask  # which laboratories have one, (laboratory,)
     variants: Variation  # of the constants
     hits: NDArray[np.intp]  # numbers of the shots a result rests on, below 0: none
-    moved: ShotResults  # of these shots for the variants, (laboratory, variant, hit)
+    apart: Array  # e_A of these by recoil less by rebound for the variants, (laboratory, k, hit)
 
     @property
     def procedure(self) -> Procedure:

@@ -13,7 +13,7 @@ from virtual_lab.measurement.diagnostics.evidence import Evidence, numbered
 from virtual_lab.measurement.diagnostics.flag import Pairs, Raised, pairs
 from virtual_lab.measurement.reduction.gates import INBOUND, GateReadings
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
-from virtual_lab.measurement.reduction.shot_algebra import ShotResults, drag_of
+from virtual_lab.measurement.reduction.shot_algebra import drag_of
 from virtual_lab.records import AimMarks, EncoderRecord
 from virtual_lab.relations.flight import time_before
 from virtual_lab.uncertainty.budget import Components, Variants, types_a, weighed
@@ -294,12 +294,10 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Pairs]:
     compared = number >= FEWEST_SHOTS
     if not compared.any():
         return
-    hits, moved = _moved(seen, both)
+    hits, moved = _moved_apart(seen, both)
     used = np.where(hits >= 0, both[hits], False)
     weights = used / np.maximum(used.sum(axis=1, keepdims=True), 1)
-    shared = seen.variants.components(
-        weighed(moved.recoil_efficiency - moved.rebound_efficiency, weights)
-    )
+    shared = seen.variants.components(weighed(moved, weights))
     square, degrees = _scatter(seen, apart, both, shared)
     yield pairs(
         "recoil-and-rebound",
@@ -314,13 +312,14 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Pairs]:
     )
 
 
-def _moved(seen: Evidence, both: Mask) -> tuple[NDArray[np.intp], ShotResults]:
-    """Return numbers of shots, `both` among them, and their results for the variants."""
+def _moved_apart(seen: Evidence, both: Mask) -> tuple[NDArray[np.intp], Array]:
+    """Return numbers of shots, `both` among them, and their e_A apart for the variants."""
     hits = numbered(seen.owner, both, seen.laboratories)
     if np.isin(hits[hits >= 0], seen.hits).all():
-        return seen.hits, seen.moved
+        return seen.hits, seen.apart
     model = replace(seen.model, readings=seen.readings.part(hits[:, None]))
-    return hits, model.shots(seen.variants.columns)
+    found = model.shots(seen.variants.columns)
+    return hits, found.recoil_efficiency - found.rebound_efficiency
 
 
 def _scatter(seen: Evidence, apart: Array, both: Mask, shared: Components) -> tuple[Array, Array]:

@@ -213,19 +213,20 @@ def _top_of_curve(
     unit = (place[near] - middle) / scan.fit_half_width
     degree = _degree(unit)
     solved = np.linalg.pinv(np.vander(unit, degree + 1, increasing=True))
-    fitted = Polynomial(solved @ sought.value[near])
+    fitted = solved @ sought.value[near]
     turn = _turn(fitted)
+    powers = np.arange(degree + 1)
     candidates = np.array([unit.min(), unit.max()])
     if unit.min() < turn < unit.max():
         candidates = np.append(candidates, turn)
-    top = float(candidates[np.argmax(fitted(candidates))])
-    powers = np.arange(degree + 1)
+    top = float(candidates[np.argmax(candidates[:, None] ** powers @ fitted)])
     weights = np.zeros(len(place))
     weights[near] = top**powers @ solved
     effects = weights.copy()
     if scan.seeks == "batted_speed" and top == turn:
         slopes = powers[1:] * top ** powers[:-1] @ solved[1:]
-        moved = -slopes * sought.gain[near] / fitted.deriv(2)(top)
+        bend = (powers * (powers - 1))[2:] * top ** powers[:-2] @ fitted[2:]
+        moved = -slopes * sought.gain[near] / bend
         effects[near] += slopes @ metric[near] * moved
     return weights, effects, middle + top * scan.fit_half_width
 
@@ -245,12 +246,12 @@ def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> P
     return Polynomial.fit(place[used], metric[used], _degree(place[used]))
 
 
-def _turn(cubic: Polynomial) -> float:
+def _turn(cubic: Array) -> float:
     """Return the local maximum of a polynomial up to the third degree, NaN without one.
 
     The formula stays exact as the cubic term vanishes.
     """
-    a, b, c = np.pad(cubic.deriv().coef, (0, 2))[:3]
+    a, b, c = np.pad(cubic[1:] * np.arange(1, cubic.size), (0, 3))[:3]
     square = b**2 - 4 * a * c
     bend = -b + np.sqrt(square) if square >= 0 else 0.0
     return float(2 * a / bend) if bend > 0 else np.nan

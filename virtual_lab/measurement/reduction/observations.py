@@ -75,14 +75,13 @@ class BallReadings:
             seen=self.seen.part(here).part(first).part(hits),
         )
 
-    def alone(self, laboratory: int) -> BallReadings:
-        """Return a block of one of its laboratories."""
-        one = slice(laboratory, laboratory + 1)
+    def some(self, chosen: slice) -> BallReadings:
+        """Return the block of some of its laboratories."""
         return BallReadings(
-            mass=self.mass[one],
-            ball=self.ball[one],
-            nominal_speed=self.nominal_speed[one],
-            seen=self.seen.part(np.array([laboratory])),
+            mass=self.mass[chosen],
+            ball=self.ball[chosen],
+            nominal_speed=self.nominal_speed[chosen],
+            seen=self.seen.part(np.arange(len(self.mass))[chosen]),
         )
 
     @property

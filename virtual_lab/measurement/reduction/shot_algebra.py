@@ -35,8 +35,10 @@ from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_f
 from virtual_lab.units import Array, Mask
 
 Constants = Mapping[str, Array]
-AT_WALL = ("balls.", "bench.scale.", "hall.", "ball.radius")  # constants a hit there knows of
-ADDED = ("balls.restitution_", "balls.slope_")  # errors of its results
+FLIGHT = ("bench.scale.", "hall.", "ball.radius")  # constants of which a ball in flight knows
+AT_WALL, AT_BAT = (*FLIGHT, "balls."), (*FLIGHT, "impact.")  # and what times it
+ADDED = ("balls.restitution_", "balls.slope_")  # errors of what is made of its flight
+HELD = tuple(f"impact.{name}." for name in ("pivot", "encoder", "swing", "cannon", "aim"))
 PLACE_SLOPE = "procedure.place_slope"  # de_A/dz [1/m]
 SLOPE_ERROR = "procedure.place_slope_error"  # what the slope's own error makes of e_A
 
@@ -166,7 +168,7 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     some, share = readings.ball >= 0, readings.share
     speed = np.where(some, readings.nominal_speed, 0.0)
     nominal = speed.sum(axis=-1, keepdims=True) / some.sum(axis=-1, keepdims=True)
-    sets = _sets_at_wall(x)
+    sets = _sets_of(x, AT_WALL, ADDED)
     own = {name: sets.chosen(value) for name, value in x.items()}
     drag = of_ball(drag_of(own, sets.chosen(mass)), np.maximum(readings.ball, 0))
     seen = readings.seen.flights(own, drag)
@@ -204,13 +206,13 @@ class Sets(NamedTuple):
         return values if self.rows is None else values[..., self.back, :]
 
 
-def _sets_at_wall(x: Constants) -> Sets:
-    """Return the sets that differ in a constant of which the hits at the wall know."""
+def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> Sets:
+    """Return the sets that differ in a constant with one of these beginnings, not of `others`."""
     every = np.zeros(0, dtype=np.intp)
     known = [
         value
         for name, value in x.items()
-        if name.startswith(AT_WALL) and not name.startswith(ADDED) and np.ndim(value) > 1
+        if name.startswith(names) and not name.startswith(others) and np.ndim(value) > 1
     ]
     if not known:
         return Sets(None, every)
@@ -269,7 +271,7 @@ def shot_results(
     balls that define the mean of the lot, (..., ball); None: all.
     """
     mass = of_ball(balls.mass, readings.ball)
-    seen = (flown or readings.seen.flights)(x, drag_of(x, mass))
+    seen = flown(x, drag_of(x, mass)) if flown else _flights(x, readings, mass)
     abreast = bat.length - x["impact.pivot.from_knob"] - _struck(x, readings)
     swing_rate, slant = np.zeros(()), np.zeros(())
     if readings.swing:
@@ -346,6 +348,22 @@ def shot_results(
         ),
         rebound_efficiency=np.broadcast_to(rebound, shape),
         recoil_efficiency=np.broadcast_to(recoiled, shape),
+    )
+
+
+def _flights(x: Constants, readings: ImpactReadings, mass: Array) -> Flights:
+    """Return the flights, computed for those sets alone that differ in what a flight knows of."""
+    sets = _sets_of(x, AT_BAT, HELD)
+    own = {name: sets.chosen(value) for name, value in x.items()}
+    seen = readings.seen.flights(own, drag_of(own, sets.chosen(mass)))
+    if sets.rows is None:
+        return seen
+    return Flights(
+        speed_in=sets.spread(seen.speed_in),
+        speed_out=sets.spread(seen.speed_out),
+        offset=sets.spread(seen.offset),
+        slope_in=sets.spread(seen.slope_in),
+        slope_out=sets.spread(seen.slope_out),
     )
 
 
