@@ -31,7 +31,9 @@ def _bats() -> None:
 
     for procedure in ("astm-f1881", "bbcor", "ncaa-besr"):
         certified(procedure=procedure)
-        next(lab.Campaign.of("r161", procedure).run(1, 1))
+        campaign = lab.Campaign.of("r161", procedure)
+        next(campaign.run(1, 1))
+        next(campaign.blocks(2, 1))
 
 
 def _camera() -> None:
