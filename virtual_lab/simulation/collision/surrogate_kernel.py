@@ -32,15 +32,19 @@ def evaluate_surrogate(coefficients: Array, unit: Array) -> Array:
     rows = np.ascontiguousarray(coefficients.reshape(a, b * c * d).T)
     first, second = np.zeros((a, BLOCK)), np.zeros((b, BLOCK))
     third, fourth = np.zeros((c, BLOCK)), np.zeros((d, BLOCK))
-    inner, middle = np.empty(BLOCK), np.empty(BLOCK)
+    inner, middle, total = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    # a block is always whole: a point's last bits must not hang on where it stands in one
+    places = np.zeros((4, BLOCK))
     out = np.zeros(unit.shape[1])
     for start in range(0, unit.shape[1], BLOCK):
         stop = min(start + BLOCK, unit.shape[1])
-        _polynomials(unit[0, start:stop], first)
-        _polynomials(unit[1, start:stop], second)
-        _polynomials(unit[2, start:stop], third)
-        _polynomials(unit[3, start:stop], fourth)
+        places[:, : stop - start] = unit[:, start:stop]
+        _polynomials(places[0], first)
+        _polynomials(places[1], second)
+        _polynomials(places[2], third)
+        _polynomials(places[3], fourth)
         partial = np.dot(rows, first)
+        total[:] = 0.0
         for j in range(b):
             middle[:] = 0.0
             for k in range(c):
@@ -51,6 +55,7 @@ def evaluate_surrogate(coefficients: Array, unit: Array) -> Array:
                         inner[i] += partial[row, i] * fourth[m, i]
                 for i in range(BLOCK):
                     middle[i] += inner[i] * third[k, i]
-            for i in range(stop - start):
-                out[start + i] += middle[i] * second[j, i]
+            for i in range(BLOCK):
+                total[i] += middle[i] * second[j, i]
+        out[start:stop] = total[: stop - start]
     return out
