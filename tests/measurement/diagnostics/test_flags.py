@@ -219,6 +219,22 @@ def test_recoil_and_rebound_on_both_sides_of_each_limit(
     assert apart.sigmas < 9
 
 
+@pytest.mark.parametrize("left", [1, 2])
+def test_one_rebound_is_a_comparison_where_the_aim_marks_show_the_scatter(
+    sound: Session, left: int
+) -> None:
+    """All others taken out of the records: with an encoder 5 % off no verdict stands."""
+    times = sound.records["impact"]["gates"].times.copy()
+    back = np.flatnonzero(np.isfinite(times[:, 1]).all(axis=(1, 2)))
+    times[back[left:], 1] = np.nan
+    few, key = changed(sound, "impact", "gates", times=times), "impact.encoder.scale"
+    (apart,) = [each for each in certify_session(few).pairs if each.name == "recoil-and-rebound"]
+    assert apart.sigmas < 3
+    scale = replace(sound.calibration[key], value=1.05 * sound.calibration[key].value)
+    found = certify_session(replace(few, calibration={**sound.calibration, key: scale}))
+    assert found.reasons == ("by the flag recoil-and-rebound",)
+
+
 def test_a_contradiction_stands_on_every_certificate(sound: Session) -> None:
     key = "impact.encoder.scale"
     scale = replace(sound.calibration[key], value=1.03 * sound.calibration[key].value)

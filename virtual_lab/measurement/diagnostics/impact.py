@@ -287,18 +287,22 @@ def _by_rate(seen: Evidence, which: str) -> Array:
 
 
 def recoil_and_rebound(seen: Evidence) -> Iterator[Pairs]:
-    """Compare the mean e_A from the bat's recoil with that from the ball's rebound."""
+    """Compare the mean e_A from the bat's recoil with that from the ball's rebound.
+
+    Where the aim marks show the scatter of the place, one shot that has both is a comparison.
+    """
     apart = seen.shots.recoil_efficiency - seen.shots.rebound_efficiency
     both = seen.reduced.valid & np.isfinite(apart)
     mean, _, number = seen.mean_of(apart, both)
-    compared = number >= FEWEST_SHOTS
+    marks = _marks_along(seen)
+    compared = number >= (FEWEST_SHOTS if marks is None else 1)
     if not compared.any():
         return
     hits, moved = _moved_apart(seen, both)
     used = np.where(hits >= 0, both[hits], False)
     weights = used / np.maximum(used.sum(axis=1, keepdims=True), 1)
     shared = seen.variants.components(weighed(moved, weights))
-    square, degrees = _scatter(seen, apart, both, shared)
+    square, degrees = _scatter(seen, apart, both, shared, marks)
     yield pairs(
         "recoil-and-rebound",
         lambda i: (
@@ -306,7 +310,7 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Pairs]:
             f"{mean[i]:+.4f} in the mean of {_shots(seen, both, i)}"
         ),
         mean,
-        shared + types_a("scatter", mean, np.sqrt(square / number), degrees),
+        shared + types_a("scatter", mean, np.sqrt(square / np.maximum(number, 1)), degrees),
         least=1e-5,
         compared=compared,
     )
@@ -322,22 +326,31 @@ def _moved_apart(seen: Evidence, both: Mask) -> tuple[NDArray[np.intp], Array]:
     return hits, found.recoil_efficiency - found.rebound_efficiency
 
 
-def _scatter(seen: Evidence, apart: Array, both: Mask, shared: Components) -> tuple[Array, Array]:
+def _marks_along(seen: Evidence) -> Array | None:
+    """Return the marks on the aim paper along the bat, (laboratory, mark) [m]; None: too few."""
+    marks = seen.block.impact.get("aim")
+    if not isinstance(marks, AimMarks) or AIM_ALONG not in seen.reduced.constants:
+        return None
+    along = marks.along.reshape(seen.laboratories, -1)
+    return along if along.shape[1] >= FEWEST_SHOTS else None
+
+
+def _scatter(
+    seen: Evidence, apart: Array, both: Mask, shared: Components, marks: Array | None
+) -> tuple[Array, Array]:
     """Return the variance of a shot and its degrees of freedom, from shots and from aim marks.
 
     Recoil and rebound of a shot differ mainly because of its place along the bat, and the marks
     give the scatter of this place better than a few shots do.
     """
     _, u, number = seen.mean_of(apart, both)
-    square, degrees = u**2 * number, number - 1.0
-    marks = seen.block.impact.get("aim")
-    if isinstance(marks, AimMarks) and AIM_ALONG in shared.names:
-        along = marks.along.reshape(seen.laboratories, -1)
-        if along.shape[1] >= FEWEST_SHOTS:
-            lever, more = shared.sensitivity[:, shared.names.index(AIM_ALONG)], along.shape[1] - 1.0
-            marked = lever**2 * along.var(axis=1, ddof=1)
-            square = (degrees * square + more * marked) / (degrees + more)
-            degrees = degrees + more
+    degrees = np.maximum(number - 1.0, 0.0)
+    square = np.where(degrees > 0, u**2 * number, 0.0)
+    if marks is not None and AIM_ALONG in shared.names:
+        lever, more = shared.sensitivity[:, shared.names.index(AIM_ALONG)], marks.shape[1] - 1.0
+        marked = lever**2 * marks.var(axis=1, ddof=1)
+        square = (degrees * square + more * marked) / (degrees + more)
+        degrees = degrees + more
     return square, degrees
 
 
