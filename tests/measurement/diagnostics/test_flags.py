@@ -336,6 +336,20 @@ def test_a_board_surveyed_too_far_out_stands_off_the_flight_outwards(
     assert float(shown) == pytest.approx(said, abs=0.011)
 
 
+@pytest.mark.parametrize("procedure", ["bbcor", "ncaa-besr"])
+def test_a_board_that_is_late_on_the_way_back_leaves_no_verdict(procedure: str) -> None:
+    """A millisecond, at any of the three: up to 80 u, and the way in shows nothing of it."""
+    session = certified("r161", procedure=procedure, seed=3).certification.session
+    for board in range(3):
+        times = session.records["impact"]["gates"].times.copy()
+        times[:, 1, board] += 1e-3
+        found = certify_session(changed(session, "impact", "gates", times=times))
+        assert found.verdict.value == "INVALID"
+        (flag,) = [each for each in found.flags if each.name == "boards-in-line"]
+        assert flag.invalidates
+        assert "off the flight back" in flag.sentence
+
+
 @pytest.mark.parametrize("side", [0.9, 1.1])
 def test_a_trend_of_the_lot_is_judged_as_a_regression_is(side: float) -> None:
     """Four balls leave two degrees of freedom: SciPy's p on both sides of the false alarms."""

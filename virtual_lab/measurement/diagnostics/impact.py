@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from itertools import product
 from math import sqrt
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence, numbered
 from virtual_lab.measurement.diagnostics.flag import Pairs, Raised, pairs
-from virtual_lab.measurement.reduction.gates import INBOUND, GateReadings
+from virtual_lab.measurement.reduction.gates import INBOUND, OUTBOUND, GateReadings
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
 from virtual_lab.measurement.reduction.shot_algebra import drag_of
 from virtual_lab.records import AimMarks, EncoderRecord
@@ -22,6 +23,7 @@ from virtual_lab.units import Array, Mask
 
 AIM_ALONG = "impact.cannon.along"
 RATE_ROUNDING = 1e-5  # relative, of a rate: what its extrapolation to contact is good for
+WAYS = {INBOUND: "", OUTBOUND: " back"}
 FEWEST_SHOTS = 3  # shots that a mean and its scatter may rest on
 
 
@@ -53,7 +55,7 @@ def edges(seen: Evidence) -> Iterator[Raised]:
 
 
 def boards_in_line(seen: Evidence) -> Iterator[Pairs]:
-    """Compare each board between first and last with the flight through these two."""
+    """Compare each board between first and last with the flight through these two, both ways."""
     known, best, gates = seen.reduced.constants, seen.best, seen.readings.seen
     if not isinstance(gates, GateReadings):
         return
@@ -62,9 +64,10 @@ def boards_in_line(seen: Evidence) -> Iterator[Pairs]:
         return
     own = {name: value[seen.owner, 0, 0] for name, value in best.items()}
     drag = drag_of(own, seen.shots.ball_mass)
-    reach = [time_before(own[_distance(k)], 1.0, drag) for k in range(last + 1)]
-    times = gates.passages.times[:, INBOUND]
-    for board in range(1, last):
+    for way, board in product((INBOUND, OUTBOUND), range(1, last)):
+        along = drag if way == INBOUND else -drag
+        reach = [time_before(own[_distance(k)], 1.0, along) for k in range(last + 1)]
+        times = gates.passages.times[:, way]
         part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
         off = reach[board] - reach[0] - part * (reach[last] - reach[0])
         used = seen.reduced.valid & np.isfinite(off)
@@ -73,19 +76,22 @@ def boards_in_line(seen: Evidence) -> Iterator[Pairs]:
         survey = _between(known, board, last, np.where(number > 0, share, 0.5))
         yield pairs(
             "boards-in-line",
-            _board_said(board, mean, used, seen),
+            _board_said(board, way, mean, used, seen),
             mean,
             survey + types_a("scatter", mean, u, number - 1),
-            of=f"board {board}",
+            of=f"board {board}{WAYS[way]}",
             least=1e-5,
             moves=seen.moves(survey),
             compared=number >= FEWEST_SHOTS,
         )
 
 
-def _board_said(board: int, mean: Array, used: Mask, seen: Evidence) -> Callable[[int], str]:
+def _board_said(
+    board: int, way: int, mean: Array, used: Mask, seen: Evidence
+) -> Callable[[int], str]:
     return lambda i: (
-        f"board {board} stands {mean[i] * 1e3:+.2f} mm off the flight through its neighbours, in "
+        f"board {board} stands {mean[i] * 1e3:+.2f} mm off the flight{WAYS[way]} through its "
+        f"neighbours, in "
         f"{_shots(seen, used, i)} of impact/gates"
     )
 
