@@ -63,12 +63,15 @@ def test_an_expert_finds_what_the_book_does_not(fault: str) -> None:
 
 
 def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
-    """A gate gauged and reduced with: as on a sound day. A dish on the scale: nothing is said."""
+    """A gate gauged and reduced with: as on a sound day. A dish on the scale: nothing is said.
+
+    Balls of another lot than those at the wall leave no trace, and the book does not look.
+    """
     gauged, weighed = debriefed("expert", "gate-moved"), debriefed("expert", "scale-not-tared")
     assert gauged.verdict == gauged.right_verdict == "PASS"
     assert weighed.verdict == weighed.right_verdict == "INVALID"
     assert scores(gauged)["result"] == scores(weighed)["result"] == 1.0
-    missed = debriefed("book", "scale-not-tared")
+    missed = debriefed("book", "wrong-lot")
     assert (missed.verdict, missed.right_verdict) == ("PASS", "INVALID")
     assert scores(missed)["result"] < 0.5
     assert scores(missed)["detection"] == pytest.approx(0.0, abs=1e-3)
