@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import pi, sqrt
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,6 @@ from virtual_lab.uncertainty.budget import types_a
 from virtual_lab.units import Array, Mask
 
 DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
-EVEN = 2e-5  # relative, of a period: as much as swings shorten while they decay
 
 
 def sports(seen: Evidence) -> Iterator[Raised]:
@@ -67,19 +66,16 @@ def bat_shape(seen: Evidence) -> Iterator[Raised]:
     )
     gyration = np.sqrt(np.maximum(bat.inertia_cm / mass / length**2, 0.0))
     # of any bat, a child's too, and of the plain steel cylinder of a morning's check
-    yield _band("balance point", bat.z_cm / length, 0.25, 0.55, " of the length from the tip", True)
-    yield _band("radius of gyration", gyration, 0.20, 0.36, " of the length", True)
-    yield _band("mass", mass, 0.4, 20.0, " kg", False)
+    yield _band("balance point", bat.z_cm / length, 0.25, 0.55, " of the length from the tip")
+    yield _band("radius of gyration", gyration, 0.20, 0.36, " of the length")
+    yield _band("mass", mass, 0.4, 20.0, " kg")
 
 
-def _band(
-    words: str, value: Array, low: float, high: float, unit: str, invalidates: bool
-) -> Raised:
+def _band(words: str, value: Array, low: float, high: float, unit: str) -> Raised:
     return Raised(
         name="bat-shape",
         where=~((low <= value) & (value <= high)),
         sentence=lambda i: f"{words} {value[i]:.3g}{unit}, allowed {low:g} to {high:g}",
-        invalidates=invalidates,
     )
 
 
@@ -107,29 +103,6 @@ def pendulum_swing(seen: Evidence) -> Iterator[Pairs]:
         least=DECAY_U,
         moves=np.where(np.isfinite(moves), moves, np.inf),
         compared=np.isfinite(found.times),
-    )
-
-
-def pendulum_even(seen: Evidence) -> Iterator[Pairs]:
-    """Compare the period from first and last passage with the median swing: one may be lost."""
-    record = seen.block.records["bench"]["pendulum"]
-    assert isinstance(record, PendulumRecord)
-    swings = np.diff(record.times.reshape(seen.laboratories, -1, record.times.shape[1]), axis=2)
-    releases = swings.shape[1]
-    apart = swings.mean(axis=2) / np.median(swings, axis=2) - 1
-    mean, u = apart.mean(axis=1), apart.std(axis=1, ddof=1) / sqrt(releases)
-    unknown = np.full(seen.laboratories, np.inf)
-    period = seen.sensitivities.get("bat.period", unknown) * seen.best["bat.period"][:, 0, 0]
-    yield pairs(
-        "pendulum-even",
-        lambda i: (
-            f"the mean swing is {mean[i] * 100:+.2f} % longer than the median one, in {releases} "
-            "releases of bench/pendulum: a passage lost, or one too many?"
-        ),
-        mean,
-        types_a("scatter", mean, u, releases - 1),
-        least=EVEN,
-        moves=np.where(np.isfinite(period), np.abs(period), np.inf),
     )
 
 

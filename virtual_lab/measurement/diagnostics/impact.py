@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from math import inf, sqrt
+from itertools import product
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +16,12 @@ from virtual_lab.measurement.reduction.gates import INBOUND, OUTBOUND, GateReadi
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
 from virtual_lab.measurement.reduction.shot_algebra import drag_of
 from virtual_lab.records import AimMarks, EncoderRecord
-from virtual_lab.relations.flight import time_after, time_before
-from virtual_lab.uncertainty.budget import Variants, types_a, weighed
+from virtual_lab.relations.flight import time_before
+from virtual_lab.uncertainty.budget import Components, Variants, types_a, weighed
 from virtual_lab.uncertainty.estimate import Known
 from virtual_lab.units import Array, Mask
 
 AIM_ALONG = "impact.cannon.along"
-HEIGHT = "impact.pivot.height"
-AIR = ("hall.air.density", "hall.air.drag_coefficient", "ball.radius")
 RATE_ROUNDING = 1e-5  # relative, of a rate: what its extrapolation to contact is good for
 WAYS = {INBOUND: "", OUTBOUND: " back"}
 FEWEST_SHOTS = 3  # shots that a mean and its scatter may rest on
@@ -56,118 +55,52 @@ def edges(seen: Evidence) -> Iterator[Raised]:
 
 
 def boards_in_line(seen: Evidence) -> Iterator[Pairs]:
-    """Compare each board between first and last with the flight through these two.
-
-    Twice: on the way in, where a board off its surveyed place shows, and the way back less the way
-    in, where the place cancels and a late time remains.
-    """
-    gates = seen.readings.seen
+    """Compare each board between first and last with the flight through these two, both ways."""
+    known, best, gates = seen.reduced.constants, seen.best, seen.readings.seen
     if not isinstance(gates, GateReadings):
         return
     last = gates.distances.shape[-1] - 1
     if last < 2:
         return
-    mass, times = seen.shots.ball_mass, gates.passages.times
-    own = {name: value[seen.owner, 0, 0] for name, value in seen.best.items()}
-    for board in range(1, last):
-        at = 0, board, last
-        places = [_distance(k) for k in at]
-        part = (times[..., board] - times[..., 0]) / (times[..., last] - times[..., 0])
-        into, back = (_off_line(own, at, part[:, way], mass, way) for way in (INBOUND, OUTBOUND))
-        for apart, flown, returned in (
-            (into, "", False),
-            (back - into, " on the way back, against that in", True),
-        ):
-            used = seen.reduced.valid & np.isfinite(apart)
-            mean, u, number = seen.mean_of(apart, used)
-            usual = [_usual(seen, each, used, 0.5) for each in part.T]
-            heavy = _usual(seen, mass, used, float(mass.mean()))
-            variants = Variants.of(
-                {name: seen.reduced.constants[name] for name in (AIR if returned else places)}
-            )
-            x = {name: value[..., 0] for name, value in {**seen.best, **variants.columns}.items()}
-            bent = _off_line(x, at, usual[INBOUND], heavy, INBOUND)
-            if returned:
-                bent = _off_line(x, at, usual[OUTBOUND], heavy, OUTBOUND) - bent
-            survey = variants.components(bent)
-            yield pairs(
-                "boards-in-line",
-                _board_said(board, flown, mean, used, seen),
-                mean,
-                survey + types_a("scatter", mean, u, number - 1),
-                of=f"board {board}{' back' if returned else ''}",
-                least=1e-5,
-                moves=inf if returned else seen.moves(survey),
-                compared=number >= FEWEST_SHOTS,
-            )
-
-
-def _usual(seen: Evidence, values: Array, used: Mask, otherwise: float) -> Array:
-    """Return the mean of the used shots of each laboratory, (laboratory, 1)."""
-    mean, _, number = seen.mean_of(values, used)
-    return np.where(number > 0, mean, otherwise)[:, None]
-
-
-def _off_line(
-    x: Mapping[str, Array], at: tuple[int, int, int], part: Array, mass: Array, way: int
-) -> Array:
-    """Return how far a board stands off the flight through first and last [m].
-
-    `part` is that of the time between these two at which the ball was at the board.
-    """
-    flown = time_before if way == INBOUND else time_after
-    first, here, end = (flown(x[_distance(k)], 1.0, drag_of(x, mass)) for k in at)
-    return np.asarray(here - first - part * (end - first))
+    own = {name: value[seen.owner, 0, 0] for name, value in best.items()}
+    drag = drag_of(own, seen.shots.ball_mass)
+    for way, board in product((INBOUND, OUTBOUND), range(1, last)):
+        along = drag if way == INBOUND else -drag
+        reach = [time_before(own[_distance(k)], 1.0, along) for k in range(last + 1)]
+        times = gates.passages.times[:, way]
+        part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
+        off = reach[board] - reach[0] - part * (reach[last] - reach[0])
+        used = seen.reduced.valid & np.isfinite(off)
+        mean, u, number = seen.mean_of(off, used)
+        share, _, _ = seen.mean_of(part, used)
+        survey = _between(known, board, last, np.where(number > 0, share, 0.5))
+        yield pairs(
+            "boards-in-line",
+            _board_said(board, way, mean, used, seen),
+            mean,
+            survey + types_a("scatter", mean, u, number - 1),
+            of=f"board {board}{WAYS[way]}",
+            least=1e-5,
+            moves=seen.moves(survey),
+            compared=number >= FEWEST_SHOTS,
+        )
 
 
 def _board_said(
-    board: int, flown: str, mean: Array, used: Mask, seen: Evidence
+    board: int, way: int, mean: Array, used: Mask, seen: Evidence
 ) -> Callable[[int], str]:
     return lambda i: (
-        f"board {board} stands {mean[i] * 1e3:+.2f} mm off the flight through its neighbours"
-        f"{flown}, in {_shots(seen, used, i)} of impact/gates"
+        f"board {board} stands {mean[i] * 1e3:+.2f} mm off the flight{WAYS[way]} through its "
+        f"neighbours, in "
+        f"{_shots(seen, used, i)} of impact/gates"
     )
 
 
-def heights(seen: Evidence) -> Iterator[Pairs]:
-    """Compare the height at which balls struck with that from how they were turned.
-
-    A smooth ball is pushed at right angles to the bat, so its change of velocity points from the
-    bat's axis to the ball's centre. Of a ball that slips less the same is true of a central hit.
-    """
-    gates, known = seen.readings.seen, seen.reduced.constants
-    if not isinstance(gates, GateReadings) or not gates.shows_height:
-        return
-    surveyed = (*(f"impact.gates.height_{k}" for k in range(gates.distances.shape[-1])), HEIGHT)
-    variants = Variants.of({name: known[name] for name in surveyed})
-    x = {**seen.best, **variants.columns}
-    hits = numbered(seen.owner, seen.reduced.valid, seen.laboratories)
-    mass = seen.shots.ball_mass[hits][:, None]
-    flown = gates.part(hits[:, None]).flights(x, drag_of(x, mass))
-    upward = flown.speed_out * flown.slope_out + flown.speed_in * flown.slope_in
-    turned = np.arctan2(upward, flown.speed_in + flown.speed_out)
-    touching = x["bat.barrel_radius"] - x["bench.rule.offset"] + x["ball.radius"]
-    apart = flown.offset - x[HEIGHT] - touching * np.sin(turned)
-    used = (hits >= 0) & np.isfinite(apart[:, 0])
-    number = used.sum(axis=1)
-    weights = used / np.maximum(number, 1)[:, None]
-    means = weighed(np.where(used[:, None], apart, 0.0), weights)
-    mean, left = means[:, 0], np.where(used, apart[:, 0] - means[:, :1], 0.0)
-    free = np.maximum(number - 1, 1)
-    u = np.sqrt(np.sum(left**2, axis=1) / free / np.maximum(number, 1))
-    survey = variants.components(means)
-    yield pairs(
-        "heights",
-        lambda i: (
-            f"balls struck {mean[i] * 1e3:+.1f} mm higher by the heights in impact/gates than by "
-            f"how they came back, in {number[i]} shots"
-        ),
-        mean,
-        survey + types_a("scatter", mean, u, free),
-        least=1e-5,
-        moves=seen.moves(survey),
-        compared=number >= FEWEST_SHOTS,
-    )
+def _between(known: Mapping[str, Known], board: int, last: int, part: Array) -> Components:
+    """Return what the survey makes of the deviation of a board from its place."""
+    variants = Variants.of({_distance(k): known[_distance(k)] for k in (0, board, last)})
+    first, here, end = (variants.columns[_distance(k)][..., 0] for k in (0, board, last))
+    return variants.components(here - first - part[:, None] * (end - first))
 
 
 def aim(seen: Evidence) -> Iterator[Pairs]:
@@ -178,7 +111,7 @@ def aim(seen: Evidence) -> Iterator[Pairs]:
     none, endless = np.zeros(seen.laboratories), np.full(seen.laboratories, np.inf)
     nothing = Known(value=none, u=none, dof=endless)
     lined_up = seen.reduced.constants.get(AIM_ALONG, nothing)
-    height = seen.reduced.constants.get(HEIGHT, nothing)
+    height = seen.reduced.constants.get("impact.pivot.height", nothing)
     variants = Variants.of({AIM_ALONG: lined_up})
     survey = variants.components(variants.columns[AIM_ALONG][..., 0])
     aimed = (
