@@ -19,6 +19,7 @@ from virtual_lab.measurement.certification import certify_session
 from virtual_lab.measurement.diagnostics.bench import wall_drift
 from virtual_lab.measurement.diagnostics.flag import REMARKED, Pairs, chance, pairs
 from virtual_lab.measurement.reduction.observations import BallReadings
+from virtual_lab.records import BoardRecord, GateRecord, ShotLog
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
@@ -273,6 +274,45 @@ def test_an_encoder_record_filed_for_two_shots_decides_nothing(sound: Session) -
     assert said.sentence.startswith("shots 2 and 4 have one and the same record in impact/encoder")
 
 
+def filed(session: Session, stage: str, of: int, shots: list[int]) -> Session:
+    """Return a session in which the gates' record of one shot stands for others too."""
+    times = session.records[stage]["gates"].times.copy()
+    times[shots] = times[of]
+    return changed(session, stage, "gates", times=times)
+
+
+@pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
+def test_a_record_of_the_gates_filed_for_two_shots_decides_nothing(procedure: str) -> None:
+    """At the wall or at the bat, where the ball or the encoder tells that these were two shots."""
+    session = certified("r161", procedure=procedure, seed=300).certification.session
+    for stage in ("balls", "impact"):
+        log, gates = session.records[stage]["log"], session.records[stage]["gates"]
+        assert isinstance(log, ShotLog)
+        assert isinstance(gates, GateRecord | BoardRecord)
+        ball, back = log.ball, np.isfinite(gates.times[:, 1])
+        seen = back.reshape(*back.shape[:2], -1).any(axis=2)
+        whole = np.flatnonzero(seen.all(axis=1))
+        first = int(whole[0])
+        other = next(int(shot) for shot in whole if ball[shot] != ball[first])
+        found = certify_session(filed(session, stage, first, [other]))
+        (said,) = [flag for flag in found.flags if flag.name == "records-repeated"]
+        assert said.invalidates
+        assert said.sentence.startswith(
+            f"shots {first} and {other} have one and the same record in {stage}/gates"
+        )
+
+
+def test_a_ball_that_came_in_alike_once_is_chance(sound: Session) -> None:
+    """Without a rebound six edges a microsecond wide tell a shot, and no more."""
+    times = sound.records["impact"]["gates"].times.copy()
+    times[:, 1] = np.nan
+    flown = changed(sound, "impact", "gates", times=times)
+    once = certify_session(filed(flown, "impact", 0, [1])).flags
+    assert "records-repeated" not in [flag.name for flag in once]
+    twice = certify_session(filed(flown, "impact", 0, [1, 2])).flags
+    assert "records-repeated" in [flag.name for flag in twice if flag.invalidates]
+
+
 def test_marks_off_the_aim_decide_nothing_where_the_result_hangs_on_them() -> None:
     """Half an inch along the bat: 7.7 u of bbcor's result, once a remark that left it standing."""
     found = certified("r161", procedure="bbcor", seed=12, faults=("aim-along",)).certification
@@ -281,9 +321,15 @@ def test_marks_off_the_aim_decide_nothing_where_the_result_hangs_on_them() -> No
 
 def test_what_a_recorder_that_sums_up_cannot_show_is_said() -> None:
     found = certify("r161", procedure="astm-f1881", seed=300, detail=RecordDetail.SUMMED)
-    assert found.certification.not_checked == ("chords", "edges", "encoder-fit", "encoder-halves")
+    assert found.certification.not_checked == (
+        "chords",
+        "edges",
+        "records-repeated",
+        "encoder-fit",
+        "encoder-halves",
+    )
     said = certificate_text(certificate(found.certification))
-    assert "not checked, as recorders summed up: chords, edges, encoder-fit" in said
+    assert "not checked, as recorders summed up: chords, edges, records-repeated" in said
     assert "Not checked, as recorders summed up" in certificate_page(
         certificate(found.certification)
     )
@@ -334,6 +380,52 @@ def test_a_board_surveyed_too_far_out_stands_off_the_flight_outwards(
     assert flag.name == "boards-in-line"
     assert shown[0] in "+-"
     assert float(shown) == pytest.approx(said, abs=0.011)
+
+
+def counted_from_another_beam(session: Session, boards: list[int], beams: int) -> Session:
+    """Return a session in which beams of boards stand so many places further up."""
+    times = session.records["impact"]["gates"].times.copy()
+    for board in boards:
+        times[:, :, board] = np.roll(times[:, :, board], beams, axis=2)
+    return changed(session, "impact", "gates", times=times)
+
+
+@pytest.mark.parametrize(
+    ("boards", "said"),
+    [
+        ([0], {"board 1": -4.0, "marks": -0.83 * 8}),
+        ([1], {"board 1": 8.0, "marks": 0.33 * 8}),
+        ([2], {"board 1": -4.0, "marks": 1.5 * 8}),
+        ([0, 1, 2], {"board 1": 0.0, "marks": 8.0}),
+    ],
+)
+def test_beams_counted_from_the_next_one_leave_no_verdict(
+    boards: list[int], said: dict[str, float]
+) -> None:
+    """Beams 8 mm apart at 0.50, 0.35 and 0.20 m, nothing else wrong.
+
+    The middle board shows all of it and half of that of another; a line by least squares weighs
+    them -.83, .33 and 1.5 at the target, where the marks show the truth.
+    """
+    ideal = certified("r161", procedure="bbcor", seed=0, reality=Reality.IDEAL).certification
+    found = certify_session(counted_from_another_beam(ideal.session, boards, 1))
+    assert "by the flag heights" in found.reasons
+    for each in found.pairs:
+        if each.name == "heights" and each.of in said:
+            shown = each.sentence.split(" mm")[0].rpartition(" ")[2]
+            assert float(shown) == pytest.approx(said[each.of], abs=0.05)
+
+
+@pytest.mark.parametrize("procedure", ["bbcor", "ncaa-besr"])
+def test_a_board_that_counts_its_beams_from_above_leaves_no_verdict(procedure: str) -> None:
+    """Where balls pass its middle their mean is right, and only their differences are reversed."""
+    session = certified("r161", procedure=procedure, seed=3).certification.session
+    times = session.records["impact"]["gates"].times.copy()
+    times[:, :, 0] = times[:, :, 0, ::-1]
+    found = certify_session(changed(session, "impact", "gates", times=times))
+    assert "by the flag heights" in found.reasons
+    over_height = next(each for each in found.pairs if each.of == "board 1 over height")
+    assert over_height.sigmas > 10
 
 
 @pytest.mark.parametrize("procedure", ["bbcor", "ncaa-besr"])

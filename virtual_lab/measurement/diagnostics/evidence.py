@@ -17,6 +17,8 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.uncertainty.budget import Budgets, Components, Variation
 from virtual_lab.units import Array, Mask
 
+FEWEST_SHOTS = 3  # that a mean and its scatter may rest on
+
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
@@ -94,6 +96,11 @@ class Evidence:
     def per_laboratory(self, values: Array | Mask) -> Array:
         """Return the sum of values of shots, (shot,), over each laboratory's."""
         return np.asarray(np.bincount(self.owner, values, self.laboratories))
+
+    def shots_of(self, used: Mask, laboratory: int) -> str:
+        """Return the used shots of a laboratory in words: their numbers, or how many."""
+        shots = np.flatnonzero(used[self.owner == laboratory])
+        return f"shots {', '.join(map(str, shots))}" if shots.size <= 6 else f"{shots.size} shots"
 
     def mean_of(self, values: Array, used: Mask) -> tuple[Array, Array, Array]:
         """Return means over the used shots of each laboratory, their scatter's u, and the numbers.

@@ -15,20 +15,20 @@ from virtual_lab.measurement.diagnostics.bench import (
     sports,
     wall_drift,
 )
+from virtual_lab.measurement.diagnostics.boards import boards_in_line, heights
 from virtual_lab.measurement.diagnostics.chords import chords
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import Answer, Discrepancy, Flag, Pairs
 from virtual_lab.measurement.diagnostics.impact import (
     aim,
     ball_seen,
-    boards_in_line,
     edges,
     encoder_fit,
     encoder_halves,
     recoil_and_rebound,
-    records_repeated,
 )
-from virtual_lab.records import PassageRecord, RateRecord
+from virtual_lab.measurement.diagnostics.repeats import records_repeated
+from virtual_lab.records import PassageRecord, RateRecord, Record
 from virtual_lab.units import Mask
 
 CHECKS: Mapping[str, Callable[[Evidence], Iterator[Answer]]] = {
@@ -42,6 +42,7 @@ CHECKS: Mapping[str, Callable[[Evidence], Iterator[Answer]]] = {
     "ball-seen": ball_seen,
     "edges": edges,
     "boards-in-line": boards_in_line,
+    "heights": heights,
     "aim": aim,
     "records-repeated": records_repeated,
     "encoder-fit": encoder_fit,
@@ -50,9 +51,11 @@ CHECKS: Mapping[str, Callable[[Evidence], Iterator[Answer]]] = {
 }
 
 
-OF_READINGS = {  # checks of what a recorder that sums up does not keep
-    PassageRecord: ("chords", "edges"),
-    RateRecord: ("encoder-fit", "encoder-halves"),
+OF_READINGS: Mapping[
+    type[Record], tuple[str, ...]
+] = {  # checks of what a recorder that sums up does not keep
+    PassageRecord: ("chords", "edges", "records-repeated"),
+    RateRecord: ("encoder-fit", "encoder-halves", "records-repeated"),
 }
 
 
@@ -104,8 +107,10 @@ class BlockChecked:
 
 def check(seen: Evidence) -> BlockChecked:
     """Return what the checks find in the sessions of a block."""
-    kinds = {type(record) for record in seen.block.impact.values()}
+    kinds: set[type[Record]] = {type(record) for record in seen.block.impact.values()}
     return BlockChecked(
         answers=tuple(tuple(one(seen)) for one in CHECKS.values()),
-        left_out=tuple(name for kind, own in OF_READINGS.items() if kind in kinds for name in own),
+        left_out=tuple(
+            name for name in CHECKS if any(name in OF_READINGS.get(kind, ()) for kind in kinds)
+        ),
     )

@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import product
 from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.measurement.diagnostics.evidence import Evidence, numbered
+from virtual_lab.measurement.diagnostics.evidence import FEWEST_SHOTS, Evidence, numbered
 from virtual_lab.measurement.diagnostics.flag import Pairs, Raised, pairs
-from virtual_lab.measurement.reduction.gates import INBOUND, OUTBOUND, GateReadings
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
-from virtual_lab.measurement.reduction.shot_algebra import drag_of
-from virtual_lab.records import AimMarks, EncoderRecord
-from virtual_lab.relations.flight import time_before
+from virtual_lab.records import AimMarks
 from virtual_lab.uncertainty.budget import Components, Variants, types_a, weighed
 from virtual_lab.uncertainty.estimate import Known
 from virtual_lab.units import Array, Mask
 
 AIM_ALONG = "impact.cannon.along"
 RATE_ROUNDING = 1e-5  # relative, of a rate: what its extrapolation to contact is good for
-WAYS = {INBOUND: "", OUTBOUND: " back"}
-FEWEST_SHOTS = 3  # shots that a mean and its scatter may rest on
 
 
 def ball_seen(seen: Evidence) -> Iterator[Raised]:
@@ -52,55 +46,6 @@ def edges(seen: Evidence) -> Iterator[Raised]:
             "more than scraps of sabots explain"
         ),
     )
-
-
-def boards_in_line(seen: Evidence) -> Iterator[Pairs]:
-    """Compare each board between first and last with the flight through these two, both ways."""
-    known, best, gates = seen.reduced.constants, seen.best, seen.readings.seen
-    if not isinstance(gates, GateReadings):
-        return
-    last = gates.distances.shape[-1] - 1
-    if last < 2:
-        return
-    own = {name: value[seen.owner, 0, 0] for name, value in best.items()}
-    drag = drag_of(own, seen.shots.ball_mass)
-    for way, board in product((INBOUND, OUTBOUND), range(1, last)):
-        along = drag if way == INBOUND else -drag
-        reach = [time_before(own[_distance(k)], 1.0, along) for k in range(last + 1)]
-        times = gates.passages.times[:, way]
-        part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
-        off = reach[board] - reach[0] - part * (reach[last] - reach[0])
-        used = seen.reduced.valid & np.isfinite(off)
-        mean, u, number = seen.mean_of(off, used)
-        share, _, _ = seen.mean_of(part, used)
-        survey = _between(known, board, last, np.where(number > 0, share, 0.5))
-        yield pairs(
-            "boards-in-line",
-            _board_said(board, way, mean, used, seen),
-            mean,
-            survey + types_a("scatter", mean, u, number - 1),
-            of=f"board {board}{WAYS[way]}",
-            least=1e-5,
-            moves=seen.moves(survey),
-            compared=number >= FEWEST_SHOTS,
-        )
-
-
-def _board_said(
-    board: int, way: int, mean: Array, used: Mask, seen: Evidence
-) -> Callable[[int], str]:
-    return lambda i: (
-        f"board {board} stands {mean[i] * 1e3:+.2f} mm off the flight{WAYS[way]} through its "
-        f"neighbours, in "
-        f"{_shots(seen, used, i)} of impact/gates"
-    )
-
-
-def _between(known: Mapping[str, Known], board: int, last: int, part: Array) -> Components:
-    """Return what the survey makes of the deviation of a board from its place."""
-    variants = Variants.of({_distance(k): known[_distance(k)] for k in (0, board, last)})
-    first, here, end = (variants.columns[_distance(k)][..., 0] for k in (0, board, last))
-    return variants.components(here - first - part[:, None] * (end - first))
 
 
 def aim(seen: Evidence) -> Iterator[Pairs]:
@@ -141,12 +86,6 @@ def _aim_said(way: str, number: int, mean: Array) -> Callable[[int], str]:
     )
 
 
-def _shots(seen: Evidence, used: Mask, laboratory: int) -> str:
-    """Return the shots of a laboratory that are used by number, or how many there are."""
-    shots = np.flatnonzero(used[seen.owner == laboratory])
-    return f"shots {', '.join(map(str, shots))}" if shots.size <= 6 else f"{shots.size} shots"
-
-
 def encoder_fit(seen: Evidence) -> Iterator[Raised]:
     """Count shots whose fit leaves more of the counts than resolution and noise at rest."""
     for fit in (seen.readings.recoil, seen.readings.swing):
@@ -164,34 +103,6 @@ def encoder_fit(seen: Evidence) -> Iterator[Raised]:
             )
 
         yield Raised(name="encoder-fit", where=seen.per_laboratory(rough) > 0, sentence=said)
-
-
-def records_repeated(seen: Evidence) -> Iterator[Raised]:
-    """Look for shots with the same encoder record whose gates differ: it was filed twice."""
-    record = seen.block.impact.get("encoder")
-    if not isinstance(record, EncoderRecord):
-        return
-    turned = np.flatnonzero(np.ptp(record.counts, axis=1))  # a bat that was not hit stands
-    raw = seen.readings.seen.raw
-    flown = np.stack([raw.contact, raw.speed_in, raw.speed_out], axis=1)
-    first: dict[bytes, int] = {}
-    for shot in map(int, turned):
-        other = first.setdefault(record.counts[shot].tobytes(), shot)
-        if not np.array_equal(flown[other], flown[shot], equal_nan=True):
-            yield _repeated(seen, other, shot)
-            return
-
-
-def _repeated(seen: Evidence, first: int, second: int) -> Raised:
-    return Raised(
-        name="records-repeated",
-        where=np.ones(seen.laboratories, dtype=bool),  # counts are those of one laboratory
-        sentence=lambda _: (
-            f"shots {first} and {second} have one and the same record in "
-            "impact/encoder, and other flights of the ball"
-        ),
-        invalidates=True,
-    )
 
 
 def encoder_halves(seen: Evidence) -> Iterator[Pairs]:
@@ -231,7 +142,7 @@ def encoder_halves(seen: Evidence) -> Iterator[Pairs]:
 def _halves_said(seen: Evidence, channel: str, change: Array, used: Mask) -> Callable[[int], str]:
     return lambda i: (
         f"half of each record of impact/{channel} moves the result by "
-        f"{change[i]:+.2f} of its u, in {_shots(seen, used, i)}"
+        f"{change[i]:+.2f} of its u, in {seen.shots_of(used, i)}"
     )
 
 
@@ -313,7 +224,7 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Pairs]:
         "recoil-and-rebound",
         lambda i: (
             f"e_A by recoil (impact/encoder) less e_A by rebound (impact/gates) is "
-            f"{mean[i]:+.4f} in the mean of {_shots(seen, both, i)}"
+            f"{mean[i]:+.4f} in the mean of {seen.shots_of(both, i)}"
         ),
         mean,
         shared + types_a("scatter", mean, np.sqrt(square / np.maximum(number, 1)), degrees),
@@ -358,7 +269,3 @@ def _scatter(
         square = (degrees * square + more * marked) / (degrees + more)
         degrees = degrees + more
     return square, degrees
-
-
-def _distance(gate: int) -> str:
-    return f"impact.gates.distance_{gate}"

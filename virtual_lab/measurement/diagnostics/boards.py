@@ -1,0 +1,224 @@
+"""Checks of the boards at the bat: their places, and the heights at which balls pass them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+from math import sqrt
+from typing import Self
+
+import numpy as np
+
+from virtual_lab.measurement.diagnostics.evidence import FEWEST_SHOTS, Evidence
+from virtual_lab.measurement.diagnostics.flag import Pairs, pairs
+from virtual_lab.measurement.reduction.gates import INBOUND, OUTBOUND, GateReadings
+from virtual_lab.measurement.reduction.shot_algebra import drag_of
+from virtual_lab.records import AimMarks
+from virtual_lab.relations.flight import time_before
+from virtual_lab.uncertainty.budget import Components, Variants, types_a
+from virtual_lab.uncertainty.estimate import Known
+from virtual_lab.units import Array, Mask
+
+WAYS = {INBOUND: "", OUTBOUND: " back"}
+DROP_U = 2e-5  # m, of a ball's drop, by the drag that its parabola leaves out
+SCALE_U = 0.01  # of a height: what the beams of two boards may differ in without harm
+
+
+def boards_in_line(seen: Evidence) -> Iterator[Pairs]:
+    """Compare each board between first and last with the flight through these two, both ways."""
+    known, best, gates = seen.reduced.constants, seen.best, seen.readings.seen
+    if not isinstance(gates, GateReadings):
+        return
+    last = _boards(gates)[-1]
+    if last < 2:
+        return
+    own = {name: value[seen.owner, 0, 0] for name, value in best.items()}
+    drag = drag_of(own, seen.shots.ball_mass)
+    for way, board in product((INBOUND, OUTBOUND), range(1, last)):
+        along = drag if way == INBOUND else -drag
+        reach = [time_before(own[_distance(k)], 1.0, along) for k in range(last + 1)]
+        times = gates.passages.times[:, way]
+        part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
+        off = reach[board] - reach[0] - part * (reach[last] - reach[0])
+        used = seen.reduced.valid & np.isfinite(off)
+        mean, u, number = seen.mean_of(off, used)
+        share, _, _ = seen.mean_of(part, used)
+        survey = _between(known, board, last, np.where(number > 0, share, 0.5))
+        yield pairs(
+            "boards-in-line",
+            _board_said(board, way, mean, used, seen),
+            mean,
+            survey + types_a("scatter", mean, u, number - 1),
+            of=f"board {board}{WAYS[way]}",
+            least=1e-5,
+            moves=seen.moves(survey),
+            compared=number >= FEWEST_SHOTS,
+        )
+
+
+def _board_said(
+    board: int, way: int, mean: Array, used: Mask, seen: Evidence
+) -> Callable[[int], str]:
+    return lambda i: (
+        f"board {board} stands {mean[i] * 1e3:+.2f} mm off the flight{WAYS[way]} through its "
+        f"neighbours, in {seen.shots_of(used, i)} of impact/gates"
+    )
+
+
+def _between(known: Mapping[str, Known], board: int, last: int, part: Array) -> Components:
+    """Return what the survey makes of the deviation of a board from its place."""
+    variants = Variants.of({_distance(k): known[_distance(k)] for k in (0, board, last)})
+    first, here, end = (variants.columns[_distance(k)][..., 0] for k in (0, board, last))
+    return variants.components(here - first - part[:, None] * (end - first))
+
+
+@dataclass(frozen=True, slots=True)
+class Heights:
+    """Heights at which balls pass the boards on the way in.
+
+    What gravity takes until a ball is at the target is added to its heights, so that they lie on a
+    line.
+    """
+
+    seen: Evidence
+    distances: Array  # of the boards, (laboratory, board) [m]
+    level: Array  # above the line of fire, (shot, board) [m]
+    level_u: Array  # by the thresholds of the beams, alike in all shots
+    used: Mask  # (shot,)
+
+    @classmethod
+    def of(cls, seen: Evidence, gates: GateReadings) -> Self:
+        """Return those of a block."""
+        zeros, distances = (
+            np.concatenate([seen.best[name(k)][:, 0] for k in _boards(gates)], axis=1)
+            for name in (_height, _distance)
+        )
+        to_come = gates.raw.contact[:, None] - gates.passages.times[:, INBOUND]
+        fall = seen.best["hall.gravity"][seen.owner, 0] / 2 * to_come**2
+        level = gates.passages.heights[:, INBOUND] + zeros[seen.owner] + fall
+        return cls(
+            seen=seen,
+            distances=distances,
+            level=level,
+            level_u=gates.passages.heights_u[:, INBOUND],
+            used=np.isfinite(level).all(axis=1) & ~seen.off_flight,
+        )
+
+    def off_neighbours(self, board: int) -> Array:
+        """Return weights of the height of a board above the line through first and last."""
+        first, here, last = (self.distances[:, k] for k in (0, board, -1))
+        weights = np.zeros(self.distances.shape)
+        weights[:, board] = 1.0
+        weights[:, 0] = (last - here) / (first - last)
+        weights[:, -1] = (here - first) / (first - last)
+        return weights
+
+    @property
+    def at_target(self) -> Array:
+        """Weights of the height at the target of a line by least squares through all boards."""
+        middle = self.distances.mean(axis=1, keepdims=True)
+        off = self.distances - middle
+        reach = middle / np.sum(off**2, axis=1, keepdims=True)
+        return np.asarray(1 / off.shape[1] - reach * off)
+
+    def each(self, weights: Array) -> Array:
+        """Return the weighted sum of each shot, (shot,) [m]."""
+        return np.asarray(np.sum(weights[self.seen.owner] * self.level, axis=1))
+
+    def mean(self, weights: Array) -> tuple[Array, Components, Array]:
+        """Return means of weighted sums, their uncertainty, and numbers of shots."""
+        seen, own = self.seen, weights[self.seen.owner]
+        mean, u, number = seen.mean_of(self.each(weights), self.used)
+        square, _, _ = seen.mean_of(np.sum((own * self.level_u) ** 2, axis=1), self.used)
+        names = [_height(board) for board in range(weights.shape[1])]
+        variants = Variants.of({name: seen.reduced.constants[name] for name in names})
+        columns = np.concatenate([variants.columns[name] for name in names], axis=2)
+        survey = variants.components(np.sum(weights[:, None] * columns, axis=2))
+        survey += types_a("beams", mean, np.sqrt(square))
+        return mean, survey + types_a("scatter", mean, u, number - 1), number
+
+    def growth(self, values: Array) -> tuple[Array, Array, Array]:
+        """Return how much values of shots grow over their height at the target, u, and ν."""
+        seen, at = self.seen, self.each(self.at_target)
+        mean, _, number = seen.mean_of(at, self.used)
+        centre, _, _ = seen.mean_of(values, self.used)
+        x = np.where(self.used, at - mean[seen.owner], 0.0)
+        y = np.where(self.used, values - centre[seen.owner], 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            base = seen.per_laboratory(x**2)
+            slope = seen.per_laboratory(x * y) / base
+            left = seen.per_laboratory((y - slope[seen.owner] * x) ** 2)
+            return slope, np.sqrt(left / (number - 2) / base), number - 2
+
+
+def heights(seen: Evidence) -> Iterator[Pairs]:
+    """Compare heights of balls on the way in: at the boards, and with marks on the aim paper."""
+    gates = seen.readings.seen
+    if not isinstance(gates, GateReadings) or not gates.shows_height:
+        return
+    found = Heights.of(seen, gates)
+    for board in _boards(gates)[1:-1]:
+        weights = found.off_neighbours(board)
+        mean, components, number = found.mean(weights)
+        yield pairs(
+            "heights",
+            _height_said(f"board {board} shows balls", "the flight through its neighbours", mean),
+            mean,
+            components,
+            of=f"board {board}",
+            least=DROP_U,
+            moves=seen.moves(components),
+            compared=number >= FEWEST_SHOTS,
+        )
+        slope, u, dof = found.growth(found.each(weights))
+        yield pairs(
+            "heights",
+            _growth_said(board, slope),
+            slope,
+            types_a("scatter", slope, u, dof),
+            of=f"board {board} over height",
+            least=SCALE_U,
+            compared=dof >= 1,
+        )
+    marks = seen.block.impact.get("aim")
+    if not isinstance(marks, AimMarks) or marks.across.size < FEWEST_SHOTS * seen.laboratories:
+        return
+    mean, components, number = found.mean(found.at_target)
+    across = marks.across.reshape(seen.laboratories, -1)
+    apart, many = mean - across.mean(axis=1), across.shape[1]
+    yield pairs(
+        "heights",
+        _height_said("balls strike", "the marks of impact/aim", apart),
+        apart,
+        components + types_a("marks", apart, across.std(axis=1, ddof=1) / sqrt(many), many - 1.0),
+        of="marks",
+        least=DROP_U,
+        moves=seen.moves(components),
+        compared=number >= FEWEST_SHOTS,
+    )
+
+
+def _height_said(what: str, against: str, mean: Array) -> Callable[[int], str]:
+    return lambda i: (
+        f"{what} {mean[i] * 1e3:+.2f} mm higher than {against}, in the mean of impact/gates"
+    )
+
+
+def _growth_said(board: int, slope: Array) -> Callable[[int], str]:
+    return lambda i: (
+        f"balls that come in higher by 1 mm are higher by {1 + slope[i]:.2f} mm at board {board} "
+        "than its neighbours show"
+    )
+
+
+def _boards(gates: GateReadings) -> range:
+    return range(gates.distances.shape[-1])
+
+
+def _distance(gate: int) -> str:
+    return f"impact.gates.distance_{gate}"
+
+
+def _height(board: int) -> str:
+    return f"impact.gates.height_{board}"

@@ -1,0 +1,89 @@
+"""Check for records that were filed for two shots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from virtual_lab.measurement.diagnostics.evidence import Evidence
+from virtual_lab.measurement.diagnostics.flag import Raised
+from virtual_lab.records import (
+    BoardRecord,
+    EncoderRecord,
+    GateRecord,
+    PendulumRecord,
+    Record,
+    ShotLog,
+)
+from virtual_lab.units import Array, Mask
+
+
+def records_repeated(seen: Evidence) -> Iterator[Raised]:
+    """Look for shots with one and the same record of one instrument and other ones of another.
+
+    Instruments that repeat the swings of the pendulum to the last digit have no noise by which to
+    tell two records apart.
+    """
+    pendulum = seen.block.records["bench"].get("pendulum")
+    if isinstance(pendulum, PendulumRecord) and not np.ptp(pendulum.times, axis=0).any():
+        return
+    for stage in ("balls", "impact"):
+        channels = seen.block.records[stage]
+        told = ((name, _rows(record)) for name, record in channels.items())
+        rows = {name: own for name, own in told if own is not None}
+        for channel, own in rows.items():
+            whole, some = _traces(channels[channel])
+            others = [each for name, each in rows.items() if name != channel]
+            twice = _filed_twice(own, some, others)
+            if sum(2 if whole[shot] else 1 for _, shot in twice) > 1:  # chance repeats a part once
+                yield _repeated(seen, f"{stage}/{channel}", *twice[0])
+
+
+def _rows(record: Record) -> Array | None:
+    """Return what a record holds of each shot, (shot, ...); None: nothing that tells shots."""
+    if isinstance(record, EncoderRecord):
+        return record.counts
+    if isinstance(record, GateRecord | BoardRecord):
+        return record.times
+    return record.ball if isinstance(record, ShotLog) else None
+
+
+def _traces(record: Record) -> tuple[Mask, Mask]:
+    """Return which shots left a whole trace, and which at least half of one, (shot,).
+
+    A bat that was not hit stands, and a ball may not come back.
+    """
+    if isinstance(record, EncoderRecord):
+        turned = np.asarray(np.ptp(record.counts, axis=1) > 0)
+        return turned, turned
+    if isinstance(record, GateRecord | BoardRecord):
+        shots, ways = record.times.shape[:2]
+        shown = np.isfinite(record.times).reshape(*record.times.shape[:3], -1).any(axis=3)
+        passed = np.asarray(shown.reshape(shots, ways, -1).all(axis=2))
+        return np.asarray(passed.all(axis=1)), passed[:, 0]
+    none = np.zeros(0, dtype=bool)
+    return none, none
+
+
+def _filed_twice(own: Array, some: Mask, others: list[Array]) -> list[tuple[int, int]]:
+    """Return shots with the same record as an earlier one, and the earlier one."""
+    first: dict[bytes, int] = {}
+    found = []
+    for shot in map(int, np.flatnonzero(some)):
+        same = first.setdefault(own[shot].tobytes(), shot)
+        if not all(np.array_equal(each[same], each[shot], equal_nan=True) for each in others):
+            found.append((same, shot))
+    return found
+
+
+def _repeated(seen: Evidence, record: str, first: int, second: int) -> Raised:
+    return Raised(
+        name="records-repeated",
+        where=np.ones(seen.laboratories, dtype=bool),  # full records are those of one laboratory
+        sentence=lambda _: (
+            f"shots {first} and {second} have one and the same record in {record}, "
+            "and other ones elsewhere"
+        ),
+        invalidates=True,
+    )
