@@ -235,7 +235,7 @@ def test_every_sheet_is_written_as_it_was_read(kind: str) -> None:
 
 
 def test_a_sweep_is_its_tests_one_by_one() -> None:
-    """Rows of laboratories in turn, as the campaign plays them; units are the printed ones."""
+    """Rows of laboratories in turn, as a round robin plays them; units are the printed ones."""
     said: list[tuple[int, int]] = []
     found = vl.sweep(
         "r161",
@@ -246,7 +246,7 @@ def test_a_sweep_is_its_tests_one_by_one() -> None:
     )
     assert said == [(each, 6) for each in range(6)]
     assert found["laboratory"].tolist() == [0, 1, 2] * 2
-    (alone,) = lab.Campaign.of("r161", "proposed").run(1, 4, first=1)
+    (alone,) = lab.RoundRobin.of("r161", "proposed").run(1, 4, first=1)
     row = found.iloc[4]
     assert row["value"] == pytest.approx(alone.certification.metric.value / 0.44704, rel=1e-12)
     assert row["true"] == pytest.approx(alone.sealed.measurand["metric"] / 0.44704, rel=1e-12)

@@ -31,9 +31,9 @@ def _bats() -> None:
 
     for procedure in ("astm-f1881", "bbcor", "ncaa-besr"):
         certified(procedure=procedure)
-        campaign = lab.Campaign.of("r161", procedure)
-        next(campaign.run(1, 1))
-        next(campaign.blocks(2, 1))
+        round_robin = lab.RoundRobin.of("r161", procedure)
+        next(round_robin.run(1, 1))
+        next(round_robin.blocks(2, 1))
 
 
 def _camera() -> None:

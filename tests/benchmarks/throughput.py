@@ -2,7 +2,7 @@
 
 Shots: from true shots to records to the metric of each, in blocks on one core, once with
 instruments that write sums, once with every edge and count. Certificates: the whole tests of
-laboratories of a campaign side by side, from their rigs to the verdicts, in the time of numpy's
+laboratories of a round robin side by side, from their rigs to the verdicts, in the time of numpy's
 normal numbers in this run. Times are those of the processor, which neighbours on a shared machine
 disturb less than the clock on the wall.
 """
@@ -23,7 +23,7 @@ import numpy as np
 from tests.benchmarks.machine import Work, processor_seconds
 from tests.benchmarks.rows import Row, tell
 from virtual_lab import catalog
-from virtual_lab.lab import Campaign, by_the_book
+from virtual_lab.lab import RoundRobin, by_the_book
 from virtual_lab.measurement.procedure import Curve, metric_of
 from virtual_lab.measurement.reduction.observations import observe_balls, observe_impact
 from virtual_lab.measurement.reduction.shot_algebra import (
@@ -87,14 +87,14 @@ def _rows() -> Iterator[Row]:
 
 
 def _certify(procedure: str) -> Work:
-    """Return the work of a round: certify the same laboratories of a campaign."""
-    campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    return lambda: list(campaign.blocks(LABORATORIES, 1))
+    """Return the work of a round: certify the same laboratories of a round_robin."""
+    round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
+    return lambda: list(round_robin.blocks(LABORATORIES, 1))
 
 
 def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
     """Return what plays and reduces the next block."""
-    laboratory = Campaign.of(BATS.get(procedure, "r161"), procedure).laboratory(1)
+    laboratory = RoundRobin.of(BATS.get(procedure, "r161"), procedure).laboratory(1)
     session = by_the_book(laboratory).certification.session
     reduced = reduce_session(session)
     known = {name: np.array(constant.value) for name, constant in reduced.constants.items()}

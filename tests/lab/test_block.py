@@ -5,6 +5,7 @@ The table was written before there were blocks, by laboratories one after anothe
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
@@ -23,12 +24,12 @@ def bat_of(procedure: str) -> str:
 
 
 @cache
-def campaign(procedure: str, bat: str) -> lab.Campaign:
-    return lab.Campaign.of(bat, procedure)
+def round_robin(procedure: str, bat: str) -> lab.RoundRobin:
+    return lab.RoundRobin.of(bat, procedure)
 
 
 def block_of(procedure: str, bat: str, first: int, last: int) -> lab.BlockTest:
-    return lab.certify_block(campaign(procedure, bat).setup, SEED, np.arange(first, last))
+    return lab.certify_block(round_robin(procedure, bat).setup, SEED, np.arange(first, last))
 
 
 def row_of(block: lab.BlockTest, case: Case, one: int, scenes: int) -> Row:
@@ -95,3 +96,24 @@ def test_nothing_depends_on_the_neighbours(procedure: str) -> None:
         for name, values in part.measurands.items():
             assert np.array_equal(values, whole.measurands[name][own], equal_nan=True), name
         assert part.certified.verdicts == whole.certified.verdicts[own]
+
+
+def test_a_block_of_another_day_is_the_second_tests_of_its_laboratories() -> None:
+    """The loop's tests of branch 1: rigs as on the first day, other balls, readings and hits."""
+    shared = round_robin("astm-f1881", "r161")
+    setup = replace(shared.setup, test=1)
+    block = lab.certify_block(setup, SEED, np.arange(3, 6))
+    first = block_of("astm-f1881", "r161", 3, 6)
+    one = "impact.gates.distance_0"
+    for at, number in enumerate(range(3, 6)):
+        own = lab.Laboratory.open(replace(setup, seed=SEED, number=number))
+        tested = lab.by_the_book(own)
+        metric = tested.certification.metric
+        assert metric is not None
+        found = block.certified.results["metric"]
+        assert found.value[at] == pytest.approx(metric.value, rel=1e-12)
+        assert found.u[at] == pytest.approx(metric.u, rel=1e-12)
+        true = tested.sealed.measurand["metric"]
+        assert block.measurands["metric"][at] == pytest.approx(true, rel=1e-12)
+        assert block.sessions.calibration[one].value[at] == own.session.calibration[one].value
+        assert abs(found.value[at] - first.certified.results["metric"].value[at]) > 1e-5

@@ -10,7 +10,7 @@ import pytest
 
 from tests.lab.golden.make import Case, Row, cases, differences, row_of, table, write
 
-FEW = [  # with those of tests/lab/test_campaign, every rig
+FEW = [  # with those of tests/lab/test_round_robin, every rig
     Case(kind="summed", procedure="astm-f1881", bat="r161", number=2),
     Case(kind="summed", procedure="bbcor", bat="ea70", number=2),
     Case(kind="full", procedure="asa", bat="softball-34", number=1),

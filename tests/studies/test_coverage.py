@@ -58,8 +58,8 @@ def studied(monkeypatch: pytest.MonkeyPatch) -> Any:
     opened = SimpleNamespace(
         impact=None, specimen=None, rules=SimpleNamespace(spec=SimpleNamespace(scan=None))
     )
-    campaign = SimpleNamespace(laboratory=lambda _seed: opened)
-    monkeypatch.setattr(study, "Campaign", SimpleNamespace(of=lambda *_: campaign))
+    round_robin = SimpleNamespace(laboratory=lambda _seed: opened)
+    monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_: round_robin))
     monkeypatch.setattr(study, "true_curve", curve)
 
     def run(tests: list[Any]) -> Rows[Coverage]:

@@ -1,17 +1,17 @@
 """One test, through both sides: rigs write records, the reduction reads them."""
 
 from virtual_lab.lab.block import BlockTest, certify_block
-from virtual_lab.lab.campaign import Campaign
 from virtual_lab.lab.certify import certify_bat
 from virtual_lab.lab.laboratory import Laboratory
+from virtual_lab.lab.round_robin import RoundRobin
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.lab.test_day import BatTest, TestDay, by_the_book, prepared
 
 __all__ = [
     "BatTest",
     "BlockTest",
-    "Campaign",
     "Laboratory",
+    "RoundRobin",
     "TestDay",
     "TestSetup",
     "by_the_book",

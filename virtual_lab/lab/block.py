@@ -56,12 +56,13 @@ class LaboratoryBlock:
     def open(cls, setup: TestSetup, seed: int, numbers: NDArray[np.int_]) -> LaboratoryBlock:
         """Install the rigs and draw the balls of the laboratories of these numbers.
 
-        `setup` is that of a campaign: instruments write sums, the bat is nominal. `InputError` as
-        `Laboratory.open`.
+        `setup` is that of a round robin: instruments write sums, the bat is nominal. Its `test` is
+        a branch of the draws, as of `Laboratory.open`. `InputError` as there.
         """
         rules, bat, ball = setup.rules.spec, setup.bat.spec, setup.ball.spec
-        assert setup.collision is not None, "a campaign has one"
+        assert setup.collision is not None, "a round robin has one"
         draws = Streams(seed, (), numbers)
+        own = draws if setup.test is None else Streams(seed, (setup.test,), numbers)
         stations = {
             stage: find_rig(name, stage).commission(draws) for stage, name in setup.rigs.items()
         }
@@ -75,11 +76,11 @@ class LaboratoryBlock:
         }
         return cls(
             setup=setup,
-            draws=draws,
+            draws=own,
             stations=stations,
             specimen=Specimen(
                 bat=made_bat(bat, Quiet()),
-                balls=draw_balls(ball, rules.balls, draws),
+                balls=draw_balls(ball, rules.balls, own),
                 collision=setup.collision,
             ),
             sessions=SessionBlock(
@@ -121,7 +122,7 @@ class BlockTest:
 
 
 def certify_block(setup: TestSetup, seed: int, numbers: NDArray[np.int_]) -> BlockTest:
-    """Take the bat of a campaign through its procedure in the laboratories of these numbers.
+    """Take the bat of a round robin through its procedure in the laboratories of these numbers.
 
     Raises
     ------

@@ -21,8 +21,8 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import (
     BatTest,
     BlockTest,
-    Campaign,
     Laboratory,
+    RoundRobin,
     TestSetup,
     certify_bat,
 )
@@ -105,7 +105,7 @@ def coverage(
         Unknown names, or fewer than 2 laboratories.
     """
     names = ("metric", *QUANTITIES)
-    shared = Campaign.of(bat, procedure)
+    shared = RoundRobin.of(bat, procedure)
     found: dict[str, list[Array]] = {name: [] for name in names}
     strayed: list[Array] = []
     bends: dict[str, float] = {}
@@ -152,7 +152,7 @@ def bat_tests(
     """
     _require_some(laboratories)
     if summed:
-        played = Campaign.of(bat, procedure).run(laboratories, seed)
+        played = RoundRobin.of(bat, procedure).run(laboratories, seed)
     else:
         setup = TestSetup.of(bat, procedure=procedure, seed=seed)
         played = (certify_bat(replace(setup, number=number)) for number in range(laboratories))
@@ -203,13 +203,13 @@ def _samples(
 ) -> Iterator[Sample]:
     """Yield the laboratories of a seed, block by block where their rigs know blocks."""
     _require_some(laboratories)
-    campaign = Campaign.of(bat, procedure) if summed else None
-    if campaign is None or not campaign.in_blocks:
+    round_robin = RoundRobin.of(bat, procedure) if summed else None
+    if round_robin is None or not round_robin.in_blocks:
         for tested in bat_tests(bat, procedure, laboratories, seed, summed, progress):
             yield _of_test(tested)
         return
     done = 0
-    for block in campaign.blocks(laboratories, seed):
+    for block in round_robin.blocks(laboratories, seed):
         sample = _of_block(block)
         done += sample.sound.size
         progress("laboratories", done, laboratories)

@@ -10,7 +10,7 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.lab import BatTest, BlockTest, Campaign
+from virtual_lab.lab import BatTest, BlockTest, RoundRobin
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.metrics import METRICS
@@ -49,26 +49,26 @@ def sweep_tests(
     total = len(bats) * len(procedures) * laboratories
     for bat in bats:
         for procedure in procedures:
-            campaign = Campaign.of(bat, procedure)
-            for number, row in enumerate(_rows(campaign, laboratories, seed)):
+            round_robin = RoundRobin.of(bat, procedure)
+            for number, row in enumerate(_rows(round_robin, laboratories, seed)):
                 progress("tests", len(rows), total)
-                rows.append({"bat": campaign.setup.bat.spec.name, **row, "laboratory": number})
+                rows.append({"bat": round_robin.setup.bat.spec.name, **row, "laboratory": number})
     return pd.DataFrame(rows)[[*LEADING, *(name for name in rows[0] if name not in LEADING)]]
 
 
 LEADING = ["bat", "procedure", "laboratory", "verdict", "reason", "metric", "unit"]
 
 
-def _rows(campaign: Campaign, laboratories: int, seed: int) -> Iterator[dict[str, Any]]:
-    if campaign.in_blocks:
-        for block in campaign.blocks(laboratories, seed):
-            yield from _of_block(campaign, block)
+def _rows(round_robin: RoundRobin, laboratories: int, seed: int) -> Iterator[dict[str, Any]]:
+    if round_robin.in_blocks:
+        for block in round_robin.blocks(laboratories, seed):
+            yield from _of_block(round_robin, block)
     else:
-        for tested in campaign.run(laboratories, seed):
-            yield _of_test(campaign, tested)
+        for tested in round_robin.run(laboratories, seed):
+            yield _of_test(round_robin, tested)
 
 
-def _of_block(campaign: Campaign, tested: BlockTest) -> Iterator[dict[str, Any]]:
+def _of_block(round_robin: RoundRobin, tested: BlockTest) -> Iterator[dict[str, Any]]:
     found, verdicts = tested.certified, tested.certified.verdicts
     for one in range(len(verdicts)):
         some = bool(found.some[one])
@@ -78,26 +78,26 @@ def _of_block(campaign: Campaign, tested: BlockTest) -> Iterator[dict[str, Any]]
         }
         true = {name: float(each[one]) for name, each in tested.measurands.items()}
         reason = "; ".join(found.reasons(one))
-        yield _row(campaign, verdicts[one].value, reason, results if some else {}, true)
+        yield _row(round_robin, verdicts[one].value, reason, results if some else {}, true)
 
 
-def _of_test(campaign: Campaign, tested: BatTest) -> dict[str, Any]:
+def _of_test(round_robin: RoundRobin, tested: BatTest) -> dict[str, Any]:
     found = tested.certification
     budgets = {**found.quantities, **({"metric": found.metric} if found.metric else {})}
     results = {name: (each.value, each.u, each.dof) for name, each in budgets.items()}
     true = tested.sealed.measurand
-    return _row(campaign, found.verdict.value, "; ".join(found.reasons), results, true)
+    return _row(round_robin, found.verdict.value, "; ".join(found.reasons), results, true)
 
 
 def _row(
-    campaign: Campaign,
+    round_robin: RoundRobin,
     verdict: str,
     reason: str,
     results: Mapping[str, tuple[float, float, float]],
     true: Numbers,
 ) -> dict[str, Any]:
     """Return a row; `results` are value, u and ν by name, {} where the test gave none."""
-    rules = campaign.setup.rules.spec
+    rules = round_robin.setup.rules.spec
     printed = METRICS[rules.metric]
     value, u, dof = results.get("metric", (nan, nan, nan))
     low, high = interval_95(value, u, dof)

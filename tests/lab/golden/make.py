@@ -26,7 +26,7 @@ from virtual_lab.bench.keeping import KeptDay
 from virtual_lab.bench.operators import HABITS, operator_of
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.catalog.faults import FaultSheet
-from virtual_lab.lab import Campaign, Laboratory, TestSetup, by_the_book, certify_bat
+from virtual_lab.lab import Laboratory, RoundRobin, TestSetup, by_the_book, certify_bat
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.simulation import flights
 from virtual_lab.simulation.truth import SealedTruth
@@ -142,13 +142,13 @@ def table(path: Path = TABLE) -> dict[Case, Row]:
 
 
 @cache
-def _campaign(bat: str, procedure: str) -> Campaign:
-    return Campaign.of(bat, procedure)
+def _round_robin(bat: str, procedure: str) -> RoundRobin:
+    return RoundRobin.of(bat, procedure)
 
 
 def _tested(case: Case) -> tuple[Certification, SealedTruth]:
     if case.kind == "summed":
-        setup = _campaign(case.bat, case.procedure).setup
+        setup = _round_robin(case.bat, case.procedure).setup
         done = by_the_book(Laboratory.open(replace(setup, seed=SEED, number=case.number)))
     else:
         faults = (case.what,) if case.kind == "fault" else ()

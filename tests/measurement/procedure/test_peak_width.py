@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from virtual_lab import catalog
-from virtual_lab.lab import Campaign
+from virtual_lab.lab import RoundRobin
 from virtual_lab.lab.measurand import WIDTH_KEY
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.peak_width import width_of
@@ -114,7 +114,7 @@ def test_a_drop_of_nothing_or_of_a_speed_is_refused() -> None:
 def test_the_interval_holds_the_true_width_in_most_laboratories() -> None:
     """Of 24 intervals of 95 % at least 19 hold it with probability 0.999."""
     held = 0
-    for tested in Campaign.of("r161", "bbcor").run(24, 70_000):
+    for tested in RoundRobin.of("r161", "bbcor").run(24, 70_000):
         width = tested.certification.width
         assert width is not None
         low, high = width.budget.interval_95

@@ -15,7 +15,7 @@ import pytest
 from virtual_lab import catalog, lab
 from virtual_lab.catalog import reading
 from virtual_lab.files import parse_toml
-from virtual_lab.lab.campaign import Campaign
+from virtual_lab.lab.round_robin import RoundRobin
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
@@ -44,14 +44,14 @@ def bits(tested: lab.BatTest) -> str:
 
 
 def played(procedure: str, numbers: Iterable[int]) -> Bits:
-    """Return the bits of laboratories of a campaign of their own, played in turn."""
-    campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    return {number: bits(lab.by_the_book(campaign.laboratory(1, number))) for number in numbers}
+    """Return the bits of the laboratories of a round robin of their own, played in turn."""
+    round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
+    return {number: bits(lab.by_the_book(round_robin.laboratory(1, number))) for number in numbers}
 
 
 def run(procedure: str, laboratories: int, first: int) -> Bits:
-    campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    tests = campaign.run(laboratories, 1, first)
+    round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
+    tests = round_robin.run(laboratories, 1, first)
     return {first + number: bits(tested) for number, tested in enumerate(tests)}
 
 
@@ -82,8 +82,8 @@ def test_two_processes_give_what_one_gives() -> None:
 def test_what_ran_before_changes_nothing(procedure: str) -> None:
     """Other laboratories, and scenes far from any of a test, before the one looked at."""
     (alone,) = played(procedure, [3]).values()
-    campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    body, box = campaign.setup.bat.spec.body, campaign.setup.collision.box
+    round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
+    body, box = round_robin.setup.bat.spec.body, round_robin.setup.collision.box
     assert box is not None
     far = Scenes.of(
         impact_position=np.linspace(0.04, 0.3, 200),
@@ -93,11 +93,11 @@ def test_what_ran_before_changes_nothing(procedure: str) -> None:
         stiffness=box.stiffness,
         exponent=box.exponent,
     )
-    for from_knob in (campaign.setup.rules.spec.pivot_from_knob, body.length - SIDE):
-        campaign.setup.collision.efficiency(body, Pinned(body.length - from_knob), far)
+    for from_knob in (round_robin.setup.rules.spec.pivot_from_knob, body.length - SIDE):
+        round_robin.setup.collision.efficiency(body, Pinned(body.length - from_knob), far)
     for number in (8, 5):
-        lab.by_the_book(campaign.laboratory(1, number))
-    assert bits(lab.by_the_book(campaign.laboratory(1, 3))) == alone
+        lab.by_the_book(round_robin.laboratory(1, number))
+    assert bits(lab.by_the_book(round_robin.laboratory(1, 3))) == alone
 
 
 class AskedError(Exception):
@@ -106,13 +106,13 @@ class AskedError(Exception):
 
 @dataclass
 class Watching:
-    """The collision of a campaign, and the scenes it was asked for."""
+    """The collision of a round_robin, and the scenes it was asked for."""
 
-    campaign: Campaign
+    round_robin: RoundRobin
     seen: list[Scenes] = field(default_factory=list)
 
     def __call__(self, body, support):
-        return self.campaign.setup.collision(body, support)
+        return self.round_robin.setup.collision(body, support)
 
     def efficiency(self, body, support, scenes: Scenes) -> np.ndarray:
         self.seen.append(scenes)
@@ -125,19 +125,19 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
 
     And the box is no wider than it must be: the shots fill four tenths of each of its sides.
     """
-    campaign = Campaign.of(BATS.get(procedure, "r161"), procedure)
-    box, shots = campaign.setup.collision.box, 20_000
+    round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
+    box, shots = round_robin.setup.collision.box, 20_000
     assert box is not None
-    laboratory, rules = campaign.laboratory(1), campaign.setup.rules.spec
+    laboratory, rules = round_robin.laboratory(1), round_robin.setup.rules.spec
     ready = lab.prepared(laboratory).laboratory
     ends = (rules.scan.low, rules.scan.high) if rules.scan else (np.mean(box.impact_position),) * 2
-    slots, watching = np.arange(shots), Watching(campaign)
+    slots, watching = np.arange(shots), Watching(round_robin)
     plan = ShotPlan(
         slot=slots,
         ball=slots % rules.balls,
         speed=np.full(shots, rules.ball_speed),
         place=np.where(slots % 2, *ends),
-        turn_rate=float(rules.turn_rate(beam_of(campaign.setup.bat.spec.body).length)),
+        turn_rate=float(rules.turn_rate(beam_of(round_robin.setup.bat.spec.body).length)),
         detail=RecordDetail.SUMMED,
     )
     specimen = replace(ready.specimen, collision=watching)
@@ -152,8 +152,8 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
 
 def test_no_sheet_is_parsed_for_a_further_laboratory(monkeypatch: pytest.MonkeyPatch) -> None:
     """The setup has worked out what is unverified; the rigs' sheets are read once in a process."""
-    campaign = Campaign.of("r161", "astm-f1881")
-    campaign.laboratory(1)
+    round_robin = RoundRobin.of("r161", "astm-f1881")
+    round_robin.laboratory(1)
     parsed: list[str] = []
 
     def parse(text: str, where: str) -> dict[str, object]:
@@ -161,7 +161,7 @@ def test_no_sheet_is_parsed_for_a_further_laboratory(monkeypatch: pytest.MonkeyP
         return parse_toml(text, where)
 
     monkeypatch.setattr(reading, "parse_toml", parse)
-    doubts = campaign.laboratory(2).origin.unverified_numbers
+    doubts = round_robin.laboratory(2).origin.unverified_numbers
     assert parsed == []
     assert doubts == lab.TestSetup.of("r161", procedure="astm-f1881").unverified
     assert "pendulum.toml" in parsed  # of a new setup
@@ -170,7 +170,7 @@ def test_no_sheet_is_parsed_for_a_further_laboratory(monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor", "ncaa-besr"])
 def test_summed_and_full_records_share_their_truth(procedure: str) -> None:
     """Speed, place, e0 of every shot and the true constants, bit for bit; balls and bat too."""
-    setup = replace(Campaign.of("r161", procedure).setup, seed=4, number=3)
+    setup = replace(RoundRobin.of("r161", procedure).setup, seed=4, number=3)
     rules, slots = setup.rules.spec, np.arange(24)
     truths, constants, balls = [], [], []
     for detail in RecordDetail:

@@ -1,5 +1,7 @@
 """One bat in many laboratories with different errors; instruments write sums.
 
+In metrology a round robin is one artefact that goes from laboratory to laboratory.
+
 The common parts (nominal bat, surrogate of its collision, procedure) are made once. Laboratories
 are the numbered ones of one seed, as of ``certify --seed S --number n``; in blocks, side by side,
 one takes a fraction of a millisecond.
@@ -29,14 +31,14 @@ BLOCK = 256  # laboratories side by side: more of them leave the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Campaign:
+class RoundRobin:
     """Everything that all laboratories have in common."""
 
     setup: TestSetup
 
     @classmethod
     def of(cls, bat: str, procedure: str) -> Self:
-        """Return the campaign of a bat by a procedure; `InputError` as `TestSetup.of`."""
+        """Return the round robin of a bat by a procedure; `InputError` as `TestSetup.of`."""
         setup = TestSetup.of(bat, procedure=procedure, detail=RecordDetail.SUMMED)
         rules, ball, drawn = setup.rules.spec, setup.ball.spec, setup.bat.spec
         collision = collision_of(drawn, ball, rules).with_box(box_of(rules, drawn, ball))
