@@ -223,8 +223,8 @@ def test_an_instrument_that_cannot_be_used() -> None:
 
 @pytest.mark.parametrize("kind", ["bats", "balls", "procedures", "instruments", "rigs"])
 def test_every_sheet_is_written_as_it_was_read(kind: str) -> None:
-    from virtual_lab.api.sheets import toml_text
     from virtual_lab.files import parse_toml
+    from virtual_lab.sheets import toml_text
 
     for row in vl.shelf(kind):
         if row.name in {"speed-gun-pivot", "radar-range"}:

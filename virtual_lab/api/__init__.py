@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from virtual_lab.api.arguments import reads_arguments, takes_instruments
-from virtual_lab.api.sheets import Sheet
 from virtual_lab.errors import InputError
 from virtual_lab.output.progress import Progress, quiet, shown
+from virtual_lab.sheets import Sheet
 
 if TYPE_CHECKING:
     import pandas as pd

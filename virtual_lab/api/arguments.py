@@ -15,8 +15,8 @@ from operator import index
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
-from virtual_lab.api.sheets import NAMED, Sheet
 from virtual_lab.errors import InputError, nearest
+from virtual_lab.sheets import NAMED, Sheet
 
 P = ParamSpec("P")
 T = TypeVar("T")
