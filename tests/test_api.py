@@ -14,6 +14,7 @@ import pytest
 
 import virtual_lab as vl
 from virtual_lab import lab
+from virtual_lab.simulation.instruments import RecordDetail
 
 
 def quiet(*_: object) -> None:
@@ -257,6 +258,19 @@ def test_a_sweep_is_its_tests_one_by_one() -> None:
         vl.sweep("r161", seed=0.5, progress=quiet)  # type: ignore[arg-type]
     with pytest.raises(vl.InputError, match="laboratories"):
         vl.sweep("r161", laboratories=0, progress=quiet)
+
+
+def test_individual_bats_of_a_sweep_are_those_of_certify() -> None:
+    """With sums instead of readings; by the nominal bat the truth differs by its balls alone."""
+    found = vl.sweep("r161", laboratories=6, seed=4, individual=True, progress=quiet)
+    setup = lab.TestSetup.of(
+        "r161", procedure="astm-f1881", seed=4, number=5, detail=RecordDetail.SUMMED
+    )
+    alone = lab.certify_bat(setup)
+    assert found["value"][5] == alone.certification.metric.value
+    assert found["true"][5] == alone.sealed.measurand["metric"]
+    nominal = vl.sweep("r161", laboratories=6, seed=4, progress=quiet)
+    assert found["true"].std() > 3 * nominal["true"].std()
 
 
 def test_variants_of_a_sheet_in_one_sweep_are_the_tests_alone() -> None:

@@ -76,8 +76,8 @@ def test_table_and_picture_into_files_of_ones_own(run: Run, tmp_path: Path) -> N
         ("profile r161 --plot picture.bmp", ".png, .svg, .pdf"),
         (f"slope --csv {'x' * 300}.csv", "cannot be written"),
         ("slope --csv there.csv/table.csv", "cannot be written"),
-        ("coverage --clips 3 --effects", "neither"),
-        ("coverage --clips 3 --laboratories 9", "neither"),
+        ("coverage --clips 3 --effects", "none of"),
+        ("coverage --clips 3 --laboratories 9", "none of"),
         ("coverage --clips 1", "clips"),
     ],
 )

@@ -58,8 +58,8 @@ def studied(monkeypatch: pytest.MonkeyPatch) -> Any:
     opened = SimpleNamespace(
         impact=None, specimen=None, rules=SimpleNamespace(spec=SimpleNamespace(scan=None))
     )
-    round_robin = SimpleNamespace(laboratory=lambda _seed: opened)
-    monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_: round_robin))
+    round_robin = SimpleNamespace(laboratory=lambda _seed: opened, in_blocks=False)
+    monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_, **__: round_robin))
     monkeypatch.setattr(study, "true_curve", curve)
 
     def run(tests: list[Any]) -> Rows[Coverage]:

@@ -483,13 +483,15 @@ def sweep(
     procedures: str | Path | Sheet | Sequence[str | Path | Sheet] = ("astm-f1881",),
     laboratories: int = 100,
     seed: int = 1,
+    individual: bool = False,
     instruments: Sequence[Sheet] = (),
     progress: Progress | None = None,
 ) -> pd.DataFrame:
     """Test bats by procedures in many laboratories and return one row per test.
 
     Bats are nominal and instruments write sums instead of every edge and count (as in
-    ``vl.coverage(…, summed=True)``): a test takes a millisecond or less.
+    ``vl.coverage(…, summed=True)``): a test takes a millisecond or less, one of an individual bat
+    a twentieth of a second.
 
     Parameters
     ----------
@@ -497,6 +499,8 @@ def sweep(
         One or several: names, paths or sheets.
     laboratories, seed
         How many laboratories of a study: those of the seed by number, from 0.
+    individual
+        Whether every laboratory gets a made bat of its own, as `certify` does.
     instruments
         Sheets with changed values, as for `certify`.
     progress
@@ -521,9 +525,9 @@ def sweep(
 
     asked: tuple[Any, ...] = bats, procedures, laboratories, seed  # names and numbers by now
     if progress is not None:
-        return sweep_tests(*asked, progress=progress)
+        return sweep_tests(*asked, individual=individual, progress=progress)
     with shown() as shown_progress:
-        return sweep_tests(*asked, progress=shown_progress)
+        return sweep_tests(*asked, individual=individual, progress=shown_progress)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

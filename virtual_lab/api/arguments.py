@@ -177,7 +177,7 @@ ARGUMENTS = {
         ),
         WHOLE,
     ),
-    **dict.fromkeys(("film", "summed"), YES_OR_NO),
+    **dict.fromkeys(("film", "individual", "summed"), YES_OR_NO),
     **{key: ArgumentRule(_word, allowed) for key, allowed in WORDS.items()},
     **dict.fromkeys(("name", "path", "scenario"), NAME),
     **dict.fromkeys(("folder", "records"), FOLDER),

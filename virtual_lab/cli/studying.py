@@ -36,6 +36,7 @@ FIRST = "; of the first laboratory, the others follow"
     is_flag=True,
     help="Instruments write sums (a camera: places), the bat is nominal: a hundred times as fast.",
 )
+@click.option("--individual", is_flag=True, help="With --summed: a made bat in every laboratory.")
 @click.option(
     "--effects",
     is_flag=True,
@@ -57,19 +58,23 @@ def coverage(
     laboratories: int,
     effects: bool,
     clips: int | None,
+    individual: bool,
     progress: Progress,
     **asked: Any,
 ) -> Any:
     """Test BAT in many laboratories; count the 95 % intervals that contain the true value."""
     if clips is not None:
         given = context.get_parameter_source("laboratories")
-        if effects or given is click.core.ParameterSource.COMMANDLINE:
-            usage("--clips goes with neither --effects nor --laboratories")
+        if effects or individual or given is click.core.ParameterSource.COMMANDLINE:
+            usage("--clips goes with none of --effects, --individual, --laboratories")
         rules = procedure or "bbcor"
         return api.clip_coverage(bat, procedure=rules, clips=clips, progress=progress, **asked)
     asked |= {"procedure": procedure or "astm-f1881", "laboratories": laboratories}
-    study = api.effects if effects else api.coverage
-    return study(bat, progress=progress, **asked)
+    if effects:
+        if individual:
+            usage("--effects goes without --individual")
+        return api.effects(bat, progress=progress, **asked)
+    return api.coverage(bat, individual=individual, progress=progress, **asked)
 
 
 @command("bias", keeps=True, table=True)

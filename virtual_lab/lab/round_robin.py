@@ -1,10 +1,8 @@
-"""One bat in many laboratories with different errors; instruments write sums.
+"""One bat design in many laboratories with different errors.
 
-In metrology a round robin is one artefact that goes from laboratory to laboratory.
-
-The common parts (nominal bat, surrogate of its collision, procedure) are made once. Laboratories
-are the numbered ones of one seed, as of ``certify --seed S --number n``; in blocks, side by side,
-one takes a fraction of a millisecond.
+The common parts (surrogate of the nominal bat's collision, procedure) are made once. Laboratories
+are the numbered ones of one seed, as of ``certify --seed S --number n``. Where instruments write
+sums and the bat is nominal they run in blocks, side by side, a fraction of a millisecond each.
 """
 
 from __future__ import annotations
@@ -37,9 +35,17 @@ class RoundRobin:
     setup: TestSetup
 
     @classmethod
-    def of(cls, bat: str, procedure: str) -> Self:
-        """Return the round robin of a bat by a procedure; `InputError` as `TestSetup.of`."""
-        setup = TestSetup.of(bat, procedure=procedure, detail=RecordDetail.SUMMED)
+    def of(cls, bat: str, procedure: str, *, summed: bool = True, individual: bool = False) -> Self:
+        """Return the round_robin of a bat by a procedure; `InputError` as `TestSetup.of`.
+
+        With `summed` instruments write sums, and all laboratories get the nominal bat, whose
+        collision is that of a surrogate, unless bats are to be `individual`, each with its own
+        modes to find. In full they always are.
+        """
+        detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
+        setup = TestSetup.of(bat, procedure=procedure, detail=detail)
+        if individual or not summed:
+            return cls(setup=setup)
         rules, ball, drawn = setup.rules.spec, setup.ball.spec, setup.bat.spec
         collision = collision_of(drawn, ball, rules).with_box(box_of(rules, drawn, ball))
         return cls(setup=replace(setup, made=False, collision=collision))

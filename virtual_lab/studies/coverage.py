@@ -21,10 +21,8 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import (
     BatTest,
     BlockTest,
-    Laboratory,
     RoundRobin,
-    TestSetup,
-    certify_bat,
+    Laboratory,
 )
 from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.certification import Certification
@@ -89,15 +87,17 @@ def coverage(
     laboratories: int = 1000,
     seed: int = 1,
     summed: bool = False,
+    individual: bool = False,
     progress: Progress = quiet,
 ) -> Rows[Coverage]:
     """Certify one bat design in many laboratories; count intervals with the true value.
 
     Every laboratory has its own random bat, balls and calibration errors: the laboratories are
-    those of `seed` by number, from 0. With `summed` the bat is nominal and instruments write sums,
-    which takes a hundredth of the time. Equal seeds give equal standardised errors for every bat,
-    so two bats with the same seed are not independent samples (their errors correlate by 0.98).
-    INVALID tests have no result and are counted separately. One row per quantity, the metric first.
+    those of `seed` by number, from 0. With `summed` instruments write sums and the bat is nominal,
+    which takes a hundredth of the time, unless bats are to be `individual` there too. Equal seeds
+    give equal standardised errors for every bat, so two bats with the same seed are not independent
+    samples (their errors correlate by 0.98). INVALID tests have no result and are counted
+    separately. One row per quantity, the metric first.
 
     Raises
     ------
@@ -105,19 +105,21 @@ def coverage(
         Unknown names, or fewer than 2 laboratories.
     """
     names = ("metric", *QUANTITIES)
-    shared = RoundRobin.of(bat, procedure)
+    require_some(laboratories)
+    round_robin = RoundRobin.of(bat, procedure, summed=summed, individual=individual)
+    nominal = RoundRobin.of(bat, procedure)
     found: dict[str, list[Array]] = {name: [] for name in names}
     strayed: list[Array] = []
     bends: dict[str, float] = {}
     rehearsal = None
     invalid, valid, fired = 0, 0, 0
-    for part in _samples(bat, procedure, laboratories, seed, summed, progress):
+    for part in _samples(round_robin, laboratories, seed, progress):
         valid, fired = valid + int(part.valid.sum()), fired + int(part.fired.sum())
         invalid += int((~part.sound).sum())
         if not part.sound.any():
             continue
         if not bends:
-            first, place = shared.laboratory(seed), float(part.place[part.sound][0])
+            first, place = nominal.laboratory(seed), float(part.place[part.sound][0])
             bends = _curvatures(first, place)
             rehearsal = Rehearsal.of(first, place) if first.rules.spec.scan else None
         strayed.append(np.stack([part.stray, part.scatter], axis=1)[part.sound])
@@ -141,27 +143,16 @@ def coverage(
 
 
 def bat_tests(
-    bat: str, procedure: str, laboratories: int, seed: int, summed: bool, progress: Progress
+    round_robin: RoundRobin, laboratories: int, seed: int, progress: Progress
 ) -> Iterator[BatTest]:
-    """Yield the tests of one bat design in the laboratories of a seed, as `coverage`.
-
-    Raises
-    ------
-    InputError
-        Unknown names, or fewer than 2 laboratories.
-    """
-    _require_some(laboratories)
-    if summed:
-        played = RoundRobin.of(bat, procedure).run(laboratories, seed)
-    else:
-        setup = TestSetup.of(bat, procedure=procedure, seed=seed)
-        played = (certify_bat(replace(setup, number=number)) for number in range(laboratories))
-    for number, tested in enumerate(played, start=1):
+    """Yield the tests in the laboratories of a seed, as `coverage`."""
+    for number, tested in enumerate(round_robin.run(laboratories, seed), start=1):
         progress("laboratories", number, laboratories)
         yield tested
 
 
-def _require_some(laboratories: int) -> None:
+def require_some(laboratories: int) -> None:
+    """Raise `InputError` for fewer laboratories than have a scatter."""
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
 
@@ -199,14 +190,11 @@ class Sample:
 
 
 def _samples(
-    bat: str, procedure: str, laboratories: int, seed: int, summed: bool, progress: Progress
+    round_robin: RoundRobin, laboratories: int, seed: int, progress: Progress
 ) -> Iterator[Sample]:
     """Yield the laboratories of a seed, block by block where their rigs know blocks."""
-    _require_some(laboratories)
-    round_robin = RoundRobin.of(bat, procedure) if summed else None
-    if round_robin is None or not round_robin.in_blocks:
-        for tested in bat_tests(bat, procedure, laboratories, seed, summed, progress):
-            yield _of_test(tested)
+    if not round_robin.in_blocks:
+        yield from map(_of_test, bat_tests(round_robin, laboratories, seed, progress))
         return
     done = 0
     for block in round_robin.blocks(laboratories, seed):

@@ -15,7 +15,7 @@ from math import sqrt
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.lab import BatTest
+from virtual_lab.lab import BatTest, Campaign
 from virtual_lab.measurement.procedure import CHOICE
 from virtual_lab.measurement.reduction.observations import (
     REPEATABILITY,
@@ -32,7 +32,7 @@ from virtual_lab.output.tables import column
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.simulation.physics.beam import outer_diameter
-from virtual_lab.studies.coverage import bat_tests
+from virtual_lab.studies.coverage import bat_tests, require_some
 from virtual_lab.uncertainty.budget import HITS, Component
 from virtual_lab.units import INCH, Array
 
@@ -89,7 +89,9 @@ def effects(
         Unknown names, or too few laboratories for the number of terms.
     """
     cases: list[_Case] = []
-    for tested in bat_tests(bat, procedure, laboratories, seed, summed, progress):
+    require_some(laboratories)
+    campaign = Campaign.of(bat, procedure, summed=summed)
+    for tested in bat_tests(campaign, laboratories, seed, progress):
         if tested.certification.verdict.value != "INVALID":
             cases.append(_case(tested))
     names = list(dict.fromkeys(name for case in cases for name in case.components))

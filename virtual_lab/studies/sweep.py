@@ -29,6 +29,7 @@ def sweep_tests(
     laboratories: int,
     seed: int,
     *,
+    individual: bool = False,
     progress: Progress = quiet,
 ) -> pd.DataFrame:
     """Return the tests as `virtual_lab.sweep` describes them.
@@ -49,7 +50,7 @@ def sweep_tests(
     total = len(bats) * len(procedures) * laboratories
     for bat in bats:
         for procedure in procedures:
-            round_robin = RoundRobin.of(bat, procedure)
+            round_robin = RoundRobin.of(bat, procedure, individual=individual)
             for number, row in enumerate(_rows(round_robin, laboratories, seed)):
                 progress("tests", len(rows), total)
                 rows.append({"bat": round_robin.setup.bat.spec.name, **row, "laboratory": number})

@@ -18,10 +18,9 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from virtual_lab.catalog.specs import BatBody
-from virtual_lab.simulation.collision.patch import PATCH, patch_shapes, patch_table
+from virtual_lab.simulation.collision.patch import PATCH, PatchTable, patch_shapes
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes, joined
 from virtual_lab.simulation.collision.stepping import FINE, CollisionBatch, FinalStates, Stepper
 from virtual_lab.simulation.physics.ball import unloading_exponent
@@ -59,7 +58,7 @@ class ModalModel:
         return cls(modes=modes.first(bending_modes), stiff=modes.above(bending_modes), **other)
 
     @cached_property
-    def table(self) -> PPoly:
+    def table(self) -> PatchTable:
         """Splines over the place of impact: the shape of each mode, then the stiff compliance."""
 
         def values(z: Array) -> Array:
@@ -67,7 +66,7 @@ class ModalModel:
             yielding = stiff / self.stiff.angular_frequencies
             return np.column_stack((shapes, np.sum(yielding**2, axis=1)))
 
-        return patch_table(values, self.modes.length, self.patch)
+        return PatchTable(values, self.modes.length, self.patch)
 
     def collide(self, scenes: Scenes) -> Collisions:
         """Return what the scenes come to.

@@ -9,16 +9,20 @@ shrinks on both sides alike: at the very tip it is a point again.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
+from scipy.interpolate import CubicSpline
 
 from virtual_lab.simulation.physics.mesh import gauss_points
 from virtual_lab.simulation.physics.modes import Modes
 from virtual_lab.units import Array
 
 PATCH = 0.03  # full width [m]
+TILE = 256  # knots between which one spline is asked
+MARGIN = 40  # knots beyond: the end of a spline matters less by 0.27 a knot
 
 
 def patch_shape(modes: Modes, z: Array, width: float) -> Array:
@@ -42,19 +46,51 @@ def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
     return [np.concatenate([modes.averaged(block) for block in blocks]) for modes in parts]
 
 
-def patch_table(values: Callable[[Array], Array], length: float, width: float) -> PPoly:
-    """Return cubic splines through what depends on the place of a patch.
+@dataclass(frozen=True)
+class PatchTable:
+    """Cubic splines through what depends on the place of a patch, made where they are asked for.
 
     `values` is smooth but where the patch starts to shrink, from places (n,) [m] to (n, columns);
-    `length` and `width` are those of bat and patch [m].
+    `length` and `width` are those of bat and patch [m]. What it gives at a place depends on that
+    place alone: the knots are those of the whole bat, and the spline of a tile reaches so far
+    beyond it that its ends do not matter.
     """
-    ends = sorted({0.0, width / 2, length - width / 2, length})
-    splines = []
-    for low, high in pairwise(ends):
+
+    values: Callable[[Array], Array]
+    length: float
+    width: float
+    splines: dict[tuple[int, int], CubicSpline] = field(default_factory=dict)  # by part and tile
+
+    def __call__(self, z: Array) -> Array:
+        """Return the values at places (n,) on the bat [m], (n, columns)."""
+        ends = np.array([part[0] for part in self._knots[1:]])
+        where = np.searchsorted(ends, z, side="right")
+        starts, steps = (np.array([part[k] for part in self._knots]) for k in (0, 1))
+        tile = ((z - starts[where]) / (steps - starts)[where]).astype(np.intp) // TILE
+        each, back = np.unique(np.stack([where, tile]), axis=1, return_inverse=True)
+        found = [
+            self._spline(int(part), int(tile))(z[back == k])
+            for k, (part, tile) in enumerate(each.T)
+        ]
+        order = np.argsort(back, kind="stable")
+        table = np.empty((z.size, found[0].shape[1] if found else 0))
+        if found:
+            table[order] = np.concatenate(found)
+        return table
+
+    @cached_property
+    def _knots(self) -> list[Array]:
+        """The knots between the places where the patch starts to shrink."""
+        ends = sorted({0.0, self.width / 2, self.length - self.width / 2, self.length})
         # 0.2 mm between knots mostly cost less than 2e-8 in e_A, at worst 5e-7
-        knots = np.linspace(low, high, max(150, round((high - low) / 2e-4)))
-        splines.append(CubicSpline(knots, values(knots)))
-    return PPoly(
-        np.concatenate([spline.c for spline in splines], axis=1),
-        np.concatenate([splines[0].x, *(spline.x[1:] for spline in splines[1:])]),
-    )
+        return [
+            np.linspace(low, high, max(150, round((high - low) / 2e-4)))
+            for low, high in pairwise(ends)
+        ]
+
+    def _spline(self, part: int, tile: int) -> CubicSpline:
+        if (part, tile) not in self.splines:
+            first = max(0, tile * TILE - MARGIN)
+            knots = self._knots[part][first : (tile + 1) * TILE + 1 + MARGIN]
+            self.splines[part, tile] = CubicSpline(knots, self.values(knots))
+        return self.splines[part, tile]

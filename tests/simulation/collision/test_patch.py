@@ -1,0 +1,55 @@
+"""The shapes of modes along the bat: splines over tiles, made where they are asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from virtual_lab.simulation.collision.patch import TILE, PatchTable
+
+LENGTH, WIDTH = 0.85, 0.03
+
+
+def waves(z: np.ndarray) -> np.ndarray:
+    """Return two waves, the slope of one of which jumps where a patch starts to shrink."""
+    return np.stack([np.sin(40 * z), np.abs(z - WIDTH / 2)], axis=1)
+
+
+def test_tiles_join_to_one_spline_of_the_whole_bat() -> None:
+    """A spline through all knots between the ends of the patch, to the last digits."""
+    table = PatchTable(waves, LENGTH, WIDTH)
+    low, high = WIDTH / 2, LENGTH - WIDTH / 2
+    knots = np.linspace(low, high, round((high - low) / 2e-4))
+    z = np.random.default_rng(3).uniform(low, high, 4000)
+    at_seams = knots[TILE::TILE]
+    for places in (z, at_seams, np.array([low, high])):
+        np.testing.assert_allclose(table(places), CubicSpline(knots, waves(knots))(places), 1e-14)
+
+
+def test_each_place_has_its_value_whatever_is_asked_beside_it() -> None:
+    """To the last bit: a shot does not depend on the others."""
+    z = np.linspace(0, LENGTH, 301)
+    alone = np.concatenate([PatchTable(waves, LENGTH, WIDTH)(z[i : i + 1]) for i in range(z.size)])
+    np.testing.assert_array_equal(PatchTable(waves, LENGTH, WIDTH)(z), alone)
+
+
+def test_a_few_places_ask_for_a_part_of_the_bat_alone() -> None:
+    asked: list[int] = []
+
+    def counted(z: np.ndarray) -> np.ndarray:
+        asked.append(z.size)
+        return waves(z)
+
+    table = PatchTable(counted, LENGTH, WIDTH)
+    table(np.array([0.15, 0.151]))
+    table(np.array([0.152]))
+    assert len(asked) == 1
+    assert asked[0] < 0.1 * LENGTH / 2e-4
+
+
+@pytest.mark.parametrize("end", [0.0, WIDTH / 2, LENGTH - WIDTH / 2, LENGTH])
+def test_the_ends_of_bat_and_patch_are_places_like_others(end: float) -> None:
+    read = PatchTable(waves, LENGTH, WIDTH)
+    assert read(np.array([end])) == pytest.approx(waves(np.array([end])), abs=1e-9)
+    assert read(np.zeros(0)).shape[0] == 0
