@@ -139,7 +139,9 @@ def certify_block(setup: TestSetup, seed: int, numbers: NDArray[np.int_]) -> Blo
         certified=certified,
         reduced=reduced,
         readings=readings,
-        measurands=measurands(block.stations[Stage.IMPACT], block.specimen, reduced, certified),
+        measurands=measurands(
+            block.stations[Stage.IMPACT], block.specimen, reduced, certified.outcome.weights
+        ),
         sessions=sessions,
         laboratories=block,
         shots={

@@ -10,13 +10,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 
-from virtual_lab.lab.true_metric import TrueCurve, scan_result
-from virtual_lab.measurement.certification import BlockCertification
+from virtual_lab.lab.true_metric import TrueCurve, Visits, results_of_curves
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.rules import Scan
-from virtual_lab.measurement.session_reduction import BlockReduction, SessionReduction
+from virtual_lab.measurement.session_reduction import BlockReduction
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import ImpactStation, ShotPlan, Specimen
 from virtual_lab.streams import Owner
@@ -27,86 +27,48 @@ WIDTH_KEY = "width_m"
 POINTS = 41  # of the continuous curve
 
 
-def measurand(
-    station: ImpactStation, specimen: Specimen, reduced: SessionReduction, control: float
-) -> dict[str, float]:
-    """Return the true metric as ``metric``, and quantities by their names in a certificate.
-
-    The other quantities are those at the place on the certificate, so they have the weights of its
-    hits. `control` is the error-free argument of `TrueCurve.metric`. {} if the test gave no
-    result.
-    """
-    procedure, outcome = reduced.procedure, reduced.outcome
-    if not np.isfinite(outcome.weights).all():
-        return {}
-    place = reduced.readings.place
-    each, back = np.unique(place, return_inverse=True)
-    curve = true_curve(station, specimen, procedure, each)
-    found = {
-        name: float(values[back] @ outcome.weights) for name, values in curve.quantities.items()
-    }
-    found["metric"] = scan_result(
-        procedure,
-        place,
-        reduced.judgement.valid,
-        curve.sought(control)[back],
-        curve.metric(control)[back],
-    )
-    if procedure.scan is not None:
-        along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)
-        continuous = true_curve(station, specimen, procedure, along)
-        sought, metric = continuous.sought(control), continuous.metric(control)
-        alone = _of_continuous(procedure.scan, along, sought[None], metric[None])
-        found |= {name: float(values[0]) for name, values in alone.items()}
-    return found
-
-
 def measurands(
     station: ImpactStation,
     specimen: Specimen,
     reduced: BlockReduction,
-    certified: BlockCertification,
+    weights: Array,
+    control: float = 1.0,
 ) -> dict[str, Array]:
-    """Return the same of a block, as `measurand` of each laboratory, (laboratory,).
+    """Return the true metric as ``metric``, and quantities by their names, (laboratory,).
 
-    NaN where a test gave no result.
+    The other quantities are those at the place on the certificate, so they have the `weights` of
+    its hits, (shot,). `control` is the error-free argument of `TrueCurve.metric`. NaN where a test
+    gave no result.
     """
-    procedure, weights, owner = reduced.procedure, certified.outcome.weights, reduced.owner
+    procedure, owner = reduced.procedure, reduced.owner
     laboratories = reduced.preparation.laboratories
-    some = certified.some
+    one_lot = specimen.balls.mass.ndim == 1
+
+    def curve_at(place: Array, whose: NDArray[np.intp]) -> TrueCurve:
+        return true_curve(station, specimen, procedure, place, ... if one_lot else whose)
+
     at, back = np.unique(np.stack([owner, reduced.place]), axis=1, return_inverse=True)
-    whose, place = at[0].astype(np.intp), at[1]
-    curve = true_curve(station, specimen, procedure, place, whose)
+    curve = curve_at(at[1], at[0].astype(np.intp))
     weighed = np.where(np.isfinite(weights), weights, 0.0)
-
-    def result(values: Array) -> Array:
-        total = np.bincount(owner, values[back] * weighed, laboratories)
-        return np.where(some, total, np.nan)
-
-    found = {name: result(values) for name, values in curve.quantities.items()}
-    metric, sought = curve.metric()[back], curve.sought()[back]
-    if procedure.scan is None:
-        found["metric"] = np.where(
-            some,
-            np.bincount(owner, np.where(reduced.valid, metric, 0.0), laboratories)
-            / np.maximum(np.bincount(owner, reduced.valid, laboratories), 1),
-            np.nan,
+    some = np.bincount(owner, weighed != 0, laboratories) > 0
+    found: dict[str, Array] = {
+        name: np.asarray(np.bincount(owner, values[back] * weighed, laboratories), dtype=float)
+        for name, values in curve.quantities.items()
+    }
+    visited = Visits(owner, reduced.place, reduced.valid)
+    true = curve.sought(control)[back], curve.metric(control)[back]
+    found["metric"] = results_of_curves(procedure, laboratories, visited, *true)
+    if procedure.scan is not None:
+        along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)
+        smooth = curve_at(np.tile(along, laboratories), np.arange(laboratories).repeat(POINTS))
+        shape = laboratories, POINTS
+        found |= _of_continuous(
+            procedure.scan,
+            along,
+            smooth.sought(control).reshape(shape),
+            smooth.metric(control).reshape(shape),
         )
-        return found
-    found["metric"] = np.full(laboratories, np.nan)
-    shots = np.split(np.argsort(owner, kind="stable"), np.cumsum(np.bincount(owner)))[:-1]
-    for one in np.flatnonzero(some):
-        own = shots[one]
-        found["metric"][one] = scan_result(
-            procedure, reduced.place[own], reduced.valid[own], sought[own], metric[own]
-        )
-    along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)
-    every = np.arange(laboratories).repeat(POINTS)
-    smooth = true_curve(station, specimen, procedure, np.tile(along, laboratories), every)
-    looked, read = (each.reshape(-1, POINTS) for each in (smooth.sought(), smooth.metric()))
-    for name, values in _of_continuous(procedure.scan, along, looked, read).items():
-        found[name] = np.where(some, values, np.nan)
-    return found
+    return {name: np.where(some, values, np.nan) for name, values in found.items()}
 
 
 def _of_continuous(

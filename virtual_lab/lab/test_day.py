@@ -15,12 +15,13 @@ import numpy as np
 
 from virtual_lab.lab.filming import film_of
 from virtual_lab.lab.laboratory import Laboratory, constant_name
-from virtual_lab.lab.measurand import measurand
+from virtual_lab.lab.measurand import measurands
 from virtual_lab.measurement.certification import Certification, evaluate
 from virtual_lab.measurement.model import CONTROL
 from virtual_lab.measurement.procedure import Acceptance, judge, next_places, to_set
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import (
+    BlockReduction,
     Preparation,
     SessionReduction,
     prepare,
@@ -199,6 +200,14 @@ class TestDay:
         assert self.bench is not None
         assert self.wall is not None
         laboratory, rounds = self.laboratory, self.rounds
+        alone = BlockReduction.alone(reduced)
+        true = measurands(
+            laboratory.impact,
+            laboratory.specimen,
+            alone,
+            alone.outcome.weights,
+            laboratory.control,
+        )
         return SealedTruth(
             seed=laboratory.seed,
             number=laboratory.setup.number,
@@ -213,9 +222,9 @@ class TestDay:
                 for name, value in station.true_constants.items()
             }
             | ({CONTROL: laboratory.control} if laboratory.rules.spec.controlled else {}),
-            measurand=measurand(
-                laboratory.impact, laboratory.specimen, reduced, laboratory.control
-            ),
+            measurand={
+                name: float(value[0]) for name, value in true.items() if np.isfinite(value[0])
+            },
             place=reduced.readings.place,
             shots={
                 name: np.concatenate([output.truth[name] for output in rounds])

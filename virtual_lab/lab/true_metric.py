@@ -7,11 +7,10 @@ independently, so that a wrong formula on either side shows as an error of the t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.physics.beam import Beam
@@ -101,34 +100,68 @@ class TrueCurve:
         return e, (1 + e) / (1 + self.recoil_factor) - 1
 
 
-def scan_result(
-    procedure: Procedure, place: Array, valid: NDArray[np.bool_], sought: Array, metric: Array
-) -> float:
-    """Return the procedure's result of an exact curve at the places that a test visited.
+class Visits(NamedTuple):
+    """Places that the tests of a block visited, (shot,)."""
 
-    Parameters
-    ----------
-    procedure
-        With or without a scan.
-    place, valid
-        Set [m], and which hits counted, (shot,).
-    sought, metric
-        Of the exact curve at each shot's place, (shot,).
+    owner: NDArray[np.intp]  # whose shot it was
+    place: Array  # set [m]
+    valid: NDArray[np.bool_]  # which hits counted
+
+
+def results_of_curves(
+    procedure: Procedure, laboratories: int, visits: Visits, sought: Array, metric: Array
+) -> Array:
+    """Return the procedure's results of exact curves at the places visited, (laboratory,).
+
+    `sought` and `metric` are those of the exact curve at each shot's place, (shot,). NaN where no
+    place has all its hits.
     """
-    scan = procedure.scan
-    if scan is None:
-        return float(metric[valid].mean())
-    each, first, back = np.unique(np.round(place, 6), return_index=True, return_inverse=True)
-    whole = np.bincount(back, valid) >= procedure.valid_hits
-    at, looked, wanted = each[whole], sought[first][whole], metric[first][whole]
-    best = int(np.argmax(looked))
-    if scan.final_hits:
-        return float(wanted[best])
-    near = np.abs(at - at[best]) < scan.fit_half_width + 1e-3  # m, two steps in setting it
-    degree = min(3, int(near.sum()) - 1)
-    curve, value = (Polynomial.fit(at[near], own[near], degree) for own in (looked, wanted))
-    slope, along = curve.deriv(), np.linspace(curve.domain[0], curve.domain[1], 64)
-    falls = np.flatnonzero(np.diff(np.sign(slope(along))) < 0)
-    turns = [brentq(slope, along[i], along[i + 1], xtol=1e-14) for i in falls]
-    candidates = np.array([*curve.domain, *turns])
-    return float(value(candidates[np.argmax(curve(candidates))]))
+    owner, place, valid = visits
+    if procedure.scan is None:
+        hits = np.bincount(owner, valid, laboratories)
+        total = np.bincount(owner, np.where(valid, metric, 0.0), laboratories)
+        return np.where(hits > 0, total / np.where(hits > 0, hits, 1), np.nan)
+    pairs, first, back = np.unique(
+        np.stack([owner, np.round(place, 6)]), axis=1, return_index=True, return_inverse=True
+    )
+    whole = np.flatnonzero(np.bincount(back, valid) >= procedure.valid_hits)
+    whose = pairs[0, whole].astype(np.intp)  # sorted
+    many = np.bincount(whose, minlength=laboratories)
+    turn = np.arange(whole.size) - (np.cumsum(many) - many)[whose]
+    at, looked, wanted = np.full((3, laboratories, max(many.max(initial=0), 1)), np.nan)
+    at[whose, turn] = pairs[1, whole]
+    looked[whose, turn], wanted[whose, turn] = sought[first[whole]], metric[first[whole]]
+    best = np.where(np.isnan(looked), -np.inf, looked).argmax(axis=1)[:, None]
+    if procedure.scan.final_hits:
+        return np.asarray(np.take_along_axis(wanted, best, axis=1)[:, 0])
+    off = np.abs(at - np.take_along_axis(at, best, axis=1))
+    near = off < procedure.scan.fit_half_width + 1e-3  # m, two steps in setting it
+    return _at_the_top(at, near, looked, wanted)
+
+
+def _at_the_top(at: Array, near: NDArray[np.bool_], looked: Array, wanted: Array) -> Array:
+    """Return what is wanted where the curve that is looked at has its top, (curve,).
+
+    Polynomials up to the third degree by least squares through the places near the best one.
+    """
+    low = np.min(at, axis=1, where=near, initial=np.inf)[:, None]
+    high = np.max(at, axis=1, where=near, initial=-np.inf)[:, None]
+    wide = np.where(high > low, high - low, 1.0)
+    along = np.where(near, (2 * at - low - high) / wide, 0.0)
+    degree = np.minimum(near.sum(axis=1) - 1, 3)[:, None, None]
+    powers = np.arange(4)
+    rows = np.where(near[..., None] & (powers <= degree), along[..., None] ** powers, 0.0)
+    curve, value = (
+        np.linalg.pinv(rows) @ np.where(near, own, 0.0)[..., None] for own in (looked, wanted)
+    )
+    flat, bend, twist = curve[:, 1], 2 * curve[:, 2], 3 * curve[:, 3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = -(bend + np.copysign(np.sqrt(bend**2 - 4 * twist * flat), bend)) / 2
+        turns = np.concatenate([root / twist, flat / root], axis=1)
+    inside = np.abs(turns) < 1  # false of a turn that is none
+    ends = np.broadcast_to([-1.0, 1.0], turns.shape)
+    candidates = np.concatenate([ends, np.where(inside, turns, -1.0)], axis=1)
+    rows = candidates[..., None] ** powers
+    top = (rows @ curve)[..., 0].argmax(axis=1)
+    found = (rows @ value)[np.arange(top.size), top, 0]
+    return np.where(near.any(axis=1), found, np.nan)

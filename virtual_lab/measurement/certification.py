@@ -21,7 +21,6 @@ from virtual_lab.measurement.diagnostics import (
     Evidence,
     Flag,
     check,
-    numbered,
 )
 from virtual_lab.measurement.model import MeasurementModel
 from virtual_lab.measurement.other_support import OtherSupport, other_support
@@ -32,16 +31,16 @@ from virtual_lab.measurement.procedure import (
     Judgement,
     Procedure,
     SetAside,
-    Shortfall,
     Verdict,
     eligible,
     findings,
     not_met,
-    shortfall,
+    shortfalls,
     verdict,
     with_choice,
 )
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
+from virtual_lab.measurement.reduction.flights import numbered
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
 from virtual_lab.measurement.session_reduction import (
@@ -229,8 +228,11 @@ def evaluate_block(
         for first in range(0, laboratories, few)
     ]
     results = {name: Budgets.joined([each[name] for each, _ in parts]) for name in parts[0][0]}
-    results["metric"] = with_choice(results["metric"], _shortfalls(reduced, used))
     some = np.bincount(owner, used, laboratories) > 0
+    lost = shortfalls(
+        rules, laboratories, owner, reduced.place, reduced.valid & some[owner], reduced.metric
+    )
+    results["metric"] = with_choice(results["metric"], lost)
     metric = results["metric"]
     checked = check(
         Evidence(
@@ -307,21 +309,6 @@ def _results(
         for name, values in model.quantities(variants.columns, moved).items()
     }
     return results, moved.recoil_efficiency - moved.rebound_efficiency
-
-
-def _shortfalls(reduced: BlockReduction, used: Mask) -> list[Shortfall]:
-    """Return what the place that each laboratory chose may fall short of the best."""
-    rules, laboratories = reduced.procedure, reduced.preparation.laboratories
-    nothing = Shortfall(0.0, 0.0)
-    if rules.scan is None or not rules.scan.final_hits:
-        return [nothing] * laboratories
-    found = []
-    for one in range(laboratories):
-        own = reduced.owner == one
-        chosen = bool(used[own].any())
-        of_hits = reduced.place[own], reduced.valid[own], reduced.metric[own]
-        found.append(shortfall(rules, *of_hits) if chosen else nothing)
-    return found
 
 
 def _reasons(

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from virtual_lab.lab import Laboratory
 from virtual_lab.lab.measurand import true_curve
-from virtual_lab.lab.true_metric import scan_result
+from virtual_lab.lab.true_metric import Visits, results_of_curves
 from virtual_lab.measurement.procedure import (
     Curve,
     Procedure,
@@ -26,7 +26,7 @@ from virtual_lab.measurement.procedure import (
     metric_of,
     next_places,
     outcome_of,
-    shortfall,
+    shortfalls,
     sought_of,
     to_set,
 )
@@ -130,9 +130,12 @@ class Rehearsal:
             sought = self._sought(place, metric)
             valid = np.ones(place.size, dtype=bool)
         found = float(metric @ outcome_of(rules, place, valid, metric, sought).weights)
-        found += shortfall(rules, place, valid, metric).mean
+        alone = np.zeros(place.size, dtype=np.intp)
+        found += float(shortfalls(rules, 1, alone, place, valid, metric).mean[0])
         exact = self.metric(place)
-        return found - scan_result(rules, place, valid, self._sought(place, exact).value, exact)
+        looked = self._sought(place, exact).value
+        true = results_of_curves(rules, 1, Visits(alone, place, valid), looked, exact)
+        return found - float(true[0])
 
     def _sought(self, place: Array, metric: Array) -> Sought:
         return sought_of(self.procedure, metric, place, self.bat)

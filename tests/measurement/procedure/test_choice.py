@@ -7,21 +7,23 @@ import pytest
 from scipy import integrate, stats
 
 from virtual_lab import catalog
-from virtual_lab.measurement.procedure import CHOICE, Procedure, outcome_of, shortfall, with_choice
-from virtual_lab.measurement.procedure.choice import Shortfall
-from virtual_lab.measurement.procedure.outcome import complete_places
-from virtual_lab.measurement.procedure.schedule import best_place
+from virtual_lab.measurement.procedure import CHOICE, Procedure, outcome_of, shortfalls, with_choice
+from virtual_lab.measurement.procedure.choice import Shortfalls
 from virtual_lab.uncertainty.budget import combined, scatters, types_a
 
 BBCOR = catalog.load("procedures", "bbcor", Procedure).spec
 INCH = 0.0254
 PLACES = np.repeat(np.arange(4.5, 7.1, 0.5) * INCH, 6)
-ALL = np.ones(PLACES.size, dtype=bool)
 SCATTER, RUNS = 0.0037, 1000  # of e from hit to hit, as in r161's tests
 
 
 def curve(place: np.ndarray, top: float) -> np.ndarray:
     return np.asarray(0.49 - 11 * (place - top) ** 2)
+
+
+def of_one(place: np.ndarray, metric: np.ndarray) -> Shortfalls:
+    """Return the shortfall of one laboratory's scan, all of whose hits are valid."""
+    return shortfalls(BBCOR, 1, np.zeros(place.size, int), place, place > 0, metric)
 
 
 def test_the_shortfall_is_the_mean_of_a_truncated_normal() -> None:
@@ -32,7 +34,7 @@ def test_the_shortfall_is_the_mean_of_a_truncated_normal() -> None:
     u = sqrt(2 * variance / 6)
     behind = np.array([1.2, 3.0]) * u
     metric = 0.5 + np.concatenate([hits - behind[0], hits, hits - behind[1]])
-    lost = shortfall(BBCOR, place, np.ones(18, dtype=bool), metric)
+    lost = of_one(place, metric)
 
     def moment(power: int) -> float:
         def lost(x: float, gap: float) -> float:
@@ -40,22 +42,22 @@ def test_the_shortfall_is_the_mean_of_a_truncated_normal() -> None:
 
         return sum(integrate.quad(lost, 0, 10 * u, args=(gap,))[0] for gap in behind)
 
-    assert lost.mean == pytest.approx(moment(1), rel=1e-6)
-    assert lost.rms**2 == pytest.approx(moment(2), rel=1e-6)
-    assert lost.u == pytest.approx(sqrt(moment(2) - moment(1) ** 2), rel=1e-6)
+    assert lost.mean[0] == pytest.approx(moment(1), rel=1e-6)
+    assert lost.rms[0] ** 2 == pytest.approx(moment(2), rel=1e-6)
+    assert lost.u[0] == pytest.approx(sqrt(moment(2) - moment(1) ** 2), rel=1e-6)
 
 
 def test_the_result_is_raised_by_the_mean() -> None:
     """And the rest, √(rms² - mean²), is one line; nothing lost leaves the budget alone."""
-    nothing = Shortfall(mean=0.0, rms=0.0)
+    lost = Shortfalls(mean=np.array([3e-4, 0.0]), rms=np.array([5e-4, 0.0]))
     budgets = combined(np.array([0.5, 0.5]), types_a("other", np.full(2, 0.5), np.zeros(2)))
-    block = with_choice(budgets, [Shortfall(mean=3e-4, rms=5e-4), nothing])
+    block = with_choice(budgets, lost)
     raised, left = block.of(0), block.of(1)
     assert raised.value == pytest.approx(0.5003)
     assert raised.u == pytest.approx(4e-4)
     assert [part.name for part in raised.components] == [CHOICE]
     assert left == budgets.of(1)
-    assert with_choice(budgets, [nothing, nothing]) is budgets
+    assert with_choice(budgets, Shortfalls(np.zeros(2), np.zeros(2))) is budgets
 
 
 def test_both_sides_are_missed_alike() -> None:
@@ -68,7 +70,7 @@ def test_both_sides_are_missed_alike() -> None:
     for _ in range(RUNS):
         top = rng.uniform(5.25, 6.25) * INCH
         metric = curve(PLACES, top) + SCATTER * rng.standard_normal(PLACES.size)
-        best = best_place(BBCOR, complete_places(BBCOR, PLACES, ALL), PLACES, ALL, metric)
+        best = np.unique(PLACES)[metric.reshape(-1, 6).mean(axis=1).argmax()]
         place = np.append(PLACES, np.full(6, best))
         fresh = curve(np.full(6, best), top) + SCATTER * rng.standard_normal(6)
         metric, valid = np.append(metric, fresh), np.ones(place.size, dtype=bool)
@@ -77,8 +79,7 @@ def test_both_sides_are_missed_alike() -> None:
         nothing = np.zeros((1, 0, weights.size))
         own = scatters(metric[None, used], weights[None], place[None, used], nothing)
         result = combined(np.array([metric[used] @ weights]), own)
-        lost = shortfall(BBCOR, place, valid, metric)
-        low, high = with_choice(result, [lost]).of(0).interval_95
+        low, high = with_choice(result, of_one(place, metric)).of(0).interval_95
         true = curve(np.unique(PLACES), top).max()
         above, below = above + (true > high), below + (true < low)
     few, many = stats.binom.ppf([0.001, 0.999], RUNS, 0.025)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from virtual_lab import catalog
-from virtual_lab.lab.true_metric import scan_result
+from virtual_lab.lab.true_metric import Visits, results_of_curves
 from virtual_lab.measurement.procedure import Procedure, Sought, outcome_of
 from virtual_lab.streams import Streams
 
@@ -42,7 +42,8 @@ def test_a_cubic_without_noise_is_read_at_its_very_top(
     assert outcome.weights @ metric == pytest.approx(0.7, abs=1e-12)
     # the weights read any other cubic at that place too, such as the places themselves
     assert outcome.weights @ PLACES**3 == pytest.approx(top**3, rel=1e-7)
-    assert scan_result(RULES, PLACES, ALL, metric, metric) == pytest.approx(0.7, abs=1e-10)
+    alone = Visits(np.zeros(PLACES.size, int), PLACES, ALL)
+    assert results_of_curves(RULES, 1, alone, metric, metric) == pytest.approx(0.7, abs=1e-10)
 
 
 def test_invalid_and_surplus_hits_have_no_weight() -> None:

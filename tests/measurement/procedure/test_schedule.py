@@ -11,7 +11,8 @@ from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure, next_places, outcome_of, to_set
 from virtual_lab.measurement.procedure.rules import Scan
-from virtual_lab.measurement.procedure.schedule import final_hits
+from virtual_lab.measurement.procedure.scan_kernel import fresh_hits
+from virtual_lab.measurement.procedure.schedule import scan_rules
 
 BBCOR = catalog.load("procedures", "bbcor", Procedure).spec
 BESR = catalog.load("procedures", "ncaa-besr", Procedure).spec
@@ -194,8 +195,12 @@ def test_an_invalid_shot_begins_consecutive_hits_again() -> None:
     best, scanned = 0.15, np.full(rules.valid_hits, 0.15)
     place = np.concatenate([scanned, np.full(5, best)])
     valid = np.array([True] * rules.valid_hits + [True] * 4 + [False])
-    assert final_hits(rules, rules.scan, best, place, valid).size == 0
-    more = np.append(valid, [True, True]), np.append(place, [best, best])
-    assert final_hits(rules, rules.scan, best, more[1], more[0]).tolist() == [11, 12]
-    loose = replace(rules.scan, consecutive=False)
-    assert final_hits(rules, loose, best, place, valid).tolist() == [6, 7, 8, 9]
+
+    def fresh(scan: Scan, place: np.ndarray, valid: np.ndarray) -> list[int]:
+        found = np.empty(place.size, np.int64)
+        return found[: fresh_hits(best, place, valid, scan_rules(rules, scan), found)].tolist()
+
+    assert fresh(rules.scan, place, valid) == []
+    more = np.append(place, [best, best]), np.append(valid, [True, True])
+    assert fresh(rules.scan, *more) == [11, 12]
+    assert fresh(replace(rules.scan, consecutive=False), place, valid) == [6, 7, 8, 9]

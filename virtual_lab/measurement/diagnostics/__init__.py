@@ -1,6 +1,6 @@
 """Consistency checks of a session's records, in addition to the procedure's windows."""
 
-from virtual_lab.measurement.diagnostics.evidence import Evidence, numbered
+from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag
 from virtual_lab.measurement.diagnostics.flags import CHECKS, BlockChecked, Checked, check
 
@@ -12,5 +12,4 @@ __all__ = [
     "Evidence",
     "Flag",
     "check",
-    "numbered",
 ]

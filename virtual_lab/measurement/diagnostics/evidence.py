@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.measurement.model import MeasurementModel
 from virtual_lab.measurement.procedure import BlockOutcome, Procedure, worst_misfit
+from virtual_lab.measurement.reduction.flights import numbered
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls, ShotResults
 from virtual_lab.measurement.session_reduction import BlockReduction, best_values
@@ -125,18 +126,3 @@ class Evidence:
             used=preparation.used,
             readings=self.readings.part(every[:, None]),
         )
-
-
-def numbered(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDArray[np.intp]:
-    """Return the numbers of the shots of each laboratory that are used, (laboratory, hit).
-
-    In the order fired; -1 fills up where one has fewer than another.
-    """
-    shots = np.flatnonzero(used)
-    shots = shots[np.argsort(owner[shots], kind="stable")]
-    own = owner[shots]
-    many = np.bincount(own, minlength=laboratories)
-    turn = np.arange(shots.size) - np.repeat(np.cumsum(many) - many, many)
-    found = np.full((laboratories, max(int(many.max(initial=0)), 1)), -1, dtype=np.intp)
-    found[own, turn] = shots
-    return found

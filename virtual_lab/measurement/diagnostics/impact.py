@@ -9,8 +9,9 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.measurement.diagnostics.evidence import FEWEST_SHOTS, Evidence, numbered
+from virtual_lab.measurement.diagnostics.evidence import FEWEST_SHOTS, Evidence
 from virtual_lab.measurement.diagnostics.flag import Pairs, Raised, pairs
+from virtual_lab.measurement.reduction.flights import numbered
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
 from virtual_lab.records import AimMarks
 from virtual_lab.uncertainty.budget import Components, Variants, types_a, weighed

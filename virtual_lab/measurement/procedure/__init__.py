@@ -2,8 +2,8 @@
 
 from virtual_lab.measurement.procedure.choice import (
     CHOICE,
-    Shortfall,
-    shortfall,
+    Shortfalls,
+    shortfalls,
     variance_within,
     variances_within,
     with_choice,
@@ -49,7 +49,7 @@ __all__ = [
     "NextShots",
     "Procedure",
     "SetAside",
-    "Shortfall",
+    "Shortfalls",
     "Sought",
     "Verdict",
     "Windows",
@@ -67,7 +67,7 @@ __all__ = [
     "not_met",
     "outcome_of",
     "outcomes_of",
-    "shortfall",
+    "shortfalls",
     "sought_of",
     "to_set",
     "variance_within",

@@ -7,68 +7,62 @@ component of the uncertainty.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.measurement.procedure.outcome import complete_places, neighbours
 from virtual_lab.measurement.procedure.rules import Procedure
-from virtual_lab.measurement.procedure.schedule import best_place, same_place, scan_hits
+from virtual_lab.measurement.procedure.schedule import in_turn_of, scan_rules
 from virtual_lab.uncertainty.budget import Budgets, combined, types_a
 from virtual_lab.units import Array, Mask
 
 CHOICE = "choice of the place"  # its line in a budget
 
 
-class Shortfall(NamedTuple):
-    """Shortfall of the chosen place against the best one, in the unit of the metric."""
+class Shortfalls(NamedTuple):
+    """Shortfalls of chosen places against the best, in the unit of the metric, (laboratory,)."""
 
-    mean: float
-    rms: float
+    mean: Array
+    rms: Array
 
     @property
-    def u(self) -> float:
-        """Standard uncertainty after correction for the mean."""
-        return sqrt(max(self.rms**2 - self.mean**2, 0.0))
+    def u(self) -> Array:
+        """Standard uncertainties after correction for the mean."""
+        return np.sqrt(np.maximum(self.rms**2 - self.mean**2, 0.0))
 
 
-def shortfall(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> Shortfall:
-    """Return the expected shortfall of the place chosen by a scan, from its hits.
+def shortfalls(
+    procedure: Procedure,
+    laboratories: int,
+    owner: NDArray[np.intp],
+    place: Array,
+    valid: Mask,
+    metric: Array,
+) -> Shortfalls:
+    """Return the expected shortfalls of the places chosen by scans, from their hits.
 
     The true difference to each neighbour is taken as normal about the difference of the means,
     with the scatter within the places; its positive part is the shortfall. 0 if no place was
-    chosen, or if the result is no mean at one place. Parameters as `outcome_of`.
+    chosen, or if the result is no mean at one place. Parameters as `outcomes_of`.
     """
-    from scipy.special import ndtr  # half a second to load, that a page must not wait for
+    scan, mean, square = procedure.scan, *np.zeros((2, laboratories))
+    if scan is not None and scan.final_hits:
+        from virtual_lab.measurement.procedure.scan_kernel import shortfalls_of_block
 
-    scan = procedure.scan
-    if scan is None or not scan.final_hits:
-        return Shortfall(0.0, 0.0)
-    complete = complete_places(procedure, place, valid)
-    counted = scan_hits(procedure, place, valid) & np.isin(np.round(place, 6), complete)
-    best = best_place(procedure, complete, place, valid, metric)
-    u = sqrt(2 * variance_within(place[counted], metric[counted]) / procedure.valid_hits)
-    if not u > 0:
-        return Shortfall(0.0, 0.0)
-    here = metric[counted & same_place(place, best)].mean()
-    means, squares = [], []
-    for other in neighbours(scan, complete, best):
-        behind = (metric[counted & same_place(place, other)].mean() - here) / u
-        density = np.exp(-(behind**2) / 2) / sqrt(2 * np.pi)
-        means.append(u * (behind * ndtr(behind) + density))
-        squares.append(u**2 * ((1 + behind**2) * ndtr(behind) + behind * density))
-    return Shortfall(float(sum(means)), sqrt(float(sum(squares))))
+        order, starts = in_turn_of(owner, laboratories)
+        own = place[order], valid[order], metric[order]
+        shortfalls_of_block(starts, *own, scan_rules(procedure, scan), mean, square)
+    return Shortfalls(mean, np.sqrt(square))
 
 
-def with_choice(metric: Budgets, lost: Sequence[Shortfall]) -> Budgets:
+def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
     """Return the results of a block corrected for their shortfalls, unchanged if there is none."""
-    if not any(each.rms > 0 for each in lost):
+    if not (lost.rms > 0).any():
         return metric
-    mean, u = np.array([(each.mean, each.u) for each in lost]).T
-    return combined(metric.value + mean, metric.components + types_a(CHOICE, mean, u))
+    return combined(
+        metric.value + lost.mean, metric.components + types_a(CHOICE, lost.mean, lost.u)
+    )
 
 
 def variance_within(place: Array, metric: Array) -> float:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -19,9 +20,13 @@ from numpy.typing import NDArray
 from virtual_lab.measurement.procedure.eligibility import Finding
 from virtual_lab.measurement.procedure.metric import Sought
 from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Scan
-from virtual_lab.measurement.procedure.schedule import best_place, final_hits, scan_hits
+from virtual_lab.measurement.procedure.schedule import in_turn_of, scan_rules
+from virtual_lab.measurement.reduction.flights import numbered
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.units import Array, Mask
+
+if TYPE_CHECKING:
+    from virtual_lab.measurement.procedure.scan_kernel import Scanned
 
 TOO_FEW = "fewer than two hits were valid"
 
@@ -70,14 +75,10 @@ def outcome_of(
     sought
         The quantity that a scan maximises, for the same shots; None: the metric.
     """
-    sought = sought or Sought(metric, np.ones_like(metric))
-    if valid.sum() < 2:
-        return _nothing(len(place), TOO_FEW)
-    if procedure.scan is None:
-        first = np.zeros(len(place), dtype=np.intp)
-        alone = outcomes_of(procedure, 1, first, place, valid, metric, sought)
-        return alone.of(0, np.ones(len(place), dtype=bool))
-    return _of_scan(procedure, procedure.scan, place, valid, metric, sought)
+    looked = sought or Sought(metric, np.ones_like(metric))
+    alone = np.zeros(len(place), dtype=np.intp)
+    block = outcomes_of(procedure, 1, alone, place, valid, metric, looked)
+    return block.of(0, np.ones(len(place), dtype=bool))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,19 +114,8 @@ def outcomes_of(
     `owner` is the laboratory of each shot, (shot,); the other arrays are those of `outcome_of`.
     """
     if procedure.scan is not None:
-        found = []
-        weights, effects = np.empty((2, len(place)))
-        for one in range(laboratories):
-            own = owner == one
-            looked = Sought(sought.value[own], sought.gain[own])
-            found.append(outcome_of(procedure, place[own], valid[own], metric[own], looked))
-            weights[own], effects[own] = found[-1].weights, found[-1].effects
-        return BlockOutcome(
-            weights=weights,
-            effects=effects,
-            place=np.array([each.place for each in found]),
-            reasons=tuple(each.reason for each in found),
-        )
+        shots = ScanShots(owner, place, valid, metric, sought)
+        return _of_scans(procedure, procedure.scan, laboratories, shots)
     hits = np.bincount(owner, valid, laboratories)
     enough = hits >= 2
     many = np.where(enough, hits, np.nan)
@@ -145,95 +135,128 @@ def outcomes_of(
     )
 
 
-def complete_places(procedure: Procedure, place: Array, valid: Mask) -> Array:
-    """Return the places with all the hits a scan asks for."""
-    counted = scan_hits(procedure, place, valid)
-    places, number = np.unique(np.round(place[counted], 6), return_counts=True)
-    return np.asarray(places[number >= procedure.valid_hits])
+class ScanShots(NamedTuple):
+    """The shots of scans, (shot,)."""
+
+    owner: NDArray[np.intp]
+    place: Array
+    valid: Mask
+    metric: Array
+    sought: Sought
 
 
-def _of_scan(
-    procedure: Procedure, scan: Scan, place: Array, valid: Mask, metric: Array, sought: Sought
-) -> HitWeights:
-    counted = scan_hits(procedure, place, valid)
-    complete = complete_places(procedure, place, valid)
-    few = f"{procedure.valid_hits} valid hits at {complete.size} places, 3 make a scan"
-    if not complete.size:
-        return _nothing(len(place), few)
-    best = best_place(procedure, complete, place, valid, sought.value)
-    if complete.size < 3 and not _at_an_end(scan, best):
-        return _nothing(len(place), few)
-    beside = neighbours(scan, complete, best)
-    bracketed = bool((beside < best).any() and (beside > best).any())
-    reason = "" if bracketed else f"no maximum between {scan.low:g} and {scan.high:g} m"
-    if scan.final_hits:
-        fresh = final_hits(procedure, scan, best, place, valid)[-scan.final_hits :]
-        if fresh.size < scan.final_hits:
-            in_a_row = "consecutive " if scan.consecutive else ""
-            few = f"{fresh.size} of {scan.final_hits} {in_a_row}hits at the best place"
-            reason = reason or few
-        if fresh.size == 0:
-            return _nothing(len(place), reason)
-        return _mean(np.isin(np.arange(len(place)), fresh), place, reason)
-    near = counted & np.isin(np.round(place, 6), complete)
-    near &= np.abs(place - best) < scan.fit_half_width + 2 * SETTING_STEP
-    weights, effects, top = _top_of_curve(scan, place, near, metric, sought)
-    return HitWeights(weights=weights, effects=effects, place=top, reason=reason)
+def _of_scans(
+    procedure: Procedure, scan: Scan, laboratories: int, shots: ScanShots
+) -> BlockOutcome:
+    from virtual_lab.measurement.procedure.scan_kernel import Scanned, scans_of_block
 
-
-def neighbours(scan: Scan, complete: Array, best: float) -> Array:
-    """Return the complete places next to the best one [m]."""
-    spaced = scan.fine_step + 2 * SETTING_STEP
-    off = np.abs(complete - best)
-    return np.asarray(complete[(off > 1e-6) & (off < spaced)])
-
-
-def _at_an_end(scan: Scan, place: float) -> bool:
-    """Return whether the next fine place on one side lies beyond the scan."""
-    step = scan.fine_step - SETTING_STEP
-    return place - step < scan.low or place + step > scan.high
-
-
-def _mean(hits: Mask, place: Array, reason: str) -> HitWeights:
-    weights = hits / hits.sum()
-    return HitWeights(
-        weights=weights, effects=weights, place=float(place[hits].mean()), reason=reason
+    found = Scanned(
+        complete=np.empty(laboratories, np.int64),
+        best=np.empty(laboratories),
+        below=np.empty(laboratories, bool),
+        above=np.empty(laboratories, bool),
+        result=np.empty(laboratories, np.int64),
     )
+    order, starts = in_turn_of(shots.owner, laboratories)
+    own = shots.place[order], shots.valid[order], shots.sought.value[order]
+    chosen, used = np.empty((2, order.size), dtype=bool)
+    scans_of_block(starts, *own, scan_rules(procedure, scan), found, chosen)
+    used[order] = chosen
+    hits = np.bincount(shots.owner, shots.valid, laboratories)
+    step = scan.fine_step - SETTING_STEP
+    at_an_end = (found.best - step < scan.low) | (found.best + step > scan.high)
+    some = (hits >= 2) & ((found.complete >= 3) | ((found.complete > 0) & at_an_end))
+    reasons = tuple(
+        TOO_FEW if hits[one] < 2 else _of_scan(procedure, scan, found, one, bool(some[one]))
+        for one in range(laboratories)
+    )
+    some &= found.result > 0
+    used &= some[shots.owner]
+    if scan.final_hits:
+        many = np.where(some, found.result, np.nan)
+        weights = np.where(some[shots.owner], used / many[shots.owner], np.nan)
+        place = np.bincount(shots.owner, np.where(used, shots.place, 0.0), laboratories) / many
+        return BlockOutcome(weights=weights, effects=weights, place=place, reasons=reasons)
+    weights, effects, place = _tops_of_curves(scan, laboratories, shots, used)
+    return BlockOutcome(weights=weights, effects=effects, place=place, reasons=reasons)
 
 
-def _top_of_curve(
-    scan: Scan, place: Array, near: Mask, metric: Array, sought: Sought
-) -> tuple[Array, Array, float]:
-    """Return weights and effects of the hits `near`, and the place of the maximum.
+def _of_scan(procedure: Procedure, scan: Scan, found: Scanned, one: int, some: bool) -> str:
+    """Return why a scan gives no result, or none that counts; empty where it does."""
+    if not some:
+        return f"{procedure.valid_hits} valid hits at {found.complete[one]} places, 3 make a scan"
+    if not (found.below[one] and found.above[one]):
+        return f"no maximum between {scan.low:g} and {scan.high:g} m"
+    if found.result[one] < scan.final_hits:
+        in_a_row = "consecutive " if scan.consecutive else ""
+        return f"{found.result[one]} of {scan.final_hits} {in_a_row}hits at the best place"
+    return ""
+
+
+def _tops_of_curves(
+    scan: Scan, laboratories: int, shots: ScanShots, used: Mask
+) -> tuple[Array, Array, Array]:
+    """Return weights and effects of hits, (shot,), and the places of the maxima, (laboratory,).
 
     One polynomial f is fitted to the maximised quantity, another to the metric, which is read at
-    the maximum z of f. A hit shifts z by ``-b'(z) / f''(z)``, where b is its part of the fit.
+    the maximum z of f. A hit shifts z by ``-b'(z) / f''(z)``, where b is its part of the fit. NaN
+    in a laboratory none of whose hits is used.
     """
-    middle = place[near].mean()
-    unit = (place[near] - middle) / scan.fit_half_width
-    degree = _degree(unit)
-    solved = np.linalg.pinv(np.vander(unit, degree + 1, increasing=True))
-    fitted = solved @ sought.value[near]
-    turn = _turn(fitted)
-    powers = np.arange(degree + 1)
-    candidates = np.array([unit.min(), unit.max()])
-    if unit.min() < turn < unit.max():
-        candidates = np.append(candidates, turn)
-    top = float(candidates[np.argmax(candidates[:, None] ** powers @ fitted)])
-    weights = np.zeros(len(place))
-    weights[near] = top**powers @ solved
+    hits = numbered(shots.owner, used, laboratories)
+    some = hits >= 0
+    many = some.sum(axis=1)
+    with np.errstate(invalid="ignore"):
+        place = np.where(some, shots.place[hits], 0.0)
+        middle = place.sum(axis=1) / np.where(many > 0, many, np.nan)
+    unit = np.where(some, (place - middle[:, None]) / scan.fit_half_width, 0.0)
+    powers = np.arange(4)
+    rows = unit[..., None] ** powers * some[..., None]
+    solved = np.linalg.pinv(rows * (powers <= _degrees(place, some)[:, None])[:, None])
+    value, gain, metric = (
+        np.where(some, each[hits], 0.0) for each in (*shots.sought, shots.metric)
+    )
+    fitted = np.einsum("lph,lh->lp", solved, value)
+    low = np.min(unit, axis=1, where=some, initial=np.inf)
+    high = np.max(unit, axis=1, where=some, initial=-np.inf)
+    turn = _turns(fitted)
+    turns = (low < turn) & (turn < high)
+    candidates = np.stack([low, high, np.where(turns, turn, low)], axis=1)
+    candidates[many == 0] = np.nan
+    heights = np.einsum("lcp,lp->lc", candidates[..., None] ** powers, fitted)
+    top = np.take_along_axis(candidates, heights.argmax(axis=1)[:, None], axis=1)
+    weights = np.einsum("lp,lph->lh", top**powers, solved)
     effects = weights.copy()
-    if scan.seeks == "batted_speed" and top == turn:
-        slopes = powers[1:] * top ** powers[:-1] @ solved[1:]
-        bend = (powers * (powers - 1))[2:] * top ** powers[:-2] @ fitted[2:]
-        moved = -slopes * sought.gain[near] / bend
-        effects[near] += slopes @ metric[near] * moved
-    return weights, effects, middle + top * scan.fit_half_width
+    if scan.seeks == "batted_speed":
+        first = powers[1:] * top ** powers[:-1]
+        second = powers[2:] * powers[1:-1] * top ** powers[:-2]
+        slopes = np.einsum("lp,lph->lh", first, solved[:, 1:])
+        bend = np.einsum("lp,lp->l", second, fitted[:, 2:])
+        turned = turns & (top[:, 0] == turn)
+        moved = np.einsum("lh,lh->l", slopes, metric) / np.where(turned, -bend, np.inf)
+        effects += moved[:, None] * slopes * gain
+    spread = np.where((many > 0)[shots.owner], 0.0, np.nan)
+    found = [spread.copy(), spread.copy()]
+    for own, each in zip(found, (weights, effects), strict=True):
+        own[hits[some]] = each[some]
+    return found[0], found[1], middle + top[:, 0] * scan.fit_half_width
 
 
-def _degree(place: Array) -> int:
-    """Return the degree of the curve through hits; at equal steps the odd term costs nothing."""
-    return min(3, len(np.unique(np.round(place, 6))) - 1)
+def _degrees(place: Array, some: Mask) -> NDArray[np.intp]:
+    """Return the degrees of the curves through hits; at equal steps the odd term costs nothing."""
+    at = np.sort(np.where(some, np.round(place, 6), np.inf), axis=1)
+    other = np.diff(at, axis=1, prepend=-np.inf) > 0
+    return np.asarray(np.minimum(3, (other & np.isfinite(at)).sum(axis=1) - 1))
+
+
+def _turns(cubics: Array) -> Array:
+    """Return the local maxima of cubics, (curve, power), NaN where one has none.
+
+    The formula stays exact as the cubic term vanishes.
+    """
+    a, b, c = (cubics[:, 1:] * np.arange(1, 4)).T
+    square = b**2 - 4 * a * c
+    bend = np.where(square >= 0, -b + np.sqrt(np.maximum(square, 0.0)), 0.0)
+    return np.where(bend > 0, 2 * a / np.where(bend > 0, bend, 1.0), np.nan)
 
 
 def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> Polynomial | None:
@@ -243,23 +266,8 @@ def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> P
     """
     if procedure.scan is None or procedure.scan.final_hits or used.sum() < 2:
         return None
-    return Polynomial.fit(place[used], metric[used], _degree(place[used]))
-
-
-def _turn(cubic: Array) -> float:
-    """Return the local maximum of a polynomial up to the third degree, NaN without one.
-
-    The formula stays exact as the cubic term vanishes.
-    """
-    a, b, c = np.pad(cubic[1:] * np.arange(1, cubic.size), (0, 3))[:3]
-    square = b**2 - 4 * a * c
-    bend = -b + np.sqrt(square) if square >= 0 else 0.0
-    return float(2 * a / bend) if bend > 0 else np.nan
-
-
-def _nothing(shots: int, reason: str) -> HitWeights:
-    nothing = np.full(shots, np.nan)
-    return HitWeights(weights=nothing, effects=nothing, place=np.nan, reason=reason)
+    degree = int(_degrees(place[used][None], np.ones((1, used.sum()), dtype=bool))[0])
+    return Polynomial.fit(place[used], metric[used], degree)
 
 
 def not_met(procedure: Procedure, found: Iterable[Finding], value: float | None) -> tuple[str, ...]:

@@ -1,11 +1,14 @@
 """Which hits of a scan count, which place is best and where to hit next; compiled.
 
-Written for one laboratory: arrays of its shots in the order fired, (shot,). Shots were set at a
-place if they lie within half a step of setting of it.
+Arrays are those of one laboratory's shots in the order fired, (shot,), but for functions of a
+block, which take all shots, laboratory after laboratory, and `starts`, (laboratory + 1,): where the
+shots of each begin, and where the last ones end. Shots were set at a place if they lie within half
+a step of setting of it.
 """
 
 from __future__ import annotations
 
+from math import erfc, exp, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -156,16 +159,9 @@ def next_hits_of_block(
     number: NDArray[np.int64],
     out: Array,
 ) -> None:
-    """Fill in how many shots each laboratory fires next, and at which places.
+    """Fill in how many shots each laboratory of a block fires next, and at which places.
 
-    Parameters
-    ----------
-    starts
-        Where the shots of each laboratory begin, and where the last ones end, (laboratory + 1,).
-    place, valid, sought
-        Of all shots, laboratory after laboratory.
-    number, out
-        (laboratory,) and (laboratory, attempts).
+    `number` is (laboratory,), `out` (laboratory, attempts).
     """
     room = np.empty(most_asked(rules))
     for one in range(number.size):
@@ -174,6 +170,116 @@ def next_hits_of_block(
         left = max(rules.attempts - (starts[one + 1] - starts[one]), 0)
         number[one] = min(asked, left)
         out[one, : number[one]] = room[: number[one]]
+
+
+class Scanned(NamedTuple):
+    """What the scans of a block came to, arrays (laboratory,) to be filled in."""
+
+    complete: NDArray[np.int64]  # places with all their hits
+    best: Array  # the best of them [m]
+    below: Mask  # whether a complete place lies next to it on this side
+    above: Mask
+    result: NDArray[np.int64]  # hits that the result rests on
+
+
+@njit(cache=True)
+def scans_of_block(
+    starts: NDArray[np.int64],
+    place: Array,
+    valid: Mask,
+    sought: Array,
+    rules: ScanRules,
+    found: Scanned,
+    used: Mask,
+) -> None:
+    """Fill in what the scans of a block came to, and which hits their results rest on, (shot,).
+
+    These are the last final hits at the best place, or the scan's about it.
+    """
+    for one in range(found.best.size):
+        own = slice(starts[one], starts[one + 1])
+        at, good, looked, mine = place[own], valid[own], sought[own], used[own]
+        complete, counted = _completed(at, good, rules)
+        mine[:] = False
+        found.complete[one], found.result[one] = complete.size, 0
+        found.best[one], found.below[one], found.above[one] = np.nan, False, False
+        if not complete.size:
+            continue
+        best = complete[best_of(complete, rules.valid_hits, at, good, looked, rules)]
+        found.best[one] = best
+        beside = complete[_next_to(best, complete, rules)]
+        found.below[one], found.above[one] = (beside < best).any(), (beside > best).any()
+        if rules.final_hits:
+            fresh = np.empty(at.size, np.int64)
+            many = fresh_hits(best, at, good, rules, fresh)
+            mine[fresh[max(many - rules.final_hits, 0) : many]] = True
+        else:
+            mine[:] = counted & (np.abs(at - best) < rules.fit_half_width + 4 * rules.reach)
+        found.result[one] = mine.sum()
+
+
+@njit(cache=True)
+def shortfalls_of_block(
+    starts: NDArray[np.int64],
+    place: Array,
+    valid: Mask,
+    metric: Array,
+    rules: ScanRules,
+    mean: Array,
+    square: Array,
+) -> None:
+    """Fill in mean and mean square of what the place that each scan chose may fall short by."""
+    for one in range(mean.size):
+        own = slice(starts[one], starts[one + 1])
+        at, good, read = place[own], valid[own], metric[own]
+        complete, counted = _completed(at, good, rules)
+        mean[one], square[one] = 0.0, 0.0
+        if not complete.size:
+            continue
+        means, scatter, freedom = np.empty(complete.size), 0.0, -complete.size
+        for k in range(complete.size):
+            mine = read[counted & (_rounded(at) == complete[k])]
+            means[k] = mine.mean()
+            scatter += ((mine - means[k]) ** 2).sum()
+            freedom += mine.size
+        u = sqrt(2 * scatter / freedom / rules.valid_hits) if freedom > 0 else 0.0
+        if not u > 0:
+            continue
+        best = best_of(complete, rules.valid_hits, at, good, read, rules)
+        for other in np.flatnonzero(_next_to(complete[best], complete, rules)):
+            behind = (means[other] - means[best]) / u
+            share, density = erfc(-behind / sqrt(2)) / 2, exp(-(behind**2) / 2) / sqrt(2 * pi)
+            mean[one] += u * (behind * share + density)
+            square[one] += u**2 * ((1 + behind**2) * share + behind * density)
+
+
+@njit(cache=True)
+def _rounded(place: Array) -> Array:
+    """Return places to a micrometre: those asked for, whatever sums they come from."""
+    return np.rint(place * 1e6) / 1e6
+
+
+@njit(cache=True)
+def _completed(place: Array, valid: Mask, rules: ScanRules) -> tuple[Array, Mask]:
+    """Return the places with all the hits that a scan asks for, and which hits these are."""
+    counted = np.empty(place.size, np.bool_)
+    count_scan_hits(place, valid, rules, counted)
+    at = _rounded(place)
+    each = np.unique(at[counted])
+    kept = np.empty(each.size, np.bool_)
+    for k in range(each.size):
+        mine = counted & (at == each[k])
+        kept[k] = mine.sum() >= rules.valid_hits
+        if not kept[k]:
+            counted[mine] = False
+    return each[kept], counted
+
+
+@njit(cache=True)
+def _next_to(best: float, complete: Array, rules: ScanRules) -> Mask:
+    """Return which complete places are next to the best one."""
+    off = np.abs(complete - best)
+    return (off > 1e-6) & (off < rules.fine_step + 4 * rules.reach)
 
 
 @njit(cache=True)

@@ -88,23 +88,32 @@ def next_shots(
         return NextShots(laboratories.repeat(number), percussion.repeat(number))
     from virtual_lab.measurement.procedure.scan_kernel import next_hits_of_block
 
-    order, starts = np.argsort(owner, kind="stable"), np.append(0, np.cumsum(fired))
+    order, starts = in_turn_of(owner, fired.size)
     number, out = np.empty(fired.size, np.int64), np.empty((fired.size, procedure.attempts))
     own = place[order], valid[order], sought[order]
-    next_hits_of_block(starts, *own, _rules(procedure, procedure.scan), number, out)
+    next_hits_of_block(starts, *own, scan_rules(procedure, procedure.scan), number, out)
     asked = np.arange(procedure.attempts) < number[:, None]
     return NextShots(laboratories.repeat(number), out[asked])
+
+
+def in_turn_of(
+    owner: NDArray[np.intp], laboratories: int
+) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+    """Return shots laboratory after laboratory, in the order fired, and where each one's begin."""
+    fired = np.bincount(owner, minlength=laboratories)
+    return np.argsort(owner, kind="stable"), np.append(0, np.cumsum(fired))
 
 
 def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Mask, sought: Array) -> Array:
     from virtual_lab.measurement.procedure.scan_kernel import most_asked, next_hits
 
-    rules = _rules(procedure, scan)
+    rules = scan_rules(procedure, scan)
     out = np.empty(most_asked(rules))
     return out[: next_hits(place, valid, sought, rules, out)]
 
 
-def _rules(procedure: Procedure, scan: Scan) -> ScanRules:
+def scan_rules(procedure: Procedure, scan: Scan) -> ScanRules:
+    """Return what the compiled functions need of a scan."""
     from virtual_lab.measurement.procedure.scan_kernel import ScanRules
 
     return ScanRules(
@@ -120,45 +129,3 @@ def _rules(procedure: Procedure, scan: Scan) -> ScanRules:
         attempts=procedure.attempts,
         reach=SETTING_STEP / 2,
     )
-
-
-def best_place(
-    procedure: Procedure, among: Array, place: Array, valid: Mask, sought: Array
-) -> float:
-    """Return the place [m] where the maximised quantity has the greatest mean over the hits."""
-    from virtual_lab.measurement.procedure.scan_kernel import best_of
-
-    assert procedure.scan is not None
-    rules = _rules(procedure, procedure.scan)
-    return float(among[best_of(among, rules.valid_hits, place, valid, sought, rules)])
-
-
-def scan_hits(procedure: Procedure, place: Array, valid: Mask) -> Mask:
-    """Return which hits are the scan's: at each place the first `valid_hits` valid ones."""
-    from virtual_lab.measurement.procedure.scan_kernel import count_scan_hits
-
-    assert procedure.scan is not None
-    counted = np.empty(place.size, dtype=bool)
-    count_scan_hits(place, valid, _rules(procedure, procedure.scan), counted)
-    return counted
-
-
-def final_hits(
-    procedure: Procedure, scan: Scan, best: float, place: Array, valid: Mask
-) -> NDArray[np.intp]:
-    """Return the numbers of the fresh hits at the best place [m] that count, in order.
-
-    If the procedure asks for consecutive ones, those since the last invalid shot there.
-    """
-    from virtual_lab.measurement.procedure.scan_kernel import fresh_hits
-
-    fresh = np.empty(place.size, dtype=np.int64)
-    return fresh[: fresh_hits(best, place, valid, _rules(procedure, scan), fresh)]
-
-
-def same_place(place: Array, at: float | Array) -> Mask:
-    """Return which shots were set at a place: within half a step of setting.
-
-    `at` (place, 1) gives a row a place, (place, shot).
-    """
-    return np.asarray(np.abs(place - at) < SETTING_STEP / 2 + 1e-9)

@@ -117,3 +117,18 @@ def some_of(values: NDArray[Any], chosen: Shots, none: Any = np.nan) -> NDArray[
     if chosen.dtype != bool and (missing := chosen < 0).any():
         found[missing] = False if found.dtype == bool else none
     return found
+
+
+def numbered(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDArray[np.intp]:
+    """Return the numbers of the shots of each laboratory that are used, (laboratory, hit).
+
+    In the order fired; -1 fills up where one has fewer than another.
+    """
+    shots = np.flatnonzero(used)
+    shots = shots[np.argsort(owner[shots], kind="stable")]
+    own = owner[shots]
+    many = np.bincount(own, minlength=laboratories)
+    turn = np.arange(shots.size) - np.repeat(np.cumsum(many) - many, many)
+    found = np.full((laboratories, max(int(many.max(initial=0)), 1)), -1, dtype=np.intp)
+    found[own, turn] = shots
+    return found
