@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from virtual_lab.lab.laboratory import constant_name, lot_constants
 from virtual_lab.lab.measurand import measurands
+from virtual_lab.lab.plans import BeforeShots, bench_plan, impact_plan, stage_records, wall_plan
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.measurement.certification import BlockCertification, evaluate_block
-from virtual_lab.measurement.procedure import next_shots, to_set
+from virtual_lab.measurement.procedure import next_shots
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.session_reduction import (
     BlockPreparation,
@@ -26,7 +27,6 @@ from virtual_lab.measurement.session_reduction import (
     prepare_block,
     reduce_shots,
 )
-from virtual_lab.records import Record, join
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.simulation.rig import (
     RigOutput,
@@ -37,7 +37,7 @@ from virtual_lab.simulation.rig import (
     knows_blocks,
 )
 from virtual_lab.simulation.truth import draw_balls, made_bat
-from virtual_lab.streams import Draws, Quiet, Streams, in_turn
+from virtual_lab.streams import Draws, Quiet, Streams
 from virtual_lab.uncertainty.estimate import Known
 from virtual_lab.units import Array
 
@@ -152,26 +152,10 @@ def certify_block(setup: TestSetup, seed: int, numbers: NDArray[np.int_]) -> Blo
 
 def _prepared(block: LaboratoryBlock) -> tuple[LaboratoryBlock, BlockPreparation]:
     """Measure bats and balls, fire the balls at the wall, and reduce what was recorded."""
-    rules, detail = block.setup.rules.spec, block.setup.detail
-    shape = (block.sessions.laboratories,)
-    owner, ball = in_turn(shape, rules.balls)
-    nothing = np.full(ball.shape, np.nan)
-    bench = block.play(
-        Stage.BENCH, ShotPlan(slot=ball, ball=ball, speed=nothing, place=nothing, owner=owner)
-    )
-    hits = rules.wall_hits * len(rules.wall_speeds)
-    owner, slot = in_turn(shape, rules.balls * hits)
-    wall = block.play(
-        Stage.BALLS,
-        plan := ShotPlan(
-            slot=slot,
-            ball=slot // hits,
-            speed=np.asarray(rules.wall_speeds)[slot % hits % len(rules.wall_speeds)],
-            place=np.zeros(slot.shape),
-            owner=owner,
-            detail=detail,
-        ),
-    )
+    rules, shape = block.setup.rules.spec, (block.sessions.laboratories,)
+    bench = block.play(Stage.BENCH, bench_plan(rules, shape))
+    plan = wall_plan(rules, block.setup.detail, shape)
+    wall = block.play(Stage.BALLS, plan)
     balls = block.specimen.balls.as_found(plan.ball, wall.truth["restitution_loss"], plan.owner)
     records = {Stage.BENCH.value: bench.records, Stage.BALLS.value: wall.records}
     sessions = replace(block.sessions, records=records)
@@ -193,45 +177,29 @@ def _fired(
     rounds: list[RigOutput] = []
     reduced: BlockReduction | None = None
     along = block.sessions.calibration.get("impact.cannon.along")
-    used = preparation.used[:, 0]
-    turn, many = np.argsort(~used, axis=1, kind="stable"), used.sum(axis=1)
-    fired = np.zeros(len(used), dtype=np.intp)
+    before = BeforeShots(
+        fired=np.zeros(preparation.laboratories, dtype=np.intp),
+        used=preparation.used[:, 0],
+        turn_rate=preparation.turn_rate,
+        along=along.value if along else np.zeros(preparation.laboratories),
+    )
     while asked.owner.size:
         owner = asked.owner
-        slot = fired[owner] + _counted(owner)
-        place = asked.place - (along.value[owner] if along else 0.0)
-        plan = ShotPlan(
-            slot=slot,
-            ball=turn[owner, slot % many[owner]],
-            speed=np.full(slot.shape, rules.ball_speed),
-            place=to_set(place, exact=False),
-            turn_rate=preparation.turn_rate[owner],
-            owner=owner,
-            detail=block.setup.detail,
-            motion=block.setup.motion,
-        )
+        plan = impact_plan(block.setup, asked, before)
         rounds.append(block.play(Stage.IMPACT, plan))
         sessions = _with_shots(block.sessions, rounds[-1:], owner)
         more = reduce_shots(sessions, preparation, observe_hits(sessions, preparation))
         reduced = more if reduced is None else reduced.with_round(more)
-        fired += np.bincount(owner, minlength=fired.size)
+        fired = before.fired + np.bincount(owner, minlength=before.fired.size)
+        before = before._replace(fired=fired)
         asked = reduced.next_shots()
     assert reduced is not None, "every procedure asks for shots"
     return rounds, reduced
-
-
-def _counted(owner: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the number of each shot among those of its laboratory; the owners are sorted."""
-    _, first, back = np.unique(owner, return_index=True, return_inverse=True)
-    return np.asarray(np.arange(owner.size) - first[back])
 
 
 def _with_shots(
     sessions: SessionBlock, rounds: Sequence[RigOutput], owner: NDArray[np.intp]
 ) -> SessionBlock:
     """Return the sessions with the records of rounds at the bat, one after another."""
-    impact: dict[str, Record] = {
-        channel: join([each.records[channel] for each in rounds]) for channel in rounds[0].records
-    }
-    records = {**sessions.records, Stage.IMPACT.value: impact}
+    records = {**sessions.records, Stage.IMPACT.value: stage_records(rounds)}
     return replace(sessions, records=records, owner=owner)

@@ -16,9 +16,10 @@ import numpy as np
 from virtual_lab.lab.filming import film_of
 from virtual_lab.lab.laboratory import Laboratory, constant_name
 from virtual_lab.lab.measurand import measurands
+from virtual_lab.lab.plans import BeforeShots, bench_plan, impact_plan, stage_records, wall_plan
 from virtual_lab.measurement.certification import Certification, evaluate
 from virtual_lab.measurement.model import CONTROL
-from virtual_lab.measurement.procedure import Acceptance, judge, next_places, to_set
+from virtual_lab.measurement.procedure import Acceptance, NextShots, judge, next_places
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import (
     BlockReduction,
@@ -28,14 +29,12 @@ from virtual_lab.measurement.session_reduction import (
     reduce_hits,
 )
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.records import Record, join
 from virtual_lab.records.origin import RungTaken
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
 from virtual_lab.simulation.rig import (
     FilmingStation,
     MotionRung,
-    Reality,
     RigOutput,
     ShotPlan,
     Stage,
@@ -88,16 +87,8 @@ class TestDay:
         The true e0 of the lot is its mean over these hits, and the measurand refers to it; changes
         of a ball between wall and bat are not modelled.
         """
-        laboratory, rules = self.laboratory, self.laboratory.rules.spec
-        speeds = np.tile(rules.wall_speeds, rules.wall_hits)
-        ball = np.arange(rules.balls).repeat(speeds.size)
-        plan = ShotPlan(
-            slot=np.arange(ball.size),
-            ball=ball,
-            speed=np.tile(speeds, rules.balls),
-            place=np.zeros(ball.shape),
-            detail=laboratory.setup.detail,
-        )
+        laboratory = self.laboratory
+        plan = wall_plan(laboratory.rules.spec, laboratory.setup.detail)
         wall = laboratory.play(Stage.BALLS, plan)
         specimen = laboratory.specimen
         balls = specimen.balls.as_found(plan.ball, wall.truth["restitution_loss"])
@@ -131,18 +122,14 @@ class TestDay:
         """Fire one ball at each place [m], corrected by the calibration of the cannon."""
         assert self.preparation is not None, "prepare() comes first"
         laboratory = self.laboratory
-        ideal = laboratory.setup.reality is Reality.IDEAL
-        shots = sum(plan.slot.size for plan in self.plans) + np.arange(places.size)
-        balls = np.arange(laboratory.rules.spec.balls)[laboratory.specimen.balls.used]
-        plan = ShotPlan(
-            slot=shots,
-            ball=balls[shots % balls.size],
-            speed=np.full(shots.shape, laboratory.rules.spec.ball_speed),
-            place=to_set(places - along_of(self.session), exact=ideal),
-            turn_rate=self.preparation.turn_rate,
-            detail=laboratory.setup.detail,
-            motion=laboratory.setup.motion,
+        before = BeforeShots(
+            fired=np.array([sum(plan.slot.size for plan in self.plans)]),
+            used=np.asarray(self.preparation.lot.used)[None],
+            turn_rate=np.array([self.preparation.turn_rate]),
+            along=np.array([along_of(self.session)]),
         )
+        asked = NextShots(np.zeros(places.size, dtype=np.intp), places)
+        plan = replace(impact_plan(laboratory.setup, asked, before), owner=...)
         rounds = (*self.rounds, laboratory.play(Stage.IMPACT, plan))
         return replace(
             self,
@@ -180,14 +167,7 @@ class TestDay:
 
     def _on_bench(self, asked: Callable[[str], bool]) -> TestDay:
         laboratory = self.laboratory
-        balls = np.arange(laboratory.rules.spec.balls)
-        plan = ShotPlan(
-            slot=balls,
-            ball=balls,
-            speed=np.full(balls.shape, np.nan),
-            place=np.full(balls.shape, np.nan),
-        )
-        bench = laboratory.play(Stage.BENCH, plan)
+        bench = laboratory.play(Stage.BENCH, bench_plan(laboratory.rules.spec))
         before = self.session.records.get(Stage.BENCH.value, {})
         records = {name: record for name, record in bench.records.items() if asked(name)}
         session = replace(
@@ -257,10 +237,7 @@ def prepared(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
 
 def with_records(session: Session, stage: Stage, rounds: Sequence[RigOutput]) -> Session:
     """Return the session with the records of a stage: those of its rounds, one after another."""
-    records: dict[str, Record] = {
-        channel: join([each.records[channel] for each in rounds]) for channel in rounds[0].records
-    }
-    return replace(session, records={**session.records, stage.value: records})
+    return replace(session, records={**session.records, stage.value: stage_records(rounds)})
 
 
 def _motion_report(motion: MotionRung) -> RungTaken:

@@ -1,0 +1,82 @@
+"""What a procedure orders at each stage of a test, in one laboratory or in many side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.lab.setup import TestSetup
+from virtual_lab.measurement.procedure import NextShots, Procedure, to_set
+from virtual_lab.records import Record, join
+from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.simulation.rig import Reality, RigOutput, ShotPlan
+from virtual_lab.streams import in_turn
+from virtual_lab.units import Array, Mask
+
+ALONE = ()  # the laboratories of a plan for one; (n,) of a block
+
+
+def bench_plan(rules: Procedure, laboratories: tuple[int, ...] = ALONE) -> ShotPlan:
+    """Return the order to measure every ball of the lot."""
+    owner, ball = in_turn(laboratories, rules.balls)
+    nothing = np.full(ball.shape, np.nan)
+    return ShotPlan(slot=ball, ball=ball, speed=nothing, place=nothing, owner=owner)
+
+
+def wall_plan(
+    rules: Procedure, detail: RecordDetail, laboratories: tuple[int, ...] = ALONE
+) -> ShotPlan:
+    """Return the order to fire every ball at the wall at each of the procedure's speeds."""
+    speeds = np.tile(rules.wall_speeds, rules.wall_hits)
+    owner, slot = in_turn(laboratories, rules.balls * speeds.size)
+    return ShotPlan(
+        slot=slot,
+        ball=slot // speeds.size,
+        speed=speeds[slot % speeds.size],
+        place=np.zeros(slot.shape),
+        owner=owner,
+        detail=detail,
+    )
+
+
+class BeforeShots(NamedTuple):
+    """What is known before shots are ordered, arrays (laboratory,)."""
+
+    fired: NDArray[np.intp]  # shots so far
+    used: Mask  # balls that were not set aside, (laboratory, ball)
+    turn_rate: Array  # that the procedure asks for [rad/s]
+    along: Array  # correction of the cannon's aim [m]
+
+
+def impact_plan(setup: TestSetup, asked: NextShots, before: BeforeShots) -> ShotPlan:
+    """Return the order to fire one ball at each place asked for, the balls in turn."""
+    owner = asked.owner
+    turn, many = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)
+    slot = before.fired[owner] + _counted(owner)
+    exact = setup.reality is Reality.IDEAL
+    return ShotPlan(
+        slot=slot,
+        ball=turn[owner, slot % many[owner]],
+        speed=np.full(slot.shape, setup.rules.spec.ball_speed),
+        place=to_set(asked.place - before.along[owner], exact=exact),
+        turn_rate=before.turn_rate[owner],
+        owner=owner,
+        detail=setup.detail,
+        motion=setup.motion,
+    )
+
+
+def _counted(owner: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the number of each shot among those of its laboratory; the owners are sorted."""
+    _, first, back = np.unique(owner, return_index=True, return_inverse=True)
+    return np.asarray(np.arange(owner.size) - first[back])
+
+
+def stage_records(rounds: Sequence[RigOutput]) -> dict[str, Record]:
+    """Return the records of a stage: those of its rounds, one after another."""
+    return {
+        channel: join([each.records[channel] for each in rounds]) for channel in rounds[0].records
+    }
