@@ -23,14 +23,14 @@ from virtual_lab.cli.plumbing import (
 if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
 
-FIRST = "; of the first laboratory, the others follow"
+NUMBERED = "; its laboratories are taken by number, from 0"
 
 
 @command("coverage", keeps=True, table=True)
 @click.argument("bat", default="r161", shell_complete=names("bats"))
 @procedure_option(None, "  [default: astm-f1881; of clips bbcor]")
 @laboratories_option(1000)
-@seed_option("; its laboratories are taken by number, from 0")
+@seed_option(NUMBERED)
 @click.option(
     "--summed",
     is_flag=True,
@@ -87,7 +87,7 @@ def bias(procedure: str, progress: Progress) -> Any:
 @command("faults", keeps=True, table=True)
 @click.argument("faults", nargs=-1, metavar="[FAULT]...", shell_complete=names("faults"))
 @laboratories_option(60)
-@seed_option(FIRST)
+@seed_option(NUMBERED)
 @click.option(
     "--procedure",
     "procedures",
@@ -122,7 +122,7 @@ def faults(faults: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
 @inertia_option
 @ball_option
 @laboratories_option(20)
-@seed_option(FIRST)
+@seed_option(NUMBERED)
 def critique(bats: tuple[str, ...], progress: Progress, **asked: Any) -> Any:
     """Show which test procedures rank BATs in the same order as play on the field."""
     return api.critique(bats, progress=progress, **asked)

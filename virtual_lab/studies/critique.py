@@ -4,7 +4,8 @@ The field ranking is by the greatest v_f of the nominal bats under standard game
 procedure is evaluated twice: in an error-free laboratory with nominal bats, and in laboratories
 with random bats, balls and errors. In each of these, all bats share rigs and calibrations, so
 their errors cancel in a difference; the manufactured bat, balls, bench readings and hits differ
-between tests. The scatter of manufactured bats is one cause of wrong rankings.
+between tests. The scatter of manufactured bats is one cause of wrong rankings. Instruments write
+sums, which changes no result.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import inline, number, record, table_text
+from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.studies.bats.compare import compare
 from virtual_lab.studies.bats.profile import chosen_swings
@@ -220,7 +222,8 @@ def critique(
         Field conditions, as for `virtual_lab.studies.bats.compare.profile`; procedures have
         separate ones.
     laboratories, seed
-        Number of laboratories that test every bat by every procedure; seed of the first.
+        How many laboratories of a study test every bat by every procedure: those of the seed by
+        number, from 0.
     progress
         Called with laboratory and procedure.
 
@@ -248,7 +251,7 @@ def critique(
         for i in range(laboratories):
             progress(f"{rules.name}: laboratories", i, laboratories)
             for j, bat in enumerate(bats):
-                measured[i, j] = _result(bat, procedure, seed=seed + i, test=j)
+                measured[i, j] = _result(bat, procedure, seed=seed, number=i, test=j)
         ranked.append(
             ProcedureResults(
                 procedure=rules.name,
@@ -329,12 +332,20 @@ def _result(
     procedure: str,
     *,
     seed: int,
+    number: int = 0,
     reality: Reality = Reality.REAL,
     test: int | None = None,
 ) -> float:
-    setup = TestSetup.of(bat, procedure=procedure, seed=seed, reality=reality, test=test)
-    tested = certify_bat(setup)
-    found = tested.certification
+    setup = TestSetup.of(
+        bat,
+        procedure=procedure,
+        seed=seed,
+        number=number,
+        reality=reality,
+        test=test,
+        detail=RecordDetail.SUMMED,
+    )
+    found = certify_bat(setup).certification
     if found.metric is None or found.verdict is Verdict.INVALID:
         return nan
     return found.metric.value

@@ -1,14 +1,14 @@
 """Simulated faults of a test day: detection and bias compared with predictions.
 
-Every laboratory is simulated twice from the same seed, with and without the fault, so the
-difference is the effect of the fault and not of chance.
+Every laboratory is simulated twice with the same random numbers, with and without the fault, so
+the difference is the effect of the fault and not of chance.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import hypot, sqrt
 
 import numpy as np
@@ -19,6 +19,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.faults import FaultSheet, Prediction
 from virtual_lab.errors import InputError
 from virtual_lab.lab import TestSetup, certify_bat
+from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -123,7 +124,7 @@ def faults(
     bat, procedures
         Names in the catalog; no procedures: all that the faults have predictions for.
     laboratories, seed
-        How many seeds, and the first.
+        How many laboratories of a study: those of the seed by number, from 0.
     progress
         Called with which fault is played, and where.
 
@@ -147,13 +148,15 @@ def faults(
         catalog.text("procedures", procedure)
     if procedures:
         _require_played(sheets, procedures)
-    seeds = range(seed, seed + laboratories)
     rows = []
 
-    def counted(what: str) -> Iterator[int]:
-        for number, each in enumerate(seeds):
+    def played(what: str, *on: str) -> list[_Seen]:
+        setup = TestSetup.of(bat, procedure=procedure, seed=seed, faults=on)
+        found = []
+        for number in range(laboratories):
             progress(f"{procedure}, {what}: laboratories", number, laboratories)
-            yield each
+            found.append(_seen(certify_bat(replace(setup, number=number)).certification))
+        return found
 
     for procedure in procedures or PROCEDURES:
         predicted = {
@@ -164,11 +167,10 @@ def faults(
         }
         if not predicted:
             continue
-        sound = [_play(bat, procedure, each, ()) for each in counted("no fault")]
+        sound = played("no fault")
         rows.append(_row("none", procedure, None, sound, sound))
         for name, prediction in predicted.items():
-            spoiled = [_play(bat, procedure, each, (name,)) for each in counted(name)]
-            rows.append(_row(name, procedure, prediction, spoiled, sound))
+            rows.append(_row(name, procedure, prediction, played(name, name), sound))
     title = f"faults of a real day, {laboratories} laboratories each"
     return Rows(name="faults", title=title, rows=rows)
 
@@ -187,8 +189,7 @@ def _require_played(sheets: Sequence[FaultSheet], procedures: Sequence[str]) -> 
             raise InputError("", "fault", fault, f"{allowed}, not for {', '.join(procedures)}")
 
 
-def _play(bat: str, procedure: str, seed: int, on: tuple[str, ...]) -> _Seen:
-    found = certify_bat(TestSetup.of(bat, procedure=procedure, seed=seed, faults=on)).certification
+def _seen(found: Certification) -> _Seen:
     metric = found.metric.value if found.metric else np.nan
     efficiency = found.quantities["collision_efficiency"].value if found.metric else np.nan
     invalid = ("INVALID",) if found.verdict.value == "INVALID" else ()
