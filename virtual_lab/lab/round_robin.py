@@ -1,5 +1,7 @@
 """One bat design in many laboratories with different errors.
 
+In metrology a round robin is one artefact that goes from laboratory to laboratory.
+
 The common parts (surrogate of the nominal bat's collision, procedure) are made once. Laboratories
 are the numbered ones of one seed, as of ``certify --seed S --number n``. Where instruments write
 sums and the bat is nominal they run in blocks, side by side, a fraction of a millisecond each.
@@ -16,10 +18,11 @@ import numpy as np
 
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab.block import BlockTest, can_be_a_block, certify_block
+from virtual_lab.lab.certify import certify_bat
 from virtual_lab.lab.fitting import nominal_places
 from virtual_lab.lab.laboratory import Laboratory, collision_of
 from virtual_lab.lab.setup import TestSetup
-from virtual_lab.lab.test_day import BatTest, by_the_book
+from virtual_lab.lab.test_day import BatTest
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
@@ -36,7 +39,7 @@ class RoundRobin:
 
     @classmethod
     def of(cls, bat: str, procedure: str, *, summed: bool = True, individual: bool = False) -> Self:
-        """Return the round_robin of a bat by a procedure; `InputError` as `TestSetup.of`.
+        """Return the round robin of a bat by a procedure; `InputError` as `TestSetup.of`.
 
         With `summed` instruments write sums, and all laboratories get the nominal bat, whose
         collision is that of a surrogate, unless bats are to be `individual`, each with its own
@@ -55,9 +58,12 @@ class RoundRobin:
         return Laboratory.open(replace(self.setup, seed=seed, number=number))
 
     def run(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BatTest]:
-        """Yield the certifications of so many laboratories of a seed, one after another."""
+        """Yield the tests in so many laboratories of a seed, one after another.
+
+        `InputError` as `certify_bat`.
+        """
         for number in range(first, first + laboratories):
-            yield by_the_book(self.laboratory(seed, number))
+            yield certify_bat(replace(self.setup, seed=seed, number=number))
 
     @property
     def in_blocks(self) -> bool:

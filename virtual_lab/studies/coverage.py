@@ -21,8 +21,8 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import (
     BatTest,
     BlockTest,
-    RoundRobin,
     Laboratory,
+    RoundRobin,
 )
 from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.certification import Certification

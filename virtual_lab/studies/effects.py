@@ -15,7 +15,7 @@ from math import sqrt
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.lab import BatTest, Campaign
+from virtual_lab.lab import BatTest, RoundRobin
 from virtual_lab.measurement.procedure import CHOICE
 from virtual_lab.measurement.reduction.observations import (
     REPEATABILITY,
@@ -90,8 +90,8 @@ def effects(
     """
     cases: list[_Case] = []
     require_some(laboratories)
-    campaign = Campaign.of(bat, procedure, summed=summed)
-    for tested in bat_tests(campaign, laboratories, seed, progress):
+    round_robin = RoundRobin.of(bat, procedure, summed=summed)
+    for tested in bat_tests(round_robin, laboratories, seed, progress):
         if tested.certification.verdict.value != "INVALID":
             cases.append(_case(tested))
     names = list(dict.fromkeys(name for case in cases for name in case.components))
