@@ -17,6 +17,10 @@ class InputError(ValueError):
         parts.append(f"{key} = {_short(value)}" if value is not None else key)
         super().__init__(f"{': '.join(parts)}; {allowed}")
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:
+        """Return how another process makes it again: from its parts, not from its text."""
+        return type(self), (self.where, self.key, self.value, self.allowed)
+
 
 def nearest(name: object, known: Iterable[str]) -> str:
     """Return a suggestion of known names similar to a mistyped one, or an empty text."""

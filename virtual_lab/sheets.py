@@ -228,6 +228,32 @@ class Sheet:
         return f"<p><b>{self.name}</b>: {self.title}</p>{table}"
 
 
+def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
+    """Return the sheet of a rig, or of an instrument of it, that a key belongs to; the key there.
+
+    Parameters
+    ----------
+    rigs
+        Names of rigs, by stage.
+    key
+        Stage and key of the rig's sheet, ``impact.pivot.from_knob_u``; where that names an
+        instrument, a key of the instrument's sheet follows, ``impact.gates.distance_u``.
+
+    Raises
+    ------
+    InputError
+        No such stage.
+    """
+    stage, _, rest = key.partition(".")
+    if stage not in rigs or not rest:
+        allowed = f"{nearest(stage, rigs)}allowed: {', '.join(rigs)}, a dot, a key of a sheet"
+        raise InputError("", "key", key, allowed)
+    rig = Sheet.of("rigs", rigs[stage])
+    part, _, own = rest.partition(".")
+    named = rig.document.get(part)
+    return (Sheet.of("instruments", named), own) if own and isinstance(named, str) else (rig, rest)
+
+
 def toml_text(document: Mapping[str, Any]) -> str:
     """Return a sheet as TOML."""
     return "\n".join(_lines(document, "")) + "\n"

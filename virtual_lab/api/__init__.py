@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from virtual_lab.api.charts import chart, stability
+    from virtual_lab.campaigns import Campaign, campaign
     from virtual_lab.catalog import Entry
     from virtual_lab.certificate.document import CertificateDocument
     from virtual_lab.fidelity.mode_convergence import convergence
@@ -56,6 +57,7 @@ __all__ = [
     "BatComparison",
     "BatProfile",
     "Calibration",
+    "Campaign",
     "Certificate",
     "InputError",
     "Sheet",
@@ -65,6 +67,7 @@ __all__ = [
     "bias",
     "board",
     "calibrate",
+    "campaign",
     "certify",
     "chart",
     "clip_coverage",
@@ -93,13 +96,15 @@ __all__ = [
     "track",
 ]
 
-STUDIES = "virtual_lab.studies"
+STUDIES, CAMPAIGNS = "virtual_lab.studies", "virtual_lab.campaigns"
 ALONE = ("score", "shelf", "show", "template")  # test nothing: they take no `instruments`
 ELSEWHERE = {  # name: module, name there
     "BatComparison": (f"{STUDIES}.bats.compare", "BatComparison"),
     "BatProfile": (f"{STUDIES}.bats.profile", "BatProfile"),
+    "Campaign": (f"{CAMPAIGNS}.folder", "Campaign"),
     "InputError": ("virtual_lab.errors", "InputError"),
     "bias": (f"{STUDIES}.bias", "bias"),
+    "campaign": (f"{CAMPAIGNS}.running", "campaign"),
     "chart": ("virtual_lab.api.charts", "chart"),
     "clip_coverage": (f"{STUDIES}.clips", "clip_coverage"),
     "convergence": ("virtual_lab.fidelity.mode_convergence", "convergence"),

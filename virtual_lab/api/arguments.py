@@ -129,6 +129,14 @@ def _callable(value: Any, _store: Store) -> Any:
     return value
 
 
+def _study(value: Any, store: Store) -> Path | dict[str, Any] | None:
+    """Return the path of a study, or its keys and values, of which some are arguments too."""
+    if value is None or not isinstance(value, Mapping):
+        return None if value is None else _path(value, store)
+    known = {key: ARGUMENTS[key].read for key in value if key in ARGUMENTS}
+    return {key: known[key](each, store) if key in known else each for key, each in value.items()}
+
+
 BAT, BALL, PROCEDURE = (_entry(kind) for kind in ("bats", "balls", "procedures"))
 WORDS = {
     "reality": "real, noise-free or ideal",
@@ -140,6 +148,8 @@ WORDS = {
     "kind": "bats, balls, procedures, instruments, rigs, conditions or faults",
     "board": "'charuco:14x9:40mm:30mm' or 'chessboard:14x9:40mm'",
     "plane": "the name of a picture",
+    "blocks": "a share of the parts: '3/40' for the third fortieth",
+    "dask": "the address of a scheduler: 'tcp://HOST:8786'",
     **dict.fromkeys(("height", "height_u", "square_u"), "a length with its unit: '36.5mm'"),
 }
 PATH = ArgumentRule(_path, "a path")
@@ -173,7 +183,7 @@ ARGUMENTS = {
     **dict.fromkeys(
         (
             *("laboratories", "clips", "days", "baseline", "hits", "since"),
-            *("members", "shots", "views", "operator_seed", "number"),
+            *("members", "shots", "views", "operator_seed", "number", "repeats", "workers"),
         ),
         WHOLE,
     ),
@@ -182,6 +192,7 @@ ARGUMENTS = {
     **dict.fromkeys(("name", "path", "scenario"), NAME),
     **dict.fromkeys(("folder", "records"), FOLDER),
     "script": PATH,
+    "study": ArgumentRule(_study, "a study.toml, its keys and values, or None to resume"),
     "pictures": _several(PATH, "paths of pictures"),
     "progress": ArgumentRule(_callable, "a function that is called with a sentence"),
     "operator": ANY,

@@ -1,7 +1,7 @@
 """The command line.
 
-Exit codes: 0 finished, whatever the verdict; 1 a bug; 2 bad input; 3 sealed files were changed.
-`virtual_lab.__main__` adds 130, 143 and 129 for interruptions.
+Exit codes: 0 finished, whatever the verdict; 1 a bug; 2 bad input; 3 sealed files were changed;
+4 a campaign with parts missing. `virtual_lab.__main__` adds 130, 143 and 129 for interruptions.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import click
 
 from virtual_lab.cli.bats import fit_bat, list_, percussion, profile, sensitivity, show, slope
 from virtual_lab.cli.camera import board, calibrate, track
+from virtual_lab.cli.campaigns import campaign
 from virtual_lab.cli.certifying import certify, reduce, score, template
 from virtual_lab.cli.fidelity import chart, convergence, stability
 from virtual_lab.cli.plumbing import Sections
@@ -99,7 +100,15 @@ cli = Sections(
             slope,
             percussion,
         ),
-        "Studies of laboratories and procedures": (coverage, bias, faults, critique, daily, paper),
+        "Studies of laboratories and procedures": (
+            coverage,
+            bias,
+            faults,
+            critique,
+            daily,
+            campaign,
+            paper,
+        ),
         "Camera": (track, calibrate, board),
         "Speed and accuracy": (chart, stability, convergence),
         "Shell": (completion,),

@@ -135,6 +135,12 @@ class Components:
             if uncertain[at] or name == HITS
         ]
 
+    @property
+    def line_names(self) -> tuple[str, ...]:
+        """The names of `lines`: the sources that stand alone, then the pools."""
+        alone = [name for name, pool in zip(self.names, self.pools, strict=True) if not pool]
+        return (*alone, *dict.fromkeys(pool for pool in self.pools if pool))
+
     def lines(self) -> tuple[Array, Array]:
         """Return variance and degrees of freedom of lines, (laboratory, line): a pool is one."""
         # rows in a row: the order of a sum must not depend on the number of laboratories

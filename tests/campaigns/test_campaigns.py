@@ -1,0 +1,436 @@
+"""A campaign's parts hold what its laboratories certify, and nothing that happens loses one."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+
+import virtual_lab as vl
+from virtual_lab import catalog, lab
+from virtual_lab.campaigns import workers
+from virtual_lab.campaigns.folder import PARTS, Campaign
+from virtual_lab.errors import InputError
+
+KEY = "impact.gates.distance_u"
+STUDY = f"""
+bats = ["r161"]  # a remark
+procedures = ["astm-f1881"]
+laboratories = 6
+repeats = 2
+seed = 5
+[change]
+"{KEY}" = [0.05, 0.1]  # mm
+"""
+
+
+def begun(folder: Path, text: str = STUDY) -> Path:
+    study = folder.parent / "study.toml"
+    study.write_text(text, "utf-8")
+    return study
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a finished campaign: four parts of six laboratories."""
+    folder = tmp_path_factory.mktemp("campaign") / "made"
+    account = vl.campaign(begun(folder), folder)
+    assert (account.parts, account.made, account.missing) == (4, 4, {})
+    return folder
+
+
+@pytest.fixture
+def copy(made: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(made, tmp_path / "copy"))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return all files of a campaign but its study's remarks, by path."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def part(folder: Path, number: int) -> Path:
+    (found,) = (folder / PARTS).glob(f"{number:07}-*")
+    return found
+
+
+@pytest.mark.parametrize("repeat", [0, 1])
+def test_a_row_is_the_laboratory_of_its_number_and_day(made: Path, repeat: int) -> None:
+    """Against the loop, which makes the objects of a certificate: the budget line by line."""
+    with catalog.sheets_in_place({("instruments", "pivot-gates"): changed_gates(0.1)}):
+        setup = lab.RoundRobin.of("r161", "astm-f1881").setup
+        setup = replace(setup, seed=5, number=3, test=repeat or None)
+        tested = lab.by_the_book(lab.Laboratory.open(setup))
+    found = vl.Campaign.open(made).table
+    (row,) = found[
+        (found["repeat"] == repeat) & (found["number"] == 3) & (found[KEY] == 0.1)
+    ].to_dict("records")
+    metric = tested.certification.metric
+    assert metric is not None
+    assert row["bat"] == "r161"
+    assert row["procedure"] == "astm-f1881"
+    assert row["verdict"] == tested.certification.verdict.value
+    assert row["flags"].split() == [flag.name for flag in tested.certification.flags]
+    for name, value in (("metric", metric.value), ("u", metric.u), ("dof", metric.dof)):
+        assert row[name] == pytest.approx(value, rel=1e-9), name
+    assert (row["low"], row["high"]) == pytest.approx(metric.interval_95, rel=1e-9)
+    assert row["true"] == pytest.approx(tested.sealed.measurand["metric"], rel=1e-9)
+    for name, budget in tested.certification.quantities.items():
+        assert row[name] == pytest.approx(budget.value, rel=1e-9)
+        assert row[f"{name}_u"] == pytest.approx(budget.u, rel=1e-9)
+        assert row[f"{name}_true"] == pytest.approx(tested.sealed.measurand[name], rel=1e-9)
+    stated = {line.name: line.contribution for line in metric.components}
+    prefix = "contribution."
+    columns = {key.removeprefix(prefix): row[key] for key in row if key.startswith(prefix)}
+    assert columns == pytest.approx(stated, rel=1e-9, abs=1e-15)
+
+
+def changed_gates(distance_u_mm: float) -> str:
+    return vl.instrument("pivot-gates").with_(distance_u=distance_u_mm).text
+
+
+def test_a_column_says_its_unit(made: Path) -> None:
+    schema = pq.read_schema(part(made, 0))
+    units = {field.name: field.metadata[b"unit"].decode() for field in schema}
+    assert units["verdict"] == units["number"] == ""
+    assert units["metric"] == units["u"] == units["contribution.hits"] == "1"
+    assert units[KEY] == "mm"
+
+
+def test_units_of_a_metric_that_is_a_speed(tmp_path: Path) -> None:
+    """The proposed test's metric is v_f, 95 mph or so; its scan has a width in m."""
+    study = {"bats": "r161", "procedures": "proposed", "laboratories": 2, "seed": 1}
+    vl.campaign(study, tmp_path / "c")
+    schema = pq.read_schema(part(tmp_path / "c", 0))
+    units = {field.name: field.metadata[b"unit"].decode() for field in schema}
+    assert units["metric"] == units["low"] == units["contribution.hits"] == "m/s"
+    assert units["metric_of_continuous_curve_true"] == "m/s"
+    assert units["restitution"] == units["dof"] == "1"
+    table = vl.Campaign.open(tmp_path / "c").table
+    assert table["metric"].between(35, 50).all()
+
+
+def test_a_test_without_a_result_is_blank(tmp_path: Path) -> None:
+    """A window of the recoil fit that no hit meets: hits are missing, so the tests are INVALID."""
+    rules = vl.procedure("astm-f1881").with_({"windows.recoil_u": 1e-6})
+    study = {"bats": ["r161"], "procedures": [rules], "laboratories": 3, "seed": 1}
+    vl.campaign(study, tmp_path / "c")
+    table = vl.Campaign.open(tmp_path / "c").table
+    assert (table["verdict"] == "INVALID").all()
+    blank = table[["metric", "u", "low", "true", "restitution", "contribution.hits"]]
+    assert blank.isna().all(axis=None)
+    (row,) = vl.Campaign.open(tmp_path / "c").summary()
+    assert (row["tests"], row["mean"], row["coverage"]) == (3, None, None)
+
+
+def test_the_study_stands_in_the_folder_as_it_was_given(made: Path) -> None:
+    assert (made / "study.toml").read_text("utf-8") == STUDY
+
+
+def test_a_campaign_keeps_the_sheets_its_tests_read(made: Path, tmp_path: Path) -> None:
+    """A block reads no sheet beside them; a sheet of one's own goes with the folder."""
+    known = Campaign.open(made)
+    with catalog.sheets_in_place({}) as used:
+        workers.table_of(known.block(0), 5)
+    assert {"/".join(key) for key in used} <= set(known.sheets)
+    own = vl.procedure("astm-f1881").with_(valid_hits=4)
+    study = {"bats": ["r161"], "procedures": own, "laboratories": 2, "seed": 1}
+    vl.campaign(study, tmp_path / "own", blocks="1/1")
+    part(tmp_path / "own", 0).unlink()
+    assert vl.campaign(None, tmp_path / "own").made == 1
+    assert "valid_hits=4" in vl.Campaign.open(tmp_path / "own").table["procedure"][0]
+
+
+def test_two_workers_make_the_same_parts_as_one(made: Path, tmp_path: Path) -> None:
+    account = vl.campaign(begun(tmp_path / "two"), tmp_path / "two", workers=2)
+    assert account.made == 4
+    assert contents(tmp_path / "two") == contents(made)
+
+
+def test_shares_are_all_parts_once(made: Path) -> None:
+    known = Campaign.open(made)
+    for many in (1, 3, 4, 40):
+        shares = [number for one in range(many) for number in known.share(f"{one + 1}/{many}")]
+        assert shares == [0, 1, 2, 3]
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def swap(path: Path) -> None:
+    shutil.copy(part(path.parents[1], 1), path)
+
+
+def lose(path: Path) -> None:
+    path.unlink()
+
+
+@pytest.mark.parametrize(("damage", "said"), [(cut, "cannot be read"), (swap, "other tests")])
+def test_a_damaged_part_is_made_again_and_told(
+    copy: Path, made: Path, damage: Callable[[Path], None], said: str
+) -> None:
+    damage(part(copy, 2))
+    account = vl.Campaign.open(copy).check()
+    assert (account.code, [said in why for why in account.missing.values()]) == (4, [True])
+    account = vl.campaign(None, copy)
+    ((name, why),) = account.again.items()
+    assert said in why
+    assert name == f"r161 by astm-f1881, {KEY} = 0.1, repeat 0, laboratories 0 to 5"
+    assert contents(copy) == contents(made)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no limit of a file's size")
+def test_a_write_that_fails_leaves_nothing_and_loses_nothing(copy: Path, made: Path) -> None:
+    """A limit of a file's size stands for a disk that is full."""
+    import resource
+
+    part(copy, 3).unlink()
+    before = contents(copy)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, hard))
+    try:
+        with pytest.raises(InputError, match="cannot be written"):
+            vl.campaign(None, copy)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert contents(copy) == before
+    assert [path.name for path in (copy / PARTS).iterdir() if path.is_dir()] == []
+    vl.campaign(None, copy)
+    assert contents(copy) == contents(made)
+
+
+def test_a_worker_that_dies_is_a_fault_of_its_block(copy: Path) -> None:
+    """A stand-in that is killed at every odd block: each gets a process of its own again."""
+    worker = workers.Worker(copy)
+    worker.command = [sys.executable, "-c", DYING]
+    assert [worker.make(number) for number in (2, 4, 5, 6)] == ["", "", f"{ENDED} -9", ""]
+    worker.end()
+    assert worker.process is None
+
+
+ENDED = "its worker ended with"
+DYING = """
+import os, pickle, sys
+for line in sys.stdin:
+    if int(line) % 2:
+        os.kill(os.getpid(), 9)
+    pickle.dump("", sys.stdout.buffer)
+    sys.stdout.flush()
+"""
+
+
+def children(pid: int) -> set[int]:
+    """Return the processes that a process started."""
+    tasks = Path(f"/proc/{pid}/task").glob("*/children")
+    return {int(child) for task in tasks for child in task.read_text("utf-8").split()}
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs Linux")
+def test_workers_end_with_a_parent_that_is_killed(copy: Path, made: Path) -> None:
+    for number in (0, 1):
+        part(copy, number).unlink()
+    command = [sys.executable, "-m", "virtual_lab", "campaign", "resume", str(copy)]
+    with subprocess.Popen([*command, "--workers", "2"], cwd=copy) as parent:
+        until(lambda: len(children(parent.pid)) == 2)
+        orphans = children(parent.pid)
+        parent.kill()
+    until(lambda: not any(Path(f"/proc/{child}").exists() for child in orphans))
+    vl.campaign(None, copy)
+    assert contents(copy) == contents(made)
+
+
+def until(done: Callable[[], bool], patience: float = 60.0) -> None:
+    """Wait for what must come."""
+    end = time.monotonic() + patience
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_what_is_there_is_not_made_again(copy: Path) -> None:
+    kept, lost = part(copy, 0), part(copy, 3)
+    before = kept.stat().st_mtime_ns
+    lost.unlink()
+    assert vl.campaign(None, copy).made == 1
+    assert kept.stat().st_mtime_ns == before
+
+
+def test_check_finds_a_changed_byte_within_a_part(copy: Path) -> None:
+    """Where a footer still reads, the checksums of the pages tell."""
+    path = part(copy, 1)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 4] ^= 1
+    path.write_bytes(data)
+    (why,) = Campaign.open(copy).check().missing.values()
+    assert why.startswith("it cannot be read")
+
+
+def test_a_block_that_fails_twice_is_told_and_the_others_are_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[int] = []
+    sound = workers.table_of
+
+    def table_of(block: Any, seed: int) -> Any:
+        tried.append(block.number)
+        if block.number == 2 or (block.number == 1 and tried.count(1) == 1):
+            raise ZeroDivisionError("by nothing")
+        return sound(block, seed)
+
+    monkeypatch.setattr(workers, "table_of", table_of)
+    account = vl.campaign(begun(tmp_path / "c"), tmp_path / "c")
+    assert tried == [0, 1, 2, 3, 1, 2]
+    assert (account.made, account.code) == (3, 4)
+    name = f"r161 by astm-f1881, {KEY} = 0.1, repeat 0, laboratories 0 to 5"
+    assert account.missing == {name: "ZeroDivisionError: by nothing"}
+    assert name in account.text
+    rows = vl.Campaign.open(tmp_path / "c").summary().rows
+    assert [row["missing"] for row in rows] == [0, 6]
+
+
+def test_the_summary_is_that_of_the_table(made: Path) -> None:
+    """Against pandas; the standard deviation within a laboratory is half the squared difference."""
+    summary = vl.Campaign.open(made).summary()
+    table = vl.Campaign.open(made).table
+    for row, (_, own) in zip(summary, table.groupby(KEY), strict=True):
+        sound = own[own["verdict"] != "INVALID"]
+        error = sound["metric"] - sound["true"]
+        held = (sound["true"] >= sound["low"]) & (sound["true"] <= sound["high"])
+        pairs = sound.pivot_table(index="number", columns="repeat", values="metric")
+        within = np.sqrt(((pairs[0] - pairs[1]) ** 2 / 2).mean())
+        assert row["tests"] == 12
+        assert row["verdicts"] == own["verdict"].value_counts().sort_index().to_dict()
+        stated = {
+            "mean": sound["metric"].mean(),
+            "sd": sound["metric"].std(),
+            "sd_within": within,
+            "rms_u": np.sqrt((sound["u"] ** 2).mean()),
+            "bias": error.mean(),
+            "bias_se": error.sem(),
+            "coverage": held.mean(),
+        }
+        assert {name: row[name] for name in stated} == pytest.approx(stated, rel=1e-9)
+    words = json.dumps(summary.document)
+    assert str(made) not in words
+    assert "workers" not in words
+
+
+def test_pandas_and_duckdb_read_a_folder_of_parts(made: Path) -> None:
+    files = sorted((made / PARTS).glob("*.parquet"))
+    table = pd.concat(map(pd.read_parquet, files))
+    pd.testing.assert_frame_equal(table.reset_index(drop=True), vl.Campaign.open(made).table)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("laboratories = 6", "laboratories = 0", "laboratories = 0"),
+        ("laboratories = 6", "laboratories = 1000000000000000", "4294967296"),
+        ("gates.distance_u", "gates.distence_u", "did you mean distance_u"),
+        ("impact.gates", "impacts.gates", "did you mean impact"),
+        ("gates.distance_u", "gates", "gates"),
+        (f'"{KEY}" = [0.05, 0.1]', '"impact.pivot.friction" = [-1]', "friction"),
+        ("[0.05, 0.1]", "[]", "at least 1"),
+        ("[0.05, 0.1]", '[0.05, "0.1 mm"]', "distance_u"),
+        ("[0.05, 0.1]", '["0.1 kg"]', "kg"),
+        ("r161", "r162", "did you mean r161"),
+        ('["r161"]', '["r161", "r161"]', "twice"),
+        ("seed = 5", "seed = 5\nindividual = true", "individual"),
+        ("seed = 5", "sead = 5", "did you mean seed"),
+        ("repeats = 2", "repeats = 0", "repeats = 0"),
+    ],
+)
+def test_a_study_that_cannot_be_used_makes_no_folder(
+    old: str, new: str, said: str, tmp_path: Path
+) -> None:
+    assert old in STUDY
+    study = begun(tmp_path / "c", STUDY.replace(old, new))
+    with pytest.raises(InputError) as fault:
+        vl.campaign(study, tmp_path / "c")
+    assert said in str(fault.value)
+    assert "\n" not in str(fault.value)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["study.toml"]
+
+
+VERBS: dict[str, Callable[[Path], object]] = {
+    "resume": lambda folder: vl.campaign(None, folder),
+    "check": lambda folder: vl.Campaign.open(folder).check(),
+    "summary": lambda folder: vl.Campaign.open(folder).summary(),
+}
+
+
+def foreign_file(folder: Path) -> None:
+    (folder / PARTS / "0000001-0123456789abcdef.parquet").write_bytes(b"of another study")
+
+
+def other_version(folder: Path) -> None:
+    path = folder / "campaign.json"
+    path.write_text(path.read_text("utf-8").replace('"program": "', '"program": "9'), "utf-8")
+
+
+def other_seed(folder: Path) -> None:
+    (folder / "study.toml").write_text(STUDY.replace("seed = 5", "seed = 6"), "utf-8")
+
+
+def no_study(folder: Path) -> None:
+    (folder / "study.toml").unlink()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (foreign_file, "no part of this campaign"),
+        (other_version, "of another version"),
+        (other_seed, "digest"),
+        (no_study, "cannot be read"),
+    ],
+)
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_folder_that_is_not_this_campaign_is_left_alone(
+    change: Callable[[Path], None], said: str, verb: str, copy: Path
+) -> None:
+    change(copy)
+    before = contents(copy)
+    with pytest.raises(InputError, match=said):
+        VERBS[verb](copy)
+    assert contents(copy) == before
+
+
+@pytest.mark.parametrize("blocks", ["0/40", "41/40", "3", "a/b", "1/0", "-1/3"])
+def test_a_share_that_does_not_exist(blocks: str, copy: Path) -> None:
+    with pytest.raises(InputError, match="blocks"):
+        vl.campaign(None, copy, blocks=blocks)
+
+
+def test_another_study_may_not_have_the_folder(copy: Path, tmp_path: Path) -> None:
+    other = begun(tmp_path / "x", STUDY.replace("seed = 5", "seed = 6"))
+    with pytest.raises(InputError, match="holds another campaign"):
+        vl.campaign(other, copy)
+
+
+@pytest.mark.parametrize(("module", "extra"), [("pyarrow", "campaign"), ("distributed", "dask")])
+def test_a_missing_extra_is_named(
+    module: str, extra: str, copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lose(part(copy, 0))
+    for name in [each for each in sys.modules if each.partition(".")[0] == module]:
+        monkeypatch.setitem(sys.modules, name, None)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, module, None)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=rf"extra '{extra}'.*pip install '\.\[{extra}\]'"):
+        vl.campaign(None, copy, dask="tcp://127.0.0.1:9" if extra == "dask" else None)

@@ -1,0 +1,168 @@
+"""Parts of a campaign: the tests of a block as columns, and their Parquet file."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab import catalog
+from virtual_lab.campaigns.study import StudyCase
+from virtual_lab.errors import DISTRIBUTION, InputError, with_extra
+from virtual_lab.files.drafts import draft_in
+from virtual_lab.lab import BlockTest
+from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.uncertainty.budget import coverage_factors
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+ROWS = 8192  # laboratories of a part: a second's work and more, as whoever hands it out needs
+PROGRAM = {"program": version(DISTRIBUTION), "schema": 1}  # of the columns
+FORM = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
+FORM |= {"write_page_checksum": True}
+ABOUT = b"virtual-lab"  # the key of a part's words about itself
+NOT_MADE = "not made"
+Columns = dict[tuple[str, str], NDArray[Any]]  # by name and unit, (laboratory,)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """The laboratories of one part: consecutive ones of a case on one day."""
+
+    number: int  # in the campaign
+    case: StudyCase
+    repeat: int
+    first: int
+    rows: int
+    name: str  # of its file
+
+    def __str__(self) -> str:
+        last = self.first + self.rows - 1
+        return f"{self.case}, repeat {self.repeat}, laboratories {self.first} to {last}"
+
+
+def parquet() -> Any:
+    """Return pyarrow's module of Parquet files; `InputError` that names the extra without it."""
+    try:
+        import pyarrow.parquet
+    except ImportError as fault:
+        allowed = with_extra("campaign")
+        raise InputError("", "a campaign needs the extra 'campaign'", None, allowed) from fault
+    return pyarrow.parquet
+
+
+def table_of(block: Block, seed: int) -> pa.Table:
+    """Return the tests of a block as a table, with units in the metadata of its columns.
+
+    A test without a result has blanks. `InputError` as `StudyCase.round_robin`.
+    """
+    import pyarrow as pa
+
+    case, numbers = block.case, np.arange(block.first, block.first + block.rows)
+    texts, units = case.changed()
+    with catalog.sheets_in_place(texts):
+        shared = case.round_robin(seed, block.repeat)
+        parts = [_columns(each) for each in shared.blocks(block.rows, seed, block.first)]
+    same = {"bat": case.bat, "procedure": case.procedure, **case.change, "repeat": block.repeat}
+    columns = {
+        (name, units.get(name, "")): pa.repeat(pa.scalar(value), block.rows)
+        for name, value in same.items()
+    }
+    columns["number", ""] = pa.array(numbers)
+    for key in dict.fromkeys(key for part in parts for key in part):
+        # a contribution that is certain in all laboratories of a part has no column there
+        own = [part.get(key, np.zeros(part["verdict", ""].size)) for part in parts]
+        columns[key] = pa.array(np.concatenate(own), from_pandas=True)  # NaN is a blank
+    fields = [
+        pa.field(name, column.type, metadata={"unit": unit})
+        for (name, unit), column in columns.items()
+    ]
+    return pa.table(list(columns.values()), schema=pa.schema(fields))
+
+
+def _columns(tested: BlockTest) -> Columns:
+    """Return what the tests of some laboratories gave."""
+    found, true = tested.certified, dict(tested.measurands)
+    metric, unit = found.results["metric"], METRICS[found.procedure.metric].si_unit or "1"
+    reach = coverage_factors(metric.dof) * metric.u
+    of_metric = {
+        "metric": metric.value,
+        "u": metric.u,
+        "low": metric.value - reach,
+        "high": metric.value + reach,
+        "true": true.pop("metric"),
+    }
+    columns: Columns = {(name, unit): values for name, values in of_metric.items()}
+    columns["dof", "1"] = metric.dof
+    for name, budgets in found.results.items():
+        if name != "metric":
+            columns[name, "1"], columns[f"{name}_u", "1"] = budgets.value, budgets.u
+    for name, values in true.items():
+        own = "m" if name == WIDTH_KEY else unit if name == CONTINUOUS else "1"
+        columns[f"{name}_true", own] = values
+    square, _ = metric.components.lines()
+    for name, column in zip(metric.components.line_names, np.sqrt(square).T, strict=True):
+        columns[f"contribution.{name}", unit] = column
+    words: Columns = {
+        ("verdict", ""): np.array([verdict.value for verdict in found.verdicts], object),
+        ("flags", ""): _joined(found.checked.flagged, found.some.size),
+    }
+    return words | {key: np.where(found.some, own, np.nan) for key, own in columns.items()}
+
+
+def _joined(raised: Mapping[str, NDArray[np.bool_]], size: int) -> NDArray[Any]:
+    """Return the names of the flags raised in each laboratory, separated by blanks."""
+    words = np.full(size, "", object)
+    for name, where in raised.items():
+        words[where] = [f"{others} {name}".strip() for others in words[where]]
+    return words
+
+
+def write_part(table: pa.Table, folder: Path, block: Block) -> None:
+    """Write a part whole or not at all. `OSError` where the folder cannot be written."""
+    words = {**PROGRAM, "name": block.name, "tests": str(block), "processor": processor()}
+    table = table.replace_schema_metadata({ABOUT: json.dumps(words)})
+    with draft_in(folder) as draft:
+        with open(draft / block.name, "wb") as file:
+            parquet().write_table(table, file, **FORM)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(draft / block.name, folder / block.name)
+
+
+def wrong_with(path: Path, block: Block, *, whole: bool) -> tuple[str, str]:
+    """Return what is wrong with the part of a block, '' if nothing, and what processor made it.
+
+    By its footer, or by all its pages if `whole`.
+    """
+    import pyarrow as pa
+
+    try:
+        with parquet().ParquetFile(path, page_checksum_verification=whole) as file:
+            words = json.loads((file.schema_arrow.metadata or {}).get(ABOUT, b"{}"))
+            rows = file.metadata.num_rows
+            if whole:
+                file.read()
+    except (OSError, ValueError, pa.ArrowException) as fault:
+        return f"it cannot be read ({' '.join(str(fault).split())[:80]})", ""
+    wrong = rows != block.rows or words.get("name") != block.name
+    return "it holds other tests" if wrong else "", words.get("processor", "")
+
+
+@cache
+def processor() -> str:
+    """Return the family of this machine's processor; within one, columns have equal bits."""
+    from llvmlite import binding
+
+    return f"{platform.machine()} {binding.get_host_cpu_name()}"

@@ -1,0 +1,119 @@
+"""What a campaign asks for: its study file, its cases, and the sheets that a case changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import product
+from math import prod
+from typing import Annotated, TypeAlias
+
+from annotated_types import Ge, Le, MinLen
+
+from virtual_lab import catalog
+from virtual_lab.catalog.reading import Key
+from virtual_lab.catalog.specs import Real, Spec, Whole, YesNo
+from virtual_lab.errors import InputError
+from virtual_lab.lab import RoundRobin
+from virtual_lab.lab.setup import TestSetup
+from virtual_lab.sheets import sheet_at
+from virtual_lab.streams import LABORATORIES
+
+MOST_CASES, MOST_REPEATS = 10_000, 1_000
+Value: TypeAlias = "Real | str | tuple[Real, ...]"  # in the unit of the sheet, or with its own
+Values: TypeAlias = "tuple[Real, ...] | tuple[str, ...] | tuple[tuple[Real, ...], ...]"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Study(Spec):
+    """Bats by procedures in numbered laboratories, with changed sheets, on several days.
+
+    The laboratories of every bat, procedure and change are those of the seed, from number 0.
+    `change` has new values by the key of a rig's sheet or of its instrument's:
+    ``"impact.gates.distance_u"`` is the key ``distance_u`` of the instrument that the rig of the
+    impacts names as its gates. Values of several keys are crossed.
+    """
+
+    bats: Annotated[tuple[str, ...], MinLen(1)]
+    procedures: Annotated[tuple[str, ...], MinLen(1)]
+    laboratories: Annotated[Whole, Ge(1), Le(LABORATORIES)]
+    repeats: Annotated[Whole, Ge(1), Le(MOST_REPEATS)] = 1  # days of each laboratory
+    seed: Annotated[Whole, Ge(0)]
+    individual: YesNo = False
+    change: Mapping[str, Annotated[Values, MinLen(1)]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        catalog.require_own_names("bats", self.bats)
+        catalog.require_own_names("procedures", self.procedures)
+        every = (self.bats, self.procedures, *self.change.values())
+        if prod(map(len, every)) > MOST_CASES:
+            raise ValueError(f"crossed values give more than {MOST_CASES} cases")
+        if self.individual:
+            raise ValueError("individual must be false: a block of laboratories has one bat")
+
+    @property
+    def cases(self) -> tuple[StudyCase, ...]:
+        """Bats, procedures and values of the changes, crossed in this order."""
+        return tuple(
+            StudyCase(
+                bat=bat, procedure=procedure, change=dict(zip(self.change, values, strict=True))
+            )
+            for bat, procedure in product(self.bats, self.procedures)
+            for values in product(*(tuple[Value, ...](each) for each in self.change.values()))
+        )
+
+    def sheets(self) -> dict[str, str]:
+        """Return the texts of all data sheets that its tests read, by ``kind/name``.
+
+        `InputError` for what they cannot use.
+        """
+        texts: dict[str, str] = {}
+        for case in self.cases:
+            with catalog.sheets_in_place({}) as used:
+                with catalog.sheets_in_place(case.changed()[0]):
+                    case.round_robin(self.seed)
+                texts |= {"/".join(key): catalog.source(*key)[0] for key in used}
+        return texts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyCase:
+    """One bat by one procedure with one value of each changed key."""
+
+    bat: str
+    procedure: str
+    change: Mapping[str, Value]
+
+    def __str__(self) -> str:
+        changes = "".join(f", {key} = {value}" for key, value in self.change.items())
+        return f"{self.bat} by {self.procedure}{changes}"
+
+    def changed(self) -> tuple[dict[Key, str], dict[str, str]]:
+        """Return the texts of the changed sheets, and the unit of the value of each changed key.
+
+        `InputError` for a key that no rig of the procedure, and no instrument of it, has.
+        """
+        setup = TestSetup.of(self.bat, procedure=self.procedure)
+        texts: dict[Key, str] = {}
+        units: dict[str, str] = {}
+        for key, value in self.change.items():
+            with catalog.sheets_in_place(texts):
+                sheet, own = sheet_at({stage.value: rig for stage, rig in setup.rigs.items()}, key)
+                texts[sheet.kind, sheet.name] = sheet.with_({own: value}).text
+            stated = [datum.unit for datum in catalog.datums(sheet.document) if datum.key == own]
+            units[key] = "" if isinstance(value, str) else "".join(stated)
+        return texts, units
+
+    def round_robin(self, seed: int, repeat: int = 0) -> RoundRobin:
+        """Return the laboratories of this case on a day, with the changed sheets in place.
+
+        `InputError` for sheets that cannot be used, a bat or ball that does not fit the procedure,
+        rigs that do not play many laboratories at once.
+        """
+        shared = RoundRobin.of(self.bat, self.procedure)
+        if not shared.in_blocks:
+            rigs = ", ".join(shared.setup.rigs.values())
+            allowed = f"its laboratories cannot be played side by side (rigs: {rigs})"
+            raise InputError("", "procedure", self.procedure, allowed)
+        shared.laboratory(seed)  # reads all sheets, and checks what goes with what
+        return replace(shared, setup=replace(shared.setup, test=repeat or None))
