@@ -48,16 +48,12 @@ class Study(Spec):
         every = (self.bats, self.procedures, *self.change.values())
         if prod(map(len, every)) > MOST_CASES:
             raise ValueError(f"crossed values give more than {MOST_CASES} cases")
-        if self.individual:
-            raise ValueError("individual must be false: a block of laboratories has one bat")
 
     @property
     def cases(self) -> tuple[StudyCase, ...]:
         """Bats, procedures and values of the changes, crossed in this order."""
         return tuple(
-            StudyCase(
-                bat=bat, procedure=procedure, change=dict(zip(self.change, values, strict=True))
-            )
+            StudyCase(bat, procedure, self.individual, dict(zip(self.change, values, strict=True)))
             for bat, procedure in product(self.bats, self.procedures)
             for values in product(*(tuple[Value, ...](each) for each in self.change.values()))
         )
@@ -76,12 +72,13 @@ class Study(Spec):
         return texts
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class StudyCase:
     """One bat by one procedure with one value of each changed key."""
 
     bat: str
     procedure: str
+    individual: bool
     change: Mapping[str, Value]
 
     def __str__(self) -> str:
@@ -110,10 +107,10 @@ class StudyCase:
         `InputError` for sheets that cannot be used, a bat or ball that does not fit the procedure,
         rigs that do not play many laboratories at once.
         """
-        shared = RoundRobin.of(self.bat, self.procedure)
+        shared = RoundRobin.of(self.bat, self.procedure, individual=self.individual)
         if not shared.in_blocks:
-            rigs = ", ".join(shared.setup.rigs.values())
-            allowed = f"its laboratories cannot be played side by side (rigs: {rigs})"
+            why = "individual bats" if self.individual else "a rig that plays one after another"
+            allowed = f"its laboratories cannot be played side by side, as a campaign does ({why})"
             raise InputError("", "procedure", self.procedure, allowed)
         shared.laboratory(seed)  # reads all sheets, and checks what goes with what
         return replace(shared, setup=replace(shared.setup, test=repeat or None))
