@@ -6,10 +6,11 @@ import os
 import pickle
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import lru_cache
 from itertools import islice
+from logging import CRITICAL, getLogger
 from pathlib import Path
 from queue import SimpleQueue
 from subprocess import PIPE, Popen
@@ -117,15 +118,19 @@ def by_dask(folder: Path, numbers: Sequence[int], address: str) -> Outcomes:
     except ImportError as fault:
         allowed = with_extra("dask")
         raise InputError("", "--dask needs the extra 'dask'", None, allowed) from fault
+    where, gone = str(folder.absolute()), "answers no more; what was made stays, resume later"
+    getLogger("distributed.client").setLevel(CRITICAL)  # we say what is wrong, in one line
     try:
         client = cast("Any", Client)(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as fault:
         allowed = "does not answer; allowed: the address of a Dask scheduler, tcp://HOST:8786"
         raise InputError("", "dask", address, allowed) from fault
-    where = str(folder.absolute())
-    with client, client.get_executor(pure=False) as pool:
-        ahead = 2 * max(sum(client.nthreads().values()), 1)  # that none waits for the next
-        yield from _in_turn(lambda number: pool.submit(make_part, where, number), numbers, ahead)
+    try:
+        with client, client.get_executor(pure=False) as pool:
+            ahead = 2 * max(sum(client.nthreads().values()), 1)  # that none waits for the next
+            yield from _in_turn(lambda one: pool.submit(make_part, where, one), numbers, ahead)
+    except (CancelledError, OSError) as fault:
+        raise InputError("", "dask", address, gone) from fault
 
 
 def _in_turn(submit: Callable[[int], Future[str]], numbers: Sequence[int], ahead: int) -> Outcomes:
