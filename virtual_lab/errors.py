@@ -29,6 +29,11 @@ def nearest(name: object, known: Iterable[str]) -> str:
     return f"did you mean {' or '.join(folded[each] for each in near)}? " if near else ""
 
 
+def missing_extra(name: str, who: str) -> InputError:
+    """Return the error that names an extra which is not installed; `who` needs it."""
+    return InputError("", f"{who} needs the extra {name!r}", None, with_extra(name))
+
+
 def with_extra(name: str) -> str:
     """Return the way to install an extra; the package is not on a public index."""
     return f"in a clone of the repository: pip install '.[{name}]'"

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +24,7 @@ import virtual_lab as vl
 from virtual_lab import catalog, lab
 from virtual_lab.campaigns import workers
 from virtual_lab.campaigns.folder import PARTS, Campaign
+from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 
 KEY = "impact.gates.distance_u"
@@ -331,12 +335,6 @@ def test_the_summary_is_that_of_the_table(made: Path) -> None:
     assert "workers" not in words
 
 
-def test_pandas_and_duckdb_read_a_folder_of_parts(made: Path) -> None:
-    files = sorted((made / PARTS).glob("*.parquet"))
-    table = pd.concat(map(pd.read_parquet, files))
-    pd.testing.assert_frame_equal(table.reset_index(drop=True), vl.Campaign.open(made).table)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -434,3 +432,91 @@ def test_a_missing_extra_is_named(
     monkeypatch.setitem(sys.modules, module, None)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=rf"extra '{extra}'.*pip install '\.\[{extra}\]'"):
         vl.campaign(None, copy, dask="tcp://127.0.0.1:9" if extra == "dask" else None)
+
+
+@pytest.fixture
+def dask_address() -> Iterator[str]:
+    """Yield the address of a scheduler with one worker, both in this process."""
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def test_dask_makes_the_same_parts(copy: Path, made: Path, dask_address: str) -> None:
+    for number in (0, 3):
+        part(copy, number).unlink()
+    assert vl.campaign(None, copy, dask=dask_address).made == 2
+    assert contents(copy) == contents(made)
+
+
+def test_an_address_of_dask_that_does_not_answer(
+    copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "PATIENCE", 0.2)
+    part(copy, 0).unlink()
+    for address in ("tcp://127.0.0.1:9", "nowhere"):
+        with pytest.raises(InputError, match=rf"dask = '{address}'; does not answer"):
+            vl.campaign(None, copy, dask=address)
+
+
+DOCS = Path(vl.__file__).parent / "docs" / "campaigns.md"
+
+
+def block_of_docs(language: str, number: int = 0) -> str:
+    found = re.findall(rf"^```{language}\n(.*?)^```", DOCS.read_text("utf-8"), re.DOTALL | re.M)
+    return str(found[number])
+
+
+def test_the_script_of_an_array_of_jobs_makes_the_campaign(
+    made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Under bash, with a stand-in for the program that runs in this process afterwards."""
+    program = tmp_path / "bin" / "virtual-lab"
+    program.parent.mkdir()
+    program.write_text('#!/bin/sh\nfor word; do echo "$word"; done > asked\n', "utf-8")
+    program.chmod(0o755)
+    begun(tmp_path / "million")
+    monkeypatch.chdir(tmp_path)
+    for job in ("2", "3", "1"):
+        environment = os.environ | {
+            "PATH": f"{program.parent}:{os.environ['PATH']}",
+            "SLURM_ARRAY_TASK_ID": job,
+            "SLURM_ARRAY_TASK_COUNT": "3",
+        }
+        subprocess.run(["bash", "-c", block_of_docs("bash")], env=environment, check=True)
+        words = (tmp_path / "asked").read_text("utf-8").splitlines()
+        assert cli.main(words, standalone_mode=False) == 0
+    assert contents(tmp_path / "million") == contents(made)
+
+
+def test_the_study_of_the_docs_can_be_used_and_its_lines_read_the_parts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    study = block_of_docs("toml").replace("laboratories = 100000", "laboratories = 2")
+    vl.campaign(begun(tmp_path / "million", study), tmp_path / "million", blocks="1/4")
+    with_pandas = "".join(block_of_docs("python").splitlines(keepends=True)[:2])
+    names: dict[str, Any] = {"pd": pd, "glob": glob}
+    exec(with_pandas, names)
+    table = names["table"].reset_index(drop=True)
+    pd.testing.assert_frame_equal(table, vl.Campaign.open(tmp_path / "million").table)
+    assert list(table.columns[:6]) == ["bat", "procedure", *KEYS_OF_DOCS, "repeat", "number"]
+
+
+KEYS_OF_DOCS = ["impact.gates.distance_u", "impact.pivot.from_knob_u"]
+
+
+def test_the_commands_of_a_campaign(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lose(part(copy, 1))
+    assert cli.main(["campaign", "check", str(copy)], standalone_mode=False) == 4
+    assert "missing, not made: r161 by astm-f1881" in capsys.readouterr().out
+    assert cli.main(["campaign", "resume", str(copy), "--json"], standalone_mode=False) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == 1
+    assert cli.main(["campaign", "summary", str(copy), "--json"], standalone_mode=False) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["change"] for row in rows] == [{KEY: 0.05}, {KEY: 0.1}]
+    assert cli.main(["campaign", "summary", str(copy)], standalone_mode=False) == 0
+    assert f"{KEY} 0.05" in capsys.readouterr().out

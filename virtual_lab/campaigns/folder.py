@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 STUDY, STAMP, PARTS = "study.toml", "campaign.json", "parts"
+Faults = Mapping[int, str]  # by the numbers of blocks
+NONE: Faults = MappingProxyType({})
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -146,12 +148,7 @@ class Campaign:
         return self.account(range(self.blocks), whole=True, progress=progress)
 
     def account(
-        self,
-        numbers: range,
-        faults: Mapping[int, str] = MappingProxyType({}),
-        *,
-        whole: bool = False,
-        progress: Progress = quiet,
+        self, numbers: range, faults: Faults = NONE, whole: bool = False, progress: Progress = quiet
     ) -> Account:
         """Account for blocks; `faults` are reasons why they are missing, where known."""
         missing, processors, rows = {}, set(), 0

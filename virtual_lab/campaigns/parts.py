@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,8 +16,8 @@ from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.campaigns.study import StudyCase
-from virtual_lab.errors import DISTRIBUTION, InputError, with_extra
-from virtual_lab.files.drafts import draft_in
+from virtual_lab.errors import DISTRIBUTION, missing_extra
+from virtual_lab.files import whole_file
 from virtual_lab.lab import BlockTest
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
 from virtual_lab.output.metrics import METRICS
@@ -53,12 +52,11 @@ class Block:
 
 
 def parquet() -> Any:
-    """Return pyarrow's module of Parquet files; `InputError` that names the extra without it."""
+    """Return pyarrow's module of Parquet files; `InputError` without its extra."""
     try:
         import pyarrow.parquet
     except ImportError as fault:
-        allowed = with_extra("campaign")
-        raise InputError("", "a campaign needs the extra 'campaign'", None, allowed) from fault
+        raise missing_extra("campaign", "a campaign") from fault
     return pyarrow.parquet
 
 
@@ -81,8 +79,8 @@ def table_of(block: Block, seed: int) -> pa.Table:
     }
     columns["number", ""] = pa.array(numbers)
     for key in dict.fromkeys(key for part in parts for key in part):
-        # a contribution that is certain in all laboratories of a part has no column there
-        own = [part.get(key, np.zeros(part["verdict", ""].size)) for part in parts]
+        # what is certain in some laboratories side by side contributes nothing, and has no column
+        own = [part[key] if key in part else 0 * part["u", key[1]] for part in parts]
         columns[key] = pa.array(np.concatenate(own), from_pandas=True)  # NaN is a blank
     fields = [
         pa.field(name, column.type, metadata={"unit": unit})
@@ -96,21 +94,15 @@ def _columns(tested: BlockTest) -> Columns:
     found, true = tested.certified, dict(tested.measurands)
     metric, unit = found.results["metric"], METRICS[found.procedure.metric].si_unit or "1"
     reach = coverage_factors(metric.dof) * metric.u
-    of_metric = {
-        "metric": metric.value,
-        "u": metric.u,
-        "low": metric.value - reach,
-        "high": metric.value + reach,
-        "true": true.pop("metric"),
-    }
-    columns: Columns = {(name, unit): values for name, values in of_metric.items()}
+    own = (metric.value, metric.u, metric.value - reach, metric.value + reach, true.pop("metric"))
+    names = ("metric", "u", "low", "high", "true")
+    columns: Columns = {(name, unit): one for name, one in zip(names, own, strict=True)}
     columns["dof", "1"] = metric.dof
     for name, budgets in found.results.items():
         if name != "metric":
             columns[name, "1"], columns[f"{name}_u", "1"] = budgets.value, budgets.u
     for name, values in true.items():
-        own = "m" if name == WIDTH_KEY else unit if name == CONTINUOUS else "1"
-        columns[f"{name}_true", own] = values
+        columns[f"{name}_true", {WIDTH_KEY: "m", CONTINUOUS: unit}.get(name, "1")] = values
     square, _ = metric.components.lines()
     for name, column in zip(metric.components.line_names, np.sqrt(square).T, strict=True):
         columns[f"contribution.{name}", unit] = column
@@ -118,7 +110,7 @@ def _columns(tested: BlockTest) -> Columns:
         ("verdict", ""): np.array([verdict.value for verdict in found.verdicts], object),
         ("flags", ""): _joined(found.checked.flagged, found.some.size),
     }
-    return words | {key: np.where(found.some, own, np.nan) for key, own in columns.items()}
+    return words | {key: np.where(found.some, one, np.nan) for key, one in columns.items()}
 
 
 def _joined(raised: Mapping[str, NDArray[np.bool_]], size: int) -> NDArray[Any]:
@@ -133,12 +125,8 @@ def write_part(table: pa.Table, folder: Path, block: Block) -> None:
     """Write a part whole or not at all. `OSError` where the folder cannot be written."""
     words = {**PROGRAM, "name": block.name, "tests": str(block), "processor": processor()}
     table = table.replace_schema_metadata({ABOUT: json.dumps(words)})
-    with draft_in(folder) as draft:
-        with open(draft / block.name, "wb") as file:
-            parquet().write_table(table, file, **FORM)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(draft / block.name, folder / block.name)
+    with whole_file(folder / block.name) as file:
+        parquet().write_table(table, file, **FORM)
 
 
 def wrong_with(path: Path, block: Block, *, whole: bool) -> tuple[str, str]:

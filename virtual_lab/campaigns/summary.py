@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -15,35 +15,26 @@ from virtual_lab.campaigns.study import StudyCase
 from virtual_lab.output.tables import Column
 from virtual_lab.units import Array
 
-SUMMARY_WORDS = (
-    "Of the metric, in tests that are not INVALID. sd: standard deviation, and that within a\n"
-    "laboratory, from day to day. u: as stated. Error: measured minus true value. Coverage: 95 %\n"
-    "intervals with the true value, and its own 95 % confidence interval (Clopper-Pearson)."
-)
+SUMMARY_WORDS = """\
+Of the metric in SI, in tests that are not INVALID. sd: standard deviation, and that within a
+laboratory, from day to day; u: as stated; bias: mean of measured minus true value, and its
+standard error; coverage: 95 % intervals with the true value, and its own 95 % confidence
+interval (Clopper-Pearson)."""
 READ = ["verdict", "flags", "metric", "u", "low", "high", "true"]
+COUNTS = ["bat", "procedure", "change", "tests", "missing", "verdicts", "flags"]
+STATISTICS = ["mean", "sd", "sd_within", "rms_u", "bias", "bias_se", "coverage"]
+STATISTICS += ["coverage_low", "coverage_high", "above", "below"]
 
 
-def _counts(key: str) -> Any:
-    return lambda row: ", ".join(f"{name} {value}" for name, value in row[key].items())
+def _column(key: str) -> Column:
+    def listed(row: Mapping[str, Any]) -> str:
+        return ", ".join(f"{name} {value}" for name, value in row[key].items())
+
+    several = key in ("change", "verdicts", "flags")
+    return Column(key.replace("_", " "), form=listed if several else ".5g")
 
 
-SUMMARY_COLUMNS = {
-    "bat": Column("bat"),
-    "procedure": Column("procedure"),
-    "change": Column("changed", form=_counts("change")),
-    "tests": Column("tests"),
-    "missing": Column("not made"),
-    "verdicts": Column("verdicts", form=_counts("verdicts")),
-    "mean": Column("mean", "SI", ".6g"),
-    "sd": Column("sd", "SI", ".3g"),
-    "sd_within": Column("sd within", "SI", ".3g"),
-    "rms_u": Column("rms u", "SI", ".3g"),
-    "bias": Column("mean error", "SI", "+.1e"),
-    "bias_se": Column("its se", "SI", ".1e"),
-    "coverage": Column("coverage", form=".2%"),
-    "coverage_low": Column("at least", form=".2%"),
-    "coverage_high": Column("at most", form=".2%"),
-}
+SUMMARY_COLUMNS = {key: _column(key) for key in COUNTS + STATISTICS[:-2]}
 
 
 def summary_of(
@@ -75,48 +66,29 @@ def summary_of(
             sums[:7] += [np.sum(term) for term in terms]
             of_days.append(np.where(sound, numbers[0] - about, np.nan))
         sums[7:] += _within(of_days)
-    tests = verdicts.total()
-    return {
-        **{"bat": case.bat, "procedure": case.procedure, "change": dict(case.change)},
-        **{"tests": tests, "missing": missing, "verdicts": _sorted(verdicts)},
-        **{"flags": _sorted(flags), **_statistics(tests - verdicts["INVALID"], about, sums)},
-    }
-
-
-def _sorted(counts: Counter[str]) -> dict[str, int]:
-    return dict(sorted(counts.items()))
+    tests, counts = verdicts.total(), [dict(sorted(each.items())) for each in (verdicts, flags)]
+    known = (case.bat, case.procedure, dict(case.change), tests, missing, *counts)
+    found = _statistics(tests - verdicts["INVALID"], about, sums)
+    return dict(zip(COUNTS, known, strict=True)) | dict(zip(STATISTICS, found, strict=True))
 
 
 def _within(of_days: Sequence[Array]) -> tuple[float, float]:
     """Return the sum of squares about each laboratory's own mean, and its degrees of freedom."""
-    if not of_days:
-        return 0.0, 0.0
-    some = np.isfinite(of_days)
+    some = np.isfinite(of_days) & bool(of_days)
     many, values = np.maximum(some.sum(axis=0), 1), np.where(some, of_days, 0.0)
     off = np.where(some, values - values.sum(axis=0) / many, 0.0)
     return float(np.sum(off**2)), float(np.sum(many - 1))
 
 
-def _statistics(count: int, about: float, sums: Array) -> dict[str, float | None]:
-    """Return the columns that the sums over `count` tests give."""
+def _statistics(count: int, about: float, sums: Array) -> list[float | None]:
+    """Return the `STATISTICS` that the sums over `count` tests give."""
     from scipy.stats import binomtest  # half a second to load, which no worker needs
 
+    held = count - int(sums[5] + sums[6])
+    bounds = binomtest(held, count).proportion_ci(0.95, "exact") if count else (np.nan, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         off, square, u, error, own, above, below = sums[:7] / count
-        freedom = count - 1
-        held = count - int(sums[5] + sums[6])
-        bounds = binomtest(held, count).proportion_ci(0.95, "exact") if count else (np.nan, np.nan)
-        found = {
-            "mean": about + off,
-            "sd": np.sqrt((square - off**2) * count / freedom),
-            "sd_within": np.sqrt(sums[7] / sums[8]),
-            "rms_u": np.sqrt(u),
-            "bias": error,
-            "bias_se": np.sqrt((own - error**2) / freedom),
-            "coverage": np.divide(held, count),
-            "coverage_low": bounds[0],
-            "coverage_high": bounds[1],
-            "above": above,
-            "below": below,
-        }
-    return {name: float(one) if np.isfinite(one) else None for name, one in found.items()}
+        sd, se = (np.array([square - off**2, own - error**2]) / (count - 1)) ** 0.5
+        within, rms_u, covered = (sums[7] / sums[8]) ** 0.5, u**0.5, 1 - above - below
+    found = [about + off, sd * count**0.5, within, rms_u, error, se, covered, *bounds, above, below]
+    return [float(one) if np.isfinite(one) else None for one in found]

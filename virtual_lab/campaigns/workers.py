@@ -20,7 +20,7 @@ from virtual_lab import catalog
 from virtual_lab.campaigns.folder import Campaign
 from virtual_lab.campaigns.parts import table_of, write_part
 from virtual_lab.catalog.reading import Key
-from virtual_lab.errors import InputError, with_extra
+from virtual_lab.errors import InputError, missing_extra
 
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 ONE_THREAD = {f"{each}_NUM_THREADS": "1" for each in THREADS} | {"VECLIB_MAXIMUM_THREADS": "1"}
@@ -116,8 +116,7 @@ def by_dask(folder: Path, numbers: Sequence[int], address: str) -> Outcomes:
     try:
         from distributed import Client
     except ImportError as fault:
-        allowed = with_extra("dask")
-        raise InputError("", "--dask needs the extra 'dask'", None, allowed) from fault
+        raise missing_extra("dask", "Dask") from fault
     where, gone = str(folder.absolute()), "answers no more; what was made stays, resume later"
     getLogger("distributed.client").setLevel(CRITICAL)  # we say what is wrong, in one line
     try:

@@ -14,6 +14,7 @@ from virtual_lab.files.documents import (
     read_table,
     read_text,
     read_toml,
+    whole_file,
 )
 from virtual_lab.files.drafts import remove_drafts
 
@@ -32,4 +33,5 @@ __all__ = [
     "read_text",
     "read_toml",
     "remove_drafts",
+    "whole_file",
 ]

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from errno import EEXIST
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from virtual_lab.errors import InputError
 from virtual_lab.files.drafts import draft_in
@@ -294,3 +294,17 @@ def new_files(folder: Path) -> Iterator[Path]:
                 file.rename(folder / file.name)
     except OSError as fault:
         raise InputError("", "out", str(folder), f"cannot be written ({fault.strerror})") from fault
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[BinaryIO]:
+    """Yield a file to write; it takes its place, on the disk itself, only if nothing went wrong.
+
+    Raises `OSError` where the folder cannot be written.
+    """
+    with draft_in(path.parent) as draft:
+        with open(draft / path.name, "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(draft / path.name, path)
