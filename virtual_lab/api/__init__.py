@@ -369,6 +369,13 @@ def certify(
     control_bat: str | Path | Sheet | None = None,
     correction: str | None = None,
     film: bool = False,
+    laboratory: str | Path | None = None,
+    customer: str = "",
+    bat_serial: str = "",
+    bat_condition: str = "",
+    received: str = "",
+    operator: str = "",
+    notes: str = "",
     progress: Progress = quiet,
 ) -> Certificate:
     """Test a bat by a procedure and return its certificate.
@@ -409,6 +416,11 @@ def certify(
         procedure does not; the certificate marks it as assumed.
     film
         Whether `Certificate.save` writes a video of the first shot.
+    laboratory
+        Path of a file with who tests, for whom, and which instruments (``virtual-lab template
+        laboratory FILE`` writes an empty one): the certificate states it, and says what is missing.
+    customer, bat_serial, bat_condition, received, operator, notes
+        Such particulars of this test, in place of the file's.
     progress
         Called with the present task, one sentence at a time.
 
@@ -421,6 +433,7 @@ def certify(
     from virtual_lab import catalog
     from virtual_lab.lab import TestSetup, certify_bat
     from virtual_lab.measurement.procedure import Procedure
+    from virtual_lab.records.particulars import read_particulars
     from virtual_lab.simulation.rig import Reality, named
 
     rules: str | Entry[Procedure] = cast("str", procedure)  # sheets are names by now
@@ -440,6 +453,17 @@ def certify(
         control_bat=cast("str | None", control_bat),
         correction=correction,
         film=film,
+        particulars=read_particulars(
+            None if laboratory is None else Path(laboratory),
+            {
+                "customer.name": customer,
+                "bat.serial": bat_serial,
+                "bat.condition": bat_condition,
+                "bat.received": received,
+                "test.operator": operator,
+                "test.notes": notes,
+            },
+        ),
     )
     return _certificate(certify_bat(setup, progress), seed)
 

@@ -193,6 +193,11 @@ ARGUMENTS = {
     **dict.fromkeys(("folder", "records"), FOLDER),
     "script": PATH,
     "study": ArgumentRule(_study, "a study.toml, its keys and values, or None to resume"),
+    "laboratory": PATH,
+    **dict.fromkeys(
+        ("customer", "bat_serial", "bat_condition", "received", "notes"),
+        ArgumentRule(_word, "a text"),
+    ),
     "pictures": _several(PATH, "paths of pictures"),
     "progress": ArgumentRule(_callable, "a function that is called with a sentence"),
     "operator": ANY,

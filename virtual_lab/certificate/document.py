@@ -21,6 +21,7 @@ from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import read_json
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.origin import Simulated
+from virtual_lab.records.particulars import NOTHING_STATED, Particulars
 
 SCHEMA = 3
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
@@ -332,6 +333,7 @@ class CertificateDocument(Spec):
     laboratory: str  # that supplied the records; empty of a simulated test
     customer: str
     date: str
+    particulars: Particulars = NOTHING_STATED  # what is stated beside the results
     metric: MetricStated
     verdict: Literal["PASS", "FAIL", "INVALID", "MEASURED"]
     marginal: YesNo

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from importlib.metadata import version
 from math import isfinite, sqrt
 from typing import cast
@@ -52,6 +52,8 @@ from virtual_lab.measurement.swing_range import SwingResult
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records import EncoderRecord
 from virtual_lab.records.origin import Simulated, Supplied
+from virtual_lab.records.particulars import Particulars
+from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.units import INCH, MPH, Array
 
@@ -102,6 +104,7 @@ def certificate(
         laboratory=supplied.laboratory if supplied else "",
         customer=supplied.customer if supplied else "",
         date=session.date,
+        particulars=_particulars(session),
         metric=_metric(certification),
         verdict=certification.verdict.value,
         marginal=certification.marginal,
@@ -157,6 +160,16 @@ def certificate(
         versions={"virtual-lab": version(DISTRIBUTION)}
         | {name: version(name) for name in ("numpy", "scipy", "pandas", "numba")},
     )
+
+
+def _particulars(session: Session) -> Particulars:
+    """Return what is stated; the laboratory that supplied the records is one of its own form."""
+    found, origin = session.particulars, session.origin
+    if isinstance(origin, Supplied):
+        laboratory = replace(found.laboratory, name=found.laboratory.name or origin.laboratory)
+        customer = replace(found.customer, name=found.customer.name or origin.customer)
+        return replace(found, laboratory=laboratory, customer=customer)
+    return found
 
 
 def _simulation(origin: Simulated, truth_digest: str | None) -> SimulationStated:

@@ -17,6 +17,7 @@ from virtual_lab.certificate.document import (
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.output.tables import table_text
+from virtual_lab.records.particulars import Particulars
 from virtual_lab.units import INCH
 
 SYMBOLS = {
@@ -64,6 +65,7 @@ def certificate_text(document: CertificateDocument) -> str:
     lines.append(f"  {document.valid_hits} valid hits, {len(document.rejected_hits)} rejected")
     lines += [f"    shot {hit.shot}: {hit.reason}" for hit in document.rejected_hits]
     lines += [f"  ball {each.ball} set aside: {each.reason}" for each in document.ball.set_aside]
+    lines += _particulars_lines(document.particulars, simulated=document.simulation is not None)
     lines.append(f"  {document.conditional_on}")
     lines.append(f"  {document.statement}")
     if document.simulation:
@@ -83,6 +85,19 @@ def _metric_line(metric: MetricStated) -> str:
     value = with_uncertainty(metric.value / printed.unit_si, metric.u / printed.unit_si)
     interval = f"95 % interval {low:.{places}f} to {high:.{places}f}"
     return f"{printed.symbol:4} {value}{unit}   {interval}, {most}"
+
+
+def _particulars_lines(particulars: Particulars, *, simulated: bool) -> list[str]:
+    """Return what is stated, and what is not; none where nothing is."""
+    if not particulars.stated:
+        return []
+    lines = [f"  {words}: {value}" for words, value in particulars.printed(simulated=simulated)]
+    lines += [
+        f"  Instrument {name}: {each.identity}{f', due {each.due}' if each.due else ''}"
+        for name, each in particulars.instruments.items()
+    ]
+    missing = ", ".join(particulars.not_stated)
+    return [*lines, f"  Not stated: {missing}"] if missing else lines
 
 
 def _choice_lines(document: CertificateDocument) -> list[str]:

@@ -81,6 +81,19 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Save a video of the first shot for 'track'; needs --rig filmed-cannon.",
 )
+@click.option(
+    "--laboratory",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Who tests, for whom, with which instruments: stated on the certificate. 'template "
+    "laboratory FILE' writes an empty one; the next six options come before it.",
+)
+@click.option("--customer", default="", help="For whom the bat is tested.")
+@click.option("--bat-serial", default="", help="Serial number of the bat.")
+@click.option("--bat-condition", default="", help="Condition of the bat as received.")
+@click.option("--received", default="", metavar="DAY", help="Day of receipt, as 2026-11-25.")
+@click.option("--operator", default="", help="Who carries out the test.")
+@click.option("--notes", default="", help="What else is to be stated.")
 def certify(bat: str, ideal: bool, noise_free: bool, progress: Progress, **asked: Any) -> Any:
     """Test BAT (a name or a .toml file) by a procedure and write its certificate."""
     if ideal and noise_free:
@@ -115,9 +128,18 @@ def score(folder: Path) -> Any:
 @click.argument("procedure", shell_complete=names("procedures"))
 @click.argument("folder", type=click.Path(path_type=Path))
 def template(procedure: str, folder: Path) -> Answer:
-    """Write empty record forms of PROCEDURE into a new FOLDER, for another laboratory."""
+    """Write empty record forms of PROCEDURE into a new FOLDER, for another laboratory.
+
+    `template laboratory FILE` writes an empty form of who tests what for whom, for `certify
+    --laboratory`.
+    """
     from virtual_lab.files import check_new_folder
 
+    if procedure == "laboratory":
+        from virtual_lab.studies.template import particulars_form
+
+        particulars_form(folder)
+        return Answer(document={"file": str(folder)}, text=str(folder))
     check_new_folder(folder)
     written = api.template(procedure, folder)
     return Answer(document={"folder": str(written)}, text=str(written))

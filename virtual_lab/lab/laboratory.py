@@ -109,6 +109,7 @@ class Laboratory:
                 bat_sport=bat.sport or "",
                 ball_sport=ball.sport or "",
                 date=datetime.date.today().isoformat(),
+                particulars=setup.particulars,
                 rigs={stage.value: name for stage, name in setup.rigs.items()},
                 procedure_text=setup.rules.text,
                 calibration=setup.faults.calibration(known | lot_constants(ball)),

@@ -12,6 +12,7 @@ from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab.fitting import unverified_rigs
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.records.particulars import NOTHING_STATED, Particulars
 from virtual_lab.simulation.collision.ladder import Ladder
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
@@ -43,6 +44,7 @@ class TestSetup:
     film: bool = False  # of the first shot
     made: bool = True  # False: the nominal bat
     collision: Ladder | None = None  # that many laboratories share
+    particulars: Particulars = NOTHING_STATED  # what the certificate states beside the results
 
     @classmethod
     def of(
@@ -62,6 +64,7 @@ class TestSetup:
         correction: str | None = None,
         film: bool = False,
         detail: RecordDetail = RecordDetail.FULL,
+        particulars: Particulars = NOTHING_STATED,
     ) -> Self:
         """Return the setup of a bat's test by a procedure.
 
@@ -96,6 +99,8 @@ class TestSetup:
             Whether to save a video of the first shot.
         detail
             Whether instruments write every reading or sums.
+        particulars
+            What the certificate states beside the results: who, for whom, which bat, when.
 
         Raises
         ------
@@ -138,6 +143,7 @@ class TestSetup:
             control_bat=control,
             film=film,
             detail=detail,
+            particulars=particulars,
         )
 
     def draws(self, seed: int, *branch: int) -> Draws:

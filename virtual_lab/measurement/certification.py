@@ -21,6 +21,7 @@ from virtual_lab.measurement.diagnostics import (
     Evidence,
     Flag,
     check,
+    overdue,
 )
 from virtual_lab.measurement.model import MeasurementModel
 from virtual_lab.measurement.other_support import OtherSupport, other_support
@@ -187,7 +188,7 @@ class BlockCertification:
             camera=compare_camera(session, reduced, propagator),
             set_aside=reduced.preparation.lot.set_aside,
             findings=findings(procedure, reduced.bat),
-            flags=checked.flags,
+            flags=(*checked.flags, *overdue(session.particulars, session.date)),
             pairs=checked.pairs,
             not_checked=checked.left_out,
             reasons=self.reasons(laboratory),

@@ -27,6 +27,7 @@ from virtual_lab.files import contents, parse_table, read_bytes, read_json, read
 from virtual_lab.records import Record, record_name, record_types
 from virtual_lab.records.constants import require_plausible
 from virtual_lab.records.origin import Origin, Simulated, Supplied
+from virtual_lab.records.particulars import NOTHING_STATED, Particulars, particulars_of
 from virtual_lab.uncertainty.estimate import Estimate
 
 SCHEMA = 2
@@ -49,6 +50,7 @@ class Session:
     date: str = ""  # of the test, as the laboratory writes dates
     bat_sport: str = ""  # what the bat is marked for, as its data sheet says; "": not known
     ball_sport: str = ""
+    particulars: Particulars = NOTHING_STATED
 
 
 def save_session(session: Session, folder: Path) -> None:
@@ -74,6 +76,7 @@ def save_session(session: Session, folder: Path) -> None:
         "ball": session.ball,
         "date": session.date,
         **{key: getattr(session, key) for key in SPORTS if getattr(session, key)},
+        **({"particulars": stated} if (stated := session.particulars.stated) else {}),
         "rigs": dict(session.rigs),
         "procedure_sha256": _digest(rules),
         "channels": channels,
@@ -150,6 +153,7 @@ class SessionForm(Spec):
     simulation: Simulated | None = None
     laboratory: Title = ""
     customer: Title = ""
+    particulars: Mapping[str, Any] = field(default_factory=dict)
 
 
 def load_session(folder: Path) -> Session:
@@ -175,6 +179,7 @@ def load_session(folder: Path) -> Session:
         },
         origin=_origin(form, where),
         date=form.date,
+        particulars=particulars_of(form.particulars, f"{where} [particulars]"),
         **{key: getattr(form, key) for key in SPORTS},
     )
 

@@ -13,12 +13,13 @@ from pathlib import Path
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import CHECK_STANDARD
-from virtual_lab.files import new_folder
+from virtual_lab.files import new_files, new_folder
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records import Record, record_name
 from virtual_lab.records.constants import constant_of
 from virtual_lab.records.foreign.laboratory import BLANK, FORM
 from virtual_lab.records.foreign.table import column_names
+from virtual_lab.records.particulars import form
 from virtual_lab.records.session import Session
 from virtual_lab.studies.foreign import our_own
 from virtual_lab.units import DIMENSIONS
@@ -46,6 +47,12 @@ def template(procedure: str, folder: str | Path) -> Path:
     return folder
 
 
+def particulars_form(path: Path) -> None:
+    """Write an empty file of a test's particulars; `InputError` where it cannot be written."""
+    with new_files(path.parent) as draft:
+        (draft / path.name).write_text("\n".join(form()) + "\n", encoding="utf-8")
+
+
 def _form(session: Session, procedure: str) -> Iterator[str]:
     rules = catalog.read(session.procedure_text, procedure, Procedure).spec
     yield f"# The form of a test by {procedure}: {rules.title}."
@@ -60,6 +67,8 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     for key, other in (("bat_sport", f", {CHECK_STANDARD}"), ("ball_sport", "")):
         yield f'{key} = "{getattr(session, key)}"  # baseball, softball{other}, or nothing'
     yield f'procedure = "{procedure}"'
+    yield "# Who tested what for whom may follow in tables [particulars.bat] and so on; those of"
+    yield "# 'virtual-lab template laboratory FILE' have their keys."
     yield "index_from = 0  # where shots, balls, readings and the rest are counted from; or 1"
     yield ""
     yield "[rigs]  # your machines, in your own words"

@@ -54,7 +54,8 @@ def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
     assert (document["origin"], document["simulation"]) == ("supplied", None)
     assert document["laboratory"] == "Crosstown Bat Laboratory"
     page = (tmp_path / "theirs/certificate.html").read_text("utf-8")
-    assert "Crosstown Bat Laboratory, which supplied the records; computed by the Virtual" in page
+    assert "<dd>Virtual laboratory, from the records supplied</dd>" in page
+    assert "<dt>Laboratory</dt><dd>Crosstown Bat Laboratory</dd>" in page
     assert page.count(said) == 2
     assert "<dt>Customer</dt><dd>Ashwood &amp; Sons</dd>" in page
     known = KNOWN["bat_performance_factor"]

@@ -2,7 +2,7 @@
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag
-from virtual_lab.measurement.diagnostics.flags import CHECKS, BlockChecked, Checked, check
+from virtual_lab.measurement.diagnostics.flags import CHECKS, BlockChecked, Checked, check, overdue
 
 __all__ = [
     "CHECKS",
@@ -12,4 +12,5 @@ __all__ = [
     "Evidence",
     "Flag",
     "check",
+    "overdue",
 ]

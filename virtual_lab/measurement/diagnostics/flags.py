@@ -29,6 +29,7 @@ from virtual_lab.measurement.diagnostics.impact import (
 )
 from virtual_lab.measurement.diagnostics.repeats import records_repeated
 from virtual_lab.records import PassageRecord, RateRecord, Record
+from virtual_lab.records.particulars import Particulars
 from virtual_lab.units import Mask
 
 CHECKS: Mapping[str, Callable[[Evidence], Iterator[Answer]]] = {
@@ -114,3 +115,15 @@ def check(seen: Evidence) -> BlockChecked:
             name for name in CHECKS if any(name in OF_READINGS.get(kind, ()) for kind in kinds)
         ),
     )
+
+
+def overdue(particulars: Particulars, date: str) -> Iterator[Flag]:
+    """Yield a flag for each instrument whose next calibration was due before the test.
+
+    `date` is that of the test where the particulars state none.
+    """
+    day = particulars.test.begun or date
+    for name, each in particulars.instruments.items():
+        if each.due and day and each.due < day:
+            said = f"the calibration of {name} ({each.identity}) was due on {each.due}"
+            yield Flag(name="calibration-due", sentence=f"{said}, the test was on {day}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,6 +16,7 @@ from virtual_lab.files import inside, read_toml
 from virtual_lab.records.foreign.constants import read_constants
 from virtual_lab.records.foreign.table import ChannelForm, FirstIndex, read_channel
 from virtual_lab.records.origin import Supplied
+from virtual_lab.records.particulars import particulars_of
 from virtual_lab.records.session import Session, require_channel
 
 FORM = "laboratory.toml"
@@ -37,6 +38,7 @@ class LaboratoryForm(Spec):
     bat_sport: BatSport | Literal[""] = ""
     ball_sport: Sport | Literal[""] = ""
     customer: Title = ""
+    particulars: Mapping[str, Any] = field(default_factory=dict)
     index_from: FirstIndex = 0
 
 
@@ -58,6 +60,7 @@ def load_laboratory(folder: Path) -> Session:
         bat_sport=form.bat_sport,
         ball_sport=form.ball_sport,
         origin=Supplied(laboratory=form.laboratory, customer=form.customer),
+        particulars=particulars_of(form.particulars, f"{path} [particulars]"),
         rigs=form.rigs,
         procedure_text=_procedure_text(form.procedure, folder, path),
         calibration=read_constants(form.calibration, str(path)),

@@ -1,0 +1,151 @@
+"""What a report states beside its results: read, checked, kept with the records, printed."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.laboratories import certified
+from virtual_lab.certificate.document import document_of
+from virtual_lab.certificate.filling import certificate
+from virtual_lab.certificate.html import certificate_page
+from virtual_lab.certificate.text import certificate_text
+from virtual_lab.errors import InputError
+from virtual_lab.files import parse_toml
+from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.records.particulars import (
+    NOTHING_STATED,
+    Particulars,
+    form,
+    particulars_of,
+    read_particulars,
+)
+from virtual_lab.records.session import load_session, save_session
+
+FILE = """
+[laboratory]
+name = "Bat Laboratory"
+address = "1 Test Road"
+[bat]
+serial = "SN 1"
+received = 2026-11-20
+[test]
+begun = "2026-11-24"
+[authorised_by]
+name = "A. Nonymous"
+role = "manager"
+[instruments.gates]
+identity = "G-12"
+due = 2026-11-23
+"""
+
+
+@pytest.fixture
+def stated(tmp_path: Path) -> Particulars:
+    path = tmp_path / "lab.toml"
+    path.write_text(FILE, encoding="utf-8")
+    return read_particulars(path, {"customer.name": "Müller & Søn <x>", "bat.serial": "SN 2"})
+
+
+def with_particulars(stated: Particulars) -> Certification:
+    session = certified().certification.session
+    return certify_session(replace(session, particulars=stated))
+
+
+def test_an_option_comes_before_the_file(stated: Particulars) -> None:
+    assert stated.bat.serial == "SN 2"
+    assert stated.bat.received == "2026-11-20"
+    assert stated.customer.name == "Müller & Søn <x>"
+    assert read_particulars(None, {"test.notes": ""}) == NOTHING_STATED
+
+
+def test_the_empty_form_has_every_key_and_states_nothing() -> None:
+    """The keys in a comment too: authoriser and instruments may not be empty."""
+    text = "\n".join(form())
+    assert particulars_of(parse_toml(text, "form"), "form") == NOTHING_STATED
+    filled = re.sub(r'^#? ?(\w+) = ""', r'\1 = "2026-11-25"', text, flags=re.MULTILINE)
+    every = particulars_of(parse_toml(filled.replace("# [", "["), "form"), "form")
+    assert every.not_stated == []
+    (instrument,) = every.instruments.values()
+    assert "" not in (instrument.identity, instrument.due, instrument.traceability)
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        ({"bat": {"serail": "1"}}, "lab: bat.serail; unknown key, did you mean serial"),
+        ({"bats": {}}, "lab: bats; unknown key, did you mean bat"),
+        ({"bat": {"received": "tomorrow"}}, "bat.received = 'tomorrow'; must be a day such as"),
+        ({"bat": {"received": 20261120}}, "bat.received = 20261120"),
+        ({"customer": {"name": "x" * 500}}, "must be a line of up to 200 characters"),
+        ({"customer": {"name": "a\x07b"}}, "must be a line of up to 200 characters"),
+        ({"authorised_by": {"name": "", "role": "x"}}, "authorised_by; needs a name and a role"),
+        ({"authorised_by": {"name": "x"}}, "authorised_by.role; this key is missing"),
+        ({"instruments": {"gates": {"due": "2026-01-01"}}}, "instruments.gates.identity"),
+        (
+            {"bat": {"received": "2026-11-25"}, "test": {"issued": "2026-11-24"}},
+            "test.issued = '2026-11-24'; allowed: bat.received, 2026-11-25, or later",
+        ),
+        (
+            {"test": {"begun": "2026-11-25", "ended": "2026-11-24"}},
+            "test.ended = '2026-11-24'; allowed: test.begun, 2026-11-25, or later",
+        ),
+    ],
+)
+def test_what_cannot_be_stated_is_refused_in_one_line(
+    document: dict[str, object], said: str
+) -> None:
+    with pytest.raises(InputError) as refused:
+        particulars_of(document, "lab")
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_they_stay_with_the_records(stated: Particulars, tmp_path: Path) -> None:
+    """And records that state nothing say nothing of it."""
+    session = certified().certification.session
+    for particulars in (stated, NOTHING_STATED):
+        folder = tmp_path / str(bool(particulars.stated))
+        folder.mkdir()
+        save_session(replace(session, particulars=particulars), folder)
+        assert load_session(folder).particulars == particulars
+        written = json.loads((folder / "session.json").read_text(encoding="utf-8"))
+        assert ("particulars" in written) == bool(particulars.stated)
+
+
+def test_page_and_text_say_what_is_stated_and_what_is_not(stated: Particulars) -> None:
+    document = certificate(with_particulars(stated))
+    assert document_of(json.loads(document.text()), "certificate.json") == document
+    text, page = certificate_text(document), certificate_page(document)
+    for value in ("Bat Laboratory", "1 Test Road", "SN 2", "2026-11-20", "2026-11-24", "G-12"):
+        assert value in text
+        assert value in page
+    assert "Müller & Søn <x>" in text
+    assert "Müller &amp; Søn &lt;x&gt;" in page
+    for shown in (text, page):
+        assert "A. Nonymous, manager (SIMULATED)" in shown
+        assert "address of the customer, maker of the bat" in shown.split("Not stated: ")[1]
+        assert "SN 1" not in shown
+    nothing = certificate(certified().certification)
+    assert "Not stated: laboratory, address of the laboratory" in certificate_page(nothing)
+    assert "Not stated" not in certificate_text(nothing)
+
+
+@pytest.mark.parametrize(("due", "flagged"), [("2026-11-23", True), ("2026-11-24", False)])
+def test_a_calibration_that_was_due_before_the_test_is_a_flag(
+    stated: Particulars, due: str, flagged: bool
+) -> None:
+    """A remark: the verdict stands."""
+    gates = replace(stated.instruments["gates"], due=due)
+    found = with_particulars(replace(stated, instruments={"gates": gates}))
+    flags = {flag.name: flag for flag in found.flags}
+    assert ("calibration-due" in flags) == flagged
+    assert found.verdict == certified().certification.verdict
+    if flagged:
+        assert flags["calibration-due"].sentence == (
+            "the calibration of gates (G-12) was due on 2026-11-23, the test was on 2026-11-24"
+        )

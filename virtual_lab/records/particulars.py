@@ -1,0 +1,245 @@
+"""Who tested which bat for whom, where and when: what a report states beside its results.
+
+The common requirements for reports of ISO/IEC 17025:2017, 7.8.2.1. All of it may be left out: a
+certificate says in one line what is not stated.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from virtual_lab.catalog.specs import Spec, Title
+from virtual_lab.catalog.validation import validate
+from virtual_lab.errors import InputError
+from virtual_lab.files import read_toml
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
+
+
+@dataclass(frozen=True, slots=True)
+class Calendar:
+    """Mark on a field: its file entry is a day, as a date or as text; empty: not stated."""
+
+    def read(self, raw: object) -> object:
+        """Return the day as text; `ValueError` if unfit."""
+        if isinstance(raw, datetime.date):
+            return raw.isoformat()
+        if isinstance(raw, str) and raw:
+            try:
+                return datetime.date.fromisoformat(raw).isoformat()
+            except ValueError:
+                raise ValueError("must be a day such as 2026-11-25") from None
+        return raw
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+
+Day = Annotated[str, Calendar()]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestingLaboratory(Spec):
+    """The laboratory; `place` is where it tested, if elsewhere."""
+
+    name: Title = ""
+    address: Title = ""
+    place: Title = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Customer(Spec):
+    """For whom the bat was tested."""
+
+    name: Title = ""
+    address: Title = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestItem(Spec):
+    """The bat as it was handed in."""
+
+    maker: Title = ""
+    model: Title = ""
+    serial: Title = ""
+    condition: Title = ""
+    received: Day = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestCourse(Spec):
+    """When and by whom the test was carried out, and what was done otherwise."""
+
+    begun: Day = ""
+    ended: Day = ""
+    issued: Day = ""
+    operator: Title = ""
+    deviations: Title = ""
+    outside_providers: Title = ""
+    notes: Title = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Authoriser(Spec):
+    """Who authorises the report."""
+
+    name: Title
+    role: Title
+
+    def __post_init__(self) -> None:
+        if not (self.name and self.role):
+            raise ValueError("needs a name and a role; leave the table out where nobody authorises")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InstrumentIdentity(Spec):
+    """Which instrument it was, and who calibrated it."""
+
+    identity: Title
+    certificate: Title = ""
+    date: Day = ""  # of the calibration
+    due: Day = ""  # of the next one
+    traceability: Title = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Particulars(Spec):
+    """All that is stated of a test beside its results; "" and None: not stated."""
+
+    laboratory: TestingLaboratory = TestingLaboratory()
+    customer: Customer = Customer()
+    bat: TestItem = TestItem()
+    test: TestCourse = TestCourse()
+    authorised_by: Authoriser | None = None
+    instruments: Mapping[str, InstrumentIdentity] = field(default_factory=dict)
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """What is stated, as tables of JSON."""
+        return _filled(asdict(self))
+
+    def printed(self, *, simulated: bool) -> Iterator[tuple[str, str]]:
+        """Yield words and value of what is stated, in the order of a report.
+
+        Nobody authorises a simulated test, and the line says so.
+        """
+        for row in PRINTED:
+            if value := row.of(self):
+                marked = simulated and row.key == "authorised_by"
+                yield row.words, f"{value} (SIMULATED)" if marked else value
+
+    @property
+    def not_stated(self) -> list[str]:
+        """What is not, in words."""
+        return [row.words.lower() for row in PRINTED if not row.of(self)]
+
+
+NOTHING_STATED = Particulars()
+
+
+class Particular(NamedTuple):
+    """One line of a report: its key in the file, and its words in print."""
+
+    key: str
+    words: str
+
+    def of(self, particulars: Particulars) -> str:
+        """Return its value, "" where it is not stated."""
+        value: Any = particulars
+        for part in self.key.split("."):
+            value = getattr(value, part)
+        if isinstance(value, Authoriser):
+            return f"{value.name}, {value.role}"
+        return value or ""
+
+
+PRINTED = (
+    Particular("laboratory.name", "Laboratory"),
+    Particular("laboratory.address", "Address of the laboratory"),
+    Particular("laboratory.place", "Place of the test"),
+    Particular("customer.name", "Customer"),
+    Particular("customer.address", "Address of the customer"),
+    Particular("bat.maker", "Maker of the bat"),
+    Particular("bat.model", "Model of the bat"),
+    Particular("bat.serial", "Serial number of the bat"),
+    Particular("bat.condition", "Condition of the bat"),
+    Particular("bat.received", "Bat received"),
+    Particular("test.begun", "Test begun"),
+    Particular("test.ended", "Test ended"),
+    Particular("test.issued", "Report issued"),
+    Particular("test.operator", "Operator"),
+    Particular("test.deviations", "Deviations from the procedure"),
+    Particular("test.outside_providers", "Outside providers"),
+    Particular("test.notes", "Notes"),
+    Particular("authorised_by", "Authorised by"),
+)
+IN_TURN = ("bat.received", "test.begun", "test.ended", "test.issued")  # days, none before another
+
+
+def read_particulars(path: Path | None, changes: Mapping[str, str]) -> Particulars:
+    """Return the particulars in a file, those of `changes` that are not empty in their place.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read, unknown keys, a value that cannot be printed, a day that is none
+        or comes before one it must follow; names file, key, value and what is allowed.
+    """
+    document = read_toml(path) if path else {}
+    for key, value in changes.items():
+        table, name = key.split(".")
+        if not value:
+            continue
+        document = {**document, table: {**document.get(table, {}), name: value}}
+    return particulars_of(document, str(path or ""))
+
+
+def particulars_of(document: Mapping[str, Any], where: str) -> Particulars:
+    """Return the particulars of a parsed document; `InputError` as `read_particulars`."""
+    found = validate(document, where, Particulars)
+    before = Particular("", "")
+    for key in IN_TURN:
+        own = Particular(key, key)
+        day, earlier = own.of(found), before.of(found) if before.key else ""
+        if day and earlier and day < earlier:
+            raise InputError(where, key, day, f"allowed: {before.key}, {earlier}, or later")
+        before = own if day else before
+    return found
+
+
+def form() -> Iterator[str]:
+    """Yield the lines of a file with every key, to be filled in."""
+    words = {row.key: row.words for row in PRINTED}
+    yield "# Who tested which bat for whom. Every line may be left empty, or out: the certificate"
+    yield "# says what is not stated. Days: 2026-11-25."
+    for table in fields(Particulars):
+        kind = table.default
+        if is_dataclass(kind):
+            yield ""
+            yield f"[{table.name}]"
+            for key in fields(kind):
+                yield f'{key.name} = ""  # {words[f"{table.name}.{key.name}"].lower()}'
+    yield ""
+    yield "# [authorised_by]"
+    yield '# name = ""'
+    yield '# role = ""'
+    yield ""
+    yield "# [instruments.gates]  # and so on, each by a name of your own"
+    for key in fields(InstrumentIdentity):
+        yield f'# {key.name} = ""'
+
+
+def _filled(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return tables without what is empty."""
+    found = {key: _filled(each) if isinstance(each, dict) else each for key, each in tables.items()}
+    return {key: each for key, each in found.items() if each}
