@@ -15,6 +15,15 @@ LEFT, RIGHT, TOP = 46.0, PAGE_WIDTH - 4, 30.0  # pt
 X_LABEL_ROOM = 32.0  # pt, below the axes
 
 
+def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
+    """Return the figures by name, as SVG; None: nothing to draw."""
+    return {
+        "hits_figure": hits_figure(document),
+        "swings_figure": swings_figure(document) if document.swing_range else None,
+        "encoder_figure": encoder_figure(document.encoder) if document.encoder else None,
+    }
+
+
 def hits_figure(document: CertificateDocument) -> str:
     """Return the metric hit by hit, over the place on a scan, and against the limit, as SVG."""
     metric, printed = document.metric, METRICS[document.metric.name]

@@ -1,0 +1,342 @@
+"""The values of a certificate as they are printed: rounded once, for all forms.
+
+All come from the certificate's document.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from math import isfinite, sqrt
+
+from virtual_lab.certificate.document import (
+    BatAsMeasured,
+    CameraWord,
+    CertificateDocument,
+    ComparedResult,
+    ControlRatio,
+    CorrectionStated,
+    MetricStated,
+    ReboundCheck,
+    Stated,
+    WidthStated,
+)
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.rounding import decimals, digits
+from virtual_lab.records.constants import PER_SI, constant_of
+from virtual_lab.units import INCH, OUNCE, OZ_IN2
+
+NONE = "–"
+STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
+INPUTS = {  # of a budget, no constants of a calibration: words and unit in print
+    "hits": ("Scatter from hit to hit", ""),
+    "choice of the place": ("Choice of the place", ""),
+    "bat.mass": ("Bat mass, readings", "g"),
+    "bat.length": ("Bat length, readings", "mm"),
+    "bat.balance": ("Balance point, readings", "mm"),
+    "bat.barrel_radius": ("Barrel radius, readings", "mm"),
+    "bat.period": ("Pendulum period, readings", "ms"),
+    "balls.repeatability": ("Ball restitution, wall hits of each ball", ""),
+    "balls.slope_repeatability": ("Fall of ball restitution with speed, wall hits", "s/m"),
+    "procedure.place_slope_error": ("Slope of e_A along the barrel, at the aim", ""),
+    "aim.across_square": ("cannon, mean square aim across the bat", "mm²"),
+    "camera.clock": ("camera, clock rate", "ppm"),
+    "camera.focal": ("camera, focal length", "px"),
+    "camera.plane": ("camera, height of the line of fire", "mm"),
+    "camera.place_x": ("camera, place along the flight", "mm"),
+    "camera.place_y": ("camera, place along the bat", "mm"),
+    "camera.place_z": ("camera, height", "mm"),
+}
+VERDICTS = {
+    "PASS": "The bat meets the limit",
+    "FAIL": "The bat does not meet the rules",
+    "INVALID": "The test was not valid, and nothing is said of the bat",
+    "MEASURED": "The rules set no limit",
+}
+
+
+def printed_values(document: CertificateDocument) -> dict[str, object]:
+    """Return the values in print by name, in tables of texts."""
+    rings = document.ring.frequencies_hz if document.ring else ()
+    return {
+        "number": certificate_number(document),
+        "result": printed_result(document),
+        "quantities": _quantities(document),
+        "bat": _bat(document.bat),
+        "width": _width(document.width_m),
+        "correction": _correction(document.ball_correction),
+        "choice": _choice(document),
+        "shots": _shots(document),
+        "swings": _swings(document),
+        "budget": _budget(document),
+        "rebound": _rebound(document.rebound_check),
+        "camera": _camera(document.second_witness),
+        "rings": ", ".join(f"{pitch:.0f}" for pitch in rings),
+        "swung": any(row.bat_speed_mph is not None for row in document.shots),
+    }
+
+
+def certificate_number(document: CertificateDocument) -> str:
+    """Return the number of a certificate: it follows from its content."""
+    return hashlib.sha256(document.text().encode()).hexdigest()[:12]
+
+
+def _swings(document: CertificateDocument) -> list[dict[str, str]]:
+    """Return the printed metric for each exponent of the swing law."""
+    unit_si = METRICS[document.metric.name].unit_si
+    rows = []
+    for row in document.swing_range:
+        places = decimals(row.u / unit_si)
+        low, high = (_number(bound / unit_si, places) for bound in row.interval_95)
+        rows.append(
+            {
+                "exponent": f"{row.exponent:g}",
+                "value": _number(row.value / unit_si, places),
+                "u": digits(row.u / unit_si),
+                "interval": f"{low} to {high}",
+                "place": f"{row.place_in:.2f}",
+            }
+        )
+    return rows
+
+
+def printed_result(document: CertificateDocument) -> dict[str, object]:
+    """Return verdict and result, with their limit and hits."""
+    metric, verdict = document.metric, document.verdict
+    printed = METRICS[metric.name]
+    hits = f"{document.valid_hits} valid hits"
+    if verdict == "INVALID":
+        hits += f", the procedure asks for {document.procedure.hits_needed}"
+    unit = f" {printed.unit}" if printed.unit else ""
+    said = VERDICTS[verdict]
+    if verdict == "FAIL":
+        said = ": ".join((said, "; ".join(document.reasons)))
+    stated = _stated(metric, printed.unit_si)
+    return {
+        "words": printed.words,
+        "symbol": printed.symbol,
+        "unit": unit,
+        "verdict": verdict,
+        "said": said,
+        "hits": hits,
+        "limit": "none" if metric.limit is None else printed.limit(metric.limit),
+        "stated": bool(stated),
+        "decides": bool(stated)
+        and verdict != "INVALID"
+        and all(finding.met for finding in document.findings),
+        **stated,
+    }
+
+
+def _stated(metric: MetricStated, unit_si: float) -> dict[str, object]:
+    """Return value, expanded uncertainty and interval as printed; {} without a result."""
+    known = (metric.value, metric.u, metric.u_type_a, metric.u_type_b, *(metric.interval_95 or ()))
+    numbers = [number / unit_si for number in known if number is not None]
+    if len(numbers) < len(known) or metric.interval_95 is None:
+        return {}
+    value, u, u_type_a, u_type_b, low, high = numbers
+    expanded, dof = high - value, metric.degrees_of_freedom
+    places, certain = decimals(expanded), digits(u) == "0"
+    return {
+        "uncertain": not certain,
+        "value": f"{value:.{places}f}",
+        "expanded": digits(expanded),
+        "low": f"{low:.{places}f}",
+        "high": f"{high:.{places}f}",
+        "u": digits(u),
+        "u_type_a": digits(u_type_a),
+        "u_type_b": digits(u_type_b),
+        "k": NONE if certain else f"{expanded / u:.2f}",
+        "dof": "∞" if dof is None else f"{dof:.1f}" if dof < 100 else f"{dof:.0f}",
+    }
+
+
+def _quantities(document: CertificateDocument) -> list[dict[str, str]]:
+    rows = [
+        ("Collision efficiency", "e", "A", "collision_efficiency"),
+        ("Restitution of ball and bat", "e", "", "restitution"),
+        (f"Recoil factor, {document.recoil.which} bat", "r", "", "recoil_factor"),
+        ("Restitution, ball on a wall", "e", "0", "ball_restitution"),
+    ]
+    found = document.quantities
+    return [
+        {"words": words, "letter": letter, "index": index, **_with_u(found[name])}
+        for words, letter, index, name in rows
+        if name in found
+    ]
+
+
+def _bat(bat: BatAsMeasured) -> list[dict[str, str]]:
+    rows = [
+        ("Mass", bat.mass_kg, "oz", 1 / OUNCE, "g", 1e3),
+        ("Length", bat.length_m, "in", 1 / INCH, "mm", 1e3),
+        ("Balance point", bat.z_cm_m, "in", 1 / INCH, "mm", 1e3),
+        ("Moment of inertia", bat.inertia_cm_kg_m2, "oz in²", 1 / OZ_IN2, "g m²", 1e3),
+    ]
+    return [
+        {
+            "words": words,
+            "unit": unit,
+            "si_unit": si_unit,
+            **_with_u(stated, factor),
+            "si": _with_u(stated, si_factor)["value"],
+            "si_u": _with_u(stated, si_factor)["u"],
+        }
+        for words, stated, unit, factor, si_unit, si_factor in rows
+    ]
+
+
+def _correction(correction: CorrectionStated | None) -> str:
+    """Return a sentence on the correction for balls that differ from the standard ball."""
+    if correction is None:
+        return ""
+    standard, control = correction.standard, correction.control
+    if control is None:
+        return f"carried to a ball of e0 {standard:g} by the method {correction.method}"
+    known = _with_u(control)
+    return (
+        f"divided by {known['value']} (u = {known['u']}), what the control bat gave with this "
+        f"lot of balls over the {standard:g} it is known by"
+    )
+
+
+def _choice(document: CertificateDocument) -> str:
+    """Return the correction for the place chosen by a scan, with its unit."""
+    if document.choice is None:
+        return ""
+    printed = METRICS[document.metric.name]
+    return f"{digits(document.choice.correction / printed.unit_si)} {printed.unit}".rstrip()
+
+
+def _width(width: WidthStated | None) -> dict[str, str] | None:
+    if width is None:
+        return None
+    stated = (
+        {"value": _number(width.value / INCH, 2), "u": ""}
+        if width.u is None
+        else _with_u(width, 1 / INCH)
+    )
+    ends = {"low": _number(width.from_in, 2), "high": _number(width.to_in, 2)}
+    return stated | ends | {"drop": f"{width.drop:g}"}
+
+
+def _shots(document: CertificateDocument) -> list[dict[str, object]]:
+    unit_si = METRICS[document.metric.name].unit_si
+    return [
+        {
+            "shot": row.shot,
+            "place": _number(row.place_in, 2),
+            "speed": _number(row.speed_mph, 2, "not seen"),
+            "bat_speed": _number(row.bat_speed_mph, 2),
+            "recoil": _number(row.recoil_rad_per_s, 3),
+            "by_recoil": _number(row.recoil_efficiency, 4),
+            "by_rebound": _number(row.rebound_efficiency, 4, "not seen"),
+            "factor": _number(None if row.metric is None else row.metric / unit_si, 4),
+            "reason": row.reason,
+        }
+        for row in document.shots
+    ]
+
+
+def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
+    """Return a row for each quantity that the camera measured too; [] without a camera."""
+    rows = []
+    for name, symbol in (
+        ("collision_efficiency", "e_A"),
+        ("restitution", "e"),
+        ("bat_performance_factor", "BPF"),
+    ):
+        compared: ComparedResult | None = getattr(camera, name, None)
+        if compared is None:
+            continue
+        off = compared.difference
+        assert off.value is not None
+        assert off.u is not None
+        places = decimals(off.u)
+        row = {"symbol": symbol, "agree": "agree" if compared.agree else "disagree"}
+        for by in ("gates", "video", "joined"):
+            stated: Stated = getattr(compared, by)
+            assert stated.u is not None
+            row[by] = _number(stated.value, places)
+            row[f"{by}_u"] = digits(stated.u)
+        row["difference"] = f"{off.value + 0.0:+.{places}f}".replace("-", "−")
+        row["difference_u"] = digits(off.u)
+        rows.append(row)
+    return rows
+
+
+def _budget(document: CertificateDocument) -> list[dict[str, str]]:
+    """Return the largest components, and all others together in the last line."""
+    unit_si = METRICS[document.metric.name].unit_si
+    rows, u = document.budget, (document.metric.u or 0.0) / unit_si
+    if not rows or digits(u) == "0":
+        return []
+    places = decimals(u) + 1
+    large = [row for row in rows if row.share_percent >= 1]
+    small = rows[len(large) :]  # rows come largest first
+    lines = [
+        {
+            **_input(row.component, row.u),
+            "type": row.type,
+            "contribution": f"{row.contribution / unit_si:.{places}f}",
+            "share": f"{row.share_percent:.1f}",
+        }
+        for row in large
+    ]
+    if small:
+        rest = sqrt(sum(row.contribution**2 for row in small)) / unit_si
+        lines.append(
+            {
+                "words": f"All others ({len(small)}), each below 1 %",
+                "u": "",
+                "type": ", ".join(sorted({row.type for row in small})),
+                "contribution": f"{rest:.{places}f}",
+                "share": f"{sum(row.share_percent for row in small):.1f}",
+            }
+        )
+    return lines
+
+
+def _input(name: str, u: float) -> dict[str, str]:
+    """Return the description of a constant, and its uncertainty in a suitable unit."""
+    stage, _, rest = name.partition(".")
+    number = re.search(r"_(\d+)$", name)
+    if name in INPUTS:
+        words, unit = INPUTS[name]
+    elif known := constant_of(name):
+        words, unit = known.words, known.printed
+        if number:
+            words = words.format(number=int(number[1]) + 1)
+        if stage in STAGES:
+            words = f"{STAGES[stage]}: {words}"
+    elif rest in INPUTS and stage in STAGES:
+        words, unit = INPUTS[rest]
+        words = f"{STAGES[stage]}: {words}"
+    else:
+        return {"words": name, "u": f"{u:.2g} (SI)"}
+    return {"words": words, "u": f"{digits(u * PER_SI[unit])} {unit}".strip()}
+
+
+def _rebound(check: ReboundCheck | None) -> dict[str, object]:
+    if check is None or check.collision_efficiency is None or check.difference is None:
+        return {"shots": 0}
+    return {
+        "shots": check.shots,
+        "by_rebound": _number(check.collision_efficiency, 4),
+        "by_recoil": _number(check.collision_efficiency - check.difference, 4),
+        "difference": f"{round(check.difference, 4) + 0.0:+.4f}".replace("-", "−"),
+        "u": "" if check.u is None else _number(check.u, 4),
+    }
+
+
+def _with_u(known: Stated | WidthStated | ControlRatio, factor: float = 1.0) -> dict[str, str]:
+    value, u = known.value, known.u
+    if value is None or u is None:
+        return {"value": NONE, "u": NONE}
+    return {"value": f"{value * factor:.{decimals(u * factor)}f}", "u": digits(u * factor)}
+
+
+def _number(value: float | None, places: int, otherwise: str = NONE) -> str:
+    if value is None or not isfinite(value):
+        return otherwise
+    return f"{value:.{places}f}".replace("-", "−")
