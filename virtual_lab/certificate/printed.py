@@ -17,6 +17,7 @@ from virtual_lab.certificate.document import (
     ControlRatio,
     CorrectionStated,
     MetricStated,
+    OtherRecoil,
     ReboundCheck,
     Stated,
     WidthStated,
@@ -24,7 +25,7 @@ from virtual_lab.certificate.document import (
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.records.constants import PER_SI, constant_of
-from virtual_lab.units import INCH, OUNCE, OZ_IN2
+from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
 NONE = "–"
 STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
@@ -71,6 +72,9 @@ def printed_values(document: CertificateDocument) -> dict[str, object]:
         "budget": _budget(document),
         "rebound": _rebound(document.rebound_check),
         "camera": _camera(document.second_witness),
+        "conditions": _conditions(document),
+        "other_recoil": _other_recoil(document.recoil.other),
+        "fitted": _number(document.ring.fitted_ms, 0) if document.ring else NONE,
         "rings": ", ".join(f"{pitch:.0f}" for pitch in rings),
         "swung": any(row.bat_speed_mph is not None for row in document.shots),
     }
@@ -79,6 +83,31 @@ def printed_values(document: CertificateDocument) -> dict[str, object]:
 def certificate_number(document: CertificateDocument) -> str:
     """Return the number of a certificate: it follows from its content."""
     return hashlib.sha256(document.text().encode()).hexdigest()[:12]
+
+
+def _conditions(document: CertificateDocument) -> dict[str, str]:
+    """Return speeds and place of the hits, as texts; "" where there is none."""
+    speed, place = document.v_rel_mph, document.impact_position_in
+    return {
+        "relative": _number(speed, 2, ""),
+        "relative_si": _number(None if speed is None else speed * MPH, 2, ""),
+        "ball": _number(document.nominal_speed_mph, 1),
+        "bat": _number(document.nominal_bat_speed_mph, 1),
+        "place": _number(place, 2, ""),
+        "place_mm": _number(None if place is None else place * INCH * 1e3, 1, ""),
+    }
+
+
+def _other_recoil(other: OtherRecoil | None) -> dict[str, str] | None:
+    """Return what the same e_A gives with the recoil factor of the other support."""
+    if other is None:
+        return None
+    return {
+        "which": other.which,
+        "recoil_factor": _number(other.recoil_factor, 4),
+        "restitution": _number(other.restitution, 4),
+        "bat_performance_factor": _number(other.bat_performance_factor, 4),
+    }
 
 
 def _swings(document: CertificateDocument) -> list[dict[str, str]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +22,38 @@ from virtual_lab.cli.plumbing import (
 )
 
 if TYPE_CHECKING:
+    from virtual_lab.api import Certificate
     from virtual_lab.output.progress import Progress
+
+
+def pdf_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command with the options of a certificate's PDF."""
+    for option in (
+        click.option(
+            "--paper",
+            type=click.Choice(["a4", "letter"]),
+            default="a4",
+            show_default=True,
+            help="Paper of the PDF.",
+        ),
+        click.option(
+            "--pdf",
+            is_flag=True,
+            help="Write the certificate as PDF, too (needs the extra 'pdf').",
+        ),
+    ):
+        function = option(function)
+    return function
+
+
+def on_paper(pdf: bool, paper: str, test: Callable[[], Certificate]) -> Certificate:
+    """Return a certificate to be saved with its PDF, which is known to be possible first."""
+    from virtual_lab.certificate.pdf import require_pdf
+
+    if not pdf:
+        return test()
+    require_pdf(paper)
+    return replace(test(), paper=paper)
 
 
 @command("certify", folder="{bat}-{procedure}", page="certificate.html", picture=True)
@@ -94,23 +127,35 @@ if TYPE_CHECKING:
 @click.option("--received", default="", metavar="DAY", help="Day of receipt, as 2026-11-25.")
 @click.option("--operator", default="", help="Who carries out the test.")
 @click.option("--notes", default="", help="What else is to be stated.")
-def certify(bat: str, ideal: bool, noise_free: bool, progress: Progress, **asked: Any) -> Any:
+@pdf_options
+def certify(
+    bat: str,
+    ideal: bool,
+    noise_free: bool,
+    pdf: bool,
+    paper: str,
+    progress: Progress,
+    **asked: Any,
+) -> Any:
     """Test BAT (a name or a .toml file) by a procedure and write its certificate."""
     if ideal and noise_free:
         usage("--ideal and --noise-free exclude each other")
     reality = "ideal" if ideal else "noise-free" if noise_free else "real"
-    return api.certify(bat, reality=reality, progress=progress, **asked)
+    return on_paper(
+        pdf, paper, lambda: api.certify(bat, reality=reality, progress=progress, **asked)
+    )
 
 
 @command("reduce", keeps=True, picture=True)
 @click.argument("records", type=click.Path(path_type=Path))
-def reduce(records: Path) -> Any:
+@pdf_options
+def reduce(records: Path, pdf: bool, paper: str) -> Any:
     """Compute the results from a folder of raw RECORDS, without the truth.
 
     RECORDS is the folder `records` that `certify` wrote, or a folder with the form of another
     laboratory (`template`).
     """
-    return api.reduce(records)
+    return on_paper(pdf, paper, lambda: api.reduce(records))
 
 
 @command("score", table=True)

@@ -1,0 +1,146 @@
+"""The certificate as PDF: conforming, repeatable, and saying what the document says."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+from importlib import util
+from pathlib import Path
+from typing import Any
+
+import page as validator
+import pytest
+from pypdf import PdfReader
+
+from tests.laboratories import certified
+from virtual_lab.api import Certificate
+from virtual_lab.certificate.document import CertificateDocument
+from virtual_lab.certificate.filling import certificate
+from virtual_lab.certificate.pdf import certificate_pdf, pdf_name
+from virtual_lab.certificate.printed import NONE, printed_values
+from virtual_lab.certificate.text import certificate_text
+from virtual_lab.errors import InputError
+from virtual_lab.records.particulars import NOTHING_STATED, Customer
+
+
+@pytest.fixture(scope="module")
+def document() -> CertificateDocument:
+    return certificate(certified().certification)
+
+
+@pytest.fixture(scope="module")
+def pdf(document: CertificateDocument) -> bytes:
+    return certificate_pdf(document)
+
+
+def text_of(pdf: bytes) -> str:
+    pages = PdfReader(io.BytesIO(pdf)).pages
+    return re.sub(r"\s+", " ", " ".join(each.extract_text() for each in pages))
+
+
+def with_customer(name: str) -> CertificateDocument:
+    particulars = replace(NOTHING_STATED, customer=Customer(name=name))
+    return replace(certificate(certified().certification), particulars=particulars)
+
+
+@pytest.mark.parametrize("profile", ["ua1", "3a"])
+def test_it_conforms(pdf: bytes, profile: str) -> None:
+    """By a validator that passes the corpus of veraPDF; it refuses one with a tag less."""
+    report = validator.validate_pdf_bytes(pdf, profile=profile)
+    assert [str(each) for each in report.failures] == []
+    untagged = pdf.replace(b"/MarkInfo", b"/XarkInfo")
+    assert untagged != pdf
+    assert not validator.is_pdf_compliant_bytes(untagged, profile=profile)
+
+
+def test_the_same_document_gives_the_same_bytes(document: CertificateDocument, pdf: bytes) -> None:
+    assert certificate_pdf(document) == pdf
+    assert certificate_pdf(document, "letter") != pdf
+
+
+@pytest.mark.parametrize(("paper", "size"), [("a4", (595, 842)), ("letter", (612, 792))])
+def test_the_paper_is_the_one_asked_for(
+    document: CertificateDocument, paper: str, size: tuple[int, int]
+) -> None:
+    box = PdfReader(io.BytesIO(certificate_pdf(document, paper))).pages[0].mediabox
+    assert (round(box.width), round(box.height)) == size
+
+
+def test_the_document_is_attached(document: CertificateDocument, pdf: bytes) -> None:
+    attached = PdfReader(io.BytesIO(pdf)).attachments
+    assert attached["certificate.json"] == [document.text().encode()]
+
+
+def test_every_page_bears_number_word_and_count(document: CertificateDocument, pdf: bytes) -> None:
+    number = printed_values(document)["number"]
+    pages = PdfReader(io.BytesIO(pdf)).pages
+    for n, each in enumerate(pages, start=1):
+        text = each.extract_text()
+        assert f"certificate {number}, page {n} of {len(pages)}" in text
+        assert "SIMULATED" in text
+        assert len(text) > 500
+    assert pdf_name(document) == f"certificate-{number}-SIMULATED.pdf"
+
+
+def test_it_says_what_the_page_says(document: CertificateDocument, pdf: bytes) -> None:
+    """Every value in print, one by one; a table's cells stand in its text."""
+    shown, printed = text_of(pdf), printed_values(document)
+
+    def texts(value: Any) -> list[str]:
+        if isinstance(value, dict):
+            return [text for each in value.values() for text in texts(each)]
+        if isinstance(value, list):
+            return [text for each in value for text in texts(each)]
+        return [value] if isinstance(value, str) else []
+
+    hidden = {"", NONE, printed["swung"]}  # no bat is swung by astm
+    for text in set(texts(printed)) - hidden:
+        assert text in shown, text
+    assert document.conditional_on in shown
+    assert "Limit of BPF 1.200; 6 valid hits." in shown
+
+
+def test_markup_in_a_name_is_text(pdf: bytes) -> None:
+    """Typst's own signs, TeX's and HTML's: none of them is read."""
+    name = r'#panic("x") *bold* _it_ $x$ <b> \ [a] @ref "q" // no /* no */'
+    shown = text_of(certificate_pdf(with_customer(name)))
+    assert name in shown
+
+
+@pytest.mark.parametrize("name", ["Müller & Søn", "Ωμέγα", "Привет", "ﺎﻟﻌﺮﺒﻳﺓ", "שלום", "देवनागरी"])
+def test_scripts_that_the_font_has_are_set(name: str) -> None:
+    assert "[U+" not in text_of(certificate_pdf(with_customer(name)))
+
+
+def test_characters_without_a_glyph_are_code_points_and_said() -> None:
+    document = with_customer("中文 ไทย 🏏 Ltd")
+    pdf = certificate_pdf(document)
+    shown = text_of(pdf)
+    assert "[U+4E2D][U+6587]" in shown
+    assert "[U+1F3CF] Ltd" in shown
+    assert "stand as code points" in shown
+    (attached,) = PdfReader(io.BytesIO(pdf)).attachments["certificate.json"]
+    assert attached == document.text().encode()
+    assert "中文" in certificate_text(document)
+
+
+def test_save_writes_it_on_request(tmp_path: Path, document: CertificateDocument) -> None:
+    test = Certificate(certification=certified().certification)
+    test.save(tmp_path / "without")
+    test.save(tmp_path / "with", pdf=True)
+    assert not list((tmp_path / "without").glob("*.pdf"))
+    (path,) = (tmp_path / "with").glob("*.pdf")
+    assert path.read_bytes() == certificate_pdf(test.printed)
+    with pytest.raises(InputError, match="paper = 'a5'; allowed: a4, letter"):
+        test.save(tmp_path / "a5", pdf=True, paper="a5")
+    assert not (tmp_path / "a5").exists()
+
+
+def test_without_the_extra_one_line_names_it(
+    document: CertificateDocument, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(util, "find_spec", lambda _: None)
+    monkeypatch.setattr("virtual_lab.certificate.pdf.find_spec", lambda _: None)
+    with pytest.raises(InputError, match=r"pdf; needs Typst; .*\[pdf\]"):
+        certificate_pdf(document)

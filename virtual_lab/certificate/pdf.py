@@ -1,0 +1,116 @@
+"""The certificate as PDF/UA-1 and PDF/A-3a, with certificate.json attached.
+
+Typst sets it; its wheel brings all fonts, so the same document gives the same bytes everywhere.
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import re
+from importlib.resources import files
+from importlib.util import find_spec
+from typing import Any
+
+from virtual_lab.certificate.document import CertificateDocument
+from virtual_lab.certificate.figures import certificate_figures
+from virtual_lab.certificate.printed import certificate_number, printed_values
+from virtual_lab.errors import InputError, with_extra
+
+PAPERS = {"a4": "a4", "letter": "us-letter"}  # as people say it, and Typst
+NO_GLYPH = re.compile(r'the text `"(.+?)"` could not be displayed')
+MOST_ODD = 500  # characters that no font has, before the form is given up
+
+
+def pdf_name(document: CertificateDocument) -> str:
+    """Return the file's name, which says what the certificate is worth."""
+    kind = "SIMULATED" if document.simulation else "not-verified"
+    return f"certificate-{certificate_number(document)}-{kind}.pdf"
+
+
+def require_pdf(paper: str) -> None:
+    """Raise `InputError` for an unknown paper, or where the extra that sets it is missing."""
+    if paper not in PAPERS:
+        raise InputError("", "paper", paper, f"allowed: {', '.join(PAPERS)}")
+    if find_spec("typst") is None:
+        raise InputError("", "pdf", None, f"needs Typst; {with_extra('pdf')}")
+
+
+def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
+    """Return the certificate as PDF; `InputError` as `require_pdf`.
+
+    Characters that no font of Typst has stand as code points, and the page says so.
+    """
+    require_pdf(paper)
+    import typst
+
+    template = files("virtual_lab.certificate") / "templates" / "certificate.typ"
+    source, view = template.read_bytes(), _view(document)
+    odd: set[str] = set()
+    while True:
+        shown = {**_spelled(view, odd), "code_points": bool(odd)}
+        try:
+            found: bytes = typst.compile(
+                source,
+                format="pdf",
+                sys_inputs={
+                    "view": json.dumps(shown),
+                    "document": document.text(),
+                    "paper": PAPERS[paper],
+                },
+                pdf_standards=["ua-1", "a-3a"],
+                ignore_system_fonts=True,
+            )
+        except Exception as fault:
+            lacking = set("".join(NO_GLYPH.findall(str(fault)))) - odd
+            if not lacking or len(odd) > MOST_ODD:
+                raise
+            odd |= lacking
+        else:
+            return found
+
+
+def _view(document: CertificateDocument) -> dict[str, Any]:
+    """Return all that the template shows."""
+    simulated = document.simulation is not None
+    by = "Virtual laboratory" if simulated else "Virtual laboratory, from the records supplied"
+    stated = [("Computed by", by)]
+    if not document.particulars.test.begun:
+        stated.append(("Tested", document.date or "no date in the records"))
+    shots = f"{document.metric.name.replace('_', ' ')} of {len(document.shots)} shots"
+    return {
+        "document": document.as_json(),
+        **printed_values(document),
+        **certificate_figures(document),
+        "day": _day(document),
+        "stated": [*stated, *document.particulars.printed(simulated=simulated)],
+        "not_stated": document.particulars.not_stated,
+        "alts": {
+            "hits": f"{shots}, {document.valid_hits} valid; the numbers stand in the table above",
+            "swings": "the result over the exponent of the swing law; its numbers stand above",
+            "encoder": "the angle of the bat over time, and its vibration, with the fitted curves",
+        },
+    }
+
+
+def _day(document: CertificateDocument) -> list[int]:
+    """Return year, month and day of the document, which PDF/A asks for."""
+    course = document.particulars.test
+    for text in (course.issued, course.ended, course.begun, document.date):
+        try:
+            day = datetime.date.fromisoformat(text)
+        except ValueError:  # not stated, or written otherwise
+            continue
+        return [day.year, day.month, day.day]
+    return [1970, 1, 1]
+
+
+def _spelled(value: Any, odd: set[str]) -> Any:
+    """Return texts with the characters that no font has as code points."""
+    if isinstance(value, str):
+        return "".join(f"[U+{ord(each):04X}]" if each in odd else each for each in value)
+    if isinstance(value, dict):
+        return {key: _spelled(each, odd) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_spelled(each, odd) for each in value]
+    return value
