@@ -224,6 +224,8 @@ def test_a_worker_that_dies_is_a_fault_of_its_block(copy: Path) -> None:
     worker = workers.Worker(copy)
     worker.command = [sys.executable, "-c", DYING]
     assert [worker.make(number) for number in (2, 4, 5, 6)] == ["", "", f"{ENDED} -9", ""]
+    with pytest.raises(InputError, match="a disk; is full"):
+        worker.make(100)
     worker.end()
     assert worker.process is None
 
@@ -231,10 +233,12 @@ def test_a_worker_that_dies_is_a_fault_of_its_block(copy: Path) -> None:
 ENDED = "its worker ended with"
 DYING = """
 import os, pickle, sys
+from virtual_lab.errors import InputError
 for line in sys.stdin:
     if int(line) % 2:
         os.kill(os.getpid(), 9)
-    pickle.dump("", sys.stdout.buffer)
+    fault = InputError("", "a disk", None, "is full")
+    pickle.dump(fault if int(line) == 100 else "", sys.stdout.buffer)
     sys.stdout.flush()
 """
 

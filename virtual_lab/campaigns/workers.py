@@ -7,7 +7,6 @@ import pickle
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
 from functools import lru_cache
 from itertools import islice
 from logging import CRITICAL, getLogger
@@ -66,14 +65,15 @@ class Worker:
         if self.process is None:
             self.process = Popen(self.command, env=os.environ | ONE_THREAD, stdin=PIPE, stdout=PIPE)
         asked, answers = cast("Any", self.process.stdin), cast("Any", self.process.stdout)
-        with suppress(OSError, ValueError, EOFError):
+        try:
             asked.write(b"%d\n" % number)
             asked.flush()
             answer = pickle.load(answers)
-            if isinstance(answer, InputError):
-                raise answer
-            return str(answer)
-        return f"its worker ended with {self.end()}"
+        except (OSError, ValueError, EOFError):
+            return f"its worker ended with {self.end()}"
+        if isinstance(answer, InputError):
+            raise answer
+        return str(answer)
 
     def end(self) -> int | None:
         """End the process, whatever it is about."""
