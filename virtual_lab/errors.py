@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from importlib import import_module
+from typing import Any
 
 DISTRIBUTION = "virtual-bat-lab"  # as installed; on public indexes another has the program's name
 
@@ -32,6 +34,14 @@ def nearest(name: object, known: Iterable[str]) -> str:
 def missing_extra(name: str, who: str) -> InputError:
     """Return the error that names an extra which is not installed; `who` needs it."""
     return InputError("", f"{who} needs the extra {name!r}", None, with_extra(name))
+
+
+def of_extra(module: str, name: str, who: str) -> Any:
+    """Return a module of an extra; `InputError` that names the extra where it is missing."""
+    try:
+        return import_module(module)
+    except ImportError as fault:
+        raise missing_extra(name, who) from fault
 
 
 def with_extra(name: str) -> str:

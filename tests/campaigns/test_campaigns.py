@@ -224,8 +224,7 @@ def test_a_worker_that_dies_is_a_fault_of_its_block(copy: Path) -> None:
     worker = workers.Worker(copy)
     worker.command = [sys.executable, "-c", DYING]
     assert [worker.make(number) for number in (2, 4, 5, 6)] == ["", "", f"{ENDED} -9", ""]
-    with pytest.raises(InputError, match="a disk; is full"):
-        worker.make(100)
+    assert str(worker.make(100)) == "a disk; is full"
     worker.end()
     assert worker.process is None
 

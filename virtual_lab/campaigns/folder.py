@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, cast
 
 from virtual_lab.campaigns.account import Account
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 STUDY, STAMP, PARTS = "study.toml", "campaign.json", "parts"
-Faults = Mapping[int, str]  # by the numbers of blocks
-NONE: Faults = MappingProxyType({})
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -121,8 +118,7 @@ class Campaign:
         digits = re.fullmatch(r"(\d{1,9})/(\d{1,9})", asked or "1/1")
         one, many = map(int, digits.groups()) if digits else (0, 0)
         if not 1 <= one <= many:
-            allowed = "allowed: N/M, the Nth of M shares, 1/40 to 40/40"
-            raise InputError("", "blocks", asked, allowed)
+            raise InputError("", "blocks", asked, "allowed: N/M, share N of M, as 1/40 to 40/40")
         return range(self.blocks * (one - 1) // many, self.blocks * one // many)
 
     def states(self, numbers: range, *, whole: bool = False) -> Iterator[tuple[Block, str, str]]:
@@ -132,12 +128,8 @@ class Campaign:
         the parts that is none of this campaign.
         """
         there = {path.name for path in self.parts.iterdir() if not path.name.startswith(".")}
-        for name in there:
-            number = name.partition("-")[0]
-            known = number.isdecimal() and int(number) < self.blocks
-            if not known or name != self.block(int(number)).name:
-                allowed = "is no part of this campaign; move it away"
-                raise InputError(str(self.parts), name, None, allowed)
+        for name in there - {self.block(number).name for number in range(self.blocks)}:
+            raise InputError(str(self.parts), name, None, "is no part of this campaign; move it")
         for block in map(self.block, numbers):
             there_is = block.name in there
             wrong = wrong_with(self.parts / block.name, block, whole=whole) if there_is else None
@@ -145,12 +137,12 @@ class Campaign:
 
     def check(self, progress: Progress = quiet) -> Account:
         """Read every part to its last page, and account for the blocks."""
-        return self.account(range(self.blocks), whole=True, progress=progress)
+        return self.account(range(self.blocks), {}, progress, whole=True)
 
     def account(
-        self, numbers: range, faults: Faults = NONE, whole: bool = False, progress: Progress = quiet
+        self, numbers: range, faults: Mapping[int, str], progress: Progress, *, whole: bool
     ) -> Account:
-        """Account for blocks; `faults` are reasons why they are missing, where known."""
+        """Account for blocks, as `states`; `faults` are why some are missing, where known."""
         missing, processors, rows = {}, set(), 0
         for done, (block, wrong, by) in enumerate(self.states(numbers, whole=whole)):
             rows += block.rows
@@ -161,19 +153,16 @@ class Campaign:
         families = tuple(sorted(processors - {""}))
         return Account(parts=len(numbers), tests=rows, missing=missing, processors=families)
 
-    def summary(self, progress: Progress = quiet) -> Rows[dict[str, Any]]:
+    def summary(self) -> Rows[dict[str, Any]]:
         """Return a row for each bat, procedure and change: verdicts, means, errors, coverage; SI.
 
         `InputError` as `states`.
         """
-        rows: list[dict[str, Any]] = []
-        for case, own in groupby(self.states(range(self.blocks)), key=lambda each: each[0].case):
-            rows.append(summary_of(case, self.parts, own))
-            progress("cases", len(rows), len(self.cases))
+        cases = groupby(self.states(range(self.blocks)), key=lambda each: each[0].case)
+        rows = [summary_of(case, self.parts, own) for case, own in cases]
         title = "{laboratories} laboratories of seed {seed}, {repeats} tests each"
-        title = title.format_map(asdict(self.study))
-        known = {"name": "campaign", "title": title, "words": SUMMARY_WORDS}
-        return Rows(rows=rows, columns=SUMMARY_COLUMNS, **known)
+        about = {"title": title.format_map(asdict(self.study)), "words": SUMMARY_WORDS}
+        return Rows(name="campaign", rows=rows, columns=SUMMARY_COLUMNS, **about)
 
     @property
     def table(self) -> pd.DataFrame:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from virtual_lab import catalog
 from virtual_lab.campaigns.study import StudyCase
-from virtual_lab.errors import DISTRIBUTION, missing_extra
+from virtual_lab.errors import DISTRIBUTION, of_extra
 from virtual_lab.files import whole_file
 from virtual_lab.lab import BlockTest
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
@@ -47,17 +46,15 @@ class Block:
     name: str  # of its file
 
     def __str__(self) -> str:
-        last = self.first + self.rows - 1
-        return f"{self.case}, repeat {self.repeat}, laboratories {self.first} to {last}"
+        last, case = self.first + self.rows - 1, self.case
+        changes = "".join(f", {key} = {value}" for key, value in case.change.items())
+        tests = f"repeat {self.repeat}, laboratories {self.first} to {last}"
+        return f"{case.bat} by {case.procedure}{changes}, {tests}"
 
 
 def parquet() -> Any:
     """Return pyarrow's module of Parquet files; `InputError` without its extra."""
-    try:
-        import pyarrow.parquet
-    except ImportError as fault:
-        raise missing_extra("campaign", "a campaign") from fault
-    return pyarrow.parquet
+    return of_extra("pyarrow.parquet", "campaign", "a campaign")
 
 
 def table_of(block: Block, seed: int) -> pa.Table:
@@ -74,18 +71,15 @@ def table_of(block: Block, seed: int) -> pa.Table:
         parts = [_columns(each) for each in shared.blocks(block.rows, seed, block.first)]
     same = {"bat": case.bat, "procedure": case.procedure, **case.change, "repeat": block.repeat}
     columns = {
-        (name, units.get(name, "")): pa.repeat(pa.scalar(value), block.rows)
-        for name, value in same.items()
+        (name, units.get(name, "")): pa.repeat(one, block.rows) for name, one in same.items()
     }
     columns["number", ""] = pa.array(numbers)
     for key in dict.fromkeys(key for part in parts for key in part):
         # what is certain in some laboratories side by side contributes nothing, and has no column
         own = [part[key] if key in part else 0 * part["u", key[1]] for part in parts]
         columns[key] = pa.array(np.concatenate(own), from_pandas=True)  # NaN is a blank
-    fields = [
-        pa.field(name, column.type, metadata={"unit": unit})
-        for (name, unit), column in columns.items()
-    ]
+    types = [(*key, column.type) for key, column in columns.items()]
+    fields = [pa.field(name, own, metadata={"unit": unit}) for name, unit, own in types]
     return pa.table(list(columns.values()), schema=pa.schema(fields))
 
 
@@ -106,19 +100,12 @@ def _columns(tested: BlockTest) -> Columns:
     square, _ = metric.components.lines()
     for name, column in zip(metric.components.line_names, np.sqrt(square).T, strict=True):
         columns[f"contribution.{name}", unit] = column
-    words: Columns = {
-        ("verdict", ""): np.array([verdict.value for verdict in found.verdicts], object),
-        ("flags", ""): _joined(found.checked.flagged, found.some.size),
-    }
-    return words | {key: np.where(found.some, one, np.nan) for key, one in columns.items()}
-
-
-def _joined(raised: Mapping[str, NDArray[np.bool_]], size: int) -> NDArray[Any]:
-    """Return the names of the flags raised in each laboratory, separated by blanks."""
-    words = np.full(size, "", object)
-    for name, where in raised.items():
-        words[where] = [f"{others} {name}".strip() for others in words[where]]
-    return words
+    flags = np.full(found.some.size, "", object)
+    for name, where in found.checked.flagged.items():
+        flags[where] = [f"{others} {name}".strip() for others in flags[where]]
+    verdicts = np.array([verdict.value for verdict in found.verdicts], object)
+    blanked = {key: np.where(found.some, one, np.nan) for key, one in columns.items()}
+    return {("verdict", ""): verdicts, ("flags", ""): flags, **blanked}
 
 
 def write_part(table: pa.Table, folder: Path, block: Block) -> None:
@@ -137,14 +124,13 @@ def wrong_with(path: Path, block: Block, *, whole: bool) -> tuple[str, str]:
     import pyarrow as pa
 
     try:
-        with parquet().ParquetFile(path, page_checksum_verification=whole) as file:
-            words = json.loads((file.schema_arrow.metadata or {}).get(ABOUT, b"{}"))
-            rows = file.metadata.num_rows
-            if whole:
-                file.read()
+        footer = parquet().read_metadata(path)
+        words = json.loads((footer.metadata or {}).get(ABOUT, b"{}"))
+        if whole:
+            parquet().read_table(path, page_checksum_verification=True)
     except (OSError, ValueError, pa.ArrowException) as fault:
         return f"it cannot be read ({' '.join(str(fault).split())[:80]})", ""
-    wrong = rows != block.rows or words.get("name") != block.name
+    wrong = footer.num_rows != block.rows or words.get("name") != block.name
     return "it holds other tests" if wrong else "", words.get("processor", "")
 
 

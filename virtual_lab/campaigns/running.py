@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,9 @@ from virtual_lab.campaigns.account import Account
 from virtual_lab.campaigns.folder import Campaign, read_study
 from virtual_lab.campaigns.parts import NOT_MADE, parquet
 from virtual_lab.campaigns.study import Study
-from virtual_lab.campaigns.workers import by_dask, by_processes, make_part
+from virtual_lab.campaigns.workers import made_by
 from virtual_lab.catalog.validation import validate
+from virtual_lab.errors import InputError
 from virtual_lab.files import parse_toml, read_text
 from virtual_lab.files.drafts import draft_in
 from virtual_lab.output.progress import Progress, quiet
@@ -70,13 +71,15 @@ def campaign(
     asked, done = len(todo), sum(block.rows for block, wrong in found if not wrong)
     for _ in range(ATTEMPTS):
         progress("laboratories", done, rows)
-        for number, fault in _made(known.folder, list(todo), workers, dask):
+        for number, fault in made_by(folder, list(todo), workers if dask is None else dask):
+            if isinstance(fault, InputError):
+                raise fault
             todo[number] = fault
             if not fault:
                 done += known.block(number).rows
                 progress("laboratories", done, rows)
         todo = {number: fault for number, fault in todo.items() if fault}
-    account = known.account(numbers, todo)
+    account = known.account(numbers, todo, quiet, whole=False)
     return replace(account, made=asked - len(account.missing), again=again)
 
 
@@ -86,14 +89,3 @@ def _begun(study: Path | Mapping[str, Any], folder: Path) -> Campaign:
     change = {f'"{key}"': values for key, values in dict(study.get("change") or {}).items()}
     text = toml_text({**study, "change": change})
     return Campaign.begin(validate(parse_toml(text, "study"), "study", Study), text, folder)
-
-
-def _made(
-    folder: Path, numbers: Sequence[int], workers: int, dask: str | None
-) -> Iterator[tuple[int, str]]:
-    """Yield the numbers of blocks as they are made, each with what went wrong, '' if nothing."""
-    if dask is not None:
-        return by_dask(folder, numbers, dask)
-    if workers > 1:
-        return by_processes(folder, numbers, workers)
-    return ((number, make_part(str(folder), number)) for number in numbers)

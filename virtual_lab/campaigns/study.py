@@ -81,10 +81,6 @@ class StudyCase:
     individual: bool
     change: Mapping[str, Value]
 
-    def __str__(self) -> str:
-        changes = "".join(f", {key} = {value}" for key, value in self.change.items())
-        return f"{self.bat} by {self.procedure}{changes}"
-
     def changed(self) -> tuple[dict[Key, str], dict[str, str]]:
         """Return the texts of the changed sheets, and the unit of the value of each changed key.
 
@@ -109,8 +105,7 @@ class StudyCase:
         """
         shared = RoundRobin.of(self.bat, self.procedure, individual=self.individual)
         if not shared.in_blocks:
-            why = "individual bats" if self.individual else "a rig that plays one after another"
-            allowed = f"its laboratories cannot be played side by side, as a campaign does ({why})"
+            allowed = "cannot be played side by side (individual bats, or a rig that does not)"
             raise InputError("", "procedure", self.procedure, allowed)
         shared.laboratory(seed)  # reads all sheets, and checks what goes with what
         return replace(shared, setup=replace(shared.setup, test=repeat or None))

@@ -16,10 +16,9 @@ from virtual_lab.output.tables import Column
 from virtual_lab.units import Array
 
 SUMMARY_WORDS = """\
-Of the metric in SI, in tests that are not INVALID. sd: standard deviation, and that within a
-laboratory, from day to day; u: as stated; bias: mean of measured minus true value, and its
-standard error; coverage: 95 % intervals with the true value, and its own 95 % confidence
-interval (Clopper-Pearson)."""
+Of the metric in SI, in tests that are not INVALID. sd: standard deviation; within: from day to day
+in a laboratory; bias: mean of measured minus true value, and its standard error; coverage: 95 %
+intervals with the true value, and its own 95 % confidence interval (Clopper-Pearson)."""
 READ = ["verdict", "flags", "metric", "u", "low", "high", "true"]
 COUNTS = ["bat", "procedure", "change", "tests", "missing", "verdicts", "flags"]
 STATISTICS = ["mean", "sd", "sd_within", "rms_u", "bias", "bias_se", "coverage"]

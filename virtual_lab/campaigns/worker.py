@@ -13,7 +13,6 @@ import sys
 from queue import SimpleQueue
 from threading import Thread
 
-from virtual_lab.errors import InputError
 from virtual_lab.files.drafts import remove_drafts
 
 
@@ -27,12 +26,7 @@ def work() -> None:
     from virtual_lab.campaigns.workers import make_part
 
     while True:
-        answer: str | InputError
-        try:
-            answer = make_part(sys.argv[1], asked.get())
-        except InputError as fault:
-            answer = fault
-        pickle.dump(answer, answers)
+        pickle.dump(make_part(sys.argv[1], asked.get()), answers)
         answers.flush()
 
 

@@ -7,6 +7,7 @@ import pickle
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from functools import lru_cache
 from itertools import islice
 from logging import CRITICAL, getLogger
@@ -16,25 +17,30 @@ from subprocess import PIPE, Popen
 from typing import Any, cast
 
 from virtual_lab import catalog
-from virtual_lab.campaigns.folder import Campaign
+from virtual_lab.campaigns.folder import STAMP, Campaign
 from virtual_lab.campaigns.parts import table_of, write_part
 from virtual_lab.catalog.reading import Key
-from virtual_lab.errors import InputError, missing_extra
+from virtual_lab.errors import InputError, of_extra
 
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 ONE_THREAD = {f"{each}_NUM_THREADS": "1" for each in THREADS} | {"VECLIB_MAXIMUM_THREADS": "1"}
 PATIENCE = 10  # s, for a scheduler to answer
-Outcomes = Iterator[tuple[int, str]]  # numbers of blocks, and what went wrong, '' if nothing
+Fault = str | InputError  # '' of nothing; an InputError ends the run
+Outcomes = Iterator[tuple[int, Fault]]  # numbers of blocks, and what went wrong
 
 
-def make_part(folder: str, number: int) -> str:
-    """Make the part of a block; return what went wrong with it, '' if nothing.
+def make_part(folder: str, number: int) -> Fault:
+    """Make the part of a block; return what went wrong.
 
-    `InputError` for what ends the run: the folder, or a disk that is full.
+    That is an `InputError` for the folder, and for a disk that is full.
     """
-    campaign = _opened(folder)
-    block = campaign.block(number)
-    sheets = {tuple(key.split("/", 1)): text for key, text in campaign.sheets.items()}
+    try:
+        stamp = Path(folder) / STAMP
+        campaign = _opened(folder, stamp.stat().st_mtime_ns if stamp.exists() else 0)
+        block = campaign.block(number)
+        sheets = {tuple(key.split("/", 1)): text for key, text in campaign.sheets.items()}
+    except InputError as fault:
+        return fault
     try:
         with catalog.sheets_in_place(cast("dict[Key, str]", sheets)):
             table = table_of(block, campaign.study.seed)
@@ -44,12 +50,24 @@ def make_part(folder: str, number: int) -> str:
         write_part(table, campaign.parts, block)
     except OSError as fault:
         allowed = f"cannot be written ({fault.strerror}); what was made stays, resume later"
-        raise InputError("", "output folder", folder, allowed) from fault
+        return InputError("", "output folder", folder, allowed)
     return ""
 
 
+def made_by(folder: Path, numbers: Sequence[int], who: int | str) -> Outcomes:
+    """Yield blocks as they are made: by so many processes, or Dask's workers at an address.
+
+    `InputError` where the scheduler does not answer, or no more.
+    """
+    if isinstance(who, str):
+        return _by_dask(folder, numbers, who)
+    if who > 1:
+        return _by_processes(folder, numbers, who)
+    return ((number, make_part(str(folder), number)) for number in numbers)
+
+
 @lru_cache(maxsize=1)
-def _opened(folder: str) -> Campaign:
+def _opened(folder: str, _changed: int) -> Campaign:
     return Campaign.open(folder)
 
 
@@ -60,7 +78,7 @@ class Worker:
         self.command = [sys.executable, "-m", "virtual_lab.campaigns.worker", str(folder)]
         self.process: Popen[bytes] | None = None
 
-    def make(self, number: int) -> str:
+    def make(self, number: int) -> Fault:
         """Let it make a part, as `make_part`; its death is a fault of the block."""
         if self.process is None:
             self.process = Popen(self.command, env=os.environ | ONE_THREAD, stdin=PIPE, stdout=PIPE)
@@ -68,35 +86,29 @@ class Worker:
         try:
             asked.write(b"%d\n" % number)
             asked.flush()
-            answer = pickle.load(answers)
-        except (OSError, ValueError, EOFError):
+            return cast("Fault", pickle.load(answers))
+        except (OSError, EOFError, pickle.UnpicklingError):
             return f"its worker ended with {self.end()}"
-        if isinstance(answer, InputError):
-            raise answer
-        return str(answer)
 
     def end(self) -> int | None:
         """End the process, whatever it is about."""
         process, self.process = self.process, None
         if process is None:
             return None
-        cast("Any", process.stdin).close()
-        code = process.wait()
-        cast("Any", process.stdout).close()
-        return code
+        with process, suppress(OSError):
+            cast("Any", process.stdin).close()  # which ends it
+        return process.returncode
 
 
-def by_processes(folder: Path, numbers: Sequence[int], count: int) -> Outcomes:
-    """Yield blocks as so many processes make them, as `_in_turn`."""
+def _by_processes(folder: Path, numbers: Sequence[int], count: int) -> Outcomes:
     workers = [Worker(folder) for _ in range(count)]
     idle: SimpleQueue[Worker] = SimpleQueue()
 
-    def make(number: int) -> str:
+    def make(number: int) -> Fault:
         worker = idle.get()
-        try:
-            return worker.make(number)
-        finally:
-            idle.put(worker)
+        fault = worker.make(number)
+        idle.put(worker)
+        return fault
 
     for each in workers:
         idle.put(each)
@@ -108,19 +120,12 @@ def by_processes(folder: Path, numbers: Sequence[int], count: int) -> Outcomes:
                 each.end()
 
 
-def by_dask(folder: Path, numbers: Sequence[int], address: str) -> Outcomes:
-    """Yield blocks as the workers of a Dask scheduler make them, as `_in_turn`.
-
-    `InputError` where the scheduler does not answer, or no more.
-    """
-    try:
-        from distributed import Client
-    except ImportError as fault:
-        raise missing_extra("dask", "Dask") from fault
+def _by_dask(folder: Path, numbers: Sequence[int], address: str) -> Outcomes:
+    distributed = of_extra("distributed", "dask", "Dask")
     where, gone = str(folder.absolute()), "answers no more; what was made stays, resume later"
     getLogger("distributed.client").setLevel(CRITICAL)  # we say what is wrong, in one line
     try:
-        client = cast("Any", Client)(address, timeout=PATIENCE, set_as_default=False)
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as fault:
         allowed = "does not answer; allowed: the address of a Dask scheduler, tcp://HOST:8786"
         raise InputError("", "dask", address, allowed) from fault
@@ -132,16 +137,16 @@ def by_dask(folder: Path, numbers: Sequence[int], address: str) -> Outcomes:
         raise InputError("", "dask", address, gone) from fault
 
 
-def _in_turn(submit: Callable[[int], Future[str]], numbers: Sequence[int], ahead: int) -> Outcomes:
-    """Yield blocks as they end, each with what went wrong, '' if nothing; `ahead` are under way."""
+def _in_turn(
+    submit: Callable[[int], Future[Fault]], numbers: Sequence[int], ahead: int
+) -> Outcomes:
+    """Yield blocks as they end, where up to `most` are under way."""
     rest = iter(numbers)
-    pending: dict[Future[str], int] = {}
+    pending: dict[Future[Fault], int] = {}
     while True:
-        pending |= {submit(number): number for number in islice(rest, ahead - len(pending))}
+        pending |= {submit(number): number for number in islice(rest, most - len(pending))}
         if not pending:
             return
         for each in wait(pending, return_when=FIRST_COMPLETED).done:
-            number, fault = pending.pop(each), each.exception()
-            if isinstance(fault, InputError):
-                raise fault
-            yield number, str(fault) if fault else each.result()
+            lost = each.exception()
+            yield pending.pop(each), str(lost) if lost else each.result()

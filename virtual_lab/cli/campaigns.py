@@ -80,9 +80,9 @@ def check(folder: Path, progress: Progress) -> Any:
 
 @command("summary", keeps=True, table=True)
 @click.argument("folder", type=PATH)
-def summary(folder: Path, progress: Progress) -> Any:
+def summary(folder: Path) -> Any:
     """Show verdicts, means, errors and coverage of every bat, procedure and change in FOLDER."""
-    return api.Campaign.open(folder).summary(progress)
+    return api.Campaign.open(folder).summary()
 
 
 campaign = click.Group(
