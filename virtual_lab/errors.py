@@ -31,17 +31,12 @@ def nearest(name: object, known: Iterable[str]) -> str:
     return f"did you mean {' or '.join(folded[each] for each in near)}? " if near else ""
 
 
-def missing_extra(name: str, who: str) -> InputError:
-    """Return the error that names an extra which is not installed; `who` needs it."""
-    return InputError("", f"{who} needs the extra {name!r}", None, with_extra(name))
-
-
 def of_extra(module: str, name: str, who: str) -> Any:
-    """Return a module of an extra; `InputError` that names the extra where it is missing."""
+    """Return a module of an extra, which `who` needs; `InputError` where it is missing."""
     try:
         return import_module(module)
     except ImportError as fault:
-        raise missing_extra(name, who) from fault
+        raise InputError("", f"{who} needs the extra {name!r}", None, with_extra(name)) from fault
 
 
 def with_extra(name: str) -> str:

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from virtual_lab.api.charts import chart, stability
-    from virtual_lab.campaigns import Campaign, campaign
+    from virtual_lab.campaigns.folder import Campaign
+    from virtual_lab.campaigns.running import campaign
     from virtual_lab.catalog import Entry
     from virtual_lab.certificate.document import CertificateDocument
     from virtual_lab.fidelity.mode_convergence import convergence

@@ -1,8 +1,4 @@
-"""Campaigns: studies of many laboratories on disk, made part by part, by one worker or many."""
+"""Campaigns: studies of many laboratories on disk, made part by part, by one worker or many.
 
-from virtual_lab.campaigns.account import Account
-from virtual_lab.campaigns.folder import Campaign
-from virtual_lab.campaigns.running import campaign
-from virtual_lab.campaigns.study import Study
-
-__all__ = ["Account", "Campaign", "Study", "campaign"]
+Nothing is imported here: a worker's process listens for its parent before it loads what it needs.
+"""

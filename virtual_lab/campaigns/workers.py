@@ -137,9 +137,7 @@ def _by_dask(folder: Path, numbers: Sequence[int], address: str) -> Outcomes:
         raise InputError("", "dask", address, gone) from fault
 
 
-def _in_turn(
-    submit: Callable[[int], Future[Fault]], numbers: Sequence[int], ahead: int
-) -> Outcomes:
+def _in_turn(submit: Callable[[int], Future[Fault]], numbers: Sequence[int], most: int) -> Outcomes:
     """Yield blocks as they end, where up to `most` are under way."""
     rest = iter(numbers)
     pending: dict[Future[Fault], int] = {}

@@ -157,11 +157,11 @@ def _served(
     """Serve the page until it is stopped; without a scenario, to play a day back."""
     from importlib.util import find_spec
 
-    from virtual_lab.errors import missing_extra
+    from virtual_lab.errors import InputError, with_extra
     from virtual_lab.files import first_free
 
     if not (find_spec("starlette") and find_spec("uvicorn")):
-        raise missing_extra("bench", "the page")
+        raise InputError("", "the page needs the extra 'bench'", None, with_extra("bench"))
     from virtual_lab.bench.scenario import load_scenario
     from virtual_lab.bench.serving import serve
 
