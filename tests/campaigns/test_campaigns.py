@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from glob import glob
 from pathlib import Path
@@ -164,6 +165,16 @@ def test_two_workers_make_the_same_parts_as_one(made: Path, tmp_path: Path) -> N
     account = vl.campaign(begun(tmp_path / "two"), tmp_path / "two", workers=2)
     assert account.made == 4
     assert contents(tmp_path / "two") == contents(made)
+
+
+def test_two_runs_on_one_folder_do_no_harm(made: Path, tmp_path: Path) -> None:
+    """Both begin it, both make its parts; each file is whole at any moment."""
+    folder, study = tmp_path / "both", begun(tmp_path / "both")
+    with ThreadPoolExecutor(2) as pool:
+        runs = [pool.submit(vl.campaign, study, folder) for _ in range(2)]
+        accounts = [run.result() for run in runs]
+    assert [account.missing for account in accounts] == [{}, {}]
+    assert contents(folder) == contents(made)
 
 
 def test_shares_are_all_parts_once(made: Path) -> None:

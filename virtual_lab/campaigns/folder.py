@@ -160,7 +160,7 @@ class Campaign:
         """
         cases = groupby(self.states(range(self.blocks)), key=lambda each: each[0].case)
         rows = [summary_of(case, self.parts, own) for case, own in cases]
-        title = "{laboratories} laboratories of seed {seed}, {repeats} tests each"
+        title = "{laboratories} laboratories of seed {seed}, tests in each: {repeats}"
         about = {"title": title.format_map(asdict(self.study)), "words": SUMMARY_WORDS}
         return Rows(name="campaign", rows=rows, columns=SUMMARY_COLUMNS, **about)
 

@@ -121,20 +121,17 @@ def _by_processes(folder: Path, numbers: Sequence[int], count: int) -> Outcomes:
 
 
 def _by_dask(folder: Path, numbers: Sequence[int], address: str) -> Outcomes:
-    distributed = of_extra("distributed", "dask", "Dask")
-    where, gone = str(folder.absolute()), "answers no more; what was made stays, resume later"
+    dask = of_extra("distributed", "dask", "Dask")
+    where = str(folder.absolute())
     getLogger("distributed.client").setLevel(CRITICAL)  # we say what is wrong, in one line
+    known = {"timeout": PATIENCE, "set_as_default": False}
     try:
-        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as fault:
+        with dask.Client(address, **known) as client, client.get_executor(pure=False) as pool:
+            most = 2 * max(sum(client.nthreads().values()), 1)  # that none waits for the next
+            yield from _in_turn(lambda one: pool.submit(make_part, where, one), numbers, most)
+    except (CancelledError, OSError, ValueError) as fault:
         allowed = "does not answer; allowed: the address of a Dask scheduler, tcp://HOST:8786"
         raise InputError("", "dask", address, allowed) from fault
-    try:
-        with client, client.get_executor(pure=False) as pool:
-            ahead = 2 * max(sum(client.nthreads().values()), 1)  # that none waits for the next
-            yield from _in_turn(lambda one: pool.submit(make_part, where, one), numbers, ahead)
-    except (CancelledError, OSError) as fault:
-        raise InputError("", "dask", address, gone) from fault
 
 
 def _in_turn(submit: Callable[[int], Future[Fault]], numbers: Sequence[int], most: int) -> Outcomes:
