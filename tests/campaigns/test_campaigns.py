@@ -459,6 +459,7 @@ def dask_address() -> Iterator[str]:
         yield cluster.scheduler_address
 
 
+@pytest.mark.filterwarnings("ignore")  # of Dask's own: a busy machine makes it wait for its disk
 def test_dask_makes_the_same_parts(copy: Path, made: Path, dask_address: str) -> None:
     for number in (0, 3):
         part(copy, number).unlink()
@@ -466,6 +467,7 @@ def test_dask_makes_the_same_parts(copy: Path, made: Path, dask_address: str) ->
     assert contents(copy) == contents(made)
 
 
+@pytest.mark.filterwarnings("ignore")
 def test_an_address_of_dask_that_does_not_answer(
     copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
