@@ -372,7 +372,7 @@ def test_the_pages_sentences_have_the_documents_numbers(case: str) -> None:
         shown = (width["value"] / INCH, width["u"] / INCH, width["from_in"], width["to_in"])
         assert all(map(agrees, found, shown))
     for each in told["ball"]["set_aside"]:
-        assert f"ball {each['ball']} set aside: {each['reason']}" in text
+        assert f"ball {each['ball'] + 1} set aside: {each['reason']}" in text
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -389,7 +389,9 @@ def test_the_pages_hits_are_the_documents(case: str) -> None:
     for row, shot in zip(rows, told["shots"], strict=True):
         assert len(row) == len(columns) + 1
         for shown, key in zip(row, columns, strict=False):
-            if shot[key] is None:
+            if key == "shot":
+                assert shown == str(shot[key] + 1)  # people count from 1
+            elif shot[key] is None:
                 assert shown in {"not seen", "–"}
             else:
                 assert agrees(shown, shot[key] / (size if key == "metric" else 1.0)), key

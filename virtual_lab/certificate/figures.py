@@ -110,17 +110,17 @@ def encoder_figure(trace: EncoderTrace) -> str:
     )
     rest.upright(trace.settled_ms)
     description = (
-        f"Shot {trace.shot}: angle of the bat against time after contact, with the turn of the "
+        f"Shot {trace.shot + 1}: angle of the bat against time after contact, with the turn of the "
         "joint fit, and what is left of the record less the turn: a bending ring."
     )
-    title = f"Encoder record of shot {trace.shot}"
+    title = f"Encoder record of shot {trace.shot + 1}"
     return figure([whole, rest], 140, "encoder", title, description)
 
 
 def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> Panel:
     metric, unit_si = document.metric, METRICS[document.metric.name].unit_si
     scan = bool(document.places)
-    across = [row.place_in if scan else float(row.shot) for row in document.shots]
+    across = [row.place_in if scan else row.shot + 1.0 for row in document.shots]
     seen = [(x, row) for x, row in zip(across, document.shots, strict=True) if row.metric]
     heights = [row.metric / unit_si for _, row in seen if row.metric is not None]
     interval = [bound / unit_si for bound in metric.interval_95 or ()]
@@ -134,7 +134,7 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
         bottom=bottom,
         x=(min(across) - edge, max(across, default=0.0) + edge)
         if scan
-        else (-edge, max(len(across), 2) - 1 + edge),
+        else (1 - edge, max(len(across), 2) + edge),
         y=_limits([*heights, *interval]),
         title="along the barrel" if scan else "hit by hit",
         x_label="place from the tip, in" if scan else "shot",

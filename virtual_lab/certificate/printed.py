@@ -253,7 +253,7 @@ def _shots(document: CertificateDocument) -> list[dict[str, object]]:
     unit_si = METRICS[document.metric.name].unit_si
     return [
         {
-            "shot": row.shot,
+            "shot": str(row.shot + 1),  # people count from 1
             "place": _number(row.place_in, 2),
             "speed": _number(row.speed_mph, 2, "not seen"),
             "bat_speed": _number(row.bat_speed_mph, 2),

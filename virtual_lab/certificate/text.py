@@ -63,8 +63,10 @@ def certificate_text(document: CertificateDocument) -> str:
     if document.not_checked:
         lines.append(f"  not checked, as recorders summed up: {', '.join(document.not_checked)}")
     lines.append(f"  {document.valid_hits} valid hits, {len(document.rejected_hits)} rejected")
-    lines += [f"    shot {hit.shot}: {hit.reason}" for hit in document.rejected_hits]
-    lines += [f"  ball {each.ball} set aside: {each.reason}" for each in document.ball.set_aside]
+    lines += [f"    shot {hit.shot + 1}: {hit.reason}" for hit in document.rejected_hits]
+    lines += [
+        f"  ball {each.ball + 1} set aside: {each.reason}" for each in document.ball.set_aside
+    ]
     lines += _particulars_lines(document.particulars, simulated=document.simulation is not None)
     lines.append(f"  {document.conditional_on}")
     lines.append(f"  {document.statement}")

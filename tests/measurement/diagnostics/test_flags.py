@@ -258,7 +258,7 @@ def test_a_slow_slip_that_hides_in_the_residual_decides_nothing(sound: Session) 
     assert found.reasons == ("by the flag encoder-halves",)
     (said,) = [flag.sentence for flag in found.flags if flag.name == "encoder-halves"]
     assert said.startswith("half of each record of impact/encoder moves the result by ")
-    assert " of its u, in shots 0, 1, 2, 3, 4, 5, " in said
+    assert " of its u, in shots 1, 2, 3, 4, 5, 6, " in said
 
 
 def test_an_encoder_record_filed_for_two_shots_decides_nothing(sound: Session) -> None:
@@ -271,7 +271,7 @@ def test_an_encoder_record_filed_for_two_shots_decides_nothing(sound: Session) -
     found = certify_session(changed(sound, "impact", "encoder", counts=counts))
     (said,) = [flag for flag in found.flags if flag.name == "records-repeated"]
     assert said.invalidates
-    assert said.sentence.startswith("shots 2 and 4 have one and the same record in impact/encoder")
+    assert said.sentence.startswith("shots 3 and 5 have one and the same record in impact/encoder")
 
 
 def filed(session: Session, stage: str, of: int, shots: list[int]) -> Session:
@@ -298,7 +298,7 @@ def test_a_record_of_the_gates_filed_for_two_shots_decides_nothing(procedure: st
         (said,) = [flag for flag in found.flags if flag.name == "records-repeated"]
         assert said.invalidates
         assert said.sentence.startswith(
-            f"shots {first} and {other} have one and the same record in {stage}/gates"
+            f"shots {first + 1} and {other + 1} have one and the same record in {stage}/gates"
         )
 
 
@@ -393,10 +393,10 @@ def counted_from_another_beam(session: Session, boards: list[int], beams: int) -
 @pytest.mark.parametrize(
     ("boards", "said"),
     [
-        ([0], {"board 1": -4.0, "marks": -0.83 * 8}),
-        ([1], {"board 1": 8.0, "marks": 0.33 * 8}),
-        ([2], {"board 1": -4.0, "marks": 1.5 * 8}),
-        ([0, 1, 2], {"board 1": 0.0, "marks": 8.0}),
+        ([0], {"board 2": -4.0, "marks": -0.83 * 8}),
+        ([1], {"board 2": 8.0, "marks": 0.33 * 8}),
+        ([2], {"board 2": -4.0, "marks": 1.5 * 8}),
+        ([0, 1, 2], {"board 2": 0.0, "marks": 8.0}),
     ],
 )
 def test_beams_counted_from_the_next_one_leave_no_verdict(
@@ -424,7 +424,7 @@ def test_a_board_that_counts_its_beams_from_above_leaves_no_verdict(procedure: s
     times[:, :, 0] = times[:, :, 0, ::-1]
     found = certify_session(changed(session, "impact", "gates", times=times))
     assert "by the flag heights" in found.reasons
-    over_height = next(each for each in found.pairs if each.of == "board 1 over height")
+    over_height = next(each for each in found.pairs if each.of == "board 2 over height")
     assert over_height.sigmas > 10
 
 

@@ -175,8 +175,8 @@ def _of_ball(seen: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str:
     lot = lot_of(seen.procedure, seen.measured_balls.part((laboratory, 0)))
     each = next(one for one in lot.set_aside if bad[one.ball])
     if fired[each.ball]:
-        return f"ball {each.ball}, which the rules do not admit, was fired: {each.reason}"
-    return f"ball {each.ball} of the lot has {each.reason}: worn, or of another kind"
+        return f"ball {each.ball + 1}, which the rules do not admit, was fired: {each.reason}"
+    return f"ball {each.ball + 1} of the lot has {each.reason}: worn, or of another kind"
 
 
 def wall_drift(seen: Evidence) -> Iterator[Pairs]:

@@ -50,7 +50,7 @@ def boards_in_line(seen: Evidence) -> Iterator[Pairs]:
             _board_said(board, way, mean, used, seen),
             mean,
             survey + types_a("scatter", mean, u, number - 1),
-            of=f"board {board}{WAYS[way]}",
+            of=f"board {board + 1}{WAYS[way]}",
             least=1e-5,
             moves=seen.moves(survey),
             compared=number >= FEWEST_SHOTS,
@@ -61,7 +61,7 @@ def _board_said(
     board: int, way: int, mean: Array, used: Mask, seen: Evidence
 ) -> Callable[[int], str]:
     return lambda i: (
-        f"board {board} stands {mean[i] * 1e3:+.2f} mm off the flight{WAYS[way]} through its "
+        f"board {board + 1} stands {mean[i] * 1e3:+.2f} mm off the flight{WAYS[way]} through its "
         f"neighbours, in {seen.shots_of(used, i)} of impact/gates"
     )
 
@@ -163,10 +163,12 @@ def heights(seen: Evidence) -> Iterator[Pairs]:
         mean, components, number = found.mean(weights)
         yield pairs(
             "heights",
-            _height_said(f"board {board} shows balls", "the flight through its neighbours", mean),
+            _height_said(
+                f"board {board + 1} shows balls", "the flight through its neighbours", mean
+            ),
             mean,
             components,
-            of=f"board {board}",
+            of=f"board {board + 1}",
             least=DROP_U,
             moves=seen.moves(components),
             compared=number >= FEWEST_SHOTS,
@@ -177,7 +179,7 @@ def heights(seen: Evidence) -> Iterator[Pairs]:
             _growth_said(board, slope),
             slope,
             types_a("scatter", slope, u, dof),
-            of=f"board {board} over height",
+            of=f"board {board + 1} over height",
             least=SCALE_U,
             compared=dof >= 1,
         )
@@ -207,8 +209,8 @@ def _height_said(what: str, against: str, mean: Array) -> Callable[[int], str]:
 
 def _growth_said(board: int, slope: Array) -> Callable[[int], str]:
     return lambda i: (
-        f"balls that come in higher by 1 mm are higher by {1 + slope[i]:.2f} mm at board {board} "
-        "than its neighbours show"
+        f"at board {board + 1} balls that come in higher by 1 mm are higher by "
+        f"{1 + slope[i]:.2f} mm than its neighbours show"
     )
 
 

@@ -99,8 +99,8 @@ class Evidence:
         return np.asarray(np.bincount(self.owner, values, self.laboratories))
 
     def shots_of(self, used: Mask, laboratory: int) -> str:
-        """Return the used shots of a laboratory in words: their numbers, or how many."""
-        shots = np.flatnonzero(used[self.owner == laboratory])
+        """Return the used shots of a laboratory in words: their numbers from 1, or how many."""
+        shots = 1 + np.flatnonzero(used[self.owner == laboratory])
         return f"shots {', '.join(map(str, shots))}" if shots.size <= 6 else f"{shots.size} shots"
 
     def mean_of(self, values: Array, used: Mask) -> tuple[Array, Array, Array]:

@@ -99,7 +99,7 @@ def encoder_fit(seen: Evidence) -> Iterator[Raised]:
             worst = int(np.where(rough[own], fit.misfit[own], 0.0).argmax())
             return (
                 f"{int(rough[own].sum())} of {own.size} shots leave more of the encoder's counts "
-                f"than counting and noise at rest, shot {worst} "
+                f"than counting and noise at rest, shot {worst + 1} "
                 f"{fit.residual[own[worst]]:.2f} rms"
             )
 
@@ -173,7 +173,7 @@ def _worst_shot(
         shot = shots[worst[i]]
         number = int(np.sum(seen.owner[:shot] == i))
         return (
-            f"half of the record of shot {number} of impact/{channel} moves the result by "
+            f"half of the record of shot {number + 1} of impact/{channel} moves the result by "
             f"{apart[shot] * moves[i]:+.2f} of its u"
         )
 

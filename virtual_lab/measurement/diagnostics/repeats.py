@@ -82,7 +82,7 @@ def _repeated(seen: Evidence, record: str, first: int, second: int) -> Raised:
         name="records-repeated",
         where=np.ones(seen.laboratories, dtype=bool),  # full records are those of one laboratory
         sentence=lambda _: (
-            f"shots {first} and {second} have one and the same record in {record}, "
+            f"shots {first + 1} and {second + 1} have one and the same record in {record}, "
             "and other ones elsewhere"
         ),
         invalidates=True,
