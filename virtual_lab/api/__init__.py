@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from virtual_lab.campaigns.running import campaign
     from virtual_lab.catalog import Entry
     from virtual_lab.certificate.document import CertificateDocument
+    from virtual_lab.certificate.verify import verify
     from virtual_lab.fidelity.mode_convergence import convergence
     from virtual_lab.lab import BatTest
     from virtual_lab.measurement.certification import Certification
@@ -95,10 +96,11 @@ __all__ = [
     "sweep",
     "template",
     "track",
+    "verify",
 ]
 
 STUDIES, CAMPAIGNS = "virtual_lab.studies", "virtual_lab.campaigns"
-ALONE = ("score", "shelf", "show", "template")  # test nothing: they take no `instruments`
+ALONE = ("score", "shelf", "show", "template", "verify")  # test nothing: they take no `instruments`
 ELSEWHERE = {  # name: module, name there
     "BatComparison": (f"{STUDIES}.bats.compare", "BatComparison"),
     "BatProfile": (f"{STUDIES}.bats.profile", "BatProfile"),
@@ -126,6 +128,7 @@ ELSEWHERE = {  # name: module, name there
     "slope": (f"{STUDIES}.place_slope", "slope"),
     "stability": ("virtual_lab.api.charts", "stability"),
     "template": (f"{STUDIES}.template", "template"),
+    "verify": ("virtual_lab.certificate.verify", "verify"),
 }
 
 

@@ -1,7 +1,7 @@
 """The command line.
 
-Exit codes: 0 finished, whatever the verdict; 1 a bug; 2 bad input; 3 sealed files were changed;
-4 a campaign with parts missing. `virtual_lab.__main__` adds 130, 143 and 129 for interruptions.
+Exit codes: 0 finished, whatever the verdict; 1 a bug; 2 bad input; 3 files were changed; 4 parts
+of a campaign are missing, or not all could be checked. `virtual_lab.__main__` adds 130, 143 and 129 for interruptions.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import click
 from virtual_lab.cli.bats import fit_bat, list_, percussion, profile, sensitivity, show, slope
 from virtual_lab.cli.camera import board, calibrate, track
 from virtual_lab.cli.campaigns import campaign
-from virtual_lab.cli.certifying import certify, reduce, score, template
+from virtual_lab.cli.certifying import certify, reduce, score, template, verify
 from virtual_lab.cli.fidelity import chart, convergence, stability
 from virtual_lab.cli.plumbing import Sections
 from virtual_lab.cli.rehearse import rehearse
@@ -73,8 +73,9 @@ def completion(shell: str) -> None:
 def _program(context: click.Context) -> None:
     """Certify baseball bats in a simulated laboratory, and study its tests.
 
-    Exit codes: 0 finished, whatever the verdict; 1 a bug in this program; 2 bad input; 3 sealed
-    files were changed (score); 130 and 143 interrupted by Ctrl-C and SIGTERM.
+    Exit codes: 0 finished, whatever the verdict; 1 a bug in this program; 2 bad input; 3 files were
+    changed (score, verify); 4 parts are missing (campaign), or not all could be checked (verify);
+    130 and 143 interrupted by Ctrl-C and SIGTERM.
 
     Symbols: e restitution of ball and bat, e0 of the ball on a wall, e_A collision efficiency,
     r recoil factor, BPF = e/e0, v_f batted-ball speed, u standard uncertainty.
@@ -90,7 +91,7 @@ cli = Sections(
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
     sections={
-        "Test a bat": (certify, score, reduce, template, rehearse),
+        "Test a bat": (certify, score, reduce, verify, template, rehearse),
         "Bats and the catalog": (
             list_,
             show,

@@ -169,6 +169,17 @@ def score(folder: Path) -> Any:
     return api.score(folder)
 
 
+@command("verify", table=True)
+@click.argument("folder", type=click.Path(path_type=Path))
+def verify(folder: Path) -> Any:
+    """Repeat the reduction in FOLDER, make its certificate anew, and say what differs.
+
+    FOLDER is a folder that `certify` or `reduce` wrote. Its truth is not opened and may be missing.
+    The exit code is 3 if anything was altered, 4 if not all could be checked.
+    """
+    return api.verify(folder)
+
+
 @command("template")
 @click.argument("procedure", shell_complete=names("procedures"))
 @click.argument("folder", type=click.Path(path_type=Path))

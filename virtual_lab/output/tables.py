@@ -134,11 +134,16 @@ def quoted(cell: object) -> str:
 
 
 def write_csv(table: pd.DataFrame, path: Path) -> None:
-    """Write a table as CSV in which no text, a bat's name perhaps, is taken for a formula."""
+    """Write a table as the CSV of `csv_text`."""
+    path.write_text(csv_text(table), encoding="utf-8", newline="")
+
+
+def csv_text(table: pd.DataFrame) -> str:
+    """Return a table as CSV in which no text, a bat's name perhaps, is taken for a formula."""
     safe = table.rename(columns=quoted)
     for name in safe.select_dtypes(exclude=["number", "bool"]):
         safe[name] = [quoted(cell) if isinstance(cell, str) else cell for cell in safe[name]]
-    safe.to_csv(path, index=False)
+    return str(safe.to_csv(index=False, lineterminator="\n"))
 
 
 def number(value: float | None, form: str = ".6f") -> str:

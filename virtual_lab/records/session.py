@@ -98,7 +98,8 @@ def entry_of_origin(origin: Origin) -> dict[str, Any]:
 
 
 def _digest(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()
+    """Return the SHA-256 of a text, whose line ends a copy may have changed."""
+    return hashlib.sha256(data.replace(b"\r\n", b"\n")).hexdigest()
 
 
 def _attached(record: Record, path: Path) -> dict[str, Any]:

@@ -1,0 +1,378 @@
+"""A result folder is as it was made, or the file and key that is not are named."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import virtual_lab as vl
+from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
+from virtual_lab.certificate import verify as verifying
+from virtual_lab.certificate.document import document_of
+from virtual_lab.certificate.html import certificate_page
+from virtual_lab.certificate.pdf import certificate_pdf, pdf_name
+from virtual_lab.certificate.verify import Verification, verify
+from virtual_lab.errors import InputError
+
+HERE = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("made") / "result"
+    vl.certify("r161", seed=7, customer="Ashwood & Sons").save(folder, pdf=True)
+    return folder
+
+
+@pytest.fixture
+def result(made: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(made, tmp_path / "copy"))
+
+
+def edit_json(path: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    document = json.loads(path.read_text(encoding="utf-8"))
+    change(document)
+    path.write_text(json.dumps(document, indent=1), encoding="utf-8")
+
+
+def edit(name: str, old: str, new: str) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        text = (folder / name).read_text(encoding="utf-8")
+        assert old in text
+        (folder / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+
+    return change
+
+
+def in_document(**values: Any) -> Callable[[Path], None]:
+    """Change certificate.json alone; keys of tables are joined by two underscores."""
+
+    def change(folder: Path) -> None:
+        def within(document: dict[str, Any]) -> None:
+            for key, value in values.items():
+                *above, name = key.split("__")
+                table = document
+                for part in above:
+                    table = table[part]
+                table[name] = value
+
+        edit_json(folder / "certificate.json", within)
+
+    return change
+
+
+def in_all_forms(**values: Any) -> Callable[[Path], None]:
+    """Change certificate.json, and make page and PDF anew from it, name and all."""
+
+    def change(folder: Path) -> None:
+        in_document(**values)(folder)
+        parsed = json.loads((folder / "certificate.json").read_text(encoding="utf-8"))
+        document = document_of(parsed, "")
+        (folder / "certificate.html").write_text(certificate_page(document), encoding="utf-8")
+        for pdf in folder.glob("*.pdf"):
+            pdf.unlink()
+        (folder / pdf_name(document)).write_bytes(certificate_pdf(document))
+
+    return change
+
+
+def in_record(channel: str, change: Callable[[list[str]], list[str]]) -> Callable[[Path], None]:
+    """Change the lines of a record, and its digest and rows in session.json to match."""
+
+    def changed(folder: Path) -> None:
+        path = folder / "records" / f"{channel}.csv"
+        lines = change(path.read_text(encoding="utf-8").splitlines())
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        stage, name = channel.split("/")
+
+        def matched(session: dict[str, Any]) -> None:
+            entry = session["channels"][stage][name]
+            entry["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
+            entry["rows"] = len(lines) - 1
+
+        edit_json(folder / "records" / "session.json", matched)
+
+    return changed
+
+
+def in_session(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], None]:
+    return lambda folder: edit_json(folder / "records" / "session.json", change)
+
+
+def digit(row: int, old: str, new: str) -> Callable[[list[str]], list[str]]:
+    def change(lines: list[str]) -> list[str]:
+        lines[row] = re.sub(rf"{old}(?=[^{old}]*$)", new, lines[row], count=1)
+        return lines
+
+    return change
+
+
+def swapped(lines: list[str]) -> list[str]:
+    """Exchange the edges of the first two shots, whose indices stay."""
+
+    def split(line: str) -> tuple[str, str]:
+        head, _, value = line.rpartition(",")
+        return head, value
+
+    per_shot = sum(line.startswith("0,") for line in lines)
+    first, second = (
+        [split(line) for line in lines[1 + k * per_shot : 1 + (k + 1) * per_shot]] for k in (0, 1)
+    )
+    both = [f"{a},{d}" for (a, _), (_, d) in zip(first, second, strict=True)]
+    both += [f"{c},{b}" for (_, b), (c, _) in zip(first, second, strict=True)]
+    return [lines[0], *both, *lines[1 + 2 * per_shot :]]
+
+
+def constant(key: str, **values: Any) -> Callable[[dict[str, Any]], object]:
+    return lambda session: session["calibration"][key].update(values)
+
+
+def pdf_of(folder: Path) -> Path:
+    (found,) = folder.glob("*.pdf")
+    return found
+
+
+def another_attachment(folder: Path) -> None:
+    """Write the PDF of a better result under the name of this one."""
+    parsed = json.loads((folder / "certificate.json").read_text(encoding="utf-8"))
+    parsed["valid_hits"] += 1
+    pdf_of(folder).write_bytes(certificate_pdf(document_of(parsed, "")))
+
+
+CALIBRATION = "impact.gates.distance_0"
+TAMPERED: dict[str, tuple[Callable[[Path], None], str, str]] = {  # change, file, key
+    # one form alone
+    "the value in the document": (
+        in_document(metric__value=0.9),
+        "certificate.json",
+        "metric.value",
+    ),
+    "its u": (in_document(metric__u=0.001), "certificate.json", "metric.u"),
+    "a key removed": (
+        lambda folder: edit_json(folder / "certificate.json", lambda d: d.pop("flags")),
+        "certificate.json",
+        "flags",
+    ),
+    "a key added": (in_document(logo="gold"), "certificate.json", "logo"),
+    "the verdict": (in_document(verdict="FAIL"), "certificate.json", "verdict"),
+    "a number as text": (in_document(valid_hits="6"), "certificate.json", "valid_hits"),
+    "the value on the page": (edit("certificate.html", "± ", "± 0"), "certificate.html", "line"),
+    "SIMULATED gone from the page": (
+        edit("certificate.html", "SIMULATED", "CERTIFIED"),
+        "certificate.html",
+        "line",
+    ),
+    "the page cut short": (
+        lambda folder: (folder / "certificate.html").write_text("<html>"),
+        "certificate.html",
+        "line",
+    ),
+    "the page removed": (
+        lambda folder: (folder / "certificate.html").unlink(),
+        "certificate.html",
+        "",
+    ),
+    "a reading in the table": (edit("readings.csv", ",60.", ",61."), "readings.csv", "row"),
+    "a row of the table gone": (
+        lambda folder: (folder / "readings.csv").write_text(
+            "\n".join((folder / "readings.csv").read_text().splitlines()[:-1]) + "\n"
+        ),
+        "readings.csv",
+        "",
+    ),
+    "a PDF of another document": (another_attachment, "pdf", ""),
+    "a byte of the PDF": (
+        lambda folder: pdf_of(folder).write_bytes(pdf_of(folder).read_bytes() + b"\n"),
+        "pdf",
+        "",
+    ),
+    "a PDF renamed": (
+        lambda folder: pdf_of(folder).rename(folder / "certificate-000000000000-SIMULATED.pdf"),
+        "pdf",
+        "name",
+    ),
+    "a file added": (
+        lambda folder: (folder / "approved.txt").write_text("yes"),
+        "approved.txt",
+        "",
+    ),
+    "a record added": (
+        lambda folder: (folder / "records/impact/more.csv").write_text("a\n1\n"),
+        "records/impact/more.csv",
+        "file",
+    ),
+    "a record removed": (
+        lambda folder: (folder / "records/impact/aim.csv").unlink(),
+        "records/impact/aim.csv",
+        "file",
+    ),
+    "a record edited": (
+        edit("records/impact/gates.csv", "1", "2"),
+        "records/impact/gates.csv",
+        "sha256",
+    ),
+    "the rules edited": (
+        edit("records/procedure.toml", "valid_hits", "valid_hits "),
+        "records/procedure.toml",
+        "sha256",
+    ),
+    # several forms alike, so that only the records tell
+    "u halved in all forms": (in_all_forms(metric__u=0.002), "certificate.json", "metric.u"),
+    "the value and its interval in all forms": (
+        in_all_forms(metric__value=0.94, metric__interval_95=[0.93, 0.95]),
+        "certificate.json",
+        "metric.value",
+    ),
+    "another customer in all forms": (
+        in_all_forms(particulars__customer__name="Nobody"),
+        "certificate.json",
+        "particulars.customer.name",
+    ),
+    "another date in all forms": (in_all_forms(date="2020-01-01"), "certificate.json", "date"),
+    "another bat in all forms": (in_all_forms(bat__name="ea70"), "certificate.json", "bat.name"),
+    "rejected hits gone in all forms": (
+        in_all_forms(rejected_hits=[], valid_hits=12),
+        "certificate.json",
+        "valid_hits",
+    ),
+    "a digit of a reading, its digest too": (
+        in_record("bench/bat-mass", digit(1, "8", "9")),
+        "certificate.json",
+        "bat.mass_kg.value",
+    ),
+    "a row gone, its digest too": (
+        in_record("bench/bat-mass", lambda lines: lines[:-1]),
+        "certificate.json",
+        "bat.mass_kg",
+    ),
+    "records of two shots exchanged, their digests too": (
+        in_record("impact/gates", swapped),
+        "certificate.json",
+        "shots[0]",
+    ),
+    "a calibration": (
+        in_session(constant(CALIBRATION, value=0.56)),
+        "certificate.json",
+        "metric.value",
+    ),
+    "the u of a calibration": (
+        in_session(constant(CALIBRATION, u=1e-5)),
+        "certificate.json",
+        "metric.u",
+    ),
+    "the sealing": (
+        in_session(lambda session: session["simulation"].update(sealing="sealed")),
+        "certificate.json",
+        "simulation.sealing",
+    ),
+}
+
+
+def test_there_are_thirty_ways() -> None:
+    assert len(TAMPERED) >= 30
+
+
+@pytest.mark.parametrize("way", TAMPERED)
+def test_what_was_altered_is_named(result: Path, way: str) -> None:
+    """With its file and key, and with both values where it has any."""
+    change, file, key = TAMPERED[way]
+    change(result)
+    found = verify(result)
+    assert found.code == 3
+    named = [row for row in found.rows if row.file.endswith(file) and row.key.startswith(key)]
+    assert named, found.text
+    for row in named:
+        assert row.stated != row.found
+    assert "altered" in found.text
+
+
+def honest(found: Verification) -> None:
+    assert found.rows == ()
+    assert found.unchecked == ()
+    assert (found.state, found.code) == ("whole", 0)
+    assert "whoever" not in found.text
+    assert "without a signature" in found.text
+
+
+def test_an_honest_copy_is_whole(result: Path) -> None:
+    """Read-only, without the truth, with other line ends, and out of an archive."""
+    shutil.rmtree(result / "truth")
+    honest(verify(result))
+    for path in [*result.rglob("*.csv"), *result.rglob("*.json"), result / "certificate.html"]:
+        path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    honest(verify(result))
+    with zipfile.ZipFile(result.parent / "all.zip", "w") as archive:
+        for path in result.rglob("*"):
+            archive.write(path, path.relative_to(result))
+    with zipfile.ZipFile(result.parent / "all.zip") as archive:
+        archive.extractall(result.parent / "again")
+    for path in (result.parent / "again").rglob("*"):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    honest(verify(result.parent / "again"))
+
+
+def test_reductions_of_records_are_whole(made: Path, tmp_path: Path) -> None:
+    """Our own, repeated, and those of another laboratory."""
+    vl.reduce(made / "records").save(tmp_path / "ours", pdf=True, paper="letter")
+    vl.reduce(HERE / "foreign_laboratory" / "records").save(tmp_path / "theirs")
+    honest(verify(tmp_path / "ours"))
+    honest(verify(tmp_path / "theirs"))
+
+
+def test_the_truth_is_not_opened(result: Path) -> None:
+    for path in (result / "truth").iterdir():
+        path.write_text("no JSON")
+    honest(verify(result))
+
+
+def test_what_cannot_be_made_here_is_not_checked(
+    result: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(*_: object) -> bytes:
+        raise InputError("", "pdf", None, "needs Typst")
+
+    monkeypatch.setattr(verifying, "certificate_pdf", missing)
+    found = verify(result)
+    assert (found.rows, found.code) == ((), 4)
+    assert "needs Typst" in found.text
+    edit_json(
+        result / "certificate.json", lambda document: document["versions"].update(numpy="1.0")
+    )
+    assert any("versions.numpy: 1.0 stated" in each for each in verify(result).unchecked)
+
+
+def test_a_certificate_of_another_version_is_compared_by_its_number(result: Path) -> None:
+    in_all_forms(versions={"virtual-lab": "0.0.1"}, metric__u=0.002)(result)
+    found = verify(result)
+    assert (found.code, found.rows) == (0, ())
+    assert "made by version 0.0.1" in found.text
+    in_document(metric__u=0.003)(result)
+    assert verify(result).code == 3
+
+
+def test_the_command_says_it_by_its_code(result: Path, run: Run) -> None:  # noqa: F811
+    code, out, _ = run("verify", str(result), "--json")
+    assert (code, json.loads(out)["state"]) == (0, "whole")
+    in_document(metric__u=0.002)(result)
+    code, out, _ = run("verify", str(result))
+    assert code == 3
+    assert "metric.u" in out
+    (result / "certificate.json").write_text("{")
+    code, _, err = run("verify", str(result))
+    assert code == 2
+    assert "certificate.json" in err
+    assert run("verify", str(result / "nowhere"))[0] == 2
+
+
+def test_an_older_schema_is_made_again(result: Path) -> None:
+    in_document(schema=2)(result)
+    with pytest.raises(InputError, match="make the certificate again with 'virtual-lab reduce"):
+        verify(result)

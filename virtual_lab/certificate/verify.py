@@ -1,0 +1,308 @@
+"""Whether a result folder is as it was made: its reduction repeated, its forms made anew.
+
+The truth is not opened. Whoever rewrites records and all forms alike stays hidden: only a signature
+would show that.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
+from itertools import zip_longest
+from math import isclose, isnan
+from pathlib import Path
+from typing import Any
+
+from virtual_lab.certificate.document import SCHEMA, CertificateDocument, document_of
+from virtual_lab.certificate.filling import certificate
+from virtual_lab.certificate.html import certificate_page
+from virtual_lab.certificate.pdf import PAPERS, certificate_pdf, pdf_name
+from virtual_lab.certificate.tables import shot_table
+from virtual_lab.errors import DISTRIBUTION, InputError
+from virtual_lab.files import contents, parse_table, read_bytes, read_json, read_table
+from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.output.result import Json, StudyResult
+from virtual_lab.output.tables import column, csv_text, table_text
+from virtual_lab.records.session import load_session
+
+CERTIFICATE, PAGE, READINGS, RECORDS = (
+    "certificate.json",
+    "certificate.html",
+    "readings.csv",
+    "records",
+)
+UNOPENED, FILM, CONTROL = "truth", "film", "control"
+TOLERANCE = 1e-9  # relative: what other processors change
+UNSIGNED = "without a signature, someone who rewrites the records and all forms alike stays hidden"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mismatch:
+    """A file, or a key in it, that is not what the records give."""
+
+    file: str = column("file", form="")
+    key: str = column("key", form="")
+    stated: str = column("stated", form="")
+    found: str = column("by the records", form="")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Verification(StudyResult):
+    """What of a result folder is not as it was made."""
+
+    folder: str
+    rows: tuple[Mismatch, ...]
+    unchecked: tuple[str, ...]  # what could not be compared here, and why
+    note: str = ""  # of a certificate of another version
+
+    name = "verify"
+
+    @property
+    def state(self) -> str:
+        """``whole``, ``altered`` or ``not all checked``, the words of the JSON document."""
+        return "altered" if self.rows else "not all checked" if self.unchecked else "whole"
+
+    @property
+    def title(self) -> str:
+        """Title with folder and state."""
+        return f"verification of {self.folder}: {self.state}"
+
+    @property
+    def code(self) -> int:
+        """The exit code of the command."""
+        return {"whole": 0, "altered": 3, "not all checked": 4}[self.state]
+
+    @property
+    def document(self) -> Json:
+        """The result for JSON."""
+        return {
+            "state": self.state,
+            "altered": [asdict(row) for row in self.rows],
+            "unchecked": list(self.unchecked),
+            "note": self.note,
+        }
+
+    @property
+    def text(self) -> str:
+        """What was altered as a table, what was not checked, and what no check can show."""
+        lines = [self.state]
+        if self.rows:
+            lines.append(table_text(self.rows))
+        lines += [f"not checked: {each}" for each in self.unchecked]
+        return "\n".join([*lines, *filter(None, [self.note]), UNSIGNED])
+
+
+def verify(folder: str | Path) -> Verification:
+    """Repeat the reduction of a result folder, make its forms anew, and compare.
+
+    Raises
+    ------
+    InputError
+        No folder with a certificate, or one of another schema.
+    """
+    folder = Path(folder)
+    stated = read_json(folder / CERTIFICATE)
+    if stated.get("schema") != SCHEMA:
+        allowed = f"allowed: {SCHEMA}; make the certificate again with 'virtual-lab reduce RECORDS'"
+        raise InputError(str(folder / CERTIFICATE), "schema", stated.get("schema"), allowed)
+    made_by = _at(stated, "versions", "virtual-lab")
+    if made_by != version(DISTRIBUTION):
+        return _of_another_version(folder, stated, made_by)
+    rows, unchecked = list(_strays(folder)), list[str]()
+    document = None
+    try:
+        certification = certify_session(load_session(folder / RECORDS))
+    except InputError as fault:
+        rows.append(_refused(fault, folder))
+    else:
+        digest = _at(stated, "simulation", "truth_digest")
+        document = certificate(certification, truth_digest=digest)
+        document, other = _with_versions(document, stated)
+        unchecked += other
+        changed = list(_differences(stated, document.as_json()))
+        if not changed:
+            document = document_of(stated, CERTIFICATE)  # whose very last digits the forms have
+        rows += changed
+        rows += _readings(folder, certification)
+    of_forms, other = _forms(folder, document)
+    rows, unchecked = rows + of_forms, unchecked + other
+    if (folder / FILM).is_dir():
+        unchecked.append(f"{FILM}: the film of a shot shows what no record holds")
+    if (folder / CONTROL).is_dir():
+        control = verify(folder / CONTROL)
+        rows += [replace(row, file=f"{CONTROL}/{row.file}") for row in control.rows]
+        unchecked += [f"{CONTROL}/{each}" for each in control.unchecked]
+    return Verification(folder=str(folder), rows=tuple(rows), unchecked=tuple(unchecked))
+
+
+def _at(document: Any, *keys: str) -> Any:
+    for key in keys:
+        document = document.get(key) if isinstance(document, Mapping) else None
+    return document
+
+
+def _refused(fault: InputError, folder: Path) -> Mismatch:
+    """Return what records that cannot be read, or not be reduced, say."""
+    where = fault.where.removeprefix(f"{folder}/") or RECORDS
+    if not where.startswith(RECORDS):
+        where = f"{RECORDS}/{where}"
+    value = "" if fault.value is None else str(fault.value)
+    return Mismatch(file=where, key=fault.key, stated=value, found=fault.allowed)
+
+
+def _with_versions(
+    document: CertificateDocument, stated: Mapping[str, Any]
+) -> tuple[CertificateDocument, list[str]]:
+    """Return the document with the libraries it was made with, and which of them differ here."""
+    libraries = _at(stated, "versions")
+    if not isinstance(libraries, Mapping) or libraries.keys() != document.versions.keys():
+        return document, []
+    other = [
+        f"versions.{name}: {libraries[name]} stated, {here} here"
+        for name, here in document.versions.items()
+        if libraries[name] != here
+    ]
+    return replace(document, versions=dict(libraries)), other
+
+
+def _differences(stated: Any, found: Any, key: str = "") -> Iterator[Mismatch]:
+    """Yield the keys of certificate.json that are not what the records give."""
+    if isinstance(stated, Mapping) and isinstance(found, Mapping):
+        for name in [*found, *(name for name in stated if name not in found)]:
+            own = f"{key}.{name}" if key else name
+            if name not in stated or name not in found:
+                there, here = (
+                    _value(each[name]) if name in each else "" for each in (stated, found)
+                )
+                yield Mismatch(file=CERTIFICATE, key=own, stated=there, found=here)
+            else:
+                yield from _differences(stated[name], found[name], own)
+    elif isinstance(stated, list) and isinstance(found, list) and len(stated) == len(found):
+        for number, (there, here) in enumerate(zip(stated, found, strict=True)):
+            yield from _differences(there, here, f"{key}[{number}]")
+    elif not _same(stated, found):
+        yield Mismatch(file=CERTIFICATE, key=key, stated=_value(stated), found=_value(found))
+
+
+def _same(stated: Any, found: Any) -> bool:
+    either = (stated, found)
+    if any(isinstance(each, bool) for each in either):
+        return type(stated) is type(found) and bool(stated == found)
+    if all(isinstance(each, float) and isnan(each) for each in either):  # empty cells
+        return True
+    if all(isinstance(each, int | float) for each in either):
+        return isclose(stated, found, rel_tol=TOLERANCE, abs_tol=1e-15)
+    return type(stated) is type(found) and bool(stated == found)
+
+
+def _value(value: Any) -> str:
+    """Return a value of JSON to be printed: a text in quotes, a number to twelve digits."""
+    return _shown(f"{value:.12g}" if isinstance(value, float) else json.dumps(value))
+
+
+def _shown(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def _readings(folder: Path, certification: Certification) -> Iterator[Mismatch]:
+    """Yield the cells of readings.csv that are not what the records give."""
+    try:
+        stated = read_table(folder / READINGS)
+    except InputError as fault:
+        yield Mismatch(file=READINGS, key=fault.key, stated="", found=fault.allowed)
+        return
+    found = parse_table(csv_text(shot_table(certification)).encode(), READINGS)
+    if [*stated.columns] != [*found.columns] or len(stated) != len(found):
+        shape = f"{len(found)} rows of {len(found.columns)} columns"
+        yield Mismatch(
+            file=READINGS,
+            key="",
+            stated=f"{len(stated)} rows of {len(stated.columns)} columns",
+            found=shape,
+        )
+        return
+    for name in found.columns:
+        for row, (there, here) in enumerate(zip(stated[name], found[name], strict=True)):
+            if not _same(there, here):
+                key = f"row {row}, {name}"
+                yield Mismatch(
+                    file=READINGS, key=key, stated=_shown(str(there)), found=_shown(str(here))
+                )
+
+
+def _forms(folder: Path, document: CertificateDocument | None) -> tuple[list[Mismatch], list[str]]:
+    """Return what of page and PDF the document does not give, and what could not be compared."""
+    pdfs = sorted(path.name for path in folder.glob("*.pdf"))
+    if document is None:
+        return [], [f"{name}: the records give no certificate" for name in (PAGE, *pdfs)]
+    rows, unchecked = list(_page(folder / PAGE, document)), []
+    for name in pdfs:
+        if name != pdf_name(document):
+            rows.append(Mismatch(file=name, key="name", stated=name, found=pdf_name(document)))
+        try:
+            rows += _pdf(folder / name, document)
+        except InputError as fault:  # the extra that makes it is missing, or another one made it
+            unchecked.append(f"{name}: {fault}")
+    return rows, unchecked
+
+
+def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
+    """Yield a mismatch of a PDF that is not made of the document, on whatever paper.
+
+    `InputError` where that cannot be told here.
+    """
+    found, wanted = read_bytes(path), [certificate_pdf(document, paper) for paper in PAPERS]
+    if found in wanted:
+        return
+    producer = re.compile(rb"Typst [\d.]+")
+    theirs, ours = producer.findall(found), producer.findall(wanted[0])
+    if theirs and theirs != ours:
+        raise InputError("", "Typst", theirs[0].decode(), f"here it is {ours[0].decode()}")
+    yield Mismatch(file=path.name, key="", stated="", found="another file than the records give")
+
+
+def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
+    """Yield the first line in which the page is not that of the document."""
+    if not path.is_file():
+        yield Mismatch(file=path.name, key="", stated="", found="the file is missing")
+        return
+    found, wanted = read_bytes(path).decode(errors="replace"), certificate_page(document)
+    both = zip_longest(found.splitlines(), wanted.splitlines(), fillvalue="")
+    for number, (there, here) in enumerate(both, start=1):
+        if there != here:
+            own = {"stated": _shown(there.strip()), "found": _shown(here.strip())}
+            yield Mismatch(file=path.name, key=f"line {number}", **own)
+            return
+
+
+def _strays(folder: Path) -> Iterator[Mismatch]:
+    """Yield files that belong to no result; those among the records their session refuses."""
+    own = {CERTIFICATE, PAGE, READINGS}
+    for name, kind in contents(folder).items():
+        top = name.split("/")[0]
+        if top in (UNOPENED, RECORDS, CONTROL, FILM) and "/" in name:
+            continue
+        if kind != "file":
+            yield Mismatch(file=name, key="", stated=f"a {kind}", found="no such thing")
+        elif name not in own and not re.fullmatch(r"[^/]+\.pdf", name):
+            yield Mismatch(file=name, key="", stated="a file", found="no such file")
+
+
+def _of_another_version(folder: Path, stated: Mapping[str, Any], made_by: Any) -> Verification:
+    """Compare the page's number with the document's: another version may print otherwise."""
+    document = document_of(dict(stated), str(folder / CERTIFICATE))
+    rows = []
+    number = pdf_name(document).split("-")[1]
+    page = folder / PAGE
+    if not page.is_file() or number not in read_bytes(page).decode(errors="replace"):
+        rows.append(Mismatch(file=PAGE, key="number", stated="", found=number))
+    note = f"made by version {made_by}, this is {version(DISTRIBUTION)}: only the number in print"
+    return Verification(
+        folder=str(folder),
+        rows=tuple(rows),
+        unchecked=(),
+        note=f"{note} was compared",
+    )
