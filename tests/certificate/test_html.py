@@ -404,7 +404,19 @@ def test_a_certificate_that_contradicts_itself_is_refused(
 
 
 def test_the_schema_of_a_certificate_has_its_name() -> None:
-    assert "CertificateDocument" in json_schema()["title"]
+    schema = json_schema()
+    assert "CertificateDocument" in schema["title"]
+    assert schema["$id"].endswith(":certificate:3")
+    assert "2020-12" in schema["$schema"]
+    assert schema["additionalProperties"] is False
+
+
+def test_the_page_runs_no_script_and_is_printed_on_the_paper_asked_for() -> None:
+    document = certificate(quick())
+    page, letter = certificate_page(document), certificate_page(document, "letter")
+    assert "default-src 'none'; style-src 'unsafe-inline'" in page
+    assert "size: a4 portrait" in page
+    assert letter == page.replace("size: a4", "size: letter")
 
 
 def points(drawing: str, mark: str) -> list[tuple[float, float]]:

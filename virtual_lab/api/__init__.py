@@ -183,7 +183,8 @@ class Certificate:
     control: Certificate | None = None  # of the control bat
     film: Callable[[Path], None] | None = None  # of the first shot, where it was asked for
     seed: int | None = None  # as given by the user, None if random
-    paper: str = ""  # of the PDF that `save` writes, too; empty: it writes none
+    pdf: bool = False  # whether `save` writes it as PDF, too
+    paper: str = "a4"  # of page and PDF
 
     @cached_property
     def printed(self) -> CertificateDocument:
@@ -297,29 +298,33 @@ class Certificate:
             raise InputError("", "score", None, f"the test gave no result: {reason}")
         return score(self.document, self.sealed.document()["measurand"])
 
-    def save(self, folder: str | Path, *, pdf: bool = False, paper: str = "a4") -> Path:
+    def save(
+        self, folder: str | Path, *, pdf: bool | None = None, paper: str | None = None
+    ) -> Path:
         """Write certificate, readings, raw records and truth into a new folder, and seal it.
 
-        With `pdf` the certificate comes as PDF/A-3a and PDF/UA-1 too, on paper ``a4`` or
-        ``letter``, with ``certificate.json`` attached. A film is lossless with time stamps, and
-        comes with a preview and the calibration file for ``virtual-lab track``.
+        With `pdf` the certificate comes as PDF/A-3a and PDF/UA-1, too, with ``certificate.json``
+        attached. `paper` is ``a4`` or ``letter``. A film is lossless with time stamps, and comes
+        with a preview and the calibration file for ``virtual-lab track``.
 
         Raises `InputError` if the folder is not empty or cannot be written, another paper is asked
         for, or the extra ``pdf`` is missing; no partial files are left.
         """
         from virtual_lab.certificate.html import certificate_page
-        from virtual_lab.certificate.pdf import certificate_pdf, pdf_name
+        from virtual_lab.certificate.pdf import certificate_pdf, pdf_name, require_paper
         from virtual_lab.files import new_folder
         from virtual_lab.lab.seal import TRUTH, write_seal
         from virtual_lab.output.tables import write_csv
         from virtual_lab.records.session import save_session
 
-        target, paper = Path(folder), paper if pdf else self.paper
+        target = Path(folder)
+        pdf, paper = self.pdf if pdf is None else pdf, paper or self.paper
+        require_paper(paper)
         with new_folder(target) as draft:
-            if paper:
+            if pdf:
                 (draft / pdf_name(self.printed)).write_bytes(certificate_pdf(self.printed, paper))
             (draft / "certificate.json").write_text(self.printed.text(), encoding="utf-8")
-            page = certificate_page(self.printed)
+            page = certificate_page(self.printed, paper)
             (draft / "certificate.html").write_text(page, encoding="utf-8")
             write_csv(self.shots, draft / "readings.csv")
             (draft / "records").mkdir()
@@ -328,7 +333,7 @@ class Certificate:
                 (draft / TRUTH).parent.mkdir()
                 (draft / TRUTH).write_bytes(self._truth)
             if self.control:
-                self.control.save(draft / "control", pdf=bool(paper), paper=paper)
+                self.control.save(draft / "control", pdf=pdf, paper=paper)
             if self.film:
                 (draft / "film").mkdir()
                 self.film(draft / "film")

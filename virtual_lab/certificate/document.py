@@ -17,7 +17,7 @@ from annotated_types import Ge
 
 from virtual_lab.catalog.specs import Exact, Real, Spec, Whole, YesNo
 from virtual_lab.catalog.validation import validate
-from virtual_lab.errors import InputError, nearest
+from virtual_lab.errors import DISTRIBUTION, InputError, nearest
 from virtual_lab.files import read_json
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.origin import Simulated
@@ -473,10 +473,14 @@ def read_document(path: Path) -> CertificateDocument:
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of ``certificate.json``."""
+    """Return the JSON Schema of ``certificate.json``, of the draft 2020-12."""
     from pydantic import TypeAdapter
 
-    return TypeAdapter(CertificateDocument).json_schema()
+    named = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": f"urn:{DISTRIBUTION}:certificate:{SCHEMA}",
+    }
+    return named | TypeAdapter(CertificateDocument).json_schema()
 
 
 def _lists(value: Any) -> Any:

@@ -10,14 +10,17 @@ from virtual_lab.output.template import page_template
 PACKAGE = "virtual_lab.certificate"
 
 
-def certificate_page(document: CertificateDocument) -> str:
-    """Return the certificate as one self-contained HTML page."""
+def certificate_page(document: CertificateDocument, paper: str = "a4") -> str:
+    """Return the certificate as one self-contained HTML page, for paper ``a4`` or ``letter``.
+
+    It runs no script and loads nothing.
+    """
     from markupsafe import Markup
 
     # drawn by this package, text inside already escaped
     figures = {name: svg and Markup(svg) for name, svg in certificate_figures(document).items()}
     return page_template(PACKAGE, "certificate.html").render(
-        document=document, **printed_values(document), **figures
+        document=document, paper=paper, **printed_values(document), **figures
     )
 
 

@@ -28,10 +28,15 @@ def pdf_name(document: CertificateDocument) -> str:
     return f"certificate-{certificate_number(document)}-{kind}.pdf"
 
 
-def require_pdf(paper: str) -> None:
-    """Raise `InputError` for an unknown paper, or where the extra that sets it is missing."""
+def require_paper(paper: str) -> None:
+    """Raise `InputError` for an unknown paper."""
     if paper not in PAPERS:
         raise InputError("", "paper", paper, f"allowed: {', '.join(PAPERS)}")
+
+
+def require_pdf(paper: str) -> None:
+    """Raise `InputError` for an unknown paper, or where the extra that sets it is missing."""
+    require_paper(paper)
     if find_spec("typst") is None:
         raise InputError("", "pdf", None, f"needs Typst; {with_extra('pdf')}")
 

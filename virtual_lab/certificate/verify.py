@@ -269,8 +269,9 @@ def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
     if not path.is_file():
         yield Mismatch(file=path.name, key="", stated="", found="the file is missing")
         return
-    found, wanted = read_bytes(path).decode(errors="replace"), certificate_page(document)
-    both = zip_longest(found.splitlines(), wanted.splitlines(), fillvalue="")
+    found = read_bytes(path).decode(errors="replace").splitlines()
+    pages = [certificate_page(document, paper).splitlines() for paper in PAPERS]
+    both = zip_longest(found, pages[pages.index(found) if found in pages else 0], fillvalue="")
     for number, (there, here) in enumerate(both, start=1):
         if there != here:
             own = {"stated": _shown(there.strip()), "found": _shown(here.strip())}

@@ -1,7 +1,8 @@
 """The command line.
 
 Exit codes: 0 finished, whatever the verdict; 1 a bug; 2 bad input; 3 files were changed; 4 parts
-of a campaign are missing, or not all could be checked. `virtual_lab.__main__` adds 130, 143 and 129 for interruptions.
+of a campaign are missing, or not all could be checked. `virtual_lab.__main__` adds 130, 143 and 129
+for interruptions.
 """
 
 from __future__ import annotations

@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
 
 
-def pdf_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a command with the options of a certificate's PDF."""
+def paper_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command with the options of a certificate's paper and PDF."""
     for option in (
         click.option(
             "--paper",
             type=click.Choice(["a4", "letter"]),
             default="a4",
             show_default=True,
-            help="Paper of the PDF.",
+            help="Paper of the certificate.",
         ),
         click.option(
             "--pdf",
@@ -47,13 +47,12 @@ def pdf_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def on_paper(pdf: bool, paper: str, test: Callable[[], Certificate]) -> Certificate:
-    """Return a certificate to be saved with its PDF, which is known to be possible first."""
+    """Return a certificate to be saved on a paper; as PDF only where that is known to work."""
     from virtual_lab.certificate.pdf import require_pdf
 
-    if not pdf:
-        return test()
-    require_pdf(paper)
-    return replace(test(), paper=paper)
+    if pdf:
+        require_pdf(paper)
+    return replace(test(), pdf=pdf, paper=paper)
 
 
 @command("certify", folder="{bat}-{procedure}", page="certificate.html", picture=True)
@@ -127,7 +126,7 @@ def on_paper(pdf: bool, paper: str, test: Callable[[], Certificate]) -> Certific
 @click.option("--received", default="", metavar="DAY", help="Day of receipt, as 2026-11-25.")
 @click.option("--operator", default="", help="Who carries out the test.")
 @click.option("--notes", default="", help="What else is to be stated.")
-@pdf_options
+@paper_options
 def certify(
     bat: str,
     ideal: bool,
@@ -148,7 +147,7 @@ def certify(
 
 @command("reduce", keeps=True, picture=True)
 @click.argument("records", type=click.Path(path_type=Path))
-@pdf_options
+@paper_options
 def reduce(records: Path, pdf: bool, paper: str) -> Any:
     """Compute the results from a folder of raw RECORDS, without the truth.
 
