@@ -234,8 +234,15 @@ def test_an_invalid_test_states_no_value_and_names_every_reason() -> None:
         assert reason in text
 
 
-def test_too_few_hits_give_a_value_for_information_only() -> None:
-    assert "for information only" in words(page("too few valid hits"))
+def test_an_invalid_test_with_a_number_shows_it_as_no_result() -> None:
+    """The document keeps it: five hits, where the procedure asks for six, have a mean."""
+    document = certificate(case("too few valid hits"))
+    assert document.metric.value is not None
+    for form in (words(page("too few valid hits")), certificate_text(document)):
+        assert "interval 0." not in form
+        assert "BPF =" not in form
+    assert "No BPF can be stated" in words(page("too few valid hits"))
+    assert document.text().count(str(document.metric.value)) > 0
 
 
 def test_a_result_of_supplied_records_never_passes_for_a_simulated_or_verified_one() -> None:

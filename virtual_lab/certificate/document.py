@@ -372,6 +372,11 @@ class CertificateDocument(Spec):
     versions: dict[str, str]
 
     @property
+    def states_result(self) -> bool:
+        """Whether a form shows the metric as a result: that of an invalid test is none."""
+        return self.metric.value is not None and self.verdict != "INVALID"
+
+    @property
     def quantities(self) -> dict[str, Stated]:
         """The quantities other than the metric, by name."""
         found = {name: getattr(self, name) for name in OPTIONAL}

@@ -30,7 +30,7 @@ def hits_figure(document: CertificateDocument) -> str:
     height = 166.0 if document.places else 122.0
     limit = None if metric.limit is None else metric.limit / printed.unit_si
     most = "no limit" if metric.limit is None else f"limit {printed.limit(metric.limit)}"
-    stated = metric.value is not None
+    stated = document.states_result
     panels = [_hits_panel(document, RIGHT - 136 if stated else RIGHT, height - X_LABEL_ROOM)]
     if stated:
         panels.append(_result_panel(document, RIGHT - 80, height - X_LABEL_ROOM))
@@ -124,7 +124,7 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
     seen = [(x, row) for x, row in zip(across, document.shots, strict=True) if row.metric]
     heights = [row.metric / unit_si for _, row in seen if row.metric is not None]
     interval = [bound / unit_si for bound in metric.interval_95 or ()]
-    if metric.value is None and metric.limit is not None:
+    if not document.states_result and metric.limit is not None:
         heights.append(metric.limit / unit_si)
     edge = 0.05 * (max(across) - min(across)) if scan else 0.6
     panel = Panel(
@@ -141,7 +141,7 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
         y_label=_axis_label(document),
         x_ticks=None if scan or len(across) > 30 else across,
     )
-    if metric.value is not None:
+    if document.states_result and metric.value is not None:
         panel.band(interval[0], interval[1], "95 % interval")
         panel.level(metric.value / unit_si, "result" if scan else "mean")
     for label, rows, fill, cross in _kinds(seen, scan):

@@ -73,7 +73,7 @@ def printed_values(document: CertificateDocument) -> dict[str, object]:
         "rebound": _rebound(document.rebound_check),
         "camera": _camera(document.second_witness),
         "conditions": _conditions(document),
-        "other_recoil": _other_recoil(document.recoil.other),
+        "other_recoil": _other_recoil(document.recoil.other if document.states_result else None),
         "fitted": _number(document.ring.fitted_ms, 0) if document.ring else NONE,
         "rings": ", ".join(f"{pitch:.0f}" for pitch in rings),
         "swung": any(row.bat_speed_mph is not None for row in document.shots),
@@ -140,7 +140,7 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     said = VERDICTS[verdict]
     if verdict == "FAIL":
         said = ": ".join((said, "; ".join(document.reasons)))
-    stated = _stated(metric, printed.unit_si)
+    stated = _stated(metric, printed.unit_si) if document.states_result else {}
     return {
         "words": printed.words,
         "symbol": printed.symbol,
@@ -150,9 +150,7 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
         "hits": hits,
         "limit": "none" if metric.limit is None else printed.limit(metric.limit),
         "stated": bool(stated),
-        "decides": bool(stated)
-        and verdict != "INVALID"
-        and all(finding.met for finding in document.findings),
+        "decides": bool(stated) and all(finding.met for finding in document.findings),
         **stated,
     }
 
@@ -298,7 +296,7 @@ def _budget(document: CertificateDocument) -> list[dict[str, str]]:
     """Return the largest components, and all others together in the last line."""
     unit_si = METRICS[document.metric.name].unit_si
     rows, u = document.budget, (document.metric.u or 0.0) / unit_si
-    if not rows or digits(u) == "0":
+    if not document.states_result or not rows or digits(u) == "0":
         return []
     places = decimals(u) + 1
     large = [row for row in rows if row.share_percent >= 1]

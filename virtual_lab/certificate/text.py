@@ -38,7 +38,7 @@ def certificate_text(document: CertificateDocument) -> str:
         f"{document.bat.name} by {procedure.name} ({procedure.edition})",
         f"  {document.verdict}{said}{marginal}",
     ]
-    if metric.value is not None:
+    if document.states_result:
         lines.append("  " + _metric_line(metric))
         lines += [
             f"  {SYMBOLS[name]:4} {_with_u(stated)}"
