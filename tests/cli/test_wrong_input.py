@@ -223,7 +223,7 @@ CASES: dict[str, Case] = {
         ["did you mean astm-pivot?"],
     ),
     "an option mistyped": (nothing, "certify r161 --procedur x", ["'--procedure'"]),
-    "a command mistyped": (nothing, "certfy r161", ["Did you mean 'certify'"]),
+    "a command mistyped": (nothing, "certfy r161", ["'certify'"]),
     "a seed with a comma": (nothing, "certify r161 --seed 1,5", ["--seed", "'1,5'"]),
     "an e0 that is none": (nothing, "certify r161 --correction ratio:nan", ["e0 below 1"]),
     "an inertia beyond all": (

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from math import hypot
 from pathlib import Path
 
-from virtual_lab.records import LengthReadings
 from virtual_lab.records.session import Session
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pinhole import looking_down
@@ -32,11 +31,6 @@ translation_m = {translation}
 plane_height_m = {plane!r}
 plane_height_u_m = {plane_u!r}
 relative_scale_u = {scale_u!r}
-
-[bat]  # where it stood; track fits how it turns, wherever exactly its pivot is
-pivot_m = {pivot}
-toward_m = {toward}
-widest_m = {widest!r}
 """
 
 
@@ -88,9 +82,6 @@ def _calibration(session: Session, ball_mass: float, size: tuple[int, int]) -> s
     radius = known["ball.radius"].value
     drag = float(drag_rate(air.value, coefficient.value, radius, ball_mass))
     share = hypot(air.u / (air.value or 1.0), coefficient.u / (coefficient.value or 1.0))
-    length, barrel = (_read(session, name) for name in ("length", "barrel-radius"))
-    axis = float(radius + barrel)
-    pivot = value("over") - (length - known["impact.pivot.from_knob"].value)
     scale_u = hypot(of("focal").u / value("focal"), of("place_z").u / value("place_z"))
     return CALIBRATION.format(
         exposure=value("exposure"),
@@ -107,14 +98,4 @@ def _calibration(session: Session, ball_mass: float, size: tuple[int, int]) -> s
         plane=value("plane"),
         plane_u=of("plane").u,
         scale_u=scale_u,
-        pivot=[axis, pivot],
-        toward=[axis, 0.0],
-        widest=1.8 * barrel,  # nothing else is that near the bat
     )
-
-
-def _read(session: Session, channel: str) -> float:
-    """Return the mean of a rule's readings of the bat [m]."""
-    record = session.records["bench"][channel]
-    assert isinstance(record, LengthReadings)
-    return float(record.readings.mean())

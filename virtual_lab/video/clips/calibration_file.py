@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 
-from virtual_lab.catalog.specs import Real, Spec, Whole, YesNo
+from virtual_lab.catalog.specs import Real, Spec, Whole
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_toml
@@ -68,16 +68,6 @@ class CameraModel(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BatPlace(Spec):
-    """Where a bat stands at rest, in axes of the camera's plane [m]."""
-
-    pivot_m: Pair  # what it turns about, roughly; it may lie out of the picture
-    toward_m: Pair  # another point of its axis, to a third of its width
-    widest_m: Positive  # more than half its greatest width, less than to the next thing
-    pivoted: YesNo = False  # whether it turns about pivot_m exactly
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ClipCalibration(Spec):
     """Keys of the file, SI; a key with _u is the standard uncertainty of the one without."""
 
@@ -94,7 +84,6 @@ class ClipCalibration(Spec):
     drag_per_m_u: Annotated[Real, Ge(0), Le(1)] = 0.0
     gravity_mps2: Pair = (0.0, 0.0)  # along the image's x and y, or the camera's plane's [m/s²]
     camera: CameraModel | None = None  # instead of metres_per_pixel
-    bat: BatPlace | None = None  # whose recoil is wanted, too
 
     def __post_init__(self) -> None:
         for name in ("metres_per_pixel", "frames_per_second", "ball_diameter_m"):
@@ -103,8 +92,6 @@ class ClipCalibration(Spec):
                 raise ValueError(f"{name}_u is more than half of {name}: it is not known")
         if self.camera and self.metres_per_pixel:
             raise ValueError("metres_per_pixel and [camera] both set the scale: give one")
-        if self.bat and not self.camera:
-            raise ValueError("[bat] is in metres of the plane of [camera]: give that, too")
         if self.timestamps is not None and self.frames_per_second_u:
             raise ValueError("frames_per_second_u says nothing where timestamps are given")
         step = 1 / self.frames_per_second if self.frames_per_second else None

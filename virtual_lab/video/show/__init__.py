@@ -1,1 +1,1 @@
-"""Tracks, bats and calibrations as text, pictures and films."""
+"""Tracks and calibrations as text, pictures and films."""

@@ -14,7 +14,7 @@ from functools import partial
 from numbers import Real
 from pathlib import Path
 from types import UnionType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import new_folder
@@ -32,10 +32,6 @@ from virtual_lab.video.show.course import (
     write_table,
 )
 from virtual_lab.video.show.track_text import track_document, track_text, track_title
-
-if TYPE_CHECKING:
-    from virtual_lab.video.bat.clip import BatSeen
-
 
 OPTIONS: dict[str, tuple[type | UnionType, str]] = {  # of an option's value, and an example
     "calibration": (str | Path, '"calibration.toml"'),
@@ -102,7 +98,6 @@ class TrackedClip:
     document: dict[str, Any]
     text: str
     title: str
-    bat: BatSeen | None = None
     progress: Callable[[str], None] = field(default=lambda _: None)
 
     def save(self, folder: Path) -> None:
@@ -122,10 +117,6 @@ class TrackedClip:
             drawn.draw_track(self.course, pictures, self.title, draft / "track.png")
             drawn.write_sheet(self.course, pictures, draft / "sheet.png")
             film.result()
-            if self.bat:
-                from virtual_lab.video.bat.clip import write_bat_table
-
-                write_bat_table(self.bat, draft / "bat.csv")
 
 
 def track_clip(
@@ -146,27 +137,21 @@ def track_clip(
     else:
         found = follow(clip, known, progress=progress)
     found = replace(found, notes=(*found.notes, *(("", words) for words in notes)))
-    tracked = bat = None
-    extra: dict[str, Any] = {}
-    lines = []
+    tracked = None
     if _wants_sharp(asked, found):
-        from virtual_lab.video.bat.clip import bat_document, bat_text, find_bat
         from virtual_lab.video.track.speeds import with_speeds
         from virtual_lab.video.track.tracking import sharpened
 
         tracked = sharpened(found, calibration, progress=progress)
         found = with_speeds(found, tracked, calibration)
-        if bat := find_bat(tracked, calibration):
-            lines, extra = [bat_text(bat)], {"bat": bat_document(bat)}
     # samples of a large clip take 50 MB, and have given what they can but how dark a picture is
     found = replace(found, clip=replace(clip, samples=clip.samples[:2].copy()))
     return TrackedClip(
         followed=found,
         course=course_of_tracked(tracked, found) if tracked else course_of_followed(found),
-        document=track_document(found, tracked) | extra,
-        text="\n".join([track_text(found, tracked), *lines]),
+        document=track_document(found, tracked),
+        text=track_text(found, tracked),
         title=track_title(found),
-        bat=bat,
         progress=progress,
     )
 

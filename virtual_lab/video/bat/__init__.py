@@ -1,1 +1,0 @@
-"""The bat in a clip: its outline at rest, its angle by frame, its recoil."""
