@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 import re
+import sys
 from dataclasses import replace
-from importlib import util
 from pathlib import Path
 from typing import Any
 
@@ -140,7 +140,6 @@ def test_save_writes_it_on_request(tmp_path: Path, document: CertificateDocument
 def test_without_the_extra_one_line_names_it(
     document: CertificateDocument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(util, "find_spec", lambda _: None)
-    monkeypatch.setattr("virtual_lab.certificate.pdf.find_spec", lambda _: None)
-    with pytest.raises(InputError, match=r"pdf; needs Typst; .*\[pdf\]"):
+    monkeypatch.setitem(sys.modules, "typst", None)
+    with pytest.raises(InputError, match=r"a certificate as PDF needs the extra 'pdf'; .*\[pdf\]"):
         certificate_pdf(document)

@@ -12,6 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric import rsa
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    PublicFormat,
+)
 
 import virtual_lab as vl
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
@@ -19,6 +27,7 @@ from virtual_lab.certificate import verify as verifying
 from virtual_lab.certificate.document import document_of
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.pdf import certificate_pdf, pdf_name
+from virtual_lab.certificate.signing import require_key
 from virtual_lab.certificate.verify import Verification, verify
 from virtual_lab.errors import InputError
 
@@ -376,3 +385,81 @@ def test_an_older_schema_is_made_again(result: Path) -> None:
     in_document(schema=2)(result)
     with pytest.raises(InputError, match="make the certificate again with 'virtual-lab reduce"):
         verify(result)
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Make a private key and its public part."""
+    folder, private = tmp_path_factory.mktemp("keys"), Ed25519PrivateKey.generate()
+    (folder / "private.pem").write_bytes(
+        private.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    )
+    (folder / "public.pem").write_bytes(
+        private.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    )
+    return folder / "private.pem", folder / "public.pem"
+
+
+@pytest.fixture
+def signed(made: Path, keys: tuple[Path, Path], tmp_path: Path) -> Path:
+    return vl.reduce(made / "records").save(tmp_path / "signed", key=keys[0])
+
+
+def test_a_signed_folder_is_whole_without_its_truth(
+    signed: Path,
+    keys: tuple[Path, Path],
+    run: Run,  # noqa: F811
+) -> None:
+    """And for those who check digests alone."""
+    found = verify(signed, key=keys[1])
+    assert (found.rows, found.signed) == ((), True)
+    assert "signed by the owner of the key" in found.text
+    for line in (signed / "SHA256SUMS").read_text().splitlines():
+        digest, name = line.split("  ")
+        assert hashlib.sha256((signed / name).read_bytes()).hexdigest() == digest
+    honest(verify(signed))
+    code, out, _ = run("verify", str(signed), "--key", str(keys[1]), "--json")
+    assert (code, json.loads(out)["signed"]) == (0, True)
+
+
+def test_who_rewrites_everything_is_found_by_the_signature(
+    signed: Path, keys: tuple[Path, Path]
+) -> None:
+    """Another test under the same name, with digests to match: whole, but for the key."""
+    other = vl.certify("ea70", seed=8).save(signed.parent / "other")
+    for path in signed.iterdir():
+        if not path.name.startswith("SHA256SUMS"):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    shutil.copytree(other, signed, dirs_exist_ok=True, ignore=shutil.ignore_patterns("truth"))
+    assert verify(signed).code == 0
+    found = verify(signed, key=keys[1])
+    assert (found.code, found.signed) == (3, False)
+    assert {row.key for row in found.rows} == {"signature"}
+    lines = [
+        f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.relative_to(signed).as_posix()}"
+        for path in sorted(signed.rglob("*"))
+        if path.is_file() and not path.name.startswith("SHA256SUMS")
+    ]
+    (signed / "SHA256SUMS").write_text("\n".join(lines) + "\n")
+    (row,) = verify(signed, key=keys[1]).rows
+    assert row.file == "SHA256SUMS.sig"
+    (signed / "SHA256SUMS.sig").unlink()
+    (row,) = verify(signed, key=keys[1]).rows
+    assert row.file == "SHA256SUMS.sig"
+
+
+def test_a_file_that_is_no_key_is_refused_before_the_test(
+    keys: tuple[Path, Path],
+    tmp_path: Path,
+    run: Run,  # noqa: F811
+) -> None:
+    (tmp_path / "none.pem").write_text("no key")
+    for path, said in ((tmp_path / "none.pem", "private key in PEM"), (keys[1], "private key")):
+        code, _, err = run("certify", "r161", "--sign", str(path), "--out", "new")
+        assert (code, said in err) == (2, True)
+        assert not (tmp_path / "new").exists()
+    rsa_key = rsa.generate_private_key(public_exponent=65537, key_size=2048)
+    other = tmp_path / "rsa.pem"
+    other.write_bytes(rsa_key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+    with pytest.raises(InputError, match="must be of the kind Ed25519"):
+        require_key(other, private=True)

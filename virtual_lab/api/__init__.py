@@ -185,6 +185,7 @@ class Certificate:
     seed: int | None = None  # as given by the user, None if random
     pdf: bool = False  # whether `save` writes it as PDF, too
     paper: str = "a4"  # of page and PDF
+    key: Path | None = None  # private, with which `save` signs all files
 
     @cached_property
     def printed(self) -> CertificateDocument:
@@ -299,19 +300,26 @@ class Certificate:
         return score(self.document, self.sealed.document()["measurand"])
 
     def save(
-        self, folder: str | Path, *, pdf: bool | None = None, paper: str | None = None
+        self,
+        folder: str | Path,
+        *,
+        pdf: bool | None = None,
+        paper: str | None = None,
+        key: str | Path | None = None,
     ) -> Path:
         """Write certificate, readings, raw records and truth into a new folder, and seal it.
 
         With `pdf` the certificate comes as PDF/A-3a and PDF/UA-1, too, with ``certificate.json``
-        attached. `paper` is ``a4`` or ``letter``. A film is lossless with time stamps, and comes
-        with a preview and the calibration file for ``virtual-lab track``.
+        attached. `paper` is ``a4`` or ``letter``. With the private `key` in a file (Ed25519, PEM)
+        ``SHA256SUMS`` and its signature stand beside (extra ``sign``). A film is lossless with time
+        stamps, and comes with a preview and the calibration file for ``virtual-lab track``.
 
         Raises `InputError` if the folder is not empty or cannot be written, another paper is asked
-        for, or the extra ``pdf`` is missing; no partial files are left.
+        for, no key stands in the file, or the extra is missing; no partial files are left.
         """
         from virtual_lab.certificate.html import certificate_page
         from virtual_lab.certificate.pdf import certificate_pdf, pdf_name, require_paper
+        from virtual_lab.certificate.signing import sign
         from virtual_lab.files import new_folder
         from virtual_lab.lab.seal import TRUTH, write_seal
         from virtual_lab.output.tables import write_csv
@@ -339,6 +347,8 @@ class Certificate:
                 self.film(draft / "film")
             if self.sealed:
                 write_seal(draft)
+            if signing := key or self.key:
+                sign(draft, Path(signing))
         return target
 
     @cached_property

@@ -193,7 +193,7 @@ ARGUMENTS = {
     **dict.fromkeys(("folder", "records"), FOLDER),
     "script": PATH,
     "study": ArgumentRule(_study, "a study.toml, its keys and values, or None to resume"),
-    "laboratory": PATH,
+    **dict.fromkeys(("laboratory", "key"), PATH),
     **dict.fromkeys(
         ("customer", "bat_serial", "bat_condition", "received", "notes"),
         ArgumentRule(_word, "a text"),

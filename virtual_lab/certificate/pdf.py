@@ -9,13 +9,12 @@ import datetime
 import json
 import re
 from importlib.resources import files
-from importlib.util import find_spec
 from typing import Any
 
 from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.figures import certificate_figures
 from virtual_lab.certificate.printed import certificate_number, printed_values
-from virtual_lab.errors import InputError, with_extra
+from virtual_lab.errors import InputError, of_extra
 
 PAPERS = {"a4": "a4", "letter": "us-letter"}  # as people say it, and Typst
 NO_GLYPH = re.compile(r'the text `"(.+?)"` could not be displayed')
@@ -37,8 +36,7 @@ def require_paper(paper: str) -> None:
 def require_pdf(paper: str) -> None:
     """Raise `InputError` for an unknown paper, or where the extra that sets it is missing."""
     require_paper(paper)
-    if find_spec("typst") is None:
-        raise InputError("", "pdf", None, f"needs Typst; {with_extra('pdf')}")
+    _typst()
 
 
 def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
@@ -46,9 +44,8 @@ def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
 
     Characters that no font of Typst has stand as code points, and the page says so.
     """
-    require_pdf(paper)
-    import typst
-
+    require_paper(paper)
+    typst = _typst()
     template = files("virtual_lab.certificate") / "templates" / "certificate.typ"
     source, view = template.read_bytes(), _view(document)
     odd: set[str] = set()
@@ -73,6 +70,10 @@ def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
             odd |= lacking
         else:
             return found
+
+
+def _typst() -> Any:
+    return of_extra("typst", "pdf", "a certificate as PDF")
 
 
 def _view(document: CertificateDocument) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from virtual_lab.certificate.document import SCHEMA, CertificateDocument, docume
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.pdf import PAPERS, certificate_pdf, pdf_name
+from virtual_lab.certificate.signing import SIGNATURE, SUMS, unsigned
 from virtual_lab.certificate.tables import shot_table
 from virtual_lab.errors import DISTRIBUTION, InputError
 from virtual_lab.files import contents, parse_table, read_bytes, read_json, read_table
@@ -56,6 +57,7 @@ class Verification(StudyResult):
     folder: str
     rows: tuple[Mismatch, ...]
     unchecked: tuple[str, ...]  # what could not be compared here, and why
+    signed: bool = False  # by the key that was given
     note: str = ""  # of a certificate of another version
 
     name = "verify"
@@ -82,6 +84,7 @@ class Verification(StudyResult):
             "state": self.state,
             "altered": [asdict(row) for row in self.rows],
             "unchecked": list(self.unchecked),
+            "signed": self.signed,
             "note": self.note,
         }
 
@@ -92,18 +95,33 @@ class Verification(StudyResult):
         if self.rows:
             lines.append(table_text(self.rows))
         lines += [f"not checked: {each}" for each in self.unchecked]
-        return "\n".join([*lines, *filter(None, [self.note]), UNSIGNED])
+        hidden = "signed by the owner of the key" if self.signed else UNSIGNED
+        return "\n".join([*lines, *filter(None, [self.note]), hidden])
 
 
-def verify(folder: str | Path) -> Verification:
+def verify(folder: str | Path, *, key: str | Path | None = None) -> Verification:
     """Repeat the reduction of a result folder, make its forms anew, and compare.
+
+    With the public `key` of who signed it, every file is compared with what was signed, too.
 
     Raises
     ------
     InputError
-        No folder with a certificate, or one of another schema.
+        No folder with a certificate, or one of another schema; a file that holds no key, or the
+        extra ``sign`` is missing.
     """
     folder = Path(folder)
+    found = _by_its_records(folder)
+    if key is None:
+        return found
+    rows = tuple(
+        Mismatch(file=each.file, key="signature", stated=each.stated, found=each.found)
+        for each in unsigned(folder, Path(key), UNOPENED)
+    )
+    return replace(found, rows=found.rows + rows, signed=not rows)
+
+
+def _by_its_records(folder: Path) -> Verification:
     stated = read_json(folder / CERTIFICATE)
     if stated.get("schema") != SCHEMA:
         allowed = f"allowed: {SCHEMA}; make the certificate again with 'virtual-lab reduce RECORDS'"
@@ -132,7 +150,7 @@ def verify(folder: str | Path) -> Verification:
     if (folder / FILM).is_dir():
         unchecked.append(f"{FILM}: the film of a shot shows what no record holds")
     if (folder / CONTROL).is_dir():
-        control = verify(folder / CONTROL)
+        control = _by_its_records(folder / CONTROL)
         rows += [replace(row, file=f"{CONTROL}/{row.file}") for row in control.rows]
         unchecked += [f"{CONTROL}/{each}" for each in control.unchecked]
     return Verification(folder=str(folder), rows=tuple(rows), unchecked=tuple(unchecked))
@@ -281,7 +299,7 @@ def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
 
 def _strays(folder: Path) -> Iterator[Mismatch]:
     """Yield files that belong to no result; those among the records their session refuses."""
-    own = {CERTIFICATE, PAGE, READINGS}
+    own = {CERTIFICATE, PAGE, READINGS, SUMS, SIGNATURE}
     for name, kind in contents(folder).items():
         top = name.split("/")[0]
         if top in (UNOPENED, RECORDS, CONTROL, FILM) and "/" in name:

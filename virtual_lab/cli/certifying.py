@@ -26,9 +26,15 @@ if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
 
 
-def paper_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a command with the options of a certificate's paper and PDF."""
+def saving_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command with the options of how a certificate is saved."""
     for option in (
+        click.option(
+            "--sign",
+            type=click.Path(path_type=Path),
+            metavar="KEY",
+            help="Sign all files with a private key (Ed25519, PEM; needs the extra 'sign').",
+        ),
         click.option(
             "--paper",
             type=click.Choice(["a4", "letter"]),
@@ -46,13 +52,19 @@ def paper_options(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
-def on_paper(pdf: bool, paper: str, test: Callable[[], Certificate]) -> Certificate:
-    """Return a certificate to be saved on a paper; as PDF only where that is known to work."""
-    from virtual_lab.certificate.pdf import require_pdf
-
+def saved_so(
+    pdf: bool, paper: str, sign: Path | None, test: Callable[[], Certificate]
+) -> Certificate:
+    """Return a certificate to be saved so; what cannot be is refused before the test."""
     if pdf:
+        from virtual_lab.certificate.pdf import require_pdf
+
         require_pdf(paper)
-    return replace(test(), pdf=pdf, paper=paper)
+    if sign:
+        from virtual_lab.certificate.signing import require_key
+
+        require_key(sign, private=True)
+    return replace(test(), pdf=pdf, paper=paper, key=sign)
 
 
 @command("certify", folder="{bat}-{procedure}", page="certificate.html", picture=True)
@@ -126,13 +138,14 @@ def on_paper(pdf: bool, paper: str, test: Callable[[], Certificate]) -> Certific
 @click.option("--received", default="", metavar="DAY", help="Day of receipt, as 2026-11-25.")
 @click.option("--operator", default="", help="Who carries out the test.")
 @click.option("--notes", default="", help="What else is to be stated.")
-@paper_options
+@saving_options
 def certify(
     bat: str,
     ideal: bool,
     noise_free: bool,
     pdf: bool,
     paper: str,
+    sign: Path | None,
     progress: Progress,
     **asked: Any,
 ) -> Any:
@@ -140,21 +153,21 @@ def certify(
     if ideal and noise_free:
         usage("--ideal and --noise-free exclude each other")
     reality = "ideal" if ideal else "noise-free" if noise_free else "real"
-    return on_paper(
-        pdf, paper, lambda: api.certify(bat, reality=reality, progress=progress, **asked)
+    return saved_so(
+        pdf, paper, sign, lambda: api.certify(bat, reality=reality, progress=progress, **asked)
     )
 
 
 @command("reduce", keeps=True, picture=True)
 @click.argument("records", type=click.Path(path_type=Path))
-@paper_options
-def reduce(records: Path, pdf: bool, paper: str) -> Any:
+@saving_options
+def reduce(records: Path, pdf: bool, paper: str, sign: Path | None) -> Any:
     """Compute the results from a folder of raw RECORDS, without the truth.
 
     RECORDS is the folder `records` that `certify` wrote, or a folder with the form of another
     laboratory (`template`).
     """
-    return on_paper(pdf, paper, lambda: api.reduce(records))
+    return saved_so(pdf, paper, sign, lambda: api.reduce(records))
 
 
 @command("score", table=True)
@@ -170,13 +183,19 @@ def score(folder: Path) -> Any:
 
 @command("verify", table=True)
 @click.argument("folder", type=click.Path(path_type=Path))
-def verify(folder: Path) -> Any:
+@click.option(
+    "--key",
+    type=click.Path(path_type=Path),
+    metavar="PUBLIC",
+    help="Public key (PEM) of who signed the files; needs the extra 'sign'.",
+)
+def verify(folder: Path, key: Path | None) -> Any:
     """Repeat the reduction in FOLDER, make its certificate anew, and say what differs.
 
     FOLDER is a folder that `certify` or `reduce` wrote. Its truth is not opened and may be missing.
     The exit code is 3 if anything was altered, 4 if not all could be checked.
     """
-    return api.verify(folder)
+    return api.verify(folder, key=key)
 
 
 @command("template")
