@@ -240,6 +240,17 @@ def test_a_worker_that_dies_is_a_fault_of_its_block(copy: Path) -> None:
     assert worker.process is None
 
 
+def test_a_worker_has_one_thread(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "8")
+    worker = workers.Worker(copy)
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+    tell = f"input(); told = [os.environ[each] for each in {names}]"
+    dump = "pickle.dump(' '.join(told), sys.stdout.buffer)"
+    worker.command = [sys.executable, "-c", f"import os, pickle, sys; {tell}; {dump}"]
+    assert worker.make(0) == "1 1 1 1"
+    worker.end()
+
+
 ENDED = "its worker ended with"
 DYING = """
 import os, pickle, sys
