@@ -131,9 +131,8 @@ class Campaign:
         for name in there - {self.block(number).name for number in range(self.blocks)}:
             raise InputError(str(self.parts), name, None, "is no part of this campaign; move it")
         for block in map(self.block, numbers):
-            there_is = block.name in there
-            wrong = wrong_with(self.parts / block.name, block, whole=whole) if there_is else None
-            yield block, *(wrong or (NOT_MADE, ""))
+            lost = (NOT_MADE, "") if block.name not in there else None
+            yield block, *(lost or wrong_with(self.parts / block.name, block, whole=whole))
 
     def check(self, progress: Progress = quiet) -> Account:
         """Read every part to its last page, and account for the blocks."""

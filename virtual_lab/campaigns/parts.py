@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 ROWS = 8192  # laboratories of a part: a second's work and more, as whoever hands it out needs
 PROGRAM = {"program": version(DISTRIBUTION), "schema": 1}  # of the columns
 FORM = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
-FORM |= {"write_page_checksum": True}
 ABOUT = b"virtual-lab"  # the key of a part's words about itself
 NOT_MADE = "not made"
 Columns = dict[tuple[str, str], NDArray[Any]]  # by name and unit, (laboratory,)
@@ -48,8 +47,8 @@ class Block:
     def __str__(self) -> str:
         last, case = self.first + self.rows - 1, self.case
         changes = "".join(f", {key} = {value}" for key, value in case.change.items())
-        tests = f"repeat {self.repeat}, laboratories {self.first} to {last}"
-        return f"{case.bat} by {case.procedure}{changes}, {tests}"
+        of = f"{case.bat} by {case.procedure}{changes}, repeat {self.repeat}"
+        return f"{of}, laboratories {self.first} to {last}"
 
 
 def parquet() -> Any:
@@ -113,7 +112,7 @@ def write_part(table: pa.Table, folder: Path, block: Block) -> None:
     words = {**PROGRAM, "name": block.name, "tests": str(block), "processor": processor()}
     table = table.replace_schema_metadata({ABOUT: json.dumps(words)})
     with whole_file(folder / block.name) as file:
-        parquet().write_table(table, file, **FORM)
+        parquet().write_table(table, file, write_page_checksum=True, **FORM)
 
 
 def wrong_with(path: Path, block: Block, *, whole: bool) -> tuple[str, str]:

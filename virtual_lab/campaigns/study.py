@@ -45,8 +45,7 @@ class Study(Spec):
     def __post_init__(self) -> None:
         catalog.require_own_names("bats", self.bats)
         catalog.require_own_names("procedures", self.procedures)
-        every = (self.bats, self.procedures, *self.change.values())
-        if prod(map(len, every)) > MOST_CASES:
+        if prod(map(len, (self.bats, self.procedures, *self.change.values()))) > MOST_CASES:
             raise ValueError(f"crossed values give more than {MOST_CASES} cases")
 
     @property
@@ -87,8 +86,7 @@ class StudyCase:
         `InputError` for a key that no rig of the procedure, and no instrument of it, has.
         """
         setup = TestSetup.of(self.bat, procedure=self.procedure)
-        texts: dict[Key, str] = {}
-        units: dict[str, str] = {}
+        texts, units = dict[Key, str](), dict[str, str]()
         for key, value in self.change.items():
             with catalog.sheets_in_place(texts):
                 sheet, own = sheet_at({stage.value: rig for stage, rig in setup.rigs.items()}, key)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -16,24 +16,21 @@ from virtual_lab.output.tables import Column
 from virtual_lab.units import Array
 
 SUMMARY_WORDS = """\
-Of the metric in SI, in tests that are not INVALID. sd: standard deviation; within: from day to day
-in a laboratory; bias: mean of measured minus true value, and its standard error; coverage: 95 %
-intervals with the true value, and its own 95 % confidence interval (Clopper-Pearson)."""
+Metric in SI, tests that are not INVALID. sd within: from day to day in a laboratory. bias: mean of
+measured minus true value, and its standard error. coverage: 95 % intervals with the true value, its
+confidence interval (Clopper-Pearson), and true values above and below the interval."""
 READ = ["verdict", "flags", "metric", "u", "low", "high", "true"]
 COUNTS = ["bat", "procedure", "change", "tests", "missing", "verdicts", "flags"]
 STATISTICS = ["mean", "sd", "sd_within", "rms_u", "bias", "bias_se", "coverage"]
 STATISTICS += ["coverage_low", "coverage_high", "above", "below"]
 
 
-def _column(key: str) -> Column:
-    def listed(row: Mapping[str, Any]) -> str:
-        return ", ".join(f"{name} {value}" for name, value in row[key].items())
-
-    several = key in ("change", "verdicts", "flags")
-    return Column(key.replace("_", " "), form=listed if several else ".5g")
+def _listed(key: str) -> Callable[[Mapping[str, Any]], str]:
+    return lambda row: ", ".join(f"{name} {value}" for name, value in row[key].items())
 
 
-SUMMARY_COLUMNS = {key: _column(key) for key in COUNTS + STATISTICS[:-2]}
+SUMMARY_COLUMNS = {key: Column(key.replace("_", " "), form=".5g") for key in COUNTS + STATISTICS}
+SUMMARY_COLUMNS |= {key: Column(key, form=_listed(key)) for key in ("change", "verdicts", "flags")}
 
 
 def summary_of(
