@@ -19,7 +19,7 @@ from virtual_lab.measurement.certification import certify_session
 from virtual_lab.measurement.diagnostics.bench import wall_drift
 from virtual_lab.measurement.diagnostics.flag import REMARKED, Pairs, chance, pairs
 from virtual_lab.measurement.reduction.observations import BallReadings
-from virtual_lab.records import BoardRecord, GateRecord, ShotLog
+from virtual_lab.records import BoardRecord, GateRecord, PendulumRecord, ShotLog
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
@@ -311,6 +311,28 @@ def test_a_ball_that_came_in_alike_once_is_chance(sound: Session) -> None:
     assert "records-repeated" not in [flag.name for flag in once]
     twice = certify_session(filed(flown, "impact", 0, [1, 2])).flags
     assert "records-repeated" in [flag.name for flag in twice if flag.invalidates]
+
+
+@pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
+def test_a_passage_of_the_pendulum_lost_or_counted_twice_decides_nothing(procedure: str) -> None:
+    """In every release: of ten swings nine are left, one twice as long, their mean 10/9 of it.
+
+    Counted twice in the midst of one: eleven are left, two of them halves, their mean 10/11.
+    """
+    session = certified("r161", procedure=procedure, seed=300).certification.session
+    record = session.records["bench"]["pendulum"]
+    assert isinstance(record, PendulumRecord)
+    middle = record.times.shape[1] // 2
+    lost = np.delete(record.times, middle, axis=1)
+    between = record.times[:, middle - 1 : middle + 1].mean(axis=1)
+    twice = np.insert(record.times, middle, between, axis=1)
+    swings = record.times.shape[1] - 1
+    for times, left in ((lost, swings - 1), (twice, swings + 1)):
+        found = certify_session(changed(session, "bench", "pendulum", times=times))
+        (flag,) = [each for each in found.flags if each.name == "pendulum-even"]
+        assert flag.invalidates
+        shown = float(flag.sentence.split("%")[0].rpartition(" ")[2])
+        assert shown == pytest.approx(100 * (swings / left - 1), abs=0.05)
 
 
 def test_marks_off_the_aim_decide_nothing_where_the_result_hangs_on_them() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import pi
+from math import pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,8 @@ from virtual_lab.records import PendulumRecord
 from virtual_lab.uncertainty.budget import types_a
 from virtual_lab.units import Array, Mask
 
+EVEN_U = 2e-5  # relative, of a period: what swings shorten by unevenly as they decay
+FEWEST_RELEASES = 3  # that have a scatter
 DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
 
 
@@ -103,6 +105,31 @@ def pendulum_swing(seen: Evidence) -> Iterator[Pairs]:
         least=DECAY_U,
         moves=np.where(np.isfinite(moves), moves, np.inf),
         compared=np.isfinite(found.times),
+    )
+
+
+def pendulum_even(seen: Evidence) -> Iterator[Pairs]:
+    """Compare the mean swing of a release with the median: a lost passage doubles one of them."""
+    record = seen.block.records["bench"]["pendulum"]
+    assert isinstance(record, PendulumRecord)
+    swings = np.diff(record.times.reshape(seen.laboratories, -1, record.times.shape[1]), axis=2)
+    apart = swings.mean(axis=2) / np.median(swings, axis=2) - 1
+    mean, releases = apart.mean(axis=1), apart.shape[1]
+    if releases < FEWEST_RELEASES:
+        return
+    u = apart.std(axis=1, ddof=1) / sqrt(releases)
+    unknown = np.full(seen.laboratories, np.inf)
+    period = seen.sensitivities.get("bat.period", unknown) * seen.best["bat.period"][:, 0, 0]
+    yield pairs(
+        "pendulum-even",
+        lambda i: (
+            f"the mean swing is {mean[i]:+.2%} longer than the median one, in {releases} releases "
+            "of bench/pendulum: was a passage lost, or counted twice?"
+        ),
+        mean,
+        types_a("scatter", mean, u, releases - 1.0),
+        least=EVEN_U,
+        moves=np.where(np.isfinite(period), np.abs(period), np.inf),
     )
 
 
