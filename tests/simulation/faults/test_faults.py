@@ -52,6 +52,16 @@ def test_every_fault_reads(name: str) -> None:
         assert catches <= {"INVALID", *CHECKS}
 
 
+@pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
+def test_edges_of_an_egg_shaped_ball_are_in_the_order_a_reader_asks_for(procedure: str) -> None:
+    """Of a board, too, whose outer beams a ball meets for less time than its shape takes away."""
+    day = certified(procedure=procedure, seed=3, faults=("ball-out-of-round",))
+    for stage, records in day.certification.session.records.items():
+        for channel, each in records.items():
+            late = [order.column for order in each.orders() if order.first_fault() is not None]
+            assert late == [], f"{stage}/{channel}"
+
+
 def test_an_unknown_fault_is_named_with_the_nearest() -> None:
     with pytest.raises(InputError, match="did you mean gate-moved"):
         certify("r161", procedure="astm-f1881", seed=1, faults=("gate-move",))

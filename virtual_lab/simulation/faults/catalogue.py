@@ -83,8 +83,11 @@ def cracked(specimen: Specimen) -> Specimen:
 
 
 def out_of_round(record: Any, written: FaultContext) -> Arrays:
-    """Fire balls egg-shaped by 1.5 mm: each passage meets another radius, front and back."""
-    times, truth = record.times.copy(), written.play.truth
+    """Fire balls egg-shaped by 1.5 mm: each passage meets another radius, front and back.
+
+    A beam that only just meets a round ball passes beside one that is flat there: no edges.
+    """
+    times, truth = record.times, written.play.truth
     speed = truth["speed"]
     back = truth.get("rebound_speed", truth.get("ball_restitution", 0) * speed)
     speeds = np.stack([speed, np.abs(back)], axis=1)[:, :, None, None]
@@ -92,7 +95,9 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
     turn = tau * (written.chance(f".{written.stage.value}", shape) - 0.5)
     late = 1.5e-3 * np.sin(turn) * np.array([-1.0, 1.0]) / speeds
     beams = times.ndim - late.ndim
-    return {"times": times + late.reshape(*late.shape[:3], *(1,) * beams, 2)}
+    times = times + late.reshape(*late.shape[:3], *(1,) * beams, 2)
+    times[times[..., Edge.CLEARED] <= times[..., Edge.BROKEN]] = np.nan
+    return {"times": times}
 
 
 def swapped(record: Any, written: FaultContext) -> Arrays:
