@@ -215,6 +215,22 @@ def test_a_change_that_cannot_be_made(sheet: str, changes: dict, said: str) -> N
     assert "\n" not in str(caught.value)
 
 
+def test_data_sheets_say_which_instruments_they_were() -> None:
+    """And a calibration that was due long ago is flagged; the verdict stands."""
+    plain = vl.certify("r161", seed=7)
+    stated = plain.document["particulars"]["instruments"]
+    assert stated["pivot-gates"]["certificate"] == "SIM-PG-1"
+    assert stated.keys() >= {"lab-scale", "wall-gates", "pivot-encoder", "hall-air"}
+    assert "swing-boards" not in stated
+    late = vl.instrument("pivot-gates").with_({"identity.due": "2020-01-01"})
+    found = vl.certify("r161", seed=7, instruments=[late])
+    assert {*found.flags} - {*plain.flags} == {"calibration-due"}
+    assert (found.verdict, found.value) == (plain.verdict, plain.value)
+    wrong = vl.instrument("pivot-gates").with_({"identity.due": "soon"})
+    with pytest.raises(vl.InputError, match="due = 'soon'; must be a day such as"):
+        vl.certify("r161", instruments=[wrong])
+
+
 def test_an_instrument_that_cannot_be_used() -> None:
     with pytest.raises(vl.InputError, match="distance_u"):
         vl.certify("r161", instruments=[vl.instrument("pivot-gates").with_(distance_u=-1.0)])

@@ -8,6 +8,7 @@ of every changed sheet lists the keys.
 
 from __future__ import annotations
 
+import datetime
 import hashlib
 import json
 import re
@@ -279,6 +280,8 @@ def _inline(value: Any) -> str:
         return f"[{', '.join(map(_inline, value))}]"
     if isinstance(value, float):
         return repr(value)  # nan and inf too, which are refused where they are read
+    if isinstance(value, datetime.date):
+        return value.isoformat()
     return json.dumps(value, ensure_ascii=False)  # its texts, numbers and truths are TOML's
 
 

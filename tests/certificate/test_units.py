@@ -25,6 +25,7 @@ RATIOS = {
     "hits",
     "hits_needed",
     "missed",
+    "probability",
     "rebound_efficiency",
     "recoil_efficiency",
     "recoil_factor",

@@ -8,6 +8,7 @@ import re
 import shutil
 import zipfile
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from cryptography.hazmat.primitives.serialization import (
 import virtual_lab as vl
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from virtual_lab.certificate import verify as verifying
-from virtual_lab.certificate.document import document_of
+from virtual_lab.certificate.document import MetricStated, document_of, risk_of
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.pdf import certificate_pdf, pdf_name
 from virtual_lab.certificate.signing import require_key
@@ -78,11 +79,20 @@ def in_document(**values: Any) -> Callable[[Path], None]:
     return change
 
 
+def with_risk(document: dict[str, Any]) -> None:
+    """Let the risk follow from the metric, as who forges it well does."""
+    metric = document["metric"]
+    stated = MetricStated(**{**metric, "interval_95": tuple(metric["interval_95"])})
+    risk = risk_of(stated, document["verdict"], eligible=True)
+    document["risk"] = risk and asdict(risk)
+
+
 def in_all_forms(**values: Any) -> Callable[[Path], None]:
     """Change certificate.json, and make page and PDF anew from it, name and all."""
 
     def change(folder: Path) -> None:
         in_document(**values)(folder)
+        edit_json(folder / "certificate.json", with_risk)
         parsed = json.loads((folder / "certificate.json").read_text(encoding="utf-8"))
         document = document_of(parsed, "")
         (folder / "certificate.html").write_text(certificate_page(document), encoding="utf-8")
@@ -276,6 +286,20 @@ TAMPERED: dict[str, tuple[Callable[[Path], None], str, str]] = {  # change, file
         in_session(constant(CALIBRATION, u=1e-5)),
         "certificate.json",
         "metric.u",
+    ),
+    "the due date of an instrument": (
+        in_session(
+            lambda session: session["particulars"]["instruments"]["pivot-gates"].update(
+                due="2031-01-01"
+            )
+        ),
+        "certificate.json",
+        "particulars.instruments",
+    ),
+    "a word of the records that no result uses": (
+        in_session(constant(CALIBRATION, source="recalibrated")),
+        "certificate.json",
+        "session_digest",
     ),
     "the sealing": (
         in_session(lambda session: session["simulation"].update(sealing="sealed")),

@@ -129,6 +129,7 @@ def test_page_and_text_say_what_is_stated_and_what_is_not(stated: Particulars) -
     for shown in (text, page):
         assert "A. Nonymous, manager (SIMULATED)" in shown
         assert "address of the customer, maker of the bat" in shown.split("Not stated: ")[1]
+        assert "PG-1" not in shown  # of the data sheets
         assert "SN 1" not in shown
     nothing = certificate(certified().certification)
     assert "Not stated: laboratory, address of the laboratory" in certificate_page(nothing)

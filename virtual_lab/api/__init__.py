@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from virtual_lab.measurement.certification import Certification
     from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.output.metrics import MetricFormat
+    from virtual_lab.records.session import PackedSession
     from virtual_lab.simulation.truth import SealedTruth
     from virtual_lab.studies.bats.ball_law import sensitivity
     from virtual_lab.studies.bats.compare import BatComparison, profile
@@ -194,8 +195,9 @@ class Certificate:
 
         from virtual_lab.certificate.filling import certificate
 
-        digest = hashlib.sha256(self._truth).hexdigest() if self.sealed else None
-        return certificate(self.certification, truth_digest=digest)
+        truth = hashlib.sha256(self._truth).hexdigest() if self.sealed else None
+        digest = self._records.digest
+        return certificate(self.certification, truth_digest=truth, session_digest=digest)
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -323,7 +325,6 @@ class Certificate:
         from virtual_lab.files import new_folder
         from virtual_lab.lab.seal import TRUTH, write_seal
         from virtual_lab.output.tables import write_csv
-        from virtual_lab.records.session import save_session
 
         target = Path(folder)
         pdf, paper = self.pdf if pdf is None else pdf, paper or self.paper
@@ -336,7 +337,7 @@ class Certificate:
             (draft / "certificate.html").write_text(page, encoding="utf-8")
             write_csv(self.shots, draft / "readings.csv")
             (draft / "records").mkdir()
-            save_session(self.certification.session, draft / "records")
+            self._records.write(draft / "records")
             if self.sealed:
                 (draft / TRUTH).parent.mkdir()
                 (draft / TRUTH).write_bytes(self._truth)
@@ -350,6 +351,12 @@ class Certificate:
             if signing := key or self.key:
                 sign(draft, Path(signing))
         return target
+
+    @cached_property
+    def _records(self) -> PackedSession:
+        from virtual_lab.records.session import packed
+
+        return packed(self.certification.session)
 
     @cached_property
     def _truth(self) -> bytes:

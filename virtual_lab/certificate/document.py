@@ -10,10 +10,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from math import inf, isclose
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from annotated_types import Ge
+from annotated_types import Ge, Le
 
 from virtual_lab.catalog.specs import Exact, Real, Spec, Whole, YesNo
 from virtual_lab.catalog.validation import validate
@@ -22,6 +23,7 @@ from virtual_lab.files import read_json
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.origin import Simulated
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars
+from virtual_lab.uncertainty.budget import probability_above
 
 SCHEMA = 3
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
@@ -103,6 +105,15 @@ class MetricStated(Spec):
     unit: str
     limit: Real | None
     place_in: Real | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RiskStated(Spec):
+    """Specific risk of the verdict: the probability that it is wrong, by this result alone."""
+
+    of: Literal["false acceptance", "false rejection"]
+    probability: Annotated[float, Exact(), Ge(0), Le(1)]
+    prior: Literal["none"] = "none"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -337,6 +348,7 @@ class CertificateDocument(Spec):
     metric: MetricStated
     verdict: Literal["PASS", "FAIL", "INVALID", "MEASURED"]
     marginal: YesNo
+    risk: RiskStated | None  # null: no uncertain result, or more than its limit decides
     decision_rule: str
     bat_performance_factor: Stated | None = None
     collision_efficiency: Stated | None = None
@@ -370,6 +382,8 @@ class CertificateDocument(Spec):
     unverified: tuple[UnverifiedValue, ...]
     simulation: SimulationStated | None  # null: of supplied records
     versions: dict[str, str]
+    session_digest: str | None = None  # SHA-256 of session.json with LF, which has those of all
+    # other records; null: no records were written
 
     @property
     def states_result(self) -> bool:
@@ -394,6 +408,21 @@ class CertificateDocument(Spec):
     def text(self) -> str:
         """Return the text of ``certificate.json``."""
         return json.dumps(self.as_json(), indent=2, allow_nan=False) + "\n"
+
+
+def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated | None:
+    """Return the risk of a verdict that the limit alone decides, None of any other.
+
+    `eligible` says whether the bat meets every rule but the limit.
+    """
+    value, u, limit = metric.value, metric.u, metric.limit
+    if value is None or not u or limit is None or not eligible or verdict == "INVALID":
+        return None
+    dof = inf if metric.degrees_of_freedom is None else metric.degrees_of_freedom
+    above = probability_above(limit, value, u, dof)
+    if verdict == "PASS":
+        return RiskStated(of="false acceptance", probability=above)
+    return RiskStated(of="false rejection", probability=1 - above)
 
 
 def statement_of(laboratory: str | None) -> str:
@@ -446,9 +475,19 @@ def _contradictions(document: CertificateDocument) -> Iterator[tuple[str, Any, s
     if bool(document.reasons) != (document.verdict in ("FAIL", "INVALID")):
         allowed = "reasons belong to FAIL and INVALID, and to no other verdict"
         yield "reasons", "; ".join(document.reasons) or None, allowed
+    risk = risk_of(metric, document.verdict, eligible=eligible)
+    if not _same_risk(document.risk, risk):
+        yield "risk", document.risk and document.risk.probability, f"by the metric: {risk}"
     if document.marginal != (sound and eligible and inside):
         allowed = "true where only the limit decides and lies within interval_95, else false"
         yield "marginal", document.marginal, allowed
+
+
+def _same_risk(stated: RiskStated | None, found: RiskStated | None) -> bool:
+    if stated is None or found is None:
+        return stated is found
+    close = isclose(stated.probability, found.probability, rel_tol=1e-6, abs_tol=1e-12)
+    return close and stated.of == found.of
 
 
 def _verdict(document: CertificateDocument, met: bool) -> str:

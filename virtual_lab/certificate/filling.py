@@ -39,6 +39,7 @@ from virtual_lab.certificate.document import (
     Trace,
     UnverifiedValue,
     WidthStated,
+    risk_of,
     statement_of,
 )
 from virtual_lab.errors import DISTRIBUTION
@@ -59,11 +60,15 @@ from virtual_lab.units import INCH, MPH, Array
 
 
 def certificate(
-    certification: Certification, *, truth_digest: str | None = None
+    certification: Certification,
+    *,
+    truth_digest: str | None = None,
+    session_digest: str | None = None,
 ) -> CertificateDocument:
     """Return the certificate of a test.
 
-    `truth_digest` links the certificate of a simulated test to its sealed truth.
+    `truth_digest` links the certificate of a simulated test to its sealed truth, `session_digest`
+    any certificate to its records as they were written.
     """
     session, procedure = certification.session, certification.procedure
     metric, outcome = certification.metric, certification.outcome
@@ -108,6 +113,11 @@ def certificate(
         metric=_metric(certification),
         verdict=certification.verdict.value,
         marginal=certification.marginal,
+        risk=risk_of(
+            _metric(certification),
+            certification.verdict.value,
+            eligible=all(each.met for each in certification.findings),
+        ),
         decision_rule="PASS where the value is at most the limit (simple acceptance) and the bat "
         "meets every other rule; marginal where the limit lies within the 95 % interval",
         **stated,
@@ -159,6 +169,7 @@ def certificate(
         simulation=None if supplied else _simulation(cast("Simulated", origin), truth_digest),
         versions={"virtual-lab": version(DISTRIBUTION)}
         | {name: version(name) for name in ("numpy", "scipy", "pandas", "numba")},
+        session_digest=session_digest,
     )
 
 

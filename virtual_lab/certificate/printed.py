@@ -19,6 +19,7 @@ from virtual_lab.certificate.document import (
     MetricStated,
     OtherRecoil,
     ReboundCheck,
+    RiskStated,
     Stated,
     WidthStated,
 )
@@ -138,8 +139,10 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
         hits += f", the procedure asks for {document.procedure.hits_needed}"
     unit = f" {printed.unit}" if printed.unit else ""
     said = VERDICTS[verdict]
-    if verdict == "FAIL":
+    if verdict in ("FAIL", "INVALID"):
         said = ": ".join((said, "; ".join(document.reasons)))
+    if document.risk:
+        said = f"{said}, {_risk(document.risk, printed.symbol)}"
     stated = _stated(metric, printed.unit_si) if document.states_result else {}
     return {
         "words": printed.words,
@@ -153,6 +156,17 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
         "decides": bool(stated) and all(finding.met for finding in document.findings),
         **stated,
     }
+
+
+def _risk(risk: RiskStated, symbol: str) -> str:
+    """Return the specific risk of a verdict, in words."""
+    percent = 100 * risk.probability
+    known = f"of {percent:.2g} %" if percent >= 0.01 else "below 0.01 %"
+    side = "exceeds" if risk.of == "false acceptance" else "does not exceed"
+    return (
+        f"with a risk {known} that its true {symbol} {side} the limit (specific risk of {risk.of}, "
+        "by this result alone, without a prior)"
+    )
 
 
 def _stated(metric: MetricStated, unit_si: float) -> dict[str, object]:

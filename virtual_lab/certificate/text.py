@@ -91,15 +91,11 @@ def _metric_line(metric: MetricStated) -> str:
 
 def _particulars_lines(particulars: Particulars, *, simulated: bool) -> list[str]:
     """Return what is stated, and what is not; none where nothing is."""
-    if not particulars.stated:
-        return []
     lines = [f"  {words}: {value}" for words, value in particulars.printed(simulated=simulated)]
-    lines += [
-        f"  Instrument {name}: {each.identity}{f', due {each.due}' if each.due else ''}"
-        for name, each in particulars.instruments.items()
-    ]
-    missing = ", ".join(particulars.not_stated)
-    return [*lines, f"  Not stated: {missing}"] if missing else lines
+    if lines and particulars.not_stated:
+        lines.append(f"  Not stated: {', '.join(particulars.not_stated)}")
+    used = [f"{name} {each.identity}" for name, each in particulars.instruments.items()]
+    return [*lines, f"  Instruments: {', '.join(used)}"] if used else lines
 
 
 def _choice_lines(document: CertificateDocument) -> list[str]:

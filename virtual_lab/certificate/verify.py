@@ -27,7 +27,7 @@ from virtual_lab.files import contents, parse_table, read_bytes, read_json, read
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, csv_text, table_text
-from virtual_lab.records.session import load_session
+from virtual_lab.records.session import SESSION, digest_of_text, load_session
 
 CERTIFICATE, PAGE, READINGS, RECORDS = (
     "certificate.json",
@@ -137,7 +137,8 @@ def _by_its_records(folder: Path) -> Verification:
         rows.append(_refused(fault, folder))
     else:
         digest = _at(stated, "simulation", "truth_digest")
-        document = certificate(certification, truth_digest=digest)
+        session = digest_of_text(read_bytes(folder / RECORDS / SESSION))
+        document = certificate(certification, truth_digest=digest, session_digest=session)
         document, other = _with_versions(document, stated)
         unchecked += other
         changed = list(_differences(stated, document.as_json()))

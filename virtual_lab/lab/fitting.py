@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatSpec
+from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure, aimed_place
 from virtual_lab.records import BallRecord
+from virtual_lab.records.particulars import InstrumentIdentity
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import MotionRig, MotionRung, Rig, Stage, installed_rigs
 from virtual_lab.units import INCH, OUNCE
@@ -103,3 +105,15 @@ def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
         if rig in catalog.names("rigs"):
             found |= catalog.unverified("rigs", rig)
     return found
+
+
+def identities(rigs: Iterable[str]) -> Iterator[tuple[str, InstrumentIdentity]]:
+    """Yield the instruments of rigs in our catalog whose data sheets state an identity."""
+    known = catalog.names("instruments")
+    for rig in rigs:
+        if rig not in catalog.names("rigs"):
+            continue
+        for name in filter(known.__contains__, catalog.sheet("rigs", rig)[0].values()):
+            where = f"instruments/{name}"
+            if stated := catalog.sheet("instruments", name)[0].get("identity"):
+                yield name, validate(stated, f"{where} [identity]", InstrumentIdentity)

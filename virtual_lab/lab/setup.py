@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 from virtual_lab import catalog
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.errors import InputError
-from virtual_lab.lab.fitting import unverified_rigs
+from virtual_lab.lab.fitting import identities, unverified_rigs
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars
 from virtual_lab.simulation.collision.ladder import Ladder
@@ -100,7 +100,8 @@ class TestSetup:
         detail
             Whether instruments write every reading or sums.
         particulars
-            What the certificate states beside the results: who, for whom, which bat, when.
+            What the certificate states beside the results: who, for whom, which bat, when. Where
+            it names no instrument, the data sheets of those used do.
 
         Raises
         ------
@@ -127,6 +128,9 @@ class TestSetup:
         drawn, control = bats
         assert drawn is not None
         rig = rig or rules.spec.rig
+        if not particulars.instruments:
+            stated = dict(identities(_rigs(rig).values()))
+            particulars = replace(particulars, instruments=stated)
         return cls(
             bat=drawn,
             ball=catalog.load("balls", rules.spec.ball, BallSpec),

@@ -29,6 +29,7 @@ from virtual_lab.records.constants import require_plausible
 from virtual_lab.records.origin import Origin, Simulated, Supplied
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars, particulars_of
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array
 
 SCHEMA = 2
 SESSION, RULES = "session.json", "procedure.toml"
@@ -53,20 +54,44 @@ class Session:
     particulars: Particulars = NOTHING_STATED
 
 
-def save_session(session: Session, folder: Path) -> None:
-    """Write a session into `folder`, which must exist and be empty."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PackedSession:
+    """A session as the files of its folder, by their paths in it."""
+
+    texts: Mapping[str, bytes]
+    arrays: Mapping[str, Array]  # of files in NumPy's format
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of ``session.json``, which has those of all other files."""
+        return digest_of_text(self.texts[SESSION])
+
+    def write(self, folder: Path) -> None:
+        """Write the files into `folder`, which must exist and be empty."""
+        for name, data in self.texts.items():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_bytes(data)
+        for name, values in self.arrays.items():
+            np.save(folder / name, values, allow_pickle=False)
+
+
+def packed(session: Session) -> PackedSession:
+    """Return the files of a session."""
     channels: dict[str, dict[str, Any]] = {}
+    texts, arrays = dict[str, bytes](), dict[str, Array]()
     for stage, records in session.records.items():
-        (folder / stage).mkdir()
         for channel, record in records.items():
-            table = record.table()
-            data = table.to_csv(index=False).encode()
-            (folder / stage / f"{channel}.csv").write_bytes(data)
+            table, name = record.table(), f"{stage}/{channel}"
+            data = texts[f"{name}.csv"] = table.to_csv(index=False).encode()
+            beside = {key: getattr(record, key) for key in record.attached}
+            beside = {key: values for key, values in beside.items() if values is not None}
+            arrays |= {f"{name}-{key}.npy": values for key, values in beside.items()}
+            digests = {key: _digest_of_array(values) for key, values in beside.items()}
             channels.setdefault(stage, {})[channel] = {
                 "record": record_name(record),
                 "rows": len(table),
-                "sha256": _digest(data),
-                **_attached(record, folder / stage / channel),
+                "sha256": digest_of_text(data),
+                **({"attached": digests} if digests else {}),
             }
     rules = session.procedure_text.encode()
     document = {
@@ -78,15 +103,19 @@ def save_session(session: Session, folder: Path) -> None:
         **{key: getattr(session, key) for key in SPORTS if getattr(session, key)},
         **({"particulars": stated} if (stated := session.particulars.stated) else {}),
         "rigs": dict(session.rigs),
-        "procedure_sha256": _digest(rules),
+        "procedure_sha256": digest_of_text(rules),
         "channels": channels,
         "calibration": {
             key: entry_of_constant(known) for key, known in session.calibration.items()
         },
     }
-    (folder / RULES).write_bytes(rules)
-    text = json.dumps(document, indent=1, allow_nan=False)
-    (folder / SESSION).write_text(text + "\n", encoding="utf-8")
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+    return PackedSession(texts={**texts, RULES: rules, SESSION: text.encode()}, arrays=arrays)
+
+
+def save_session(session: Session, folder: Path) -> None:
+    """Write a session into `folder`, which must exist and be empty."""
+    packed(session).write(folder)
 
 
 def entry_of_origin(origin: Origin) -> dict[str, Any]:
@@ -97,23 +126,26 @@ def entry_of_origin(origin: Origin) -> dict[str, Any]:
     return {"origin": "supplied", "laboratory": origin.laboratory, **customer}
 
 
-def _digest(data: bytes) -> str:
+def digest_of_text(data: bytes) -> str:
     """Return the SHA-256 of a text, whose line ends a copy may have changed."""
     return hashlib.sha256(data.replace(b"\r\n", b"\n")).hexdigest()
 
 
-def _attached(record: Record, path: Path) -> dict[str, Any]:
-    """Write the arrays beside a record's table; return their entry in session.json."""
-    digests = {}
-    for name in record.attached:
-        values = getattr(record, name)
-        if values is None:
-            continue
-        beside = path.with_name(f"{path.name}-{name}.npy")
-        np.save(beside, values, allow_pickle=False)
-        with beside.open("rb") as file:
-            digests[name] = hashlib.file_digest(file, "sha256").hexdigest()
-    return {"attached": digests} if digests else {}
+class _Hashed:
+    """A file that is not kept, but for its digest."""
+
+    def __init__(self) -> None:
+        self.sha256 = hashlib.sha256()
+
+    def write(self, data: bytes) -> None:
+        self.sha256.update(data)
+
+
+def _digest_of_array(values: Array) -> str:
+    """Return the SHA-256 of an array's file."""
+    file = _Hashed()
+    np.lib.format.write_array(file, np.asanyarray(values), allow_pickle=False)
+    return file.sha256.hexdigest()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,7 +195,7 @@ def load_session(folder: Path) -> Session:
     form = validate(read_json(where), str(where), SessionForm)
     _require_listed(folder, form, where)
     rules = read_bytes(folder / RULES)
-    if form.procedure_sha256 != _digest(rules):
+    if form.procedure_sha256 != digest_of_text(rules):
         raise InputError(str(folder / RULES), "sha256", None, CHANGED)
     return Session(
         bat=form.bat,
@@ -257,7 +289,7 @@ def _record(folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Pat
     if entry.rows != len(table):
         allowed = f"session.json says {entry.rows} (is the record cut short?)"
         raise InputError(str(path), "rows", len(table), allowed)
-    if entry.sha256 != _digest(data):
+    if entry.sha256 != digest_of_text(data):
         raise InputError(str(path), "sha256", None, CHANGED)
     record = kinds[entry.record].from_table(table, str(path))
     return _with_arrays(record, entry, path)

@@ -506,5 +506,15 @@ def coverage_factors(dof: Array) -> Array:
     return np.asarray(stdtrit(np.minimum(dof, 1e9), 0.975))
 
 
+def probability_above(limit: float, value: float, u: float, dof: float) -> float:
+    """Return the probability that the true value lies above `limit`, by Student's t, u above 0.
+
+    By the result alone, without a prior: the specific risk of JCGM 106:2012, 7.2 and 8.3.
+    """
+    from scipy.special import stdtr
+
+    return float(stdtr(min(dof, 1e9), (value - limit) / u))
+
+
 def _root_sum(contributions: Sequence[float]) -> float:
     return sqrt(sum(part**2 for part in contributions))

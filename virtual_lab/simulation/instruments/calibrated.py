@@ -21,6 +21,7 @@ import numpy as np
 from annotated_types import Gt
 
 from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.records.particulars import InstrumentIdentity
 from virtual_lab.streams import Draws, Owner, of_owners
 from virtual_lab.uncertainty.estimate import Estimate, Known
 from virtual_lab.units import Array
@@ -31,10 +32,11 @@ Stated = Estimate | Known  # what its certificate says of it
 Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, inf where not stated
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CalibratedSpec(Spec):
     """A data sheet that states constants: NAME, NAME_u and maybe NAME_dof."""
 
-    __slots__ = ()
+    identity: InstrumentIdentity | None = None  # of the instrument, for certificates
     # how the errors of an instrument are named beside ..._u
     errors: ClassVar[tuple[str, ...]] = ("scatter", "jitter", "resolution", "repeatability")
     other_errors: ClassVar[tuple[str, ...]] = ()
