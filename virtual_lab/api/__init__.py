@@ -53,6 +53,8 @@ if TYPE_CHECKING:
     from virtual_lab.studies.score import QuantityScore
     from virtual_lab.studies.score import score_folder as score
     from virtual_lab.studies.template import template
+    from virtual_lab.uncertainty.inputs import Input
+    from virtual_lab.uncertainty.propagating import propagate_inputs as propagate
     from virtual_lab.video.calibration.calibrating import Calibrated
     from virtual_lab.video.show.tracked_clip import TrackedClip
 
@@ -62,6 +64,7 @@ __all__ = [
     "Calibration",
     "Campaign",
     "Certificate",
+    "Input",
     "InputError",
     "Sheet",
     "Track",
@@ -86,6 +89,7 @@ __all__ = [
     "percussion",
     "procedure",
     "profile",
+    "propagate",
     "reduce",
     "rig",
     "score",
@@ -101,11 +105,19 @@ __all__ = [
 ]
 
 STUDIES, CAMPAIGNS = "virtual_lab.studies", "virtual_lab.campaigns"
-ALONE = ("score", "shelf", "show", "template", "verify")  # test nothing: they take no `instruments`
+ALONE = (
+    "propagate",
+    "score",
+    "shelf",
+    "show",
+    "template",
+    "verify",
+)  # test nothing: they take no `instruments`
 ELSEWHERE = {  # name: module, name there
     "BatComparison": (f"{STUDIES}.bats.compare", "BatComparison"),
     "BatProfile": (f"{STUDIES}.bats.profile", "BatProfile"),
     "Campaign": (f"{CAMPAIGNS}.folder", "Campaign"),
+    "Input": ("virtual_lab.uncertainty.inputs", "Input"),
     "InputError": ("virtual_lab.errors", "InputError"),
     "bias": (f"{STUDIES}.bias", "bias"),
     "campaign": (f"{CAMPAIGNS}.running", "campaign"),
@@ -121,6 +133,7 @@ ELSEWHERE = {  # name: module, name there
     "paper": (f"{STUDIES}.paper", "paper"),
     "percussion": (f"{STUDIES}.bats.percussion", "percussion"),
     "profile": (f"{STUDIES}.bats.compare", "profile"),
+    "propagate": ("virtual_lab.uncertainty.propagating", "propagate_inputs"),
     "rehearse": ("virtual_lab.bench.running", "rehearse"),
     "score": (f"{STUDIES}.score", "score_folder"),
     "sensitivity": (f"{STUDIES}.bats.ball_law", "sensitivity"),

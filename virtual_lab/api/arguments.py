@@ -201,6 +201,10 @@ ARGUMENTS = {
     "pictures": _several(PATH, "paths of pictures"),
     "progress": ArgumentRule(_callable, "a function that is called with a sentence"),
     "operator": ANY,
+    "model": ArgumentRule(_callable, "a function of named inputs"),
+    **dict.fromkeys(("inputs", "correlations"), ANY),
+    "method": ArgumentRule(_word, "first-order or second-order"),
+    "probability": NUMBER,
 }
 
 

@@ -32,6 +32,7 @@ __all__ = [
     "Slots",
     "Streams",
     "commitment",
+    "generator",
     "in_turn",
     "of_owners",
 ]
@@ -167,6 +168,17 @@ def _leading(laboratory: int | Slots, slots: Slots | None) -> tuple[int, ...]:
 def commitment(salt: bytes, seed: int) -> str:
     """Return SHA-256(salt‖seed) in hexadecimal: binds a record to a seed without telling it."""
     return hashlib.sha256(salt + str(seed).encode()).hexdigest()
+
+
+def generator(seed: int, name: str, block: int) -> np.random.Generator:
+    """Return numpy's generator for one block of the numbers of a name, each of its own bits.
+
+    For distributions whose numbers numpy makes by rejection: those of a block have one order, and
+    no block depends on another.
+    """
+    digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=16).digest()
+    key = np.frombuffer(digest, "<u8")
+    return np.random.Generator(np.random.Philox(key=key, counter=[0, 0, block, 0]))
 
 
 @lru_cache(4096)  # keys of some laboratories

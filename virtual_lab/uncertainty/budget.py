@@ -499,11 +499,11 @@ def interval_95(value: float, u: float, dof: float) -> tuple[float, float]:
     return value - factor * u, value + factor * u
 
 
-def coverage_factors(dof: Array) -> Array:
-    """Return t of Student with `dof` degrees of freedom for 95 %, of any shape."""
+def coverage_factors(dof: Array, probability: float = 0.95) -> Array:
+    """Return t of Student with `dof` degrees of freedom, of any shape, for a probability."""
     from scipy.special import stdtrit  # half a second to load, that a page must not wait for
 
-    return np.asarray(stdtrit(np.minimum(dof, 1e9), 0.975))
+    return np.asarray(stdtrit(np.minimum(dof, 1e9), (1 + probability) / 2))
 
 
 def probability_above(limit: float, value: float, u: float, dof: float) -> float:

@@ -1,0 +1,340 @@
+"""A user's own model: GUM's examples, other libraries, exact cases, and input that cannot be."""
+
+from math import inf, sqrt
+
+import GTC
+import numpy as np
+import pytest
+import uncertainties
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+import virtual_lab as vl
+from tests.uncertainty import models
+from virtual_lab.uncertainty.estimate import Estimate
+
+BOTH = pytest.mark.parametrize("method", ["first-order", "second-order"])
+
+
+def test_gum_h1_end_gauge() -> None:
+    """JCGM 100 H.1.7: u 32 nm, ν 16, and 34 nm with the terms of second order.
+
+    These are 50 000 623 · (.5774e-6 · .4062 and 1.1547e-6 · .02887) = 11.72 and 1.667 nm; the
+    11.7 and 1.7 printed there.
+    """
+    first = vl.propagate(models.end_gauge, models.END_GAUGE)
+    assert (first.value, round(first.u), int(first.dof)) == (50_000_838, 32, 16)
+    assert first.u == pytest.approx(31.664, abs=5e-4)
+    assert first.dof == pytest.approx(16.752, abs=5e-4)
+    second = vl.propagate(models.end_gauge, models.END_GAUGE, method="second-order")
+    assert second.u == pytest.approx(sqrt(31.66388**2 + 11.7245**2 + 1.6668**2), abs=2e-3)
+    assert round(second.u) == 34
+    assert "second-order" in second.text
+    largest = first.budget.iloc[0]
+    assert (largest["component"], round(largest["contribution"])) == ("ls", 25)
+
+
+def test_gum_h2_readings_taken_together() -> None:
+    """JCGM 100 table H.4, and GTC to 12 digits; u(X) is .296 without the GUM's own rounding."""
+    found = vl.propagate(models.circuit, {("v", "i", "phi"): models.CIRCUIT})
+    printed = {"R": (127.732, 0.071), "X": (219.847, 0.296), "Z": (254.260, 0.236)}
+    for name, (value, u) in printed.items():
+        assert found[name].value == pytest.approx(value, abs=5e-4 + 5e-4)
+        assert found[name].u == pytest.approx(u, abs=5e-4)
+        assert found[name].dof == pytest.approx(4)
+    pairs = found.correlation[[0, 0, 1], [1, 2, 2]]
+    assert pairs == pytest.approx([-0.588, -0.485, 0.993], abs=6e-4)
+    v, i, phi = GTC.type_a.multi_estimate_real(models.CIRCUIT.T)
+    ohm = v / (1e-3 * i)
+    peer = ohm * GTC.cos(phi)
+    assert found["R"].u == pytest.approx(GTC.uncertainty(peer), rel=1e-6)
+    assert found["R"].dof == pytest.approx(GTC.dof(peer), rel=1e-6)
+    assert pairs[1] == pytest.approx(GTC.get_correlation(peer, ohm), rel=1e-5)
+
+
+def test_gum_h3_line() -> None:
+    """JCGM 100 H.3: eleven residuals of one scatter with 9 degrees of freedom, as one input."""
+    t, b = models.THERMOMETER.T
+    line = np.polyfit(t - 20, b, 1)
+    s = sqrt(np.sum((b - np.polyval(line, t - 20)) ** 2) / 9)
+
+    def fitted(b):
+        dev = (t - 20) - np.mean(t - 20)
+        slope = b @ dev / (dev @ dev)
+        offset = b.mean(axis=-1) - slope * np.mean(t - 20)
+        return {"y1": offset, "y2": slope, "b30": offset + 10 * slope}
+
+    found = vl.propagate(fitted, {"b": vl.Input(b, s, dof=9, by=range(11))})
+    printed = {"y1": (-0.1712, 0.0029), "y2": (0.00218, 0.00067), "b30": (-0.1494, 0.0041)}
+    for name, (value, u) in printed.items():
+        digit = 0.5 * 10 ** -len(str(abs(value)).split(".")[1])
+        assert found[name].value == pytest.approx(value, abs=digit)
+        assert found[name].u == pytest.approx(u, abs=max(digit / 10, 5e-6) if u < 1e-3 else 5e-5)
+        assert found[name].dof == pytest.approx(9)
+    assert s == pytest.approx(0.0035, abs=5e-5)
+    assert found.correlation[0, 1] == pytest.approx(-0.930, abs=5e-4)
+
+
+def test_eleven_inputs_against_other_libraries() -> None:
+    """Value, u and ν by GTC and `uncertainties`, whose derivatives are exact; ours span ± u.
+
+    The difference, f''' u²/6, is (.003/.5)² of u here, by 1/e0. With a
+    correlation u by `uncertainties`.
+    """
+    found = vl.propagate(models.bpf, models.BPF)
+    read = vl.propagate(models.bpf, models.BPF).budget.set_index("component")
+    theirs = {name: GTC.ureal(row.value, row.u, row.dof) for name, row in read.iterrows()}
+    peer = models.bpf(**theirs)
+    assert found.value == pytest.approx(GTC.value(peer), rel=1e-14)
+    assert found.u == pytest.approx(GTC.uncertainty(peer), rel=5e-5)
+    assert found.dof == pytest.approx(GTC.dof(peer), rel=1e-4)
+    bound = vl.propagate(models.bpf, models.BPF, correlations={("t_in", "t_out"): 0.5})
+    times = uncertainties.correlated_values_norm(
+        [(models.BPF[name].value, models.BPF[name].u) for name in ("t_in", "t_out")],
+        [[1, 0.5], [0.5, 1]],
+    )
+    others = {
+        name: uncertainties.ufloat(row.value, row.u)
+        for name, row in read.drop(["t_in", "t_out"]).iterrows()
+    }
+    peer = models.bpf(t_in=times[0], t_out=times[1], **others)
+    assert bound.u == pytest.approx(peer.std_dev, rel=5e-5)
+    assert abs(bound.u - found.u) > 1e-3 * found.u
+
+
+TERMS = st.lists(
+    st.tuples(
+        st.floats(-100, 100).filter(lambda c: abs(c) > 0.01),
+        st.floats(-100, 100),
+        st.floats(1e-2, 10),
+        st.sampled_from(["normal", "uniform", "triangular", "arcsine"]),
+    ),
+    min_size=2,
+    max_size=6,
+)
+
+
+@BOTH
+@settings(max_examples=30)
+@given(terms=TERMS, r=st.floats(-0.99, 0.99), scale=st.sampled_from([1e-6, 1e3]))
+def test_a_linear_model_is_exact(terms: list, r: float, scale: float, method: str) -> None:
+    """u² = Σ c² u² + 2 r c c' u u', whatever the laws; other units and order give the same."""
+
+    def stated(by: float) -> dict[str, vl.Input]:
+        return {
+            f"x{k}": vl.Input(x * by, u * by, distribution=law)
+            for k, (_, x, u, law) in enumerate(terms)
+        }
+
+    def model(**x):
+        return sum(c * x[f"x{k}"] for k, (c, *_) in enumerate(terms))
+
+    bound = {("x1", "x0"): r}
+    found = vl.propagate(model, stated(1.0), correlations=bound, method=method)
+    (c0, _, u0, _), (c1, _, u1, _) = terms[:2]
+    variance = sum((c * u) ** 2 for c, _, u, _ in terms) + 2 * r * c0 * u0 * c1 * u1
+    size = sum(abs(c) * (abs(x) + u) for c, x, u, _ in terms)
+    near = 1e-9 * size + 1e-9
+    assert found.u == pytest.approx(sqrt(variance), rel=1e-6, abs=near)
+    assert found.value == pytest.approx(sum(c * x for c, x, *_ in terms), abs=near)
+    again = dict(reversed(stated(scale).items()))
+    other = vl.propagate(model, again, correlations={("x0", "x1"): r}, method=method)
+    assert other.u / scale == pytest.approx(found.u, rel=1e-6, abs=near)
+
+
+def test_second_order_of_exact_cases() -> None:
+    """Squares: E = x² + u², Var = 4 x² u² + (κ - 1) u⁴; a product: u² u'² more; a cube's 36 …."""
+    for law, kurtosis in (("normal", 3), ("uniform", 1.8), ("triangular", 2.4), ("arcsine", 1.5)):
+        inputs = {"x": vl.Input(0.5, 0.3, distribution=law)}
+        found = vl.propagate(lambda x: x**2, inputs, method="second-order")
+        assert found.value == pytest.approx(0.25 + 0.09)
+        assert found.u**2 == pytest.approx(0.09 + (kurtosis - 1) * 0.0081)
+    two = {"a": vl.Input(2, 0.1), "b": vl.Input(-3, 0.2)}
+    found = vl.propagate(lambda a, b: a * b, two, method="second-order")
+    assert found.u**2 == pytest.approx(0.09 + 0.16 + 4e-4)
+    # bound by r, normal: E = a b + r u u', Var = … + 2 r a b u u' + u² u'² (1 + r²)
+    found = vl.propagate(
+        lambda a, b: a * b, two, correlations={("a", "b"): 0.6}, method="second-order"
+    )
+    assert found.value == pytest.approx(-6 + 0.6 * 0.02)
+    assert found.u**2 == pytest.approx(0.09 + 0.16 - 2 * 0.6 * 6 * 0.02 + 4e-4 * 1.36)
+    # a b²: 2 f_b f_baa and 2 f_a f_abb of E[x² y²]: b⁴ u_a² + 4 a² b² u_b² + (4 + 2) b² u_a² u_b²
+    # of the mixed pairs, and 2 a² u_b⁴ of b alone
+    found = vl.propagate(lambda a, b: a * b**2, two, method="second-order")
+    terms = 81 * 0.01, 4 * 4 * 9 * 0.04, 6 * 9 * 4e-4, 2 * 4 * 0.0016
+    assert found.u**2 == pytest.approx(sum(terms))
+    # bound inputs are taken as normal: each is a sum of independent ones
+    bound = {name: vl.Input(0, 0.1, distribution="uniform") for name in "ab"}
+    found = vl.propagate(
+        lambda a, b: a**2 + b**2, bound, correlations={("a", "b"): 0.5}, method="second-order"
+    )
+    assert found.u**2 == pytest.approx(4e-4 * (1 + 0.5**2))
+    # x³ at 1: 9 u² + 18 u⁴ + 18 u⁴, the u⁶ left out
+    found = vl.propagate(lambda x: x**3, {"x": vl.Input(1, 0.1)}, method="second-order")
+    assert found.u**2 == pytest.approx(9e-2 + 36e-4)
+
+
+def test_supplement_1_where_the_first_order_is_silent() -> None:
+    """JCGM 101 9.4, x1 = 0, .010, .050: y 50, 150, 2550 and u 50, 112, 502 (1e-6); r = 0."""
+    for x1, y, u in ((0.0, 50, 50), (0.010, 150, 112), (0.050, 2550, 502)):
+        inputs = {"x1": vl.Input(x1, 0.005), "x2": vl.Input(0.0, 0.005)}
+        first = vl.propagate(lambda x1, x2: x1**2 + x2**2, inputs)
+        second = vl.propagate(lambda x1, x2: x1**2 + x2**2, inputs, method="second-order")
+        assert first.u == pytest.approx(0.01 * x1, abs=1e-12)
+        assert second.value == pytest.approx(y * 1e-6)
+        assert second.u * 1e6 == pytest.approx(u, abs=0.5)
+        assert ("curvature shifts its mean by 5e-05" in first.text) == (x1 == 0)
+        assert "curvature" not in second.text
+
+
+def test_errors_shared_by_groups_nested_and_crossed() -> None:
+    """Six hits, two days of three: a mean has u_day²/2, of nested balls Σ (n/6)² u_ball²."""
+    hits = np.array([1.0, 2.0, 3.0, 2.0, 2.0, 2.0])
+    day, ball = [1, 1, 1, 2, 2, 2], [1, 1, 2, 1, 1, 2]
+
+    def mean(hit, day, ball):
+        return (hit + day + ball).mean(axis=-1)
+
+    inputs = {
+        "hit": vl.Input(hits, 0.3, by=range(6)),
+        "day": vl.Input(u=0.2, dof=4, by=day),
+        "ball": vl.Input(u=0.1, by=(day, ball)),
+    }
+    found = vl.propagate(mean, inputs)
+    assert found.value == 2.0
+    squares = 0.09 / 6, 0.04 / 2, 0.01 * (2 * (2 / 6) ** 2 + 2 * (1 / 6) ** 2)
+    assert found.u**2 == pytest.approx(sum(squares))
+    # one scatter of four degrees of freedom behind both days, not eight
+    assert found.dof == pytest.approx(4 * (sum(squares) / squares[1]) ** 2)
+    crossed = vl.propagate(mean, inputs | {"ball": vl.Input(u=0.1, by=ball)})
+    assert crossed.u**2 == pytest.approx(sum(squares[:2]) + 0.01 * (4**2 + 2**2) / 36)
+    # a difference of two hits of a day does not know the day
+    apart = vl.propagate(
+        lambda hit, day, ball: (hit + day + ball)[..., 0] - (hit + day + ball)[..., 1], inputs
+    )
+    assert apart.u == pytest.approx(0.3 * sqrt(2))
+
+
+def test_bound_inputs_have_the_fewest_degrees_of_freedom_among_them() -> None:
+    inputs = {"a": vl.Input(1, 0.1, dof=9), "b": vl.Input(2, 0.2, dof=5), "c": vl.Input(0, 0.1)}
+    found = vl.propagate(lambda a, b, c: a + b + c, inputs, correlations={("a", "b"): 0.5})
+    block = 0.01 + 0.04 + 0.02
+    assert found.dof == pytest.approx(5 * ((block + 0.01) / block) ** 2)
+
+
+def test_readings_count_by_their_scatter() -> None:
+    readings = [1.2, 1.5, 1.1, 1.9]
+    found = vl.propagate(lambda x, k: k * x, {"x": readings, "k": 2.0})
+    assert found.u == pytest.approx(2 * stats.sem(readings))
+    assert found.dof == 3
+    assert found.interval == pytest.approx(
+        stats.t.interval(0.95, 3, 2 * np.mean(readings), 2 * stats.sem(readings))
+    )
+    wide = vl.propagate(lambda x: x, {"x": readings}, probability=0.99)
+    assert wide.interval == pytest.approx(
+        stats.t.interval(0.99, 3, np.mean(readings), stats.sem(readings))
+    )
+    assert vl.propagate(lambda x: x, {"x": Estimate(value=3.0, u=0.1)}).u == pytest.approx(0.1)
+
+
+def test_inexact_limits() -> None:
+    """JCGM 101 6.4.3: u² = h²/3 + d²/9."""
+    found = vl.propagate(lambda x: x, {"x": vl.Input(low=-3, high=5, inexact=1.5)})
+    assert found.value == 1.0
+    assert found.u**2 == pytest.approx(16 / 3 + 2.25 / 9)
+
+
+def test_a_function_of_numbers_is_called_row_by_row() -> None:
+    def piecewise(x, y):
+        return x * y if x > 0 else y
+
+    inputs = {"x": vl.Input(2, 0.1), "y": vl.Input(5, 0.2)}
+    found = vl.propagate(piecewise, inputs)
+    assert found.u == pytest.approx(sqrt(0.25 + 0.16))
+    assert "row by row" in found.text
+    assert "row by row" not in vl.propagate(lambda x, y: x * y, inputs).text
+    # a mean over the rows is no mean over anything: each row alone gives the number itself
+    mixed = vl.propagate(lambda x, y: x - np.mean(x) + y, inputs)
+    assert "row by row" in mixed.text
+    assert mixed.u == pytest.approx(0.2)
+
+
+def test_several_outputs_are_asked_for_by_name() -> None:
+    found = vl.propagate(models.circuit, {("v", "i", "phi"): models.CIRCUIT})
+    assert found.table["output"].tolist() == ["R", "X", "Z"]
+    with pytest.raises(vl.InputError, match=r"allowed: .NAME. of R, X, Z"):
+        _ = found.u
+    with pytest.raises(vl.InputError, match="allowed: R, X, Z"):
+        _ = found["Y"]
+
+
+def plain(a, b):
+    return a + b
+
+
+def changes(a, b):
+    a += b
+    return a
+
+
+GOOD = {"a": vl.Input(1, 0.1), "b": vl.Input(2, 0.2)}
+THREE = {name: vl.Input(0, 1) for name in "abc"}
+NOT_DEFINITE = {("a", "b"): 0.9, ("b", "c"): 0.9, ("a", "c"): -0.9}
+WRONG = {
+    "not positive": (
+        lambda a, b, c: a + b + c,
+        THREE,
+        {"correlations": NOT_DEFINITE},
+        r"eigenvalue -0\.8, most of it by . and .",
+    ),
+    "above 1": (plain, GOOD, {"correlations": {("a", "b"): 1.5}}, "a b = 1.5; allowed: -1 to 1"),
+    "unknown": (plain, GOOD, {"correlations": {("a", "z"): 0.5}}, "allowed: two of a, b"),
+    "limits": (plain, GOOD | {"b": vl.Input(low=3, high=1)}, {}, "b: high = 1.0; .*above low = 3"),
+    "limits of a normal": (
+        plain,
+        GOOD | {"b": vl.Input(low=1, high=3, distribution="normal")},
+        {},
+        "value and u for it",
+    ),
+    "both": (plain, GOOD | {"b": vl.Input(2, low=1, high=3)}, {}, "low and high, or value and u"),
+    "law": (plain, GOOD | {"b": vl.Input(2, 1, distribution="norml")}, {}, "did you mean normal"),
+    "negative": (plain, GOOD | {"b": vl.Input(2, -1)}, {}, "b: u = -1.0; allowed: at least 0"),
+    "dof": (plain, GOOD | {"b": vl.Input(2, 1, dof=0)}, {}, "b: dof = 0; allowed: above 0"),
+    "inexact": (plain, GOOD | {"b": vl.Input(low=1, high=2, inexact=0.6)}, {}, "half the distance"),
+    "equal": (plain, GOOD | {"b": [3.0, 3.0, 3.0]}, {}, r"b: readings = 3.0; all are equal.*√12"),
+    "one reading": (plain, GOOD | {"b": [3.0]}, {}, "at least 2"),
+    "text": (plain, GOOD | {"b": "2 mm"}, {}, "allowed: vl.Input, a number, readings"),
+    "nan": (lambda a, b: np.sqrt(a - b), GOOD, {}, "is nan in 3 of 3 rows, as at a = 1, b = 2"),
+    "shape": (lambda a, b: np.array([a, b]), GOOD, {}, r"shape \(2,\)'; allowed: one number"),
+    "complex": (lambda a, b: a + 1j * b, GOOD, {}, "real ones"),
+    "writes": (changes, GOOD, {}, "the model writes into an array it was given"),
+    "raises": (lambda a, b: a / (b - b), {"a": vl.Input(1, 0.1), "b": 2.0}, {}, "is inf"),
+    "argument": (lambda a: a, GOOD, {}, "raises; TypeError: .*unexpected keyword"),
+    "nothing": (lambda a: a, {"a": 1.0}, {}, "none has an uncertainty"),
+    "method": (plain, GOOD, {"method": "third"}, "first-order, second-order"),
+    "probability": (plain, GOOD, {"probability": 95}, "between 0 and 1"),
+    "groups": (plain, GOOD | {"b": vl.Input([1, 2, 3], 0.1, by=[1, 2])}, {}, "or 2 of them"),
+    "together": (plain, {("a", "b"): np.ones((2, 2))}, {}, "more than 2 of 2 inputs"),
+    "no convergence": (
+        np.vectorize(lambda a: 1 / (1 + a**2) ** 2 - 5 * a**3 + a),
+        {"a": vl.Input(0, 0.5)},
+        {"method": "second-order"},
+        "does not converge",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_input_is_one_line(case: str) -> None:
+    model, inputs, more, said = WRONG[case]
+    with pytest.raises(vl.InputError, match=said) as caught:
+        vl.propagate(model, inputs, **more)
+    assert "\n" not in str(caught.value)
+
+
+def test_u_of_nothing_is_said() -> None:
+    found = vl.propagate(lambda a, b: 0 * a + 3 + 0 * b, GOOD)
+    assert found.u == 0
+    assert found.dof == inf
+    assert "no input moves it" in found.text

@@ -1,0 +1,350 @@
+"""Inputs of a model as a user states them, and as every method to propagate them reads them.
+
+An input is a number with its standard uncertainty and distribution. It may be shared by groups:
+then it is a row of numbers, one an observation, whose errors are equal within a group. Correlated
+inputs form a block, which is a linear map of independent ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite, nan, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.uncertainty.laws import LAWS, Law, inexactness
+from virtual_lab.units import Array
+
+Correlations = Mapping[tuple[str, str], float]
+InputName = str | tuple[str, ...]
+TOGETHER = "observed together"
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """An input of a model: value and u, or limits.
+
+    Parameters
+    ----------
+    value, u
+        Best estimate and its standard uncertainty. The value may be an array (n,) of an input
+        `by` groups.
+    dof
+        Degrees of freedom of u. A normal input with a finite number is a t; limits with one are
+        inexact, by half their distance over √(2 ν).
+    distribution
+        ``normal``, ``t``, ``uniform``, ``triangular``, ``arcsine`` or ``trapezoid``: limits that
+        are themselves known within ± `inexact` (JCGM 101, 6.4.3). Without: normal or t by value
+        and u, uniform by limits, trapezoid by inexact ones.
+    low, high
+        Limits, in the place of value and u.
+    inexact
+        Half width of either limit, at most half their distance.
+    by
+        Labels (n,) of n observations: the error is one a label. Several rows of labels nest:
+        ``by=(days, balls)`` gives each ball of each day an error of its own. Groups that cross
+        are two inputs.
+    """
+
+    value: ArrayLike | None = None
+    u: float | None = None
+    dof: float = inf
+    distribution: str = ""
+    low: float | None = None
+    high: float | None = None
+    inexact: float = 0.0
+    by: Sequence[Any] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class InputSource:
+    """An independent or correlated number behind an input, with its law."""
+
+    estimate: Estimate
+    law: Law
+    scale: float
+    shape: float = nan
+
+    @property
+    def kurtosis(self) -> float:
+        return self.law.kurtosis(self.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """Correlated sources: errors are `factor` times independent ones of u = 1.
+
+    The factor of draws differs from that of the law of propagation where readings were taken
+    together: their joint t has fewer degrees of freedom (JCGM 102, 5.3.2).
+    """
+
+    names: tuple[str, ...]
+    factor: Array
+    dof: float
+    draw_factor: Array
+    draw_dof: float
+    drawn: str = ""  # why it cannot be drawn
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """All sources of a model by name, and how its arguments are made of them."""
+
+    sources: Mapping[str, InputSource]
+    joints: tuple[Joint, ...]
+    certain: Mapping[str, float]
+    groups: Mapping[str, tuple[Array, tuple[str, ...], NDArray[np.int_]]]  # base, sources, which
+
+    def arguments(self, columns: Mapping[str, Array]) -> dict[str, Array]:
+        """Return what the model is called with, (k,) or (k, n), from columns (k,) of sources."""
+        k = next(iter(columns.values())).size if columns else 1
+        found = {name: np.full(k, value) for name, value in self.certain.items()}
+        apart = {part for _, parts, _ in self.groups.values() for part in parts}
+        found |= {name: column for name, column in columns.items() if name not in apart}
+        for name, (base, parts, which) in self.groups.items():
+            found[name] = base + np.stack([columns[part] for part in parts], axis=1)[:, which]
+        return found
+
+    @property
+    def joined(self) -> set[str]:
+        """The names of correlated sources."""
+        return {name for joint in self.joints for name in joint.names}
+
+
+def read_inputs(given: Mapping[InputName, Any], correlations: Correlations) -> Inputs:
+    """Return the sources behind inputs; `InputError` names the input that cannot be used.
+
+    A value of the mapping is an `Input`, an `Estimate`, a number, or readings (n,), whose mean
+    and its scatter count (type A); readings (n, m) taken together have a tuple of m names.
+    """
+    if not isinstance(given, Mapping) or not given:
+        raise InputError("", "inputs", given, "allowed: names and inputs, {'d': vl.Input(…)}")
+    sources: dict[str, InputSource] = {}
+    certain: dict[str, float] = {}
+    groups: dict[str, tuple[Array, tuple[str, ...], NDArray[np.int_]]] = {}
+    joints: list[Joint] = []
+    for key, one in given.items():
+        if isinstance(key, tuple):
+            together, joint = _together(key, one)
+            sources |= together
+            joints.append(joint)
+            continue
+        read = _input(key, one)
+        if read.by:
+            groups[key], own = _grouped(key, read)
+            sources |= own
+        elif isinstance(source := _source(key, read), float):
+            certain[key] = source
+        else:
+            sources[key] = source
+    _require_once([*sources, *certain])
+    joints += _correlated(sources, correlations, {each for joint in joints for each in joint.names})
+    return Inputs(sources, tuple(joints), certain, groups)
+
+
+def _input(name: str, given: Any) -> Input:
+    if isinstance(given, Input):
+        return given
+    if isinstance(given, Estimate):
+        return Input(given.value, given.u, given.dof)
+    try:
+        readings = np.asarray(given, float)
+    except (TypeError, ValueError) as fault:
+        raise InputError(name, "input", given, "allowed: vl.Input, a number, readings") from fault
+    if readings.ndim == 0:
+        return Input(float(readings), 0.0)
+    mean, u = _readings(name, readings)
+    return Input(mean, u, readings.size - 1.0, "t")
+
+
+def _readings(name: str, readings: Array) -> tuple[float, float]:
+    """Return the mean of readings (n,) and its standard uncertainty."""
+    if readings.ndim != 1 or readings.size < 2 or not np.isfinite(readings).all():
+        raise InputError(name, "readings", readings, "allowed: at least 2 finite numbers in a row")
+    if np.ptp(readings) == 0:
+        allowed = "all are equal, so their scatter is unknown; allowed: vl.Input(value, u) with "
+        raise InputError(name, "readings", readings[0], allowed + "u of the resolution, step/√12")
+    return float(readings.mean()), float(readings.std(ddof=1) / sqrt(readings.size))
+
+
+def _source(name: str, given: Input) -> InputSource | float:
+    """Return the source of an input of one number; a number that has no uncertainty."""
+
+    def refuse(key: str, value: object, allowed: str) -> InputError:
+        return InputError(name, key, value, f"allowed: {allowed}")
+
+    def number(key: str) -> float:
+        value = getattr(given, key)
+        try:
+            found = float(value)
+        except (TypeError, ValueError) as fault:
+            raise refuse(key, value, "a number") from fault
+        if not isfinite(found):
+            raise refuse(key, value, "a finite number")
+        return found
+
+    if not given.dof > 0:
+        raise refuse("dof", given.dof, "above 0")
+    limits = given.low is not None or given.high is not None
+    if limits and (given.value is not None or given.u is not None):
+        raise refuse("limits", (given.low, given.high), "low and high, or value and u, not both")
+    kind = given.distribution or (
+        ("trapezoid" if given.inexact else "uniform")
+        if limits
+        else ("normal" if given.dof == inf else "t")
+    )
+    if kind not in LAWS:
+        raise refuse("distribution", kind, f"{nearest(kind, LAWS)}{', '.join(LAWS)}")
+    if (given.inexact != 0) != (kind == "trapezoid"):
+        raise refuse("inexact", given.inexact, "above 0 for a trapezoid, and only there")
+    if kind == "t" and given.dof == inf:
+        raise refuse("dof", given.dof, "degrees of freedom of a t; else distribution='normal'")
+    if limits:
+        if not LAWS[kind].limited:
+            raise refuse("distribution", kind, "value and u for it, not limits")
+        low, high = number("low"), number("high")
+        if not low < high:
+            raise refuse("high", high, f"above low = {low}")
+        value, half = (low + high) / 2, (high - low) / 2
+    else:
+        value, u = number("value"), number("u") if given.u is not None else 0.0
+        if u < 0:
+            raise refuse("u", u, "at least 0")
+        if u == 0:
+            return value
+        half = u / LAWS[kind].u(0.0)
+    return _scaled(value, half, kind, given, refuse)
+
+
+def _scaled(value: float, half: float, kind: str, given: Input, refuse: Any) -> InputSource:
+    """Return a source by its law and scale; limits of a u that is not well known are inexact."""
+    dof, shape = given.dof, nan
+    if kind == "trapezoid":
+        if not 0 < given.inexact <= half * (1 + 1e-12):
+            raise refuse("inexact", given.inexact, f"above 0, at most half the distance, {half}")
+        shape = given.inexact / half
+    elif kind == "t":
+        shape = dof
+    u = half * LAWS[kind].u(shape)
+    if kind == "uniform" and dof < inf:
+        kind, shape = "trapezoid", inexactness(dof)
+        if shape > 1:
+            raise refuse("dof", dof, "at least .5 of limits")
+    estimate = Estimate(value=value, u=u, dof=dof, evaluation="A" if given.u is None else "B")
+    return InputSource(estimate, LAWS[kind], half, shape)
+
+
+def _grouped(
+    name: str, given: Input
+) -> tuple[tuple[Array, tuple[str, ...], NDArray[np.int_]], dict[str, InputSource]]:
+    """Return base, sources and which of them each observation has, and the sources by name."""
+    rows = given.by if isinstance(given.by[0], list | tuple | np.ndarray) else (given.by,)
+    lengths = {len(row) for row in rows}
+    if len(lengths) != 1:
+        raise InputError(name, "by", sorted(lengths), "allowed: rows of labels of one length")
+    labels = list(zip(*rows, strict=True))
+    order = {label: at for at, label in enumerate(dict.fromkeys(labels))}
+    base = np.zeros(len(labels))
+    if given.value is not None:
+        try:
+            base = base + np.asarray(given.value, float)
+        except ValueError as fault:
+            allowed = f"allowed: a number, or {len(labels)} of them, one a label"
+            raise InputError(name, "value", given.value, allowed) from fault
+    middle = 0.0 if given.low is None or given.high is None else (given.low + given.high) / 2
+    one = Input(
+        *(None if given.low is not None else 0.0, given.u, given.dof, given.distribution),
+        *(given.low, given.high, given.inexact),
+    )
+    source = _source(name, one)
+    if isinstance(source, float):
+        raise InputError(name, "u", given.u, "allowed: above 0 for an input by groups")
+    parts = tuple(f"{name}[{'/'.join(map(str, label))}]" for label in order)
+    estimate = Estimate(value=middle, u=source.estimate.u, dof=source.estimate.dof, pool=name)
+    own = InputSource(estimate, source.law, source.scale, source.shape)
+    which = np.array([order[label] for label in labels])
+    return (base, parts, which), dict.fromkeys(parts, own)
+
+
+def _require_once(names: Sequence[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError("inputs", "name", twice[0], "is given twice; allowed: once")
+
+
+def _together(names: tuple[str, ...], given: Any) -> tuple[dict[str, InputSource], Joint]:
+    """Return sources and block of readings taken together, (n, m)."""
+    where = ", ".join(names)
+    readings = np.asarray(given, float)
+    if readings.ndim != 2 or readings.shape[1] != len(names):
+        allowed = f"allowed: a column each, (n, {len(names)})"
+        raise InputError(where, "readings", f"shape {readings.shape}", allowed)
+    n, m = readings.shape
+    if n <= m:
+        raise InputError(where, "readings", n, f"allowed: more than {m} of {m} inputs together")
+    sources = {}
+    for name, column in zip(names, readings.T, strict=True):
+        mean, u = _readings(name, column)
+        estimate = Estimate(value=mean, u=u, dof=n - 1.0, evaluation="A", source=TOGETHER)
+        sources[name] = InputSource(estimate, LAWS["t"], u, n - 1.0)
+    scatter = np.cov(readings.T) / n
+    factor = _factor(names, scatter)
+    return sources, Joint(names, factor, n - 1.0, factor * sqrt((n - 1) / (n - m)), float(n - m))
+
+
+def _correlated(
+    sources: Mapping[str, InputSource], correlations: Correlations, taken: set[str]
+) -> list[Joint]:
+    """Return blocks of the inputs that correlations bind together."""
+    blocks: list[set[str]] = []
+    for pair, r in correlations.items():
+        for name in pair if isinstance(pair, tuple) and len(pair) == 2 else (pair,):
+            if name not in sources or len(pair) != 2 or pair[0] == pair[1]:
+                allowed = f"{nearest(name, sources)}allowed: two of {', '.join(sources)}"
+                raise InputError("correlations", "pair", pair, allowed)
+            if name in taken:
+                allowed = "allowed: none with inputs observed together, whose own are known"
+                raise InputError("correlations", "pair", pair, allowed)
+        if not -1 <= r <= 1:
+            raise InputError("correlations", " ".join(pair), r, "allowed: -1 to 1")
+        bound = [block for block in blocks if block & set(pair)]
+        blocks = [block for block in blocks if block not in bound]
+        blocks.append(set(pair).union(*bound))
+    return [_joint(sources, correlations, sorted(block)) for block in blocks]
+
+
+def _joint(
+    sources: Mapping[str, InputSource], correlations: Correlations, block: list[str]
+) -> Joint:
+    own = [sources[name] for name in block]
+    u = np.array([each.estimate.u for each in own])
+    matrix = np.eye(len(block))
+    for (first, second), r in correlations.items():
+        if first in block:
+            i, j = block.index(first), block.index(second)
+            matrix[i, j] = matrix[j, i] = r
+    dofs = {each.estimate.dof for each in own}
+    shapes = {(each.law, each.shape if each.law is LAWS["t"] else inf) for each in own}
+    law, _ = next(iter(shapes))
+    drawn = "" if len(shapes) == 1 and not law.limited else ", ".join(block)
+    factor = _factor(tuple(block), matrix * np.outer(u, u))
+    # of terms that are not independent no effective number is defined: the smallest is safe
+    dof = min(dofs)
+    return Joint(tuple(block), factor, dof, factor, dof if law is LAWS["t"] else inf, drawn)
+
+
+def _factor(names: tuple[str, ...], covariance: Array) -> Array:
+    """Return F with F Fᵀ the covariance; `InputError` where no errors can have it."""
+    u = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(u, u))
+    if values[0] < -1e-12:
+        worst = np.argsort(-np.abs(vectors[:, 0]))[:2]
+        pair = " and ".join(names[at] for at in sorted(worst))
+        allowed = f"the matrix has the eigenvalue {values[0]:.3g}, most of it by {pair}; allowed: "
+        raise InputError("correlations", ", ".join(names), None, allowed + "none below 0")
+    return np.asarray(u[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

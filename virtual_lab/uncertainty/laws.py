@@ -1,0 +1,103 @@
+"""Distributions that an input of a model may have, all symmetric about its value (JCGM 101, 6.4).
+
+Each is a row of `LAWS`, in multiples of a scale: of the standard uncertainty for normal and t, of
+half the distance of the limits for the others. Its shape is the degrees of freedom of a t, or how
+inexact the limits of a trapezoid are, as a part of half their distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from virtual_lab.units import Array
+
+Random = Any  # numpy's generator, made by `streams`
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A distribution in multiples of its scale."""
+
+    u: Callable[[float], float]  # standard deviation, by shape
+    kurtosis: Callable[[float], float]
+    draw: Callable[[Random, int, float], Array]
+    quantile: Callable[[Array, float], Array]
+    limited: bool = True
+
+
+def _triangular(q: Array, _shape: float) -> Array:
+    return np.where(q < 0.5, np.sqrt(2 * q) - 1, 1 - np.sqrt(2 * (1 - q)))
+
+
+def _normal(q: Array, _shape: float) -> Array:
+    from scipy.special import ndtri
+
+    return np.asarray(ndtri(q))
+
+
+def _student(q: Array, dof: float) -> Array:
+    from scipy.special import stdtrit
+
+    return np.asarray(stdtrit(dof, q))
+
+
+def _inexact_draw(random: Random, n: int, inexact: float) -> Array:
+    width = 1 + inexact * random.uniform(-1, 1, n)
+    return np.asarray(width * random.uniform(-1, 1, n))
+
+
+def _inexact_quantile(q: Array, inexact: float) -> Array:
+    """Return quantiles of uniform numbers with uniform limits: their mean law, by a fine grid."""
+    x = np.linspace(-1 - inexact, 1 + inexact, 4001)
+    nodes, weights = np.polynomial.legendre.leggauss(201)
+    below = np.clip((x[:, None] / (1 + inexact * nodes) + 1) / 2, 0, 1) @ weights / 2
+    return np.asarray(np.interp(q, below, x))
+
+
+def _inexact_kurtosis(inexact: float) -> float:
+    return 9 / 5 * (1 + 2 * inexact**2 + inexact**4 / 5) / (1 + inexact**2 / 3) ** 2
+
+
+LAWS = {
+    "normal": Law(
+        lambda _: 1.0, lambda _: 3.0, lambda r, n, _: r.standard_normal(n), _normal, limited=False
+    ),
+    # its u is that of the GUM: draws have u √(ν/(ν - 2)), and the second order takes it as normal
+    "t": Law(
+        lambda _: 1.0, lambda _: 3.0, lambda r, n, v: r.standard_t(v, n), _student, limited=False
+    ),
+    "uniform": Law(
+        lambda _: 1 / sqrt(3),
+        lambda _: 9 / 5,
+        lambda r, n, _: r.uniform(-1, 1, n),
+        lambda q, _: 2 * q - 1,
+    ),
+    "triangular": Law(
+        lambda _: 1 / sqrt(6),
+        lambda _: 12 / 5,
+        lambda r, n, _: r.triangular(-1, 0, 1, n),
+        _triangular,
+    ),
+    "arcsine": Law(
+        lambda _: 1 / sqrt(2),
+        lambda _: 3 / 2,
+        lambda r, n, _: np.sin(2 * pi * r.random(n)),
+        lambda q, _: -np.cos(pi * q),
+    ),
+    "trapezoid": Law(
+        lambda inexact: sqrt(1 / 3 + inexact**2 / 9),
+        _inexact_kurtosis,
+        _inexact_draw,
+        _inexact_quantile,
+    ),
+}
+
+
+def inexactness(dof: float) -> float:
+    """Return how inexact limits are whose u has `dof` degrees of freedom, 0 to 1 (GUM G.4.2)."""
+    return 0.0 if dof == inf else 1 / sqrt(2 * dof)
