@@ -95,7 +95,7 @@ def _certify(procedure: str) -> Work:
 def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
     """Return what plays and reduces the next block."""
     laboratory = RoundRobin.of(BATS.get(procedure, "r161"), procedure).laboratory(1)
-    session = by_the_book(laboratory).certification.session
+    session = by_the_book(laboratory).of(0).certification.session
     reduced = reduce_session(session)
     known = {name: np.array(constant.value) for name, constant in reduced.constants.items()}
     bat = bat_properties(known)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tests.lab.golden.make import BASEBALL, SEED, SOFTBALL, Case, Row, differences, table
+from tests.lab.test_round_robin import bits
 from virtual_lab import catalog, lab
 
 PROCEDURES = catalog.names("procedures")
@@ -29,7 +30,8 @@ def round_robin(procedure: str, bat: str) -> lab.RoundRobin:
 
 
 def block_of(procedure: str, bat: str, first: int, last: int) -> lab.BlockTest:
-    return lab.certify_block(round_robin(procedure, bat).setup, SEED, np.arange(first, last))
+    setup = round_robin(procedure, bat).setup
+    return lab.certify_block(replace(setup, seed=SEED, number=np.arange(first, last)))
 
 
 def row_of(block: lab.BlockTest, case: Case, one: int, scenes: int) -> Row:
@@ -83,6 +85,22 @@ def test_blocks_are_the_whole_table(procedure: str, which: int) -> None:
 
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
+def test_a_test_of_a_block_is_printed_as_that_of_its_laboratory_alone(procedure: str) -> None:
+    """Every record, budget line, flag and all that was true, bit for bit."""
+    shared = round_robin(procedure, bat_of(procedure))
+    block = block_of(procedure, bat_of(procedure), 0, 20)
+    for number in (0, 13):
+        alone = lab.by_the_book(shared.laboratory(SEED, number)).of(0)
+        beside = block.of(number)
+        assert bits(beside) == bits(alone)
+        for name in ("metric", "quantities", "bat", "flags", "pairs", "reasons", "verdict"):
+            own = getattr(beside.certification, name)
+            assert repr(own) == repr(getattr(alone.certification, name)), name
+        one, other = beside.sealed.document(), alone.sealed.document()
+        assert repr({**one, "salt": ""}) == repr({**other, "salt": ""})
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
 def test_nothing_depends_on_the_neighbours(procedure: str) -> None:
     """Twenty in one block, and in blocks of 1, 7 and 12: all numbers by their bits."""
     bat = bat_of(procedure)
@@ -102,12 +120,12 @@ def test_a_block_of_another_day_is_the_second_tests_of_its_laboratories() -> Non
     """The loop's tests of branch 1: rigs as on the first day, other balls, readings and hits."""
     shared = round_robin("astm-f1881", "r161")
     setup = replace(shared.setup, test=1)
-    block = lab.certify_block(setup, SEED, np.arange(3, 6))
+    block = lab.certify_block(replace(setup, seed=SEED, number=np.arange(3, 6)))
     first = block_of("astm-f1881", "r161", 3, 6)
     one = "impact.gates.distance_0"
     for at, number in enumerate(range(3, 6)):
         own = lab.Laboratory.open(replace(setup, seed=SEED, number=number))
-        tested = lab.by_the_book(own)
+        tested = lab.by_the_book(own).of(0)
         metric = tested.certification.metric
         assert metric is not None
         found = block.certified.results["metric"]
@@ -115,5 +133,5 @@ def test_a_block_of_another_day_is_the_second_tests_of_its_laboratories() -> Non
         assert found.u[at] == pytest.approx(metric.u, rel=1e-12)
         true = tested.sealed.measurand["metric"]
         assert block.measurands["metric"][at] == pytest.approx(true, rel=1e-12)
-        assert block.sessions.calibration[one].value[at] == own.session.calibration[one].value
+        assert block.sessions.calibration[one].value[at] == own.calibration[one].value[0]
         assert abs(found.value[at] - first.certified.results["metric"].value[at]) > 1e-5

@@ -21,7 +21,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.lab import prepared
 from virtual_lab.lab.laboratory import lot_constants
-from virtual_lab.lab.test_day import with_records
+from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.session_reduction import SessionReduction, reduce_session
 from virtual_lab.records import BallRecord, Record
 from virtual_lab.records.session import Session

@@ -46,7 +46,9 @@ def bits(tested: lab.BatTest) -> str:
 def played(procedure: str, numbers: Iterable[int]) -> Bits:
     """Return the bits of the laboratories of a round robin of their own, played in turn."""
     round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
-    return {number: bits(lab.by_the_book(round_robin.laboratory(1, number))) for number in numbers}
+    return {
+        number: bits(lab.by_the_book(round_robin.laboratory(1, number)).of(0)) for number in numbers
+    }
 
 
 def run(procedure: str, laboratories: int, first: int) -> Bits:
@@ -97,7 +99,7 @@ def test_what_ran_before_changes_nothing(procedure: str) -> None:
         round_robin.setup.collision.efficiency(body, Pinned(body.length - from_knob), far)
     for number in (8, 5):
         lab.by_the_book(round_robin.laboratory(1, number))
-    assert bits(lab.by_the_book(round_robin.laboratory(1, 3))) == alone
+    assert bits(lab.by_the_book(round_robin.laboratory(1, 3)).of(0)) == alone
 
 
 class AskedError(Exception):
@@ -161,7 +163,7 @@ def test_no_sheet_is_parsed_for_a_further_laboratory(monkeypatch: pytest.MonkeyP
         return parse_toml(text, where)
 
     monkeypatch.setattr(reading, "parse_toml", parse)
-    doubts = round_robin.laboratory(2).origin.unverified_numbers
+    doubts = round_robin.laboratory(2).session.origin.unverified_numbers
     assert parsed == []
     assert doubts == lab.TestSetup.of("r161", procedure="astm-f1881").unverified
     assert "pendulum.toml" in parsed  # of a new setup

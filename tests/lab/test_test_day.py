@@ -7,7 +7,7 @@ import numpy as np
 from tests.conftest import PROCEDURE
 from tests.laboratories import certified, opened
 from virtual_lab import lab
-from virtual_lab.measurement.procedure import Judgement, judge
+from virtual_lab.measurement.procedure import Judgement, NextShots, judge
 from virtual_lab.records import Record
 
 REASON = "sabot scrap on the bat"
@@ -28,9 +28,9 @@ def test_the_order_of_steps_and_rounds_changes_no_record() -> None:
     by_the_book = certified(seed=3).certification
     day = lab.TestDay.begin(opened("r161", procedure=PROCEDURE, seed=3))
     day = day.hit_wall().swing().weigh().prepare()
-    while (places := day.next_places()).size:
-        day = day.fire(places[:1]).judge()
-    found = day.finish().certification
+    while (asked := day.next_shots()).owner.size:
+        day = day.fire(NextShots(asked.owner[:1], asked.place[:1])).judge()
+    found = day.finish().of(0).certification
     assert len(day.rounds) > 5
     assert same(dict(found.session.records), dict(by_the_book.session.records))
     assert found.metric == by_the_book.metric
@@ -52,14 +52,14 @@ def test_the_true_lot_is_the_one_that_the_wall_left() -> None:
 def test_a_person_may_reject_a_hit() -> None:
     """Another ball is fired for it, the certificate gives the person's reason, the mean is new."""
 
-    def wary(*given, **named) -> Judgement:
-        reasons = judge(*given, **named).reasons
+    def wary(*given) -> Judgement:
+        reasons = judge(*given).reasons
         return Judgement(reasons=tuple(REASON if n == 2 else why for n, why in enumerate(reasons)))
 
     day = lab.prepared(opened("r161", procedure=PROCEDURE, seed=3))
-    while (places := day.next_places()).size:
-        day = day.fire(places).judge(wary)
-    found, sound = day.finish().certification, certified(seed=3).certification
+    while (asked := day.next_shots()).owner.size:
+        day = day.fire(asked).judge(wary)
+    found, sound = day.finish().of(0).certification, certified(seed=3).certification
     assert found.judgement.reasons[2] == REASON
     assert found.judgement.valid.sum() == sound.judgement.valid.sum()
     assert len(found.judgement.reasons) == len(sound.judgement.reasons) + 1
@@ -72,7 +72,7 @@ def test_a_day_is_not_changed_by_what_follows_it() -> None:
     """A step returns another day: one can go back to any and do otherwise."""
     day = lab.prepared(opened("r161", procedure=PROCEDURE, seed=3))
     before = replace(day)
-    fired = day.fire(day.next_places()).judge()
+    fired = day.fire(day.next_shots()).judge()
     assert day == before
     assert day.reduced is None
     assert fired.reduced is not None

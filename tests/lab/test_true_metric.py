@@ -238,13 +238,13 @@ def test_a_wrong_equation_6_shows(procedure: str, monkeypatch: pytest.MonkeyPatc
     """In an ideal laboratory, and in the scores of eight real ones."""
     monkeypatch.setattr(shot_algebra, "restitution_from_efficiency", short_of_recoil)
     ideal = opened("r161", procedure=procedure, seed=1, reality=Reality.IDEAL)
-    tested = by_the_book(ideal)
+    tested = by_the_book(ideal).of(0)
     assert tested.certification.metric is not None
     assert abs(tested.certification.metric.value - tested.sealed.measurand["metric"]) > 1e-4
     if procedure == "astm-f1881":
         scores = []
         for seed in range(8):
-            tested = by_the_book(opened("r161", procedure=procedure, seed=seed))
+            tested = by_the_book(opened("r161", procedure=procedure, seed=seed)).of(0)
             metric = tested.certification.metric
             assert metric is not None
             scores.append((metric.value - tested.sealed.measurand["metric"]) / metric.u)
@@ -257,9 +257,10 @@ def test_besr_of_another_place_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     rules = laboratory.rules
     wrong = rules.text.replace('seeks = "batted_speed"', 'seeks = "metric"')
     assert wrong != rules.text
-    misread = replace(laboratory, session=replace(laboratory.session, procedure_text=wrong))
-    tested = by_the_book(misread)
-    right = by_the_book(laboratory).sealed.measurand["metric"]
+    setup = replace(laboratory.setup, rules=replace(rules, text=wrong))
+    misread = replace(laboratory, setup=setup)
+    tested = by_the_book(misread).of(0)
+    right = by_the_book(laboratory).of(0).sealed.measurand["metric"]
     assert tested.certification.metric is not None
     assert abs(tested.certification.metric.value - right) > 5e-3
 

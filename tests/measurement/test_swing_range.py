@@ -20,7 +20,7 @@ def with_exponent(session: Session, exponent: float) -> Session:
 
 def test_each_exponent_is_what_its_own_rules_would_give() -> None:
     """From the same records: value, place and u of the certificate that those rules would make."""
-    tested = by_the_book(opened("ea70", procedure="proposed", seed=4))
+    tested = by_the_book(opened("ea70", procedure="proposed", seed=4)).of(0)
     results = tested.certification.swings
     assert [result.exponent for result in results] == [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]
     for result in results[:: len(results) - 1]:
@@ -34,5 +34,5 @@ def test_each_exponent_is_what_its_own_rules_would_give() -> None:
 
 
 def test_rules_that_name_none_give_none() -> None:
-    tested = by_the_book(opened("r161", procedure="ncaa-modified", seed=4))
+    tested = by_the_book(opened("r161", procedure="ncaa-modified", seed=4)).of(0)
     assert tested.certification.swings == ()

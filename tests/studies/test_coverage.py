@@ -15,7 +15,7 @@ from virtual_lab.output.result import Rows
 from virtual_lab.records import AimMarks
 from virtual_lab.studies import coverage as study
 from virtual_lab.studies.coverage import Coverage, coverage
-from virtual_lab.uncertainty.budget import combine, type_a
+from virtual_lab.uncertainty.budget import combined, types_a
 
 TRUE = 0.95  # of every quantity
 PLACE, AIM = 0.16, 0.5e-3  # m, and how far the balls strike beside it, which the laboratory knows
@@ -27,24 +27,33 @@ Array = NDArray[np.float64]
 def laboratory(
     errors: float, u: float = 0.01, *, stray: float = 0.0, valid: int = 6, verdict: str = "PASS"
 ) -> Any:
-    """Return a test whose results all lie `errors` above the truth, of six hits.
+    """Return a block of one whose results all lie `errors` above the truth, of six hits.
 
     `stray` [m]: marks lie so far to either side of the mean aim.
     """
-    budget = combine(TRUE + errors, [type_a("hits", TRUE + errors, u)])
+    value = np.array([TRUE + errors])
+    budgets = combined(value, types_a("hits", value, np.array([u])))
+    names = ("metric", *QUANTITIES)
     aside = AIM + stray * np.array([1.0, -1.0] * 3)
-    certification = SimpleNamespace(
-        verdict=SimpleNamespace(value=verdict),
-        judgement=SimpleNamespace(valid=np.arange(6) < valid),
-        outcome=SimpleNamespace(place=PLACE, used=np.arange(6) < valid),
-        readings=SimpleNamespace(along=AIM, place=np.full(6, PLACE)),
-        shot_metric=np.full(6, budget.value),
-        session=SimpleNamespace(records={"impact": {"aim": AimMarks(along=aside, across=aside)}}),
-        metric=budget,
-        quantities=dict.fromkeys(QUANTITIES, budget),
+    hits = np.arange(6) < valid
+    return SimpleNamespace(
+        certified=SimpleNamespace(
+            invalid=np.array([verdict == "INVALID"]),
+            outcome=SimpleNamespace(place=np.array([PLACE]), weights=np.where(hits, 1 / 6, 0.0)),
+            results=dict.fromkeys(names, budgets),
+        ),
+        reduced=SimpleNamespace(
+            owner=np.zeros(6, dtype=int),
+            valid=hits,
+            place=np.full(6, PLACE),
+            metric=np.full(6, value[0]),
+        ),
+        sessions=SimpleNamespace(
+            impact={"aim": AimMarks(along=aside, across=aside)},
+            calibration={"impact.cannon.along": SimpleNamespace(value=np.array([AIM]))},
+        ),
+        measurands=dict.fromkeys(names, np.array([TRUE])),
     )
-    measurand = dict.fromkeys(("metric", *QUANTITIES), TRUE)
-    return SimpleNamespace(certification=certification, sealed=SimpleNamespace(measurand=measurand))
 
 
 @pytest.fixture
@@ -58,12 +67,11 @@ def studied(monkeypatch: pytest.MonkeyPatch) -> Any:
     opened = SimpleNamespace(
         impact=None, specimen=None, rules=SimpleNamespace(spec=SimpleNamespace(scan=None))
     )
-    round_robin = SimpleNamespace(laboratory=lambda _seed: opened, in_blocks=False)
-    monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_, **__: round_robin))
     monkeypatch.setattr(study, "true_curve", curve)
 
     def run(tests: list[Any]) -> Rows[Coverage]:
-        monkeypatch.setattr(study, "bat_tests", lambda *_: iter(tests))
+        shared = SimpleNamespace(laboratory=lambda _: opened, blocks=lambda *_: iter(tests))
+        monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_, **__: shared))
         return coverage("r161", laboratories=len(tests))
 
     return run

@@ -57,7 +57,8 @@ def found(monkeypatch: pytest.MonkeyPatch) -> tuple[Rows[Effect], np.ndarray, np
     ]
     sound = SimpleNamespace(certification=SimpleNamespace(verdict=SimpleNamespace(value="PASS")))
     numbered: Any = iter(cases)
-    monkeypatch.setattr(study, "bat_tests", lambda *_: [sound] * COUNT)
+    shared = SimpleNamespace(run=lambda *_: [sound] * COUNT)
+    monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_, **__: shared))
     monkeypatch.setattr(study, "_case", lambda _: next(numbered))
     return effects("r161"), error, off
 

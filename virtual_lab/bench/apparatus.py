@@ -27,7 +27,9 @@ from virtual_lab.bench.sketching import sketch_of
 from virtual_lab.bench.table import Consequences, action_table
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest, Laboratory, TestDay
+from virtual_lab.measurement.session_reduction import BlockReduction
 from virtual_lab.records import MassReadings, Record
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import entry_of_constant
 from virtual_lab.simulation.faults.fault import instrument_of, other_sheet
 from virtual_lab.simulation.instruments.indicator import quantise
@@ -91,21 +93,23 @@ class Apparatus:
 
         Raises `InputError` as `Desk.reduced`.
         """
-        desk = Desk(day)
-        laboratory = self.laboratory
+        desk, laboratory = Desk(day), self.laboratory
+        sessions = SessionBlock.of(desk.session)
         wall = self.firing.wall(day.times("hit-wall") - 1)
         balls = replace(self.firing.balls(day), used=desk.preparation.lot.used)
         plans, rounds = zip(*self.firing.fired(day), strict=True)
-        return TestDay(
+        taken = TestDay(
             laboratory=replace(laboratory, specimen=replace(laboratory.specimen, balls=balls)),
-            session=desk.session,
+            sessions=sessions,
             bench=self._bench(laboratory),
             wall=wall,
-            preparation=desk.preparation,
+            preparation=desk.preparation.block,
             plans=plans,
             rounds=rounds,
-            reduced=desk.reduced,
-        ).finish()
+            reduced=BlockReduction.alone(desk.reduced),
+            readings=desk.reduced.readings,
+        )
+        return taken.finished(sessions).of(0)
 
     @property
     def _table(self) -> Consequences:

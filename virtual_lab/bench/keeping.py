@@ -34,7 +34,6 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_bytes, read_json
 from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.streams import commitment
 
 SECRET = "sealed.json"
 
@@ -48,13 +47,8 @@ def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
         seed=seed,
         faults=scenario.faults,
     )
-    opened = Laboratory.open(setup)
-    origin = replace(
-        opened.origin,
-        sealing="rehearsal: the truth is opened at the debrief",
-        seed_commitment=commitment(salt, seed),
-    )
-    return replace(opened, salt=salt, session=replace(opened.session, origin=origin))
+    sealing = "rehearsal: the truth is opened at the debrief"
+    return replace(Laboratory.open(setup), salt=salt, sealing=sealing)
 
 
 def _rules(scenario: Scenario) -> Entry[Procedure]:
@@ -86,7 +80,7 @@ class KeptDay:
             self.scenario, int(sealed["seed"]), bytes.fromhex(sealed["salt"])
         )
         self.morning = self.log.first
-        self.apparatus = Apparatus(replace(laboratory, session=self.morning.morning))
+        self.apparatus = Apparatus(replace(laboratory, date=self.morning.morning.date))
         self.desk = Desk(replayed(self.morning, self.log.events()))
 
     @classmethod

@@ -1,11 +1,11 @@
 """One test, through both sides: rigs write records, the reduction reads them."""
 
-from virtual_lab.lab.block import BlockTest, certify_block
-from virtual_lab.lab.certify import certify_bat
+from virtual_lab.lab.bat_test import BatTest, BlockTest
+from virtual_lab.lab.certify import certify_bat, certify_block
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.round_robin import RoundRobin
 from virtual_lab.lab.setup import TestSetup
-from virtual_lab.lab.test_day import BatTest, TestDay, by_the_book, prepared
+from virtual_lab.lab.test_day import TestDay, by_the_book, prepared
 
 __all__ = [
     "BatTest",

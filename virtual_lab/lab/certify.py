@@ -5,21 +5,26 @@ from __future__ import annotations
 from dataclasses import replace
 
 from virtual_lab.errors import InputError
+from virtual_lab.lab.bat_test import BatTest, BlockTest
 from virtual_lab.lab.fitting import require_places
 from virtual_lab.lab.laboratory import Laboratory, collision_of
 from virtual_lab.lab.setup import TestSetup
-from virtual_lab.lab.test_day import BatTest, by_the_book
+from virtual_lab.lab.test_day import by_the_book
 from virtual_lab.measurement.model import CONTROL
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.records.session import Session
 from virtual_lab.simulation.truth import made_bat
-from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.uncertainty.estimate import Estimate, Known
 
 CONTROL_TEST = 1_000_000  # branch of its draws, beyond any number of tests
 
 
 def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
-    """Take a bat through a procedure.
+    """Take a bat through a procedure in one laboratory; `InputError` as `certify_block`."""
+    return certify_block(setup, progress).of(0)
+
+
+def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
+    """Take a bat through a procedure in all laboratories of a setup.
 
     If the procedure corrects by a control bat, this bat is tested first, by the same procedure, at
     the same rigs and with the same balls. Its measured e over its known e is the constant
@@ -48,19 +53,18 @@ def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
     tests = () if setup.test is None else (setup.test,)
     own = setup.draws(laboratory.seed, *tests, CONTROL_TEST)
     progress(f"control bat {bat.name}, with the same balls")
-    session = _with_ratio(laboratory.session, Estimate(value=1.0))
     collision = collision_of(bat, setup.ball.spec, rules, setup.rung)
     control = by_the_book(
         replace(
             laboratory,
-            setup=replace(setup, film=False),
+            setup=replace(setup, bat=given, film=False),
             draws=own,
             collision=collision,
             specimen=replace(laboratory.specimen, bat=made_bat(bat, own), collision=collision),
-            session=replace(session, bat=bat.name, bat_sport=bat.sport or ""),
+            calibration=_with_ratio(laboratory, Estimate(value=1.0)),
         ),
         progress,
-    )
+    ).of(0)
     if control.certification.reasons:
         reason = "; ".join(control.certification.reasons)
         raise InputError("", "control bat", bat.name, f"its own test gives no result: {reason}")
@@ -73,11 +77,11 @@ def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
     )
     corrected = replace(
         laboratory,
-        session=_with_ratio(laboratory.session, ratio),
+        calibration=_with_ratio(laboratory, ratio),
         control=control.sealed.measurand["restitution"] / standard,
     )
     return replace(by_the_book(corrected, progress), control=control)
 
 
-def _with_ratio(session: Session, ratio: Estimate) -> Session:
-    return replace(session, calibration={**session.calibration, CONTROL: ratio})
+def _with_ratio(laboratory: Laboratory, ratio: Estimate) -> dict[str, Known]:
+    return {**laboratory.calibration, CONTROL: Known.stacked([ratio])}

@@ -1,4 +1,4 @@
-"""A laboratory on the day of a test: installed rigs, specimen, and calibrations."""
+"""A laboratory, or a block of them, on the day of a test: rigs, specimens, and calibrations."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import cast
+
+import numpy as np
 
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.specs import BallSpec, BatSpec
@@ -21,7 +23,8 @@ from virtual_lab.lab.fitting import (
 )
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.records.origin import Simulated
+from virtual_lab.records.block import SessionBlock
+from virtual_lab.records.origin import RungTaken, Simulated
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.physics.beam import Pinned
@@ -37,7 +40,7 @@ from virtual_lab.simulation.rig import (
 )
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Draws, Quiet, commitment
-from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.uncertainty.estimate import Estimate, Known
 
 SEED_BITS = 128  # of a seed that is drawn: too many to try
 EFFICIENCY_U = 2e-3  # standard uncertainty of e_A in a test: 0.8e-3 to 2.4e-3 by procedure
@@ -45,16 +48,23 @@ EFFICIENCY_U = 2e-3  # standard uncertainty of e_A in a test: 0.8e-3 to 2.4e-3 b
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Laboratory:
-    """One laboratory on the day of one test."""
+    """A laboratory on the day of one test, or a block of laboratories side by side.
+
+    What differs between the laboratories of a block is an array (laboratory,), of one alone a
+    number. What a laboratory draws, measures and certifies depends on its number alone: in a block
+    it is what it is in a test of its own.
+    """
 
     setup: TestSetup
     seed: int
     salt: bytes
+    date: str
+    sealing: str  # whether the truth could be found by trying seeds
     draws: Draws
     collision: Ladder
     stations: Mapping[Stage, Station]
     specimen: Specimen
-    session: Session  # what stands in it before anything is measured
+    calibration: Mapping[str, Known]  # before anything is measured
     control: float = 1.0  # true e of the control bat with these balls over the e it is known by
 
     @classmethod
@@ -77,7 +87,6 @@ class Laboratory:
         require_places(rules, bat)
         require_ball(rules, ball)
         seed = secrets.randbits(SEED_BITS) if setup.seed is None else setup.seed
-        salt = secrets.token_bytes(16)
         draws = setup.draws(seed)
         own = draws if setup.test is None else setup.draws(seed, setup.test)
         ideal = setup.reality is Reality.IDEAL
@@ -90,11 +99,14 @@ class Laboratory:
             for stage, station in stations.items()
             for name, estimate in station.calibration.items()
         }
+        entered = setup.faults.calibration(known | lot_constants(ball))
         collision = setup.collision or collision_of(bat, ball, rules, setup.rung)
         return cls(
             setup=setup,
             seed=seed,
-            salt=salt,
+            salt=secrets.token_bytes(16),
+            date=datetime.date.today().isoformat(),
+            sealing=_sealing(setup),
             draws=own,
             collision=collision,
             stations=stations,
@@ -103,25 +115,10 @@ class Laboratory:
                 balls=draw_balls(ball, rules.balls, own),
                 collision=collision,
             ),
-            session=Session(
-                bat=bat.name,
-                ball=ball.name,
-                bat_sport=bat.sport or "",
-                ball_sport=ball.sport or "",
-                date=datetime.date.today().isoformat(),
-                particulars=setup.particulars,
-                rigs={stage.value: name for stage, name in setup.rigs.items()},
-                procedure_text=setup.rules.text,
-                calibration=setup.faults.calibration(known | lot_constants(ball)),
-                records={},
-                origin=Simulated(
-                    reality=setup.reality.value,
-                    sealing=_sealing(setup),
-                    seed_commitment=commitment(salt, seed),
-                    unverified_numbers=setup.unverified,
-                    rungs={},
-                ),
-            ),
+            calibration={
+                name: each if isinstance(each, Known) else Known.stacked([each] * setup.count)
+                for name, each in entered.items()
+            },
         )
 
     @property
@@ -130,14 +127,52 @@ class Laboratory:
         return self.setup.rules
 
     @property
-    def origin(self) -> Simulated:
-        """What a session of this laboratory may say of its simulation."""
-        return cast("Simulated", self.session.origin)
-
-    @property
     def impact(self) -> ImpactStation:
         """The rig that fires at the bat, as installed in this laboratory."""
         return cast("ImpactStation", self.stations[Stage.IMPACT])
+
+    @property
+    def sessions(self) -> SessionBlock:
+        """What stands in the sessions before anything is measured."""
+        bat, ball = self.setup.bat.spec, self.setup.ball.spec
+        return SessionBlock(
+            procedure_text=self.setup.rules.text,
+            calibration=self.calibration,
+            records={},
+            owner=np.zeros(0, dtype=np.intp),
+            laboratories=self.setup.count,
+            bat=bat.name,
+            bat_sport=bat.sport or "",
+            ball_sport=ball.sport or "",
+        )
+
+    @property
+    def session(self) -> Session:
+        """The session of a laboratory alone before anything is measured."""
+        return self.session_of(self.sessions, {})
+
+    def session_of(self, one: SessionBlock, rungs: Mapping[str, RungTaken]) -> Session:
+        """Return the session of one of the laboratories, with the rungs that were taken."""
+        setup = self.setup
+        return Session(
+            bat=one.bat,
+            ball=setup.ball.spec.name,
+            bat_sport=one.bat_sport,
+            ball_sport=one.ball_sport,
+            date=self.date,
+            particulars=setup.particulars,
+            rigs={stage.value: name for stage, name in setup.rigs.items()},
+            procedure_text=one.procedure_text,
+            calibration={name: known.of(0) for name, known in one.calibration.items()},
+            records=one.records,
+            origin=Simulated(
+                reality=setup.reality.value,
+                sealing=self.sealing,
+                seed_commitment=commitment(self.salt, self.seed),
+                unverified_numbers=setup.unverified,
+                rungs=rungs,
+            ),
+        )
 
     def play(self, stage: Stage, plan: ShotPlan) -> RigOutput:
         """Carry out ordered shots, with the faults of this day."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.measurement.procedure import NextShots, Procedure, to_set
 from virtual_lab.records import Record, join
+from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import Reality, RigOutput, ShotPlan
+from virtual_lab.simulation.rig import Reality, RigOutput, ShotPlan, Stage
 from virtual_lab.streams import in_turn
 from virtual_lab.units import Array, Mask
 
@@ -63,7 +65,7 @@ def impact_plan(setup: TestSetup, asked: NextShots, before: BeforeShots) -> Shot
         speed=np.full(slot.shape, setup.rules.spec.ball_speed),
         place=to_set(asked.place - before.along[owner], exact=exact),
         turn_rate=before.turn_rate[owner],
-        owner=owner,
+        owner=owner if setup.shape else ...,
         detail=setup.detail,
         motion=setup.motion,
     )
@@ -80,3 +82,8 @@ def stage_records(rounds: Sequence[RigOutput]) -> dict[str, Record]:
     return {
         channel: join([each.records[channel] for each in rounds]) for channel in rounds[0].records
     }
+
+
+def with_records(session: Session, stage: Stage, rounds: Sequence[RigOutput]) -> Session:
+    """Return the session with the records of a stage: those of its rounds, one after another."""
+    return replace(session, records={**session.records, stage.value: stage_records(rounds)})

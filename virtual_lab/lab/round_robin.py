@@ -17,16 +17,16 @@ from typing import Self
 import numpy as np
 
 from virtual_lab.catalog.specs import BallSpec, BatSpec
-from virtual_lab.lab.block import BlockTest, can_be_a_block, certify_block
-from virtual_lab.lab.certify import certify_bat
+from virtual_lab.lab.bat_test import BatTest, BlockTest
+from virtual_lab.lab.certify import certify_block
 from virtual_lab.lab.fitting import nominal_places
 from virtual_lab.lab.laboratory import Laboratory, collision_of
 from virtual_lab.lab.setup import TestSetup
-from virtual_lab.lab.test_day import BatTest
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
 from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.simulation.rig import find_rig, knows_blocks
 
 BLOCK = 256  # laboratories side by side: more of them leave the cache
 
@@ -57,24 +57,33 @@ class RoundRobin:
         """Return a laboratory of a seed, by its number."""
         return Laboratory.open(replace(self.setup, seed=seed, number=number))
 
-    def run(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BatTest]:
-        """Yield the tests in so many laboratories of a seed, one after another.
-
-        `InputError` as `certify_bat`.
-        """
-        for number in range(first, first + laboratories):
-            yield certify_bat(replace(self.setup, seed=seed, number=number))
-
     @property
     def in_blocks(self) -> bool:
         """Whether its laboratories can be played side by side: all its rigs know blocks."""
-        return can_be_a_block(self.setup)
+        setup = self.setup
+        rigs = (find_rig(name, stage) for stage, name in setup.rigs.items())
+        plain = not setup.faults.names and not setup.rules.spec.controlled and not setup.made
+        return plain and all(knows_blocks(rig) for rig in rigs)
 
     def blocks(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BlockTest]:
-        """Yield the same certifications in blocks of up to `BLOCK` laboratories."""
-        for begin in range(first, first + laboratories, BLOCK):
-            end = min(begin + BLOCK, first + laboratories)
-            yield certify_block(self.setup, seed, np.arange(begin, end))
+        """Yield the tests in so many laboratories of a seed, in blocks of up to `BLOCK`.
+
+        They are blocks of one where laboratories cannot be played side by side. `InputError` as
+        `certify_block`.
+        """
+        numbers, setup = np.arange(first, first + laboratories), replace(self.setup, seed=seed)
+        if not self.in_blocks:
+            for number in numbers.tolist():
+                yield certify_block(replace(setup, number=number))
+            return
+        for begin in range(0, laboratories, BLOCK):
+            yield certify_block(replace(setup, number=numbers[begin : begin + BLOCK]))
+
+    def run(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BatTest]:
+        """Yield the same tests one after another, as they are printed."""
+        for block in self.blocks(laboratories, seed, first):
+            for one in range(block.sessions.laboratories):
+                yield block.of(one)
 
 
 def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import prod
 from typing import Self
+
+import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.catalog import Entry
@@ -17,7 +20,7 @@ from virtual_lab.simulation.collision.ladder import Ladder
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import MotionRung, Reality, Stage, named
-from virtual_lab.streams import LABORATORIES, Draws
+from virtual_lab.streams import LABORATORIES, Draws, Slots
 
 NO_FAULTS = FaultSet()
 METHODS = ("ratio", "trampoline")  # of converting a result to a standard ball
@@ -33,7 +36,7 @@ class TestSetup:
     rig: str
     doubtful_rigs: Mapping[str, str]  # unverified numbers behind the rigs, by sheet
     seed: int | None = None  # None draws one, which stands in the sealed truth alone
-    number: int = 0  # of the laboratory in the study of this seed
+    number: int | Slots = 0  # of the laboratory in the study of this seed; (n,): of a block
     reality: Reality = Reality.REAL
     rung: str | None = None  # of the collision; None takes the cheapest that is good enough
     motion: MotionRung = MotionRung.CLOSED_FORM
@@ -150,8 +153,18 @@ class TestSetup:
             particulars=particulars,
         )
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of what differs between the laboratories: (n,) in a block, () of one alone."""
+        return np.shape(self.number)
+
+    @property
+    def count(self) -> int:
+        """Number of laboratories."""
+        return prod(self.shape)
+
     def draws(self, seed: int, *branch: int) -> Draws:
-        """Return the random numbers of this laboratory, or of a branch, by the seed it has."""
+        """Return the random numbers of the laboratories, or of a branch, by their seed."""
         return self.reality.draws(seed, *branch, laboratory=self.number)
 
     @property

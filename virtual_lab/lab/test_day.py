@@ -2,76 +2,63 @@
 
 An operator chooses the steps and their order; `by_the_book` follows the procedure. The random
 numbers of a step depend on the number of its reading or shot, so a step gives the same records
-whatever was done before it.
+whatever was done before it. The laboratories of a block take each step together, and fire as many
+shots as each of them still needs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from virtual_lab.lab.bat_test import BlockTest
 from virtual_lab.lab.filming import film_of
-from virtual_lab.lab.laboratory import Laboratory, constant_name
+from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.measurand import measurands
 from virtual_lab.lab.plans import BeforeShots, bench_plan, impact_plan, stage_records, wall_plan
-from virtual_lab.measurement.certification import Certification, evaluate
-from virtual_lab.measurement.model import CONTROL
-from virtual_lab.measurement.procedure import Acceptance, NextShots, judge, next_places
-from virtual_lab.measurement.reduction.observations import along_of
+from virtual_lab.measurement.certification import evaluate_block
+from virtual_lab.measurement.procedure import Acceptance, NextShots, next_shots
+from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.session_reduction import (
+    AIM_ALONG,
+    BlockPreparation,
     BlockReduction,
-    Preparation,
-    SessionReduction,
-    prepare,
-    reduce_hits,
+    observe_hits,
+    prepare_block,
+    reduce_shots,
 )
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.records.origin import RungTaken
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
-from virtual_lab.simulation.rig import (
-    FilmingStation,
-    MotionRung,
-    RigOutput,
-    ShotPlan,
-    Stage,
-)
-from virtual_lab.simulation.truth import SealedTruth
-from virtual_lab.units import INCH, Array
+from virtual_lab.simulation.rig import FilmingStation, RigOutput, ShotPlan, Stage
+from virtual_lab.units import INCH
 
 SWUNG = frozenset({"pendulum"})  # the bench's channels that swing the bat; the others measure it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BatTest:
-    """A certification with its sealed truth, which only a study may read."""
-
-    certification: Certification
-    sealed: SealedTruth
-    control: BatTest | None = None  # of the control bat, where the rules ask for one
-    film: Callable[[Path], None] | None = None  # films the first shot into a folder
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class TestDay:
-    """A test in progress."""
+    """A test in progress, in one laboratory or in a block of them."""
 
     laboratory: Laboratory
-    session: Session  # everything recorded so far
+    sessions: SessionBlock  # what bench and wall recorded so far
     bench: RigOutput | None = None
     wall: RigOutput | None = None
-    preparation: Preparation | None = None
+    preparation: BlockPreparation | None = None
     plans: tuple[ShotPlan, ...] = ()  # what was fired at the bat, round by round
     rounds: tuple[RigOutput, ...] = ()
-    reduced: SessionReduction | None = None  # of the rounds so far
+    reduced: BlockReduction | None = None  # of the shots judged so far
+    readings: ImpactReadings | None = None  # of the same shots, where they were read together
 
     @classmethod
     def begin(cls, laboratory: Laboratory) -> TestDay:
         """Return the morning of the test."""
-        return cls(laboratory=laboratory, session=laboratory.session)
+        return cls(laboratory=laboratory, sessions=laboratory.sessions)
 
     def weigh(self) -> TestDay:
         """Weigh, measure and balance the bat, weigh the balls."""
@@ -87,142 +74,153 @@ class TestDay:
         The true e0 of the lot is its mean over these hits, and the measurand refers to it; changes
         of a ball between wall and bat are not modelled.
         """
-        laboratory = self.laboratory
-        plan = wall_plan(laboratory.rules.spec, laboratory.setup.detail)
+        laboratory, setup = self.laboratory, self.laboratory.setup
+        plan = wall_plan(setup.rules.spec, setup.detail, setup.shape)
         wall = laboratory.play(Stage.BALLS, plan)
         specimen = laboratory.specimen
-        balls = specimen.balls.as_found(plan.ball, wall.truth["restitution_loss"])
+        balls = specimen.balls.as_found(plan.ball, wall.truth["restitution_loss"], plan.owner)
         return replace(
             self,
             laboratory=replace(laboratory, specimen=replace(specimen, balls=balls)),
-            session=with_records(self.session, Stage.BALLS, [wall]),
+            sessions=self._recorded(Stage.BALLS, wall),
             wall=wall,
         )
 
     def prepare(self) -> TestDay:
         """Reduce the records of bench and wall: where to hit, and which balls to use."""
-        preparation = prepare(self.session)
-        specimen = self.laboratory.specimen
-        balls = replace(specimen.balls, used=preparation.lot.used)
-        laboratory = replace(self.laboratory, specimen=replace(specimen, balls=balls))
+        preparation, laboratory = prepare_block(self.sessions), self.laboratory
+        specimen = laboratory.specimen
+        used = preparation.used.reshape(specimen.balls.mass.shape)
+        specimen = replace(specimen, balls=replace(specimen.balls, used=used))
+        laboratory = replace(laboratory, specimen=specimen)
         return replace(self, laboratory=laboratory, preparation=preparation)
 
-    def next_places(self) -> Array:
-        """Return the places of the next hits [m from the tip]; empty: the test is complete."""
+    def next_shots(self) -> NextShots:
+        """Return what the procedure asks for next; nothing where every test is complete."""
         assert self.preparation is not None, "prepare() comes first"
-        rules, place = self.laboratory.rules.spec, self.preparation.percussion
-        if self.reduced is None:
-            nothing = np.zeros(0)
-            return next_places(rules, place, nothing, nothing.astype(bool), nothing)
-        reduced = self.reduced
-        fired, valid = reduced.readings.place, reduced.judgement.valid
-        return next_places(rules, place, fired, valid, reduced.sought.value)
+        if self.reduced is not None:
+            return self.reduced.next_shots()
+        rules, none, nothing = self.laboratory.rules.spec, np.zeros(0, dtype=np.intp), np.zeros(0)
+        percussion = self.preparation.percussion
+        return next_shots(rules, percussion, none, nothing, nothing.astype(bool), nothing)
 
-    def fire(self, places: Array) -> TestDay:
-        """Fire one ball at each place [m], corrected by the calibration of the cannon."""
-        assert self.preparation is not None, "prepare() comes first"
-        laboratory = self.laboratory
+    def fire(self, asked: NextShots) -> TestDay:
+        """Fire one ball at each place, corrected by the calibration of the cannon."""
+        preparation, laboratory = self.preparation, self.laboratory
+        assert preparation is not None, "prepare() comes first"
+        along = laboratory.calibration.get(AIM_ALONG)
         before = BeforeShots(
-            fired=np.array([sum(plan.slot.size for plan in self.plans)]),
-            used=np.asarray(self.preparation.lot.used)[None],
-            turn_rate=np.array([self.preparation.turn_rate]),
-            along=np.array([along_of(self.session)]),
+            fired=np.bincount(self._owner(self.plans), minlength=preparation.laboratories),
+            used=preparation.used[:, 0],
+            turn_rate=preparation.turn_rate,
+            along=along.value if along else np.zeros(preparation.laboratories),
         )
-        asked = NextShots(np.zeros(places.size, dtype=np.intp), places)
-        plan = replace(impact_plan(laboratory.setup, asked, before), owner=...)
+        plan = impact_plan(laboratory.setup, asked, before)
         rounds = (*self.rounds, laboratory.play(Stage.IMPACT, plan))
-        return replace(
-            self,
-            session=with_records(self.session, Stage.IMPACT, rounds),
-            plans=(*self.plans, plan),
-            rounds=rounds,
-        )
+        return replace(self, plans=(*self.plans, plan), rounds=rounds)
 
-    def judge(self, acceptance: Acceptance = judge) -> TestDay:
-        """Reduce the hits so far and decide which count, by default by the procedure."""
+    def judge(self, acceptance: Acceptance | None = None) -> TestDay:
+        """Reduce the new hits and decide which count, by default by the procedure.
+
+        All hits are reduced where they share the fit of an encoder's counts, or a person judges.
+        """
         assert self.preparation is not None, "prepare() comes first"
-        return replace(self, reduced=reduce_hits(self.session, self.preparation, acceptance))
+        done = 0 if self.reduced is None else self.reduced.owner.size
+        ends = np.cumsum([plan.slot.size for plan in self.plans])
+        sessions = self.recorded(int(np.searchsorted(ends, done, side="right")))
+        whole = self.reduced is None or acceptance is not None or sessions.counted
+        if whole:
+            sessions = self.recorded()
+        readings = observe_hits(sessions, self.preparation)
+        reduced = reduce_shots(sessions, self.preparation, readings)
+        if acceptance is not None:
+            reduced = reduced.judged(acceptance, readings)
+        if not whole:
+            assert self.reduced is not None
+            reduced = self.reduced.with_round(reduced)
+        return replace(self, reduced=reduced, readings=readings if whole else None)
 
-    def finish(self) -> BatTest:
-        """Return result, uncertainty and verdict, with the sealed truth."""
-        assert self.reduced is not None, "fire() and judge() come first"
-        laboratory = self.laboratory
-        rungs = {
-            "collision": laboratory.collision.report(),
-            "motion": _motion_report(laboratory.setup.motion),
-        }
-        session = replace(self.session, origin=replace(laboratory.origin, rungs=rungs))
-        return BatTest(
-            certification=evaluate(session, self.reduced),
-            sealed=self._seal(self.reduced),
-            film=self._film(session) if laboratory.setup.film else None,
+    def recorded(self, first: int = 0) -> SessionBlock:
+        """Return everything recorded so far; of the rounds at the bat from the `first` on."""
+        if not self.rounds[first:]:
+            return self.sessions
+        records = {**self.sessions.records, Stage.IMPACT.value: stage_records(self.rounds[first:])}
+        return replace(self.sessions, records=records, owner=self._owner(self.plans[first:]))
+
+    @property
+    def session(self) -> Session:
+        """Everything that a laboratory alone recorded so far."""
+        return self.laboratory.session_of(self.recorded(), {})
+
+    def finish(self) -> BlockTest:
+        """Return results, uncertainties and verdicts, with the sealed truth."""
+        return self.finished(self.recorded())
+
+    def finished(self, sessions: SessionBlock) -> BlockTest:
+        """Return the same of a day whose records an operator kept otherwise."""
+        laboratory, reduced = self.laboratory, self.reduced
+        assert self.bench is not None
+        assert self.wall is not None
+        assert reduced is not None, "fire() and judge() come first"
+        readings = self.readings or observe_hits(sessions, reduced.preparation)
+        certified = evaluate_block(sessions, reduced, readings)
+        true = measurands(
+            laboratory.impact,
+            laboratory.specimen,
+            reduced,
+            certified.outcome.weights,
+            laboratory.control,
+        )
+        return BlockTest(
+            laboratories=laboratory,
+            sessions=sessions,
+            reduced=reduced,
+            readings=readings,
+            certified=certified,
+            measurands=true,
+            bench=self.bench.truth,
+            wall=self.wall.truth,
+            shots={
+                name: np.concatenate([each.truth[name] for each in self.rounds])
+                for name in self.rounds[0].truth
+            },
+            film=self._film(sessions) if laboratory.setup.film else None,
         )
 
-    def _film(self, session: Session) -> Callable[[Path], None]:
+    def _film(self, sessions: SessionBlock) -> Callable[[Path], None]:
         laboratory = self.laboratory
         done = laboratory.setup.faults.done(Stage.IMPACT, self.plans[0], laboratory.specimen)
         station = laboratory.impact
         assert isinstance(station, FilmingStation), "require_camera() has seen to it"
-        return film_of(station, *done, laboratory.draws, session)
+        return film_of(station, *done, laboratory.draws, laboratory.session_of(sessions, {}))
 
     def _on_bench(self, asked: Callable[[str], bool]) -> TestDay:
-        laboratory = self.laboratory
-        bench = laboratory.play(Stage.BENCH, bench_plan(laboratory.rules.spec))
-        before = self.session.records.get(Stage.BENCH.value, {})
+        setup = self.laboratory.setup
+        bench = self.laboratory.play(Stage.BENCH, bench_plan(setup.rules.spec, setup.shape))
         records = {name: record for name, record in bench.records.items() if asked(name)}
-        session = replace(
-            self.session,
-            records={**self.session.records, Stage.BENCH.value: {**before, **records}},
-        )
-        return replace(self, session=session, bench=bench)
+        sessions = self._recorded(Stage.BENCH, replace(bench, records=records))
+        return replace(self, sessions=sessions, bench=bench)
 
-    def _seal(self, reduced: SessionReduction) -> SealedTruth:
-        assert self.bench is not None
-        assert self.wall is not None
-        laboratory, rounds = self.laboratory, self.rounds
-        alone = BlockReduction.alone(reduced)
-        true = measurands(
-            laboratory.impact,
-            laboratory.specimen,
-            alone,
-            alone.outcome.weights,
-            laboratory.control,
-        )
-        return SealedTruth(
-            seed=laboratory.seed,
-            number=laboratory.setup.number,
-            salt=laboratory.salt,
-            reality=laboratory.setup.reality.value,
-            bat=laboratory.specimen.bat,
-            bat_properties=self.bench.truth,
-            balls=laboratory.specimen.balls,
-            constants={
-                constant_name(stage, name): value
-                for stage, station in laboratory.stations.items()
-                for name, value in station.true_constants.items()
-            }
-            | ({CONTROL: laboratory.control} if laboratory.rules.spec.controlled else {}),
-            measurand={
-                name: float(value[0]) for name, value in true.items() if np.isfinite(value[0])
-            },
-            place=reduced.readings.place,
-            shots={
-                name: np.concatenate([output.truth[name] for output in rounds])
-                for name in rounds[0].truth
-            },
-            wall_hits=self.wall.truth,
-            faults=laboratory.setup.faults.names,
-        )
+    def _recorded(self, stage: Stage, play: RigOutput) -> SessionBlock:
+        """Return the sessions with more records of a stage."""
+        before = self.sessions.records.get(stage.value, {})
+        records = {**self.sessions.records, stage.value: {**before, **play.records}}
+        return replace(self.sessions, records=records)
+
+    def _owner(self, plans: tuple[ShotPlan, ...]) -> NDArray[np.intp]:
+        """Return whose the shots of some plans are, (shot,)."""
+        owners = [np.broadcast_to(0 if p.owner is ... else p.owner, p.slot.shape) for p in plans]
+        return np.concatenate([np.zeros(0, dtype=np.intp), *owners])
 
 
-def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BatTest:
-    """Measure bat and balls, then fire and judge until the procedure asks for no more shots."""
+def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest:
+    """Measure bats and balls, then fire and judge until the procedure asks for no more shots."""
     day = prepared(laboratory, progress)
     if not kernel_is_compiled():
         progress("compiling the collision kernel, which happens once and takes about five seconds")
-    while (places := day.next_places()).size:
-        progress(f"impact rig: round {len(day.rounds) + 1}, {_round_in_words(places)}")
-        day = day.fire(places).judge()
+    while (asked := day.next_shots()).owner.size:
+        progress(f"impact rig: round {len(day.rounds) + 1}, {_round_in_words(asked)}")
+        day = day.fire(asked).judge()
     return day.finish()
 
 
@@ -235,18 +233,8 @@ def prepared(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
     return day.hit_wall().prepare()
 
 
-def with_records(session: Session, stage: Stage, rounds: Sequence[RigOutput]) -> Session:
-    """Return the session with the records of a stage: those of its rounds, one after another."""
-    return replace(session, records={**session.records, stage.value: stage_records(rounds)})
-
-
-def _motion_report(motion: MotionRung) -> RungTaken:
-    pinned = "" if motion is MotionRung.CLOSED_FORM else ", as asked for"
-    return RungTaken(rung=motion.value, reason=f"{motion.value}{pinned}")
-
-
-def _round_in_words(places: Array) -> str:
+def _round_in_words(asked: NextShots) -> str:
     """Return the number of shots of a round, and their places if several."""
-    where = sorted({round(float(place) / INCH, 2) for place in places})
+    where = sorted({round(float(place) / INCH, 2) for place in asked.place})
     along = f" at {', '.join(f'{place:g}' for place in where)} in" if len(where) > 1 else ""
-    return f"{places.size} shots{along}"
+    return f"{asked.place.size} shots{along}"

@@ -145,7 +145,8 @@ class BlockReduction:
     results: ShotResults
     metric: Array
     sought: Sought  # by a scan
-    valid: Mask  # by the procedure
+    valid: Mask
+    acceptance: Acceptance = judge  # by which they are valid
 
     @classmethod
     def alone(cls, reduced: SessionReduction) -> BlockReduction:
@@ -160,6 +161,7 @@ class BlockReduction:
             metric=reduced.shot_metric,
             sought=reduced.sought,
             valid=reduced.judgement.valid,
+            acceptance=lambda *_: reduced.judgement,
         )
 
     @property
@@ -207,9 +209,18 @@ class BlockReduction:
             valid=both("valid"),
         )
 
-    def of(
-        self, laboratory: int, readings: ImpactReadings, acceptance: Acceptance = judge
-    ) -> SessionReduction:
+    def judged(self, acceptance: Acceptance, readings: ImpactReadings) -> BlockReduction:
+        """Return the shots with those hits valid that `acceptance` takes.
+
+        `readings` are those of all shots, as fired, (shot,).
+        """
+        chosen, valid = replace(self, acceptance=acceptance), np.empty_like(self.valid)
+        for laboratory in range(self.preparation.laboratories):
+            found = chosen.of(laboratory, readings)
+            valid[self.owner == laboratory] = found.judgement.valid
+        return replace(chosen, valid=valid)
+
+    def of(self, laboratory: int, readings: ImpactReadings) -> SessionReduction:
         """Return what one laboratory has.
 
         `readings` are those of all shots, as fired, (shot,).
@@ -217,7 +228,9 @@ class BlockReduction:
         preparation, own = self.preparation.of(laboratory), self.owner == laboratory
         rules, seen, results = self.procedure, readings.part(own), self.results.part(own)
         metric, sought = self.metric[own], Sought(self.sought.value[own], self.sought.gain[own])
-        judgement = acceptance(rules, results, seen, preparation.percussion, preparation.turn_rate)
+        judgement = self.acceptance(
+            rules, results, seen, preparation.percussion, preparation.turn_rate
+        )
         return SessionReduction(
             preparation=preparation,
             constants={name: known.of(laboratory) for name, known in self.constants.items()},
@@ -306,28 +319,14 @@ def prepare_block(block: SessionBlock) -> BlockPreparation:
     )
 
 
-def reduce_hits(
-    session: Session, preparation: Preparation, acceptance: Acceptance = judge
-) -> SessionReduction:
+def reduce_hits(session: Session, preparation: Preparation) -> SessionReduction:
     """Reduce the records at the bat, all shots together, because they share vibrations.
 
-    Parameters
-    ----------
-    session
-        With the records of the impact rig.
-    preparation
-        Of the same session.
-    acceptance
-        Which hits count, by default by the procedure.
-
-    Raises
-    ------
-    InputError
-        As `prepare`.
+    `preparation` is of the same session. `InputError` as `prepare`.
     """
     block, alone = SessionBlock.of(session), preparation.block.alone(preparation.laboratory)
     readings = observe_hits(block, alone)
-    return reduce_shots(block, alone, readings).of(0, readings, acceptance)
+    return reduce_shots(block, alone, readings).of(0, readings)
 
 
 @constants_known()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -33,8 +33,7 @@ class SessionBlock:
     ball_sport: str = ""
 
     def __post_init__(self) -> None:
-        counted = any(isinstance(each, EncoderRecord) for each in self.impact.values())
-        if counted and self.laboratories > 1:
+        if self.counted and self.laboratories > 1:
             raise ValueError("counts of an encoder are reduced one laboratory at a time")
 
     @classmethod
@@ -58,6 +57,37 @@ class SessionBlock:
     def impact(self) -> Mapping[str, Record]:
         """The records of the shots at the bat, by channel; {} before the first."""
         return self.records.get("impact", {})
+
+    @property
+    def counted(self) -> bool:
+        """Whether an encoder counted: one fit is of all shots, which share their vibrations."""
+        return any(isinstance(each, EncoderRecord) for each in self.impact.values())
+
+    def part(self, laboratory: int) -> SessionBlock:
+        """Return the block of one of its laboratories."""
+        if self.laboratories == 1:
+            return self  # with what may lie beside its tables
+        own = self.owner == laboratory
+
+        def kept(stage: str, record: Record) -> Record:
+            if stage == "impact" and "shot" in record.sizes():
+                return record.rows(own)
+            many = next(iter(record.sizes().values())) // self.laboratories
+            return record.rows(slice(laboratory * many, (laboratory + 1) * many))
+
+        return replace(
+            self,
+            calibration={
+                name: known.part(slice(laboratory, laboratory + 1))
+                for name, known in self.calibration.items()
+            },
+            records={
+                stage: {channel: kept(stage, record) for channel, record in records.items()}
+                for stage, records in self.records.items()
+            },
+            owner=np.zeros(int(own.sum()), dtype=np.intp),
+            laboratories=1,
+        )
 
     def known_to(self, laboratory: int) -> Mapping[str, Estimate]:
         """Return the calibration of one laboratory."""

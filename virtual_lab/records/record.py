@@ -110,6 +110,18 @@ class Record:
             data[column.name] = getattr(self, name)[tuple(data[axis] for axis in column.axes)]
         return pd.DataFrame(data)
 
+    def rows(self, index: Any) -> Self:
+        """Return the record of some rows of its first axis; `index` is a slice or a mask.
+
+        Arrays beside the table are left out.
+        """
+        first = next(iter(self.columns.values())).axes[0]
+        chosen = {
+            name: getattr(self, name)[index if column.axes[0] == first else ...]
+            for name, column in self.columns.items()
+        }
+        return type(self)(**chosen)
+
     def join_attached(self, parts: list[Any]) -> dict[str, Any]:
         """Return the arrays beside the tables of several rounds as one."""
         return {}

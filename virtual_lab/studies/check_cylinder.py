@@ -16,7 +16,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, by_the_book
-from virtual_lab.lab.test_day import with_records
+from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import reduce_session
@@ -57,7 +57,7 @@ def check_cylinder(
         detail=RecordDetail.FULL if faults else RecordDetail.SUMMED,
     )
     laboratory = Laboratory.open(replace(setup, ball=catalog.load("balls", "check-ball", BallSpec)))
-    session = by_the_book(laboratory).certification.session
+    session = by_the_book(laboratory).of(0).certification.session
     plan = ShotPlan(
         slot=np.arange(hits),
         ball=np.zeros(hits, dtype=int),

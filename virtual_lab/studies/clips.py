@@ -15,7 +15,7 @@ from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, prepared
-from virtual_lab.lab.test_day import with_records
+from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.camera.comparison import compare_camera
 from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.output.progress import Progress, quiet

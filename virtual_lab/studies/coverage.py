@@ -8,7 +8,7 @@ found by a scan, the bias of the scan itself, found by rehearsals.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Any
@@ -18,16 +18,10 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
-from virtual_lab.lab import (
-    BatTest,
-    BlockTest,
-    Laboratory,
-    RoundRobin,
-)
+from virtual_lab.lab import BlockTest, Laboratory, RoundRobin
 from virtual_lab.lab.measurand import true_curve
-from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import QUANTITIES
-from virtual_lab.measurement.procedure import variance_within, variances_within
+from virtual_lab.measurement.procedure import variances_within
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -112,8 +106,11 @@ def coverage(
     strayed: list[Array] = []
     bends: dict[str, float] = {}
     rehearsal = None
-    invalid, valid, fired = 0, 0, 0
-    for part in _samples(round_robin, laboratories, seed, progress):
+    done, invalid, valid, fired = 0, 0, 0, 0
+    for block in round_robin.blocks(laboratories, seed):
+        part = _sample(block)
+        done += part.sound.size
+        progress("laboratories", done, laboratories)
         valid, fired = valid + int(part.valid.sum()), fired + int(part.fired.sum())
         invalid += int((~part.sound).sum())
         if not part.sound.any():
@@ -140,15 +137,6 @@ def coverage(
         words=WORDS,
         rows=[metric, *rows],
     )
-
-
-def bat_tests(
-    round_robin: RoundRobin, laboratories: int, seed: int, progress: Progress
-) -> Iterator[BatTest]:
-    """Yield the tests in the laboratories of a seed, as `coverage`."""
-    for number, tested in enumerate(round_robin.run(laboratories, seed), start=1):
-        progress("laboratories", number, laboratories)
-        yield tested
 
 
 def require_some(laboratories: int) -> None:
@@ -189,22 +177,7 @@ class Sample:
     results: Mapping[str, Results]  # by the quantities' names
 
 
-def _samples(
-    round_robin: RoundRobin, laboratories: int, seed: int, progress: Progress
-) -> Iterator[Sample]:
-    """Yield the laboratories of a seed, block by block where their rigs know blocks."""
-    if not round_robin.in_blocks:
-        yield from map(_of_test, bat_tests(round_robin, laboratories, seed, progress))
-        return
-    done = 0
-    for block in round_robin.blocks(laboratories, seed):
-        sample = _of_block(block)
-        done += sample.sound.size
-        progress("laboratories", done, laboratories)
-        yield sample
-
-
-def _of_block(tested: BlockTest) -> Sample:
+def _sample(tested: BlockTest) -> Sample:
     certified, reduced, owner = tested.certified, tested.reduced, tested.reduced.owner
     count = certified.invalid.size
     marks = tested.sessions.impact["aim"]
@@ -235,33 +208,6 @@ def _of_block(tested: BlockTest) -> Sample:
     )
 
 
-def _of_test(tested: BatTest) -> Sample:
-    found, true = tested.certification, tested.sealed.measurand
-    along = _marks(found).along - np.mean(found.readings.along)
-    sound = found.verdict.value != "INVALID"
-    budgets = {**found.quantities, "metric": found.metric} if sound else {}
-    return Sample(
-        sound=np.array([sound]),
-        fired=np.array([found.judgement.valid.size]),
-        valid=np.array([found.judgement.valid.sum()]),
-        place=np.array([found.outcome.place]),
-        stray=np.array([np.var(along, ddof=1)]),
-        beside=np.array([np.mean(along**2)]),
-        scatter=np.array([_scatter(found) if sound else np.nan]),
-        results={
-            name: Results(
-                value=np.array([budget.value]),
-                u=np.array([budget.u]),
-                dof=np.array([budget.dof]),
-                shift=np.array([budget.shift]),
-                true=np.array([true[name]]),
-            )
-            for name, budget in budgets.items()
-            if budget is not None
-        },
-    )
-
-
 def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
     """Return d²/dz² [1/m²] of the metric (as ``metric``) and of the quantities at a place [m]."""
     step = 4e-3  # m
@@ -270,19 +216,6 @@ def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
     curve = true_curve(laboratory.impact, laboratory.specimen, procedure, places)
     values = curve.quantities | {"metric": curve.metric()}
     return {name: float(np.diff(row, 2)[0]) / step**2 for name, row in values.items()}
-
-
-def _marks(certification: Certification) -> AimMarks:
-    """Return the marks of the test shots, which show how the aim strays."""
-    marks = certification.session.records["impact"]["aim"]
-    assert isinstance(marks, AimMarks)
-    return marks
-
-
-def _scatter(certification: Certification) -> float:
-    """Return the variance of the metric within a place, over the hits the result rests on."""
-    used = certification.outcome.used
-    return variance_within(certification.readings.place[used], certification.shot_metric[used])
 
 
 def _row(found: Array, **about: Any) -> Coverage:

@@ -32,7 +32,7 @@ from virtual_lab.output.tables import column
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.simulation.physics.beam import outer_diameter
-from virtual_lab.studies.coverage import bat_tests, require_some
+from virtual_lab.studies.coverage import require_some
 from virtual_lab.uncertainty.budget import HITS, Component
 from virtual_lab.units import INCH, Array
 
@@ -91,7 +91,8 @@ def effects(
     cases: list[_Case] = []
     require_some(laboratories)
     round_robin = RoundRobin.of(bat, procedure, summed=summed)
-    for tested in bat_tests(round_robin, laboratories, seed, progress):
+    for number, tested in enumerate(round_robin.run(laboratories, seed), 1):
+        progress("laboratories", number, laboratories)
         if tested.certification.verdict.value != "INVALID":
             cases.append(_case(tested))
     names = list(dict.fromkeys(name for case in cases for name in case.components))

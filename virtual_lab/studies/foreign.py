@@ -63,7 +63,7 @@ def _constants_of(procedure: str) -> list[str]:
     """Return the constants of our laboratory for a procedure."""
     laboratory = Laboratory.open(TestSetup.of(names("bats")[0], procedure=procedure))
     control = [CONTROL] if laboratory.rules.spec.controlled else []
-    return [*laboratory.session.calibration, *control]
+    return [*laboratory.calibration, *control]
 
 
 def _require_constants(given: list[str], needed: list[str], where: str) -> None:

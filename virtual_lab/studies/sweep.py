@@ -10,7 +10,7 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.lab import BatTest, BlockTest, RoundRobin
+from virtual_lab.lab import BlockTest, RoundRobin
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.metrics import METRICS
@@ -51,25 +51,18 @@ def sweep_tests(
     for bat in bats:
         for procedure in procedures:
             round_robin = RoundRobin.of(bat, procedure, individual=individual)
-            for number, row in enumerate(_rows(round_robin, laboratories, seed)):
+            name, first = round_robin.setup.bat.spec.name, len(rows)
+            for block in round_robin.blocks(laboratories, seed):
+                for row in _rows(block):
+                    rows.append({"bat": name, **row, "laboratory": len(rows) - first})
                 progress("tests", len(rows), total)
-                rows.append({"bat": round_robin.setup.bat.spec.name, **row, "laboratory": number})
     return pd.DataFrame(rows)[[*LEADING, *(name for name in rows[0] if name not in LEADING)]]
 
 
 LEADING = ["bat", "procedure", "laboratory", "verdict", "reason", "metric", "unit"]
 
 
-def _rows(round_robin: RoundRobin, laboratories: int, seed: int) -> Iterator[dict[str, Any]]:
-    if round_robin.in_blocks:
-        for block in round_robin.blocks(laboratories, seed):
-            yield from _of_block(round_robin, block)
-    else:
-        for tested in round_robin.run(laboratories, seed):
-            yield _of_test(round_robin, tested)
-
-
-def _of_block(round_robin: RoundRobin, tested: BlockTest) -> Iterator[dict[str, Any]]:
+def _rows(tested: BlockTest) -> Iterator[dict[str, Any]]:
     found, verdicts = tested.certified, tested.certified.verdicts
     for one in range(len(verdicts)):
         some = bool(found.some[one])
@@ -79,26 +72,17 @@ def _of_block(round_robin: RoundRobin, tested: BlockTest) -> Iterator[dict[str, 
         }
         true = {name: float(each[one]) for name, each in tested.measurands.items()}
         reason = "; ".join(found.reasons(one))
-        yield _row(round_robin, verdicts[one].value, reason, results if some else {}, true)
-
-
-def _of_test(round_robin: RoundRobin, tested: BatTest) -> dict[str, Any]:
-    found = tested.certification
-    budgets = {**found.quantities, **({"metric": found.metric} if found.metric else {})}
-    results = {name: (each.value, each.u, each.dof) for name, each in budgets.items()}
-    true = tested.sealed.measurand
-    return _row(round_robin, found.verdict.value, "; ".join(found.reasons), results, true)
+        yield _row(found.procedure, verdicts[one].value, reason, results if some else {}, true)
 
 
 def _row(
-    round_robin: RoundRobin,
+    rules: Procedure,
     verdict: str,
     reason: str,
     results: Mapping[str, tuple[float, float, float]],
     true: Numbers,
 ) -> dict[str, Any]:
     """Return a row; `results` are value, u and ν by name, {} where the test gave none."""
-    rules = round_robin.setup.rules.spec
     printed = METRICS[rules.metric]
     value, u, dof = results.get("metric", (nan, nan, nan))
     low, high = interval_95(value, u, dof)

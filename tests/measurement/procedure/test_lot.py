@@ -63,7 +63,7 @@ def lively() -> Laboratory:
 
 
 def test_they_are_not_fired_and_the_certificate_says_so(lively: Laboratory) -> None:
-    tested = by_the_book(lively)
+    tested = by_the_book(lively).of(0)
     found = tested.certification
     assert {each.ball for each in found.set_aside} == {3, 7}
     assert not set(found.readings.ball) & {3, 7}

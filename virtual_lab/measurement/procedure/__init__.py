@@ -4,7 +4,6 @@ from virtual_lab.measurement.procedure.choice import (
     CHOICE,
     Shortfalls,
     shortfalls,
-    variance_within,
     variances_within,
     with_choice,
 )
@@ -70,7 +69,6 @@ __all__ = [
     "shortfalls",
     "sought_of",
     "to_set",
-    "variance_within",
     "variances_within",
     "verdict",
     "with_choice",

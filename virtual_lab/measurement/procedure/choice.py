@@ -65,16 +65,13 @@ def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
     )
 
 
-def variance_within(place: Array, metric: Array) -> float:
-    """Return the variance of hits about the mean of their place, pooled; NaN of single hits."""
-    alone = np.zeros(place.size, dtype=np.intp)
-    return float(variances_within(alone, place, metric, 1)[0])
-
-
 def variances_within(
     owner: NDArray[np.intp], place: Array, metric: Array, laboratories: int
 ) -> Array:
-    """Return the same of each laboratory, (laboratory,); `owner` says whose each hit is."""
+    """Return the variances of hits about the mean of their place, pooled, (laboratory,).
+
+    `owner` is the laboratory of each hit. NaN where no place has several.
+    """
     of, back = np.unique(np.stack([owner, np.round(place, 6)]), axis=1, return_inverse=True)
     many = np.bincount(back)
     off = metric - (np.bincount(back, metric) / many)[back]

@@ -40,6 +40,7 @@ class Acceptance(Protocol):
         readings: ImpactReadings,
         percussion: float,
         turn_rate: float,
+        /,
     ) -> Judgement: ...
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, by_the_book
-from virtual_lab.lab.test_day import with_records
+from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.procedure import aimed_place
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
@@ -125,7 +125,7 @@ class _Stand:
     def of(cls, bat: str, seed: int, reality: Reality) -> _Stand:
         setup = TestSetup.of(bat, procedure="astm-f1881", seed=seed, reality=reality)
         laboratory = Laboratory.open(setup)
-        session = by_the_book(laboratory).certification.session
+        session = by_the_book(laboratory).of(0).certification.session
         return cls(laboratory=laboratory, session=session)
 
     def counting_finely(self) -> _Stand:
@@ -201,9 +201,7 @@ def percussion(
             progress("places", laboratory * len(places) + number, laboratories * len(places))
             found[number].append(_read(stand, float(place), shots, number))
     rows = [_row(still, place, shots, read) for place, read in zip(places, found, strict=True)]
-    return PercussionStudy(
-        bat=still.laboratory.session.bat, percussion_in=float(centre / INCH), rows=rows
-    )
+    return PercussionStudy(bat=still.session.bat, percussion_in=float(centre / INCH), rows=rows)
 
 
 def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> PlaceReadings:

@@ -1,0 +1,103 @@
+"""A finished test: what was measured, and beside it what was true, which only a study may read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from virtual_lab.lab.laboratory import Laboratory, constant_name
+from virtual_lab.measurement.certification import BlockCertification, Certification
+from virtual_lab.measurement.model import CONTROL
+from virtual_lab.measurement.reduction.observations import ImpactReadings
+from virtual_lab.measurement.session_reduction import BlockReduction
+from virtual_lab.records.block import SessionBlock
+from virtual_lab.records.origin import RungTaken
+from virtual_lab.simulation.rig import MotionRung
+from virtual_lab.simulation.truth import SealedTruth
+from virtual_lab.units import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatTest:
+    """A certification with its sealed truth."""
+
+    certification: Certification
+    sealed: SealedTruth
+    control: BatTest | None = None  # of the control bat, where the rules ask for one
+    film: Callable[[Path], None] | None = None  # films the first shot into a folder
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockTest:
+    """The certifications of a block of laboratories, or of one, with their sealed truth."""
+
+    laboratories: Laboratory
+    sessions: SessionBlock
+    reduced: BlockReduction
+    readings: ImpactReadings  # of all shots, as fired
+    certified: BlockCertification
+    measurands: Mapping[str, Array]  # ``metric``, and by the quantities' names, (laboratory,)
+    bench: Mapping[str, Any]  # true properties of the bat
+    wall: Mapping[str, Array]  # what really happened at the wall, (hit,)
+    shots: Mapping[str, Array]  # and at the bat, (shot,)
+    control: BatTest | None = None
+    film: Callable[[Path], None] | None = None
+
+    def of(self, laboratory: int) -> BatTest:
+        """Return the test of one laboratory, to be printed and sealed."""
+        of_all, one = self.laboratories, self.sessions.part(laboratory)
+        rungs = {
+            "collision": of_all.collision.report(),
+            "motion": _motion_report(of_all.setup.motion),
+        }
+        reduced = self.reduced.of(laboratory, self.readings)
+        session = of_all.session_of(one, rungs)
+        return BatTest(
+            certification=self.certified.of(laboratory, session, reduced),
+            sealed=self._sealed(laboratory),
+            control=self.control,
+            film=self.film,
+        )
+
+    def _sealed(self, laboratory: int) -> SealedTruth:
+        of_all, own = self.laboratories, self.reduced.owner == laboratory
+        setup, balls = of_all.setup, of_all.specimen.balls
+        hits = np.arange(next(iter(self.wall.values())).size).reshape(setup.count, -1)[laboratory]
+
+        def one(values: Any) -> float:
+            return float(np.broadcast_to(values, setup.count)[laboratory])
+
+        constants = {
+            constant_name(stage, name): one(value)
+            for stage, station in of_all.stations.items()
+            for name, value in station.true_constants.items()
+        }
+        return SealedTruth(
+            seed=of_all.seed,
+            number=int(np.broadcast_to(setup.number, setup.count)[laboratory]),
+            salt=of_all.salt,
+            reality=setup.reality.value,
+            bat=of_all.specimen.bat,
+            bat_properties=self.bench,
+            balls=balls.of(laboratory) if setup.shape else balls,
+            constants=constants
+            | ({CONTROL: of_all.control} if setup.rules.spec.controlled else {}),
+            measurand={
+                name: float(values[laboratory])
+                for name, values in self.measurands.items()
+                if np.isfinite(values[laboratory])
+            },
+            place=self.reduced.place[own],
+            shots={name: values[own] for name, values in self.shots.items()},
+            wall_hits={name: values[hits] for name, values in self.wall.items()},
+            faults=setup.faults.names,
+        )
+
+
+def _motion_report(motion: MotionRung) -> RungTaken:
+    pinned = "" if motion is MotionRung.CLOSED_FORM else ", as asked for"
+    return RungTaken(rung=motion.value, reason=f"{motion.value}{pinned}")
