@@ -36,7 +36,8 @@ def pdf(document: CertificateDocument) -> bytes:
 
 def text_of(pdf: bytes) -> str:
     pages = PdfReader(io.BytesIO(pdf)).pages
-    return re.sub(r"\s+", " ", " ".join(each.extract_text() for each in pages))
+    text = re.sub(r"\s+", " ", " ".join(each.extract_text() for each in pages))
+    return text.replace("\N{SOFT HYPHEN}", "-")  # one glyph for both
 
 
 def with_customer(name: str) -> CertificateDocument:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from math import inf
 
@@ -88,8 +89,8 @@ def test_what_the_limit_does_not_decide_has_no_risk(
 def test_the_sentence_says_risk_and_prior(document: CertificateDocument) -> None:
     near = replace(document, risk=RiskStated(of="false acceptance", probability=0.0123))
     said = str(printed_result(near)["said"])
-    assert "The bat meets the limit" in said
-    assert "risk of 1.2 % that its true BPF exceeds the limit" in said
+    assert re.search(r"The bat meets the limit: 0\.\d+ is at most 1\.200, with a risk", said)
+    assert "risk of 1.2 % that its true value exceeds the limit" in said
     assert "specific risk of false acceptance, by this result alone, without a prior" in said
     assert "below 0.01 %" in str(printed_result(document)["said"])
 

@@ -38,6 +38,7 @@ RATIOS = {
     "valid_hits",
 }
 OF_THE_METRIC = {"metric", "swing_range", "choice", "places"}  # in the unit of metric.unit
+WITH_UNIT = {("along", "quantities"), ("along", "read")}  # `unit` stands beside, or the metric's
 OF_RATIOS = {"rebound_check"}
 SI = {"": 1.0, "m/s": 1.0}
 
@@ -59,6 +60,8 @@ def has_unit(path: tuple[str, ...]) -> bool:
     if any(SUFFIX.search(key) or key in RATIOS for key in path) or path[-1] == "shots":
         return True
     if path == ("shots", "metric") or path[0] in OF_RATIOS:
+        return True
+    if path[:2] in WITH_UNIT or path == ("along", "degree"):
         return True
     # a budget's lines are in SI: the constant's own, and contributions in the metric's
     return path[0] in OF_THE_METRIC or path[0] == "budget"

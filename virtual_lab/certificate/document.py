@@ -186,6 +186,28 @@ class PlaceRow(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CurveAlong(Spec):
+    """A quantity along the barrel: means of the hits at each of `places`, and a fitted curve."""
+
+    name: str
+    unit: str
+    mean: Numbers
+    u: tuple[Uncertainty | None, ...]  # of each mean, by scatter; null: of one hit
+    curve: Numbers  # at `curve_in`
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlongBarrel(Spec):
+    """Quantities along the barrel, each with one polynomial through every valid hit."""
+
+    degree: Whole
+    curve_in: Numbers  # places of the curves, from the tip
+    quantities: tuple[CurveAlong, ...]
+    read_in: Numbers  # of the metric's curve that the result is the top of; empty without one
+    read: Numbers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RuleFinding(Spec):
     """One rule of eligibility, and whether the bat meets it."""
 
@@ -293,6 +315,16 @@ class EncoderTrace(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RingRecorded(Spec):
+    """The encoder's record of one shot less its turn, after contact."""
+
+    shot: Whole
+    from_ms: Real
+    step_ms: Real
+    angle_deg: Numbers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ChoiceStated(Spec):
     """Correction of a scan's result for the choice of the place."""
 
@@ -364,6 +396,7 @@ class CertificateDocument(Spec):
     width_m: WidthStated | None
     swing_range: tuple[SwingRow, ...]
     places: tuple[PlaceRow, ...]  # of a scan
+    along: AlongBarrel | None  # null: no scan, or too few places for a curve
     findings: tuple[RuleFinding, ...]
     flags: tuple[FlagRaised, ...]
     not_checked: tuple[str, ...] = ()  # checks for which a recorder that sums up keeps too little
@@ -376,6 +409,7 @@ class CertificateDocument(Spec):
     second_witness: CameraWord | None
     ring: RingStated | None
     encoder: EncoderTrace | None
+    contact_sheet: tuple[RingRecorded, ...]  # of every shot that the encoder saw
     choice: ChoiceStated | None
     conditional_on: str
     budget: tuple[BudgetLine, ...]  # largest first

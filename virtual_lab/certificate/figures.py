@@ -6,8 +6,12 @@ Shape and line style carry the information, so the figures can be printed in bla
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import ceil, exp
+
+import numpy as np
 
 from virtual_lab.certificate.document import CertificateDocument, EncoderTrace, ShotRow
+from virtual_lab.certificate.printed import printed_budget, printed_size
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, figure
 
@@ -19,8 +23,12 @@ def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
     """Return the figures by name, as SVG; None: nothing to draw."""
     return {
         "hits_figure": hits_figure(document),
+        "along_figure": along_figure(document) if document.along else None,
         "swings_figure": swings_figure(document) if document.swing_range else None,
         "encoder_figure": encoder_figure(document.encoder) if document.encoder else None,
+        "contact_figure": contact_figure(document) if document.contact_sheet else None,
+        "budget_figure": budget_figure(document) if printed_budget(document) else None,
+        "rebound_figure": rebound_figure(document),
     }
 
 
@@ -38,6 +46,155 @@ def hits_figure(document: CertificateDocument) -> str:
         _put_limit(panels[0], limit, most)
     description = f"{len(document.shots)} shots, {document.valid_hits} valid; {most}"
     return figure(panels, height, "hits", f"{printed.symbol} of every hit", description)
+
+
+def along_figure(document: CertificateDocument) -> str:
+    """Return e_A, e and the metric along the barrel, with error bars and fitted curves, as SVG."""
+    along = document.along
+    assert along is not None
+    room = (RIGHT - LEFT + 42) / len(along.quantities)
+    panels = []
+    for number, each in enumerate(along.quantities):
+        symbol, unit, size = printed_size(each.name)
+        means = [value / size for value in each.mean]
+        bars = [(u or 0.0) / size for u in each.u]
+        places = [row.place_in for row in document.places]
+        edge = 0.04 * (places[-1] - places[0])
+        ends = [mean + sign * u for mean, u in zip(means, bars, strict=True) for sign in (-1, 1)]
+        panel = Panel(
+            left=LEFT + number * room,
+            right=LEFT + (number + 1) * room - 42,
+            top=TOP,
+            bottom=150 - X_LABEL_ROOM,
+            x=(places[0] - edge, places[-1] + edge),
+            y=_limits([*ends, *(value / size for value in each.curve)]),
+            title=f"{symbol}, {unit}" if unit else symbol,
+            x_label="place from the tip, in",
+        )
+        panel.line(along.curve_in, [value / size for value in each.curve], "every hit")
+        if each.name == document.metric.name and along.read:
+            read = [value / size for value in along.read]
+            panel.line(along.read_in, read, "result", width=1.8, dashes="3.3 1.4")
+        for place, mean, u in zip(places, means, bars, strict=True):
+            panel.whisker(place, mean - u, mean + u, cap=2)
+        panel.dots(places, means, radius=1.6)
+        panels.append(panel)
+    names = ", ".join(printed_size(each.name)[0] for each in along.quantities)
+    description = (
+        f"{names} at {len(document.places)} places from {document.places[0].place_in:g} to "
+        f"{document.places[-1].place_in:g} in from the tip: means with their standard uncertainty "
+        f"by scatter, and one polynomial of degree {along.degree} through every valid hit"
+    )
+    return figure(panels, 150, "along", f"{names} along the barrel", description)
+
+
+def budget_figure(document: CertificateDocument) -> str:
+    """Return the shares of the uncertainty budget as bars, as SVG."""
+    rows = printed_budget(document)
+    levels = [float(-number) for number in range(len(rows))]
+    shares = [float(row["share"]) for row in rows]
+    height = 9.5 * len(rows) + X_LABEL_ROOM
+    panel = Panel(
+        left=205,
+        right=RIGHT - 10,
+        top=2,
+        bottom=height - X_LABEL_ROOM,
+        x=(0.0, 1.02 * max(shares)),
+        y=(levels[-1] - 0.6, 0.6),
+        x_label="share of the variance, %",
+        y_ticks=levels,
+        y_words=[row["words"] for row in rows],
+    )
+    for level, share in zip(levels, shares, strict=True):
+        panel.shape((0, share, share, 0), (level - 0.3, level - 0.3, level + 0.3, level + 0.3))
+    largest = f"{rows[0]['words']} {rows[0]['share']} %"
+    description = f"{len(rows)} sources of uncertainty; {largest} of the variance"
+    return figure([panel], height, "budget", "Uncertainty budget", description)
+
+
+def rebound_figure(document: CertificateDocument) -> str | None:
+    """Return e_A by the recoil against e_A by the rebound, hit by hit, as SVG; None without two."""
+    both = [
+        (row, row.recoil_efficiency, row.rebound_efficiency)
+        for row in document.shots
+        if row.recoil_efficiency is not None and row.rebound_efficiency is not None
+    ]
+    check = document.rebound_check
+    if check is None or check.difference is None or len(both) < 2:
+        return None
+    ends = _limits([value for _, *pair in both for value in pair])
+    middle, bottom = (LEFT + RIGHT) / 2, 130 - X_LABEL_ROOM
+    against = Panel(
+        left=LEFT,
+        right=middle - 30,
+        top=TOP - 12,
+        bottom=bottom,
+        x=ends,
+        y=ends,
+        x_label="e_A by the recoil",
+        y_label="e_A by the rebound",
+    )
+    apart = [rebound - recoil for _, recoil, rebound in both]
+    u = check.u or 0.0
+    by_shot = Panel(
+        left=middle + 36,
+        right=RIGHT,
+        top=TOP - 12,
+        bottom=bottom,
+        x=(0.4, len(document.shots) + 0.6),
+        y=_limits([*apart, check.difference - u, check.difference + u, 0.0]),
+        x_label="shot",
+        y_label="rebound − recoil",
+        x_ticks=[row.shot + 1.0 for row in document.shots] if len(document.shots) <= 30 else None,
+    )
+    by_shot.band(check.difference - u, check.difference + u, "mean ± u")
+    by_shot.level(0.0, dashes=DASHED)
+    against.line(ends, ends, "equal", dashes=DASHED)
+    for valid, label in ((True, "valid hit"), (False, "invalid hit")):
+        own = [row for row in both if (not row[0].reason) == valid]
+        if own:
+            _, recoil, rebound = zip(*own, strict=True)
+            against.dots(recoil, rebound, label, radius=2, cross=not valid)
+            shots = [row.shot + 1.0 for row, *_ in own]
+            gaps = [one - other for _, other, one in own]
+            by_shot.dots(shots, gaps, radius=2, cross=not valid)
+    description = (
+        f"e_A by the rebound of the ball against e_A by the recoil of the bat, {len(both)} hits; "
+        f"mean difference {check.difference:+.4f}"
+    )
+    return figure([against, by_shot], 130, "rebound", "e_A by recoil and by rebound", description)
+
+
+def contact_figure(document: CertificateDocument) -> str:
+    """Return the encoder's record of every shot less its turn, side by side, as SVG."""
+    sheet, reasons = document.contact_sheet, {row.shot: row.reason for row in document.shots}
+    most = max((abs(angle) for each in sheet for angle in each.angle_deg), default=0.0) or 1.0
+    wide, high, columns = 80.0, 50.0, 6
+    panels = []
+    for number, each in enumerate(sheet):
+        left, top = wide * (number % columns) + 10, high * (number // columns) + 14
+        time = [each.from_ms + each.step_ms * step for step in range(len(each.angle_deg))]
+        panel = Panel(
+            left=left,
+            right=left + wide - 10,
+            top=top,
+            bottom=top + high - 16,
+            x=(0.0, 20.0),
+            y=(-most, most),
+            x_ticks=(),
+            y_ticks=(),
+        )
+        panel.level(0.0, width=0.3)
+        panel.line(time, each.angle_deg, width=0.5)
+        word = " (invalid)" if reasons.get(each.shot) else ""
+        panel.note(0.0, most, f"{each.shot + 1}{word}", anchor="start")
+        panels.append(panel)
+    height = high * ceil(len(sheet) / columns) + 4
+    description = (
+        f"Encoder record less the turn, {len(sheet)} shots, the first 20 ms after contact, all "
+        f"from −{most:.2g}° to {most:.2g}°"
+    )
+    return figure(panels, height, "contact", "Contact sheet of the shots", description)
 
 
 def swings_figure(document: CertificateDocument) -> str:
@@ -186,14 +343,44 @@ def _result_panel(document: CertificateDocument, left: float, bottom: float) -> 
         x=(-1.0, 1.0),
         y=(min(against, low) - 0.3 * reach, max(against, high) + 0.3 * reach),
         title="no limit is set" if limit is None else "against the limit",
-        x_label="result and its\n95 % interval",
+        x_label="result, 95 % interval\nand distribution",
         x_ticks=(),
     )
-    panel.whisker(0.0, low, high)
-    panel.dots([0.0], [value], radius=1.6)
+    panel.whisker(-0.6, low, high)
+    panel.dots([-0.6], [value], radius=1.6)
+    if metric.u:
+        _put_density(panel, value, metric.u / printed.unit_si, limit, document)
     if limit is not None and metric.limit is not None:
         _put_limit(panel, limit, f"limit {printed.limit(metric.limit)}")
     return panel
+
+
+def _put_density(
+    panel: Panel, value: float, u: float, limit: float | None, document: CertificateDocument
+) -> None:
+    """Draw the result's distribution, filled beyond the limit: the risk of the verdict."""
+    low, high = panel.y
+    steps = (*np.linspace(low, high, 201).tolist(), *(value + u * n / 8 for n in range(-36, 37)))
+    heights = sorted(each for each in steps if low <= each <= high)
+    dof, base = document.metric.degrees_of_freedom, -0.2
+    across = [base + 1.2 * _density((each - value) / u, dof) for each in heights]
+    panel.line(across, heights, width=0.7)
+    if document.risk is None or limit is None:
+        return
+    above = document.risk.of == "false acceptance"
+    wrong = [
+        (x, y)
+        for x, y in zip(across, heights, strict=True)
+        if (y > limit) == above and x - base > 1e-3
+    ]
+    if wrong:
+        xs, ys = zip(*wrong, strict=True)
+        panel.shape((base, *xs, base), (ys[0], *ys, ys[-1]))
+
+
+def _density(off: float, dof: float | None) -> float:
+    """Return Student's density `off` standard uncertainties from its middle, over the greatest."""
+    return exp(-(off**2) / 2) if dof is None else (1 + off**2 / dof) ** (-(dof + 1) / 2)
 
 
 def _put_limit(panel: Panel, limit: float, words: str) -> None:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, fields, replace
 from importlib.metadata import version
 from math import isfinite, sqrt
 from typing import cast
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from virtual_lab.certificate.document import (
     SCHEMA,
+    AlongBarrel,
     BallSetAside,
     BallsUsed,
     BatAsMeasured,
@@ -21,6 +24,7 @@ from virtual_lab.certificate.document import (
     ComparedResult,
     ControlRatio,
     CorrectionStated,
+    CurveAlong,
     EncoderTrace,
     FlagRaised,
     MetricStated,
@@ -30,6 +34,7 @@ from virtual_lab.certificate.document import (
     ReboundCheck,
     RecoilStated,
     RejectedHit,
+    RingRecorded,
     RingStated,
     RuleFinding,
     ShotRow,
@@ -46,7 +51,7 @@ from virtual_lab.errors import DISTRIBUTION
 from virtual_lab.measurement.camera.comparison import CameraComparison, ComparedQuantity
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import CONTROL, QUANTITIES
-from virtual_lab.measurement.procedure import CHOICE, Procedure
+from virtual_lab.measurement.procedure import CHOICE, Procedure, curve_of
 from virtual_lab.measurement.procedure.peak_width import Width
 from virtual_lab.measurement.reduction.recoil import RECOIL
 from virtual_lab.measurement.swing_range import SwingResult
@@ -57,6 +62,8 @@ from virtual_lab.records.particulars import Particulars
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.units import INCH, MPH, Array
+
+FEWEST_PLACES = 4  # for a curve along the barrel
 
 
 def certificate(
@@ -133,6 +140,7 @@ def certificate(
         width_m=_width(certification.width),
         swing_range=tuple(_swing(result) for result in certification.swings),
         places=tuple(_places(certification)) if procedure.scan else (),
+        along=_along(certification) if procedure.scan else None,
         findings=tuple(RuleFinding(**asdict(each)) for each in certification.findings),
         flags=tuple(FlagRaised(**asdict(each)) for each in certification.flags),
         not_checked=certification.not_checked,
@@ -155,6 +163,7 @@ def certificate(
         if recoil
         else None,
         encoder=_encoder(certification),
+        contact_sheet=tuple(_contact_sheet(certification)),
         choice=_choice(metric),
         conditional_on=_conditional_on(certification),
         budget=tuple(budget_lines(metric)) if metric else (),
@@ -258,6 +267,54 @@ def _places(certification: Certification) -> list[PlaceRow]:
             )
         )
     return rows
+
+
+def _along(certification: Certification) -> AlongBarrel | None:
+    """Return e_A, e and the metric along the barrel; None with too few places for a curve."""
+    valid, shots = certification.judgement.valid, certification.shots
+    place = certification.readings.place[valid] / INCH
+    steps = np.unique(place)
+    if steps.size < FEWEST_PLACES:
+        return None
+    degree = min(5, steps.size - 2)  # as the curve of the width
+    along = np.linspace(steps[0], steps[-1], 41)
+    name = certification.procedure.metric
+    shown = {
+        "collision_efficiency": shots.collision_efficiency,
+        "restitution": shots.restitution,
+        name: certification.shot_metric,
+    }
+    curves = []
+    for key, each in shown.items():
+        at = [each[valid][place == step] for step in steps]
+        fitted = Polynomial.fit(place, each[valid], degree)(along)
+        curves.append(
+            CurveAlong(
+                name=key,
+                unit=METRICS[key].si_unit if key in METRICS else "",
+                mean=tuple(float(hits.mean()) for hits in at),
+                u=tuple(
+                    float(hits.std(ddof=1)) / sqrt(hits.size) if hits.size > 1 else None
+                    for hits in at
+                ),
+                curve=tuple(np.round(fitted, 6).tolist()),
+            )
+        )
+    outcome = certification.outcome
+    top = curve_of(
+        certification.procedure,
+        certification.readings.place,
+        outcome.used,
+        certification.shot_metric,
+    )
+    read_at, read = (np.array([]), np.array([])) if top is None else top.linspace(21)
+    return AlongBarrel(
+        degree=degree,
+        curve_in=tuple(np.round(along, 4).tolist()),
+        quantities=tuple(curves),
+        read_in=tuple(np.round(read_at / INCH, 4).tolist()),
+        read=tuple(np.round(read, 6).tolist()),
+    )
 
 
 def _camera(comparison: CameraComparison | None) -> CameraWord | None:
@@ -395,6 +452,31 @@ def _encoder(certification: Certification) -> EncoderTrace | None:
         turn=_trace(*(each[::8] for each in (after, angle, turn))),
         ring=_trace(after[shown], (angle - turn)[shown], ring[shown]),
     )
+
+
+def _contact_sheet(certification: Certification) -> Iterator[RingRecorded]:
+    """Yield the encoder record of every shot seen, less its turn: for display only."""
+    counts, recoil = (
+        certification.session.records["impact"].get("encoder"),
+        certification.readings.recoil,
+    )
+    if not isinstance(counts, EncoderRecord) or recoil is None:
+        return
+    for shot in np.flatnonzero(np.isfinite(certification.shots.speed)).tolist():
+        after, angle = _angle_of(certification, counts, shot)
+        early = (after >= -2e-3) & (after <= 50e-3)
+        after, angle = after[early], angle[early]
+        if not np.any(after > RECOIL.settling_time):
+            continue
+        turn, _ = _turn_and_ring(after, angle, recoil.ring_frequency, recoil.ring_decay)
+        shown = (after >= 0) & (after <= 20e-3)
+        time, ring = 1e3 * after[shown][::2], (angle - turn)[shown][::2]  # still two a period
+        yield RingRecorded(
+            shot=shot,
+            from_ms=round(float(time[0]), 3),
+            step_ms=round(float(np.diff(time).mean()), 4),
+            angle_deg=tuple(np.round(ring, 3).tolist()),
+        )
 
 
 def _trace(after: Array, angle: Array, fit: Array) -> Trace:

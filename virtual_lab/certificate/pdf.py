@@ -15,6 +15,7 @@ from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.figures import certificate_figures
 from virtual_lab.certificate.printed import certificate_number, printed_values
 from virtual_lab.errors import InputError, of_extra
+from virtual_lab.output.svg import description_of
 
 PAPERS = {"a4": "a4", "letter": "us-letter"}  # as people say it, and Typst
 NO_GLYPH = re.compile(r'the text `"(.+?)"` could not be displayed')
@@ -83,19 +84,15 @@ def _view(document: CertificateDocument) -> dict[str, Any]:
     stated = [("Computed by", by)]
     if not document.particulars.test.begun:
         stated.append(("Tested", document.date or "no date in the records"))
-    shots = f"{document.metric.name.replace('_', ' ')} of {len(document.shots)} shots"
+    figures = certificate_figures(document)
     return {
         "document": document.as_json(),
         **printed_values(document),
-        **certificate_figures(document),
+        **figures,
         "day": _day(document),
         "stated": [*stated, *document.particulars.printed(simulated=simulated)],
         "not_stated": document.particulars.not_stated,
-        "alts": {
-            "hits": f"{shots}, {document.valid_hits} valid; the numbers stand in the table above",
-            "swings": "the result over the exponent of the swing law; its numbers stand above",
-            "encoder": "the angle of the bat over time, and its vibration, with the fitted curves",
-        },
+        "alts": {name: description_of(svg) for name, svg in figures.items() if svg},
     }
 
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Mapping
+from itertools import compress
 from math import isfinite, sqrt
 
 from virtual_lab.certificate.document import (
@@ -26,9 +28,17 @@ from virtual_lab.certificate.document import (
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.records.constants import PER_SI, constant_of
+from virtual_lab.records.particulars import InstrumentIdentity
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
 NONE = "–"
+SYMBOLS = {
+    "bat_performance_factor": "BPF",
+    "collision_efficiency": "e_A",
+    "restitution": "e",
+    "recoil_factor": "r",
+    "ball_restitution": "e0",
+}
 STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
 INPUTS = {  # of a budget, no constants of a calibration: words and unit in print
     "hits": ("Scatter from hit to hit", ""),
@@ -48,6 +58,13 @@ INPUTS = {  # of a budget, no constants of a calibration: words and unit in prin
     "camera.place_x": ("camera, place along the flight", "mm"),
     "camera.place_y": ("camera, place along the bat", "mm"),
     "camera.place_z": ("camera, height", "mm"),
+}
+IDENTITY = {  # of an instrument, and words in print
+    "identity": "Identity",
+    "certificate": "Certificate",
+    "date": "Calibrated",
+    "due": "Due",
+    "traceability": "Traceable to",
 }
 VERDICTS = {
     "PASS": "The bat meets the limit",
@@ -69,11 +86,14 @@ def printed_values(document: CertificateDocument) -> dict[str, object]:
         "correction": _correction(document.ball_correction),
         "choice": _choice(document),
         "shots": _shots(document),
+        "along": _along(document),
         "swings": _swings(document),
-        "budget": _budget(document),
+        "budget": printed_budget(document),
         "rebound": _rebound(document.rebound_check),
         "camera": _camera(document.second_witness),
         "conditions": _conditions(document),
+        "unverified": _unverified(document),
+        "instruments": _instruments(document.particulars.instruments),
         "other_recoil": _other_recoil(document.recoil.other if document.states_result else None),
         "fitted": _number(document.ring.fitted_ms, 0) if document.ring else NONE,
         "rings": ", ".join(f"{pitch:.0f}" for pitch in rings),
@@ -96,6 +116,32 @@ def _conditions(document: CertificateDocument) -> dict[str, str]:
         "bat": _number(document.nominal_bat_speed_mph, 1),
         "place": _number(place, 2, ""),
         "place_mm": _number(None if place is None else place * INCH * 1e3, 1, ""),
+    }
+
+
+def _unverified(document: CertificateDocument) -> list[list[list[str]]]:
+    """Return key, value and source of the procedure's unverified values, in two halves."""
+    rows = [
+        [
+            each.key.replace("windows.", "window.").replace(".", ": ").replace("_", " "),
+            each.value.replace("[", "").replace("]", ""),
+            each.source,
+        ]
+        for each in document.unverified
+    ]
+    half = (len(rows) + 1) // 2
+    return [part for part in (rows[:half], rows[half:]) if part]
+
+
+def _instruments(stated: Mapping[str, InstrumentIdentity]) -> dict[str, object] | None:
+    """Return heads and rows of the instruments, without columns that nothing stands in."""
+    every = [(name, *(getattr(each, key) for key in IDENTITY)) for name, each in stated.items()]
+    if not every:
+        return None
+    filled = [any(column) for column in zip(*every, strict=True)]
+    return {
+        "heads": list(compress(("Instrument", *IDENTITY.values()), filled)),
+        "rows": [[cell or NONE for cell in compress(row, filled)] for row in every],
     }
 
 
@@ -139,11 +185,14 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
         hits += f", the procedure asks for {document.procedure.hits_needed}"
     unit = f" {printed.unit}" if printed.unit else ""
     said = VERDICTS[verdict]
+    stated = _stated(metric, printed.unit_si) if document.states_result else {}
+    limit = "none" if metric.limit is None else printed.limit(metric.limit)
+    if verdict == "PASS":
+        said = f"{said}: {stated['value']}{unit} is at most {limit}"
     if verdict in ("FAIL", "INVALID"):
         said = ": ".join((said, "; ".join(document.reasons)))
     if document.risk:
-        said = f"{said}, {_risk(document.risk, printed.symbol)}"
-    stated = _stated(metric, printed.unit_si) if document.states_result else {}
+        said = f"{said}, {_risk(document.risk)}"
     return {
         "words": printed.words,
         "symbol": printed.symbol,
@@ -151,21 +200,21 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
         "verdict": verdict,
         "said": said,
         "hits": hits,
-        "limit": "none" if metric.limit is None else printed.limit(metric.limit),
+        "limit": limit,
         "stated": bool(stated),
         "decides": bool(stated) and all(finding.met for finding in document.findings),
         **stated,
     }
 
 
-def _risk(risk: RiskStated, symbol: str) -> str:
+def _risk(risk: RiskStated) -> str:
     """Return the specific risk of a verdict, in words."""
     percent = 100 * risk.probability
     known = f"of {percent:.2g} %" if percent >= 0.01 else "below 0.01 %"
     side = "exceeds" if risk.of == "false acceptance" else "does not exceed"
     return (
-        f"with a risk {known} that its true {symbol} {side} the limit (specific risk of {risk.of}, "
-        "by this result alone, without a prior)"
+        f"with a risk {known} that its true value {side} the limit (specific risk of {risk.of}, by "
+        "this result alone, without a prior)"
     )
 
 
@@ -279,6 +328,33 @@ def _shots(document: CertificateDocument) -> list[dict[str, object]]:
     ]
 
 
+def _along(document: CertificateDocument) -> dict[str, object] | None:
+    """Return symbols and units of a scan's quantities, and their means at each place with u."""
+    if document.along is None:
+        return None
+    sizes = [printed_size(each.name) for each in document.along.quantities]
+    rows = []
+    for number, place in enumerate(document.places):
+        row = [_number(place.place_in, 2), str(place.hits)]
+        for each, (_, _, size) in zip(document.along.quantities, sizes, strict=True):
+            mean, u = each.mean[number] / size, each.u[number]
+            if u is None:
+                row += [_number(mean, 4), NONE]
+            else:
+                row += [_number(mean, decimals(u / size)), digits(u / size)]
+        rows.append(row)
+    heads = [{"symbol": symbol, "unit": unit} for symbol, unit, _ in sizes]
+    return {"heads": heads, "rows": rows}
+
+
+def printed_size(name: str) -> tuple[str, str, float]:
+    """Return the symbol of a quantity, the unit it is printed in, and the SI size of this."""
+    if name not in METRICS:
+        return SYMBOLS[name], "", 1.0
+    printed = METRICS[name]
+    return printed.symbol, printed.unit, printed.unit_si
+
+
 def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
     """Return a row for each quantity that the camera measured too; [] without a camera."""
     rows = []
@@ -306,7 +382,7 @@ def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
     return rows
 
 
-def _budget(document: CertificateDocument) -> list[dict[str, str]]:
+def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
     """Return the largest components, and all others together in the last line."""
     unit_si = METRICS[document.metric.name].unit_si
     rows, u = document.budget, (document.metric.u or 0.0) / unit_si

@@ -14,19 +14,12 @@ from virtual_lab.certificate.document import (
     SwingRow,
     WidthStated,
 )
+from virtual_lab.certificate.printed import SYMBOLS
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.output.tables import table_text
 from virtual_lab.records.particulars import Particulars
 from virtual_lab.units import INCH
-
-SYMBOLS = {
-    "bat_performance_factor": "BPF",
-    "collision_efficiency": "e_A",
-    "restitution": "e",
-    "recoil_factor": "r",
-    "ball_restitution": "e0",
-}
 
 
 def certificate_text(document: CertificateDocument) -> str:

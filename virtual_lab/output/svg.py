@@ -1,6 +1,6 @@
 """Small line figures as SVG: black and grey, text as text, reproducible.
 
-The three figures of a certificate take a millisecond and need no import.
+The figures of a certificate take some milliseconds and need no import.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from html import escape
+from html import escape, unescape
 from math import ceil, floor, isfinite, log10
 
 PAGE_WIDTH = 497.0  # pt, the text width of an A4 page
@@ -39,6 +39,11 @@ def figure(panels: Iterable[Panel], height: float, name: str, title: str, descri
     )
 
 
+def description_of(figure: str) -> str:
+    """Return the description inside a figure, its alternative text."""
+    return unescape(figure.partition('-description">')[2].partition("</desc>")[0])
+
+
 def symbol_markup(text: str) -> str:
     """Return a text as SVG, the first ``letter_index`` in it as a symbol with its index."""
     found = re.search(r"\b([A-Za-z])_(\w)\b", text)
@@ -65,6 +70,8 @@ class Panel:
     x_label: str = ""
     y_label: str = ""
     x_ticks: Sequence[float] | None = None  # None: chosen
+    y_ticks: Sequence[float] | None = None
+    y_words: Sequence[str] = ()  # at the y_ticks, in place of their numbers
     _marks: list[str] = field(default_factory=list)
     _legend: list[tuple[str, str]] = field(default_factory=list)
 
@@ -103,6 +110,11 @@ class Panel:
         if label:
             self._legend.append((f'<path d="M0 0H14"{style}/>', label))
 
+    def shape(self, x: Sequence[float], y: Sequence[float], fill: str = "black") -> None:
+        """Fill the area within points."""
+        points = "L".join(self._point(*each) for each in zip(x, y, strict=True))
+        self._put(f'<path d="M{points}Z" fill="{fill}"/>')
+
     def level(self, y: float, label: str = "", *, width: float = 0.9, dashes: str = "") -> None:
         """Draw a level line all across."""
         self.line(self.x, (y, y), label, width=width, dashes=dashes)
@@ -129,10 +141,10 @@ class Panel:
             sign = f'<g transform="translate(7,0)">{_mark(radius, fill, cross)}</g>'
             self._legend.append((sign, label))
 
-    def whisker(self, x: float, low: float, high: float) -> None:
+    def whisker(self, x: float, low: float, high: float, cap: float = 4.0) -> None:
         """Draw an interval with caps."""
         at, top, bottom = self._x(x), self._y(high), self._y(low)
-        caps = "".join(f"M{_at(at - 4, end)}h8" for end in (top, bottom))
+        caps = "".join(f"M{_at(at - cap, end)}h{2 * cap:g}" for end in (top, bottom))
         self._put(f'<path d="M{_at(at, top)}V{bottom:.2f}{caps}" fill="none"{_stroke(0.9)}/>')
 
     def note(
@@ -174,8 +186,8 @@ class Panel:
             at = self._x(value)
             frame += f"M{_at(at, self.bottom)}v{TICK:g}"
             labels.append(_text(at, self.bottom + 12, words, "middle"))
-        upward = _ticks(*self.y, 4)
-        for value, words in zip(upward, _numbers(upward), strict=True):
+        upward = _ticks(*self.y, 4) if self.y_ticks is None else list(self.y_ticks)
+        for value, words in zip(upward, self.y_words or _numbers(upward), strict=True):
             at = self._y(value)
             frame += f"M{_at(self.left, at)}h{-TICK:g}"
             labels.append(_text(self.left - 5, at + 2.8, words, "end"))
