@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from virtual_lab.studies.score import QuantityScore
     from virtual_lab.studies.score import score_folder as score
     from virtual_lab.studies.template import template
+    from virtual_lab.uncertainty.indices import sobol_indices as sobol
     from virtual_lab.uncertainty.inputs import Input
     from virtual_lab.uncertainty.propagating import propagate_inputs as propagate
     from virtual_lab.video.calibration.calibrating import Calibrated
@@ -97,6 +98,7 @@ __all__ = [
     "shelf",
     "show",
     "slope",
+    "sobol",
     "stability",
     "sweep",
     "template",
@@ -140,6 +142,7 @@ ELSEWHERE = {  # name: module, name there
     "shelf": (f"{STUDIES}.inventory", "shelf"),
     "show": (f"{STUDIES}.inventory", "show"),
     "slope": (f"{STUDIES}.place_slope", "slope"),
+    "sobol": ("virtual_lab.uncertainty.indices", "sobol_indices"),
     "stability": ("virtual_lab.api.charts", "stability"),
     "template": (f"{STUDIES}.template", "template"),
     "verify": ("virtual_lab.certificate.verify", "verify"),

@@ -203,7 +203,10 @@ ARGUMENTS = {
     "operator": ANY,
     "model": ArgumentRule(_callable, "a function of named inputs"),
     **dict.fromkeys(("inputs", "correlations"), ANY),
-    "method": ArgumentRule(_word, "first-order or second-order"),
+    "method": ArgumentRule(_word, "first-order, second-order or monte-carlo"),
+    "rule": ArgumentRule(_word, "stein or 7.9"),
+    **dict.fromkeys(("digits", "draws", "points"), WHOLE),
+    "validate": YES_OR_NO,
     "probability": NUMBER,
 }
 

@@ -106,7 +106,7 @@ class Model:
             raise InputError("model", name, given, f"{ONE}, real ones")
         if values.shape != shape:
             raise InputError("model", name, f"shape {values.shape}", ONE)
-        return values.astype(float)
+        return np.asarray(values, float)
 
 
 def _where(arguments: Mapping[str, Any]) -> str:

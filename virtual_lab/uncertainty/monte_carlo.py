@@ -1,0 +1,304 @@
+"""Propagation of distributions (JCGM 101 and 102): counted draws, adaptive stopping, intervals.
+
+A draw belongs to (seed, input, block of 65 536), so it does not hang on the other inputs, their
+order, or when the run stops; and it can be made again. Memory is flat in the number of draws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from math import ceil, floor, inf, log10, sqrt
+
+import numpy as np
+
+from virtual_lab.errors import InputError
+from virtual_lab.streams import generator
+from virtual_lab.uncertainty.inputs import Inputs
+from virtual_lab.uncertainty.models import Model, Outputs
+from virtual_lab.uncertainty.propagated import Convergence, Outcome, Propagated, Region
+from virtual_lab.uncertainty.sketch import Sketch, shortest_interval
+from virtual_lab.units import Array
+
+MONTE_CARLO = "monte-carlo"
+BLOCK, BATCH = 65_536, 16_384  # a batch has the 10 000 draws that JCGM 101, 7.9.4 asks for
+FIRST_STAGE = 16  # batches
+CONFIDENCE = 0.95  # that every number stated is within its tolerance
+MOST = 2**36  # draws
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """How many draws: a fixed number, or until `digits` of u and the interval's ends are right."""
+
+    probability: float
+    digits: int = 2
+    draws: int | None = None
+    rule: str = "stein"
+    validate: bool = False
+    seed: int = 0
+
+
+def drawn(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
+    """Return one block of draws of every source, (65 536,) each."""
+    found = {}
+    for name, source in inputs.sources.items():
+        if name not in inputs.joined:
+            x = source.law.draw(generator(seed, name, block), BLOCK, source.shape)
+            x *= source.scale
+            x += source.estimate.value
+            found[name] = x
+    for joint in inputs.joints:
+        normal = [generator(seed, name, block).standard_normal(BLOCK) for name in joint.names]
+        errors = joint.draw_factor @ np.stack(normal)
+        if joint.draw_dof < inf:
+            shared = generator(seed, " ".join(joint.names), block)
+            errors /= np.sqrt(shared.chisquare(joint.draw_dof, BLOCK) / joint.draw_dof)
+        for name, error in zip(joint.names, errors, strict=True):
+            found[name] = inputs.sources[name].estimate.value + error
+    return found
+
+
+class Batches:
+    """What has been drawn of every output: numbers of each batch, and sketches of all."""
+
+    def __init__(self, model: Model, drawing: Drawing) -> None:
+        self.model, self.drawing = model, drawing
+        self.sketches: dict[str, Sketch] = {}
+        self.ends: dict[str, tuple[Array, Array]] = {}  # of the first block, and dx/dF there
+        # of each batch: mean, u, low, high of each output, and the outputs' covariance
+        self.found: list[Array] = []
+        self.covariances: list[Array] = []
+        self._blocks = self.answers()
+        self._rest: list[Outputs] = []
+
+    def answers(self) -> Iterator[Outputs]:
+        for block in range(MOST // BLOCK):
+            yield self.model(drawn(self.model.inputs, self.drawing.seed, block))
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    def draw_to(self, count: int) -> None:
+        """Draw until there are so many batches."""
+        if not self.sketches:
+            first = next(self._blocks)
+            p = self.drawing.probability
+            self.sketches = {name: Sketch.placed(own, p) for name, own in first.items()}
+            self.ends = {name: _ends(own, (1 - p) / 2) for name, own in first.items()}
+            self._rest = _parts(first)
+        while len(self) < count:
+            if not self._rest:
+                self._rest = _parts(next(self._blocks))
+            self._take(self._rest.pop(0))
+
+    def _take(self, answers: Outputs) -> None:
+        tail = (1 - self.drawing.probability) / 2
+        rows = []
+        for name, values in answers.items():
+            self.sketches[name].add(values)
+            (low, high), slope = self.ends[name]
+            # a quantile's error is that of the distribution function there (Bahadur): no sorting
+            off = np.array([np.mean(values <= low) - tail, np.mean(values <= high) - 1 + tail])
+            rows.append([values.mean(), values.std(ddof=1), *([low, high] - off * slope)])
+        self.found.append(np.array(rows))
+        if len(rows) > 1:
+            self.covariances.append(np.cov(np.stack(list(answers.values()))))
+
+    @property
+    def mean(self) -> Array:
+        return np.asarray(np.mean([each[:, 0] for each in self.found], axis=0))
+
+    @property
+    def u(self) -> Array:
+        """Standard deviation of all draws, (output,)."""
+        return np.asarray(np.sqrt(np.diagonal(self.covariance())))
+
+    def covariance(self) -> Array:
+        """Return the covariance of the outputs, (n, n): the mean of those of the batches."""
+        if self.covariances:
+            return np.asarray(np.mean(self.covariances, axis=0))
+        return np.diag(np.mean(np.array(self.found)[:, :, 1] ** 2, axis=0))
+
+    def standard_errors(self) -> Array:
+        """Return standard errors of mean, u, low and high of each output, (output, 4)."""
+        return np.asarray(np.std(self.found, axis=0, ddof=1) / sqrt(len(self)))
+
+
+def tolerance(u: float, digits: int) -> float:
+    """Return half of the last of so many digits of u (JCGM 101, 7.9.2)."""
+    return float(0.5 * 10.0 ** (floor(log10(u)) - digits + 1)) if 0 < u < inf else inf
+
+
+def _goals(batches: Batches, infinite: bool) -> Array:
+    """Return the tolerance of each number, (output, 4)."""
+    found = np.mean(batches.found, axis=0)
+    size = (found[:, 3] - found[:, 2]) / 4 if infinite else batches.u
+    share = 5 if batches.drawing.validate else 1
+    goals = np.array([tolerance(each, batches.drawing.digits) / share for each in size])
+    each = np.repeat(goals[:, None], 4, axis=1)
+    if infinite:
+        each[:, :2] = inf
+    return each
+
+
+def stein(batches: Batches, infinite: bool) -> Array:
+    """Draw in two stages: the scatter of the first tells how many the second must have.
+
+    Stein (1945), as Wübbeler, Harris and Cox (Metrologia 47, 2010) take it to JCGM 101. All
+    numbers of all outputs meet their tolerance with 95 % (Bonferroni). Returns the tolerances.
+    """
+    from scipy.special import stdtrit
+
+    batches.draw_to(FIRST_STAGE)
+    goals, errors = _goals(batches, infinite), batches.standard_errors()
+    bound = goals < inf
+    if bound.any():
+        factor = stdtrit(FIRST_STAGE - 1, 1 - (1 - CONFIDENCE) / 2 / bound.sum())
+        wanted = FIRST_STAGE * float(np.max((factor * errors / goals)[bound])) ** 2
+        if not wanted * BATCH < MOST:
+            allowed = "allowed: fewer digits, or a fixed number of draws"
+            raise InputError("", "digits", f"{wanted * BATCH:.2g} draws needed", allowed)
+        batches.draw_to(ceil(wanted))
+    return goals
+
+
+def standard_rule(batches: Batches, infinite: bool) -> Array:
+    """Draw batch by batch until two standard errors are within the tolerance (JCGM 101, 7.9.4)."""
+    batches.draw_to(2)
+    while len(batches) * BATCH < MOST:
+        goals = _goals(batches, infinite)
+        if np.all(2 * batches.standard_errors() <= goals):
+            break
+        batches.draw_to(len(batches) + 1)
+    return goals
+
+
+RULES: dict[str, Callable[[Batches, bool], Array]] = {"stein": stein, "7.9": standard_rule}
+
+
+def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagated:
+    """Return outputs by draws; `linear` is the first order, which they are to judge."""
+    _require_drawable(model.inputs)
+    few = min(_draw_dof(model.inputs), default=inf)
+    infinite = few <= 2
+    batches = Batches(model, drawing)
+    goals = None
+    if drawing.draws is None:
+        goals = RULES[drawing.rule](batches, infinite)
+    else:
+        batches.draw_to(max(2, ceil(drawing.draws / BATCH)))
+    errors, tail = batches.standard_errors(), (1 - drawing.probability) / 2
+    outcomes = {}
+    for k, (name, one) in enumerate(linear.outcomes.items()):
+        below, edges = batches.sketches[name].distribution()
+        low, middle, high = map(float, np.interp([tail, 0.5, 1 - tail], below, edges))
+        value, u = (middle, inf) if infinite else (float(batches.mean[k]), float(batches.u[k]))
+        outcomes[name] = replace(
+            one,
+            value=value,
+            u=u,
+            dof=inf,
+            interval=(low, high),
+            shift=value - one.value,
+            shortest=shortest_interval(below, edges, drawing.probability),
+            convergence=Convergence(
+                draws=len(batches) * BATCH,
+                standard_errors=tuple(map(float, errors[k])),
+                tolerance=None if goals is None else float(goals[k].min()),
+            ),
+            verdict=_verdict(one, (low, high), u, errors[k], drawing),
+        )
+    return replace(
+        linear,
+        method=MONTE_CARLO,
+        outcomes=outcomes,
+        correlation=None if infinite else _correlated(batches),
+        region=None if infinite or len(outcomes) == 1 else _region(model, batches),
+        notes=linear.notes[: model.row_by_row] + _draw_notes(few, drawing),
+    )
+
+
+def _require_drawable(inputs: Inputs) -> None:
+    for joint in inputs.joints:
+        if joint.drawn:
+            allowed = "allowed for draws: all normal, or all t of one ν (JCGM 101, 6.4.8)"
+            raise InputError("correlations", "inputs", joint.drawn, allowed)
+
+
+def _draw_dof(inputs: Inputs) -> Iterator[float]:
+    joined = inputs.joined
+    yield from (joint.draw_dof for joint in inputs.joints)
+    for name, source in inputs.sources.items():
+        if name not in joined and not source.law.limited and source.shape == source.shape:
+            yield source.shape
+
+
+def _draw_notes(few: float, drawing: Drawing) -> tuple[str, ...]:
+    said = f"draws: {drawing.rule if drawing.draws is None else 'a fixed number'}"
+    if few <= 2:
+        return (f"{said}; an input has ν = {few:g}, at most 2: no u exists, the value is a median",)
+    return (said,)
+
+
+def _ends(values: Array, tail: float) -> tuple[Array, Array]:
+    """Return the quantiles of both tails of a block, and how steep they are."""
+    q = np.array([[tail / 2, tail, tail * 3 / 2], [1 - tail * 3 / 2, 1 - tail, 1 - tail / 2]])
+    found = np.quantile(values, q)
+    return found[:, 1], (found[:, 2] - found[:, 0]) / tail
+
+
+def _parts(answers: Outputs) -> list[Outputs]:
+    return [
+        {name: values[at : at + BATCH] for name, values in answers.items()}
+        for at in range(0, BLOCK, BATCH)
+    ]
+
+
+def _verdict(
+    linear: Outcome, ends: tuple[float, float], u: float, errors: Array, drawing: Drawing
+) -> str:
+    """Return the judgement of clause 8: whether the linear ends agree with those of the draws."""
+    if not 0 < u < inf:
+        return "first order not validated: no u to compare"
+    limit = tolerance(u, drawing.digits)
+    reached = 2 * max(errors[2:])
+    low, high = (abs(a - b) for a, b in zip(linear.interval, ends, strict=True))
+    if reached > limit / 5 and max(low, high) - reached < limit:
+        return (
+            f"first order not judged: ends of the draws known within {reached:.1g}, clause 8 asks "
+            f"for {limit / 5:.1g}; validate=True draws so many"
+        )
+    said = "validated" if max(low, high) <= limit else "not validated"
+    return f"first order {said}: ends differ by {low:.2g} and {high:.2g}, allowed {limit:.1g}"
+
+
+def _correlated(batches: Batches) -> Array:
+    covariance = batches.covariance()
+    scale = np.outer(batches.u, batches.u)
+    return np.asarray(np.divide(covariance, scale, out=np.eye(len(scale)), where=scale > 0))
+
+
+def _region(model: Model, batches: Batches) -> Region:
+    """Return coverage regions of all outputs together (JCGM 102, 7.7): the draws made once more."""
+    drawing, mean, covariance = batches.drawing, batches.mean, batches.covariance()
+    inverse = np.linalg.pinv(covariance, hermitian=True)
+    u = np.where(batches.u > 0, batches.u, inf)
+    sketches: list[Sketch] = []
+    left = len(batches)
+    for answers in batches.answers():
+        away = np.stack(list(answers.values()))[:, : left * BATCH] - mean[:, None]
+        both = (
+            np.sqrt(np.einsum("ik,ij,jk->k", away, inverse, away)),
+            np.max(np.abs(away) / u[:, None], axis=0),
+        )
+        sketches = sketches or [Sketch.placed(each, drawing.probability) for each in both]
+        for sketch, each in zip(sketches, both, strict=True):
+            sketch.add(each)
+        left -= BLOCK // BATCH
+        if left <= 0:
+            break
+    ellipsoid, box = (
+        float(np.interp(drawing.probability, *each.distribution())) for each in sketches
+    )
+    return Region(mean=mean, covariance=covariance, ellipsoid=ellipsoid, box=box)

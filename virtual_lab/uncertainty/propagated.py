@@ -1,0 +1,145 @@
+"""What a method finds of a model's outputs: numbers, budget and text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import floor, inf, log10
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.uncertainty.budget import Component
+from virtual_lab.units import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Convergence:
+    """Of numbers that come from draws: how many, and how well the numbers are known."""
+
+    draws: int
+    standard_errors: tuple[float, ...]  # of value, u, and the interval's ends
+    tolerance: float | None  # that all are within by 95 %; None of a fixed number of draws
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Region:
+    """Where all outputs lie together, about their mean, by the probability (JCGM 102, 7.7)."""
+
+    mean: Array
+    covariance: Array
+    ellipsoid: float  # k_p: (y - mean)ᵀ V⁻¹ (y - mean) ≤ k_p²
+    box: float  # k_q: every |y - mean| ≤ k_q u
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """An output of a model with its uncertainty, and what each input contributes (first order)."""
+
+    name: str
+    value: float
+    u: float
+    dof: float
+    interval: tuple[float, float]
+    shift: float  # of the mean by curvature, all inputs
+    components: tuple[Component, ...]
+    shortest: tuple[float, float] | None = None  # interval, by draws
+    convergence: Convergence | None = None
+    verdict: str = ""  # of JCGM 101, clause 8, on the first order
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Propagated:
+    """The outputs of a model, by one method, which it names."""
+
+    method: str
+    probability: float
+    outcomes: Mapping[str, Outcome]
+    correlation: Array | None  # of the outputs, (n, n)
+    notes: tuple[str, ...]
+    region: Region | None = None  # of several outputs by draws
+
+    def __getitem__(self, name: str) -> Outcome:
+        if name not in self.outcomes:
+            allowed = f"{nearest(name, self.outcomes)}allowed: {', '.join(self.outcomes)}"
+            raise InputError("", "output", name, allowed)
+        return self.outcomes[name]
+
+    @property
+    def value(self) -> float:
+        return self._only.value
+
+    @property
+    def u(self) -> float:
+        return self._only.u
+
+    @property
+    def dof(self) -> float:
+        return self._only.dof
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        return self._only.interval
+
+    @property
+    def _only(self) -> Outcome:
+        if len(self.outcomes) > 1:
+            names = ", ".join(self.outcomes)
+            raise InputError("", "output", None, f"there are several; allowed: [NAME] of {names}")
+        return next(iter(self.outcomes.values()))
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row an output."""
+        import pandas as pd
+
+        def row(one: Outcome) -> dict[str, Any]:
+            columns = {key: getattr(one, key) for key in ("value", "u", "dof")}
+            low, high = one.interval
+            return {"output": one.name, "method": self.method, **columns, "low": low, "high": high}
+
+        return pd.DataFrame([row(one) for one in self.outcomes.values()])
+
+    @property
+    def budget(self) -> pd.DataFrame:
+        """A row an input and output, largest first: share of the sum of their squares."""
+        import pandas as pd
+
+        rows = []
+        for one in self.outcomes.values():
+            total = sum(part.contribution**2 for part in one.components)
+            for part in sorted(one.components, key=lambda each: -each.contribution):
+                own = {"output": one.name, "component": part.name}
+                for key in ("value", "u", "dof", "evaluation", "sensitivity", "contribution"):
+                    own[key] = getattr(part, key)
+                share = 100 * part.contribution**2 / total if total else 0.0
+                rows.append(own | {"share_percent": share})
+        return pd.DataFrame(rows)
+
+    @property
+    def text(self) -> str:
+        """Outputs, method and notes, a line each."""
+        lines = []
+        for one in self.outcomes.values():
+            value, low, high = (_rounded(each, one.u) for each in (one.value, *one.interval))
+            inside = f"{100 * self.probability:g} % in [{low}, {high}]"
+            lines.append(f"{one.name} = {value}, u = {one.u:.2g}, {inside}")
+            if one.shortest and one.convergence:
+                low, high = (_rounded(each, one.u) for each in one.shortest)
+                lines.append(f"  shortest [{low}, {high}]; {one.convergence.draws} draws")
+                lines.append(f"  {one.verdict}")
+        if self.region:
+            k = f"k = {self.region.ellipsoid:.4g}, box k = {self.region.box:.4g}"
+            lines.append(f"all outputs together: ellipsoid {k}")
+        return "\n".join([*lines, f"method: {self.method}", *self.notes])
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+def _rounded(value: float, u: float) -> str:
+    """Return a value to the second digit of u."""
+    place = 1 - floor(log10(u)) if 0 < u < inf else 6
+    return f"{value:.{place}f}" if 0 <= place <= 9 else f"{value:.7g}"

@@ -1,0 +1,66 @@
+"""Quantiles of any number of draws in flat memory: counts in bins whose merge is exact.
+
+Bins are equal in asinh((x - middle) / width): fine where the ends of an interval lie, coarse far
+out, and none is outside. With `width` half of an interval, a bin at its end is 1.3e-4 of it wide,
+and quantiles are interpolated within bins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.units import Array
+
+BINS = 2**18  # 2 MB: as fast as the cache is
+REACH = 12.0  # in asinh: 80 000 widths on either side
+
+
+@dataclass(frozen=True, slots=True)
+class Sketch:
+    """Counts of numbers; `add` fills them, a sum of two of one place is that of both."""
+
+    middle: float
+    width: float
+    counts: NDArray[np.int64]
+
+    @classmethod
+    def placed(cls, values: Array, probability: float) -> Self:
+        """Return an empty sketch for numbers like these, and their interval of a probability."""
+        tail = (1 - probability) / 2
+        low, middle, high = np.quantile(values, [tail, 0.5, 1 - tail])
+        return cls(float(middle), float(high - low) / 2 or 1.0, np.zeros(BINS, np.int64))
+
+    def add(self, values: Array) -> None:
+        """Count the numbers in."""
+        at = np.arcsinh((values - self.middle) / self.width)
+        at *= BINS / (2 * REACH)
+        at += BINS / 2
+        np.clip(at, 0, BINS - 1, out=at)
+        np.add.at(self.counts, at.astype(np.int64), 1)
+
+    def __add__(self, other: Sketch) -> Sketch:
+        if (self.middle, self.width) != (other.middle, other.width):
+            raise ValueError("sketches of one place add up")
+        return Sketch(self.middle, self.width, self.counts + other.counts)
+
+    def distribution(self) -> tuple[Array, Array]:
+        """Return the distribution function at the edges of the bins that hold numbers, and these.
+
+        A quantile is ``np.interp(q, below, edges)``, linear within a bin.
+        """
+        held = np.flatnonzero(self.counts)
+        below = np.concatenate([[0], np.cumsum(self.counts[held])]) / self.counts.sum()
+        first = np.concatenate([held[:1], held + 1])
+        return below, self.middle + self.width * np.sinh(REACH * (2 * first / BINS - 1))
+
+
+def shortest_interval(below: Array, edges: Array, probability: float) -> tuple[float, float]:
+    """Return the shortest interval of a distribution function (JCGM 101, 7.7.4)."""
+    starts = below <= 1 - probability
+    lengths = np.interp(below[starts] + probability, below, edges) - edges[starts]
+    best = int(np.argmin(lengths))
+    return float(edges[best]), float(edges[best] + lengths[best])
