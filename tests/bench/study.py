@@ -26,10 +26,10 @@ from virtual_lab import catalog
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import detectable, doubts
 from virtual_lab.bench.keeping import laboratory_of, taken
 from virtual_lab.bench.operators import HABITS, PREPARATION, operator_of
 from virtual_lab.bench.protocol import left_out
+from virtual_lab.bench.readings import detectable, doubts
 from virtual_lab.bench.scenario import Scenario, load_scenario
 from virtual_lab.bench.serving import ServedDay
 

@@ -209,7 +209,7 @@ def test_the_same_ball_again(plain: Desk) -> None:
 
 
 def test_a_shifted_place_is_another_place(plain: Desk) -> None:
-    desk = Desk(day_of(with_change("set-place", place=6.5, unit="in")))
+    desk = Desk(day_of(with_change("set-place", place="6.5 in")))
     assert desk.session.records["impact"]["log"].place == pytest.approx(0.165, abs=1e-9)
     assert all("set at" in reason for shot, reason in enumerate(desk.reasons) if shot != 1)
 

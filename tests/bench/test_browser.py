@@ -122,7 +122,7 @@ def test_a_careless_day_is_kept_whole(visit: Visit) -> None:
     assert page.input_value("#set-place-place") == "1e99"
     assert names(day) == ["tare", "weigh-bat", "tap-bat"]
     page.get_by_role("button", name="Fire at the bat").click()
-    assert "load-ball comes first" in page.inner_text("[role=alert]")
+    assert "“Load a ball” comes first" in page.inner_text("[role=alert]")
 
 
 def test_a_phone_and_a_keyboard_are_enough(visit: Visit) -> None:

@@ -24,6 +24,8 @@ PAGES = (
     "/",
     "/notebook",
     "/replay",
+    "/rules",
+    "/instruments",
     "/film",
     "/bench.css",
     "/bench.js",
@@ -209,5 +211,7 @@ def test_sound_decoy_and_fault_days_have_the_same_elements(tmp_path: Path) -> No
             if action.name in SEEN:
                 browser.rest()
                 elements |= Elements(browser.ask("/").text).found
+        # whether a reading is within its limit the records alone decide
+        elements -= {("strong", "class=off"), ("strong", "class=sound")}
         made.append((elements, len(browser.ask("/bench.css").text)))
     assert made[0] == made[1] == made[2]

@@ -15,9 +15,9 @@ from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day
 from virtual_lab.bench.debrief import Debrief, debrief, debrief_page
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import detectable, doubts, known_doubts
 from virtual_lab.bench.keeping import laboratory_of, played, taken
 from virtual_lab.bench.operators import by_script, operator_of
+from virtual_lab.bench.readings import detectable, doubts, known_doubts
 from virtual_lab.bench.scenario import load_scenario
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError

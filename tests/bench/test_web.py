@@ -202,11 +202,11 @@ def test_a_form_sent_twice_makes_one_entry(browser: Browser) -> None:
         ("swing", {"amplitude": "1e99"}, "allowed: numbers from 0.5 to 45 deg"),
         ("swing", {"amplitude": "<script>"}, "allowed: numbers"),
         ("set-place", {"place": "-1"}, "allowed: numbers from 0 to 1500"),
-        ("set-place", {"place": "163", "unit": "furlong"}, "allowed: mm, cm, in"),
+        ("set-place", {"place": "163 furlong"}, "allowed: numbers from 0 to 1500 mm"),
         ("sing", {}, "known: tare"),
         ("fire-shots", {"shots": "1000"}, "allowed: 1 to 12"),
         ("fire-shots", {"shots": "1"}, "is not known yet"),
-        ("fire", {}, "load-ball comes first"),
+        ("fire", {}, "“Load a ball” comes first"),
     ],
 )
 def test_bad_input_is_answered_in_words_and_the_day_is_whole(

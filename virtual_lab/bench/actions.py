@@ -33,8 +33,11 @@ class Argument:
     high: float = 1e6
     choices: tuple[str, ...] = ()
 
-    def read(self, raw: object, action: str) -> Value:
-        """Return the value that was typed or sent; `InputError` where it is none."""
+    def read(self, raw: object, action: str, length: str = "mm") -> Value:
+        """Return the value that was typed or sent; `InputError` where it is none.
+
+        A bare number of a length is in the unit `length`.
+        """
         if raw is None or (isinstance(raw, str) and not raw.strip()):
             if self.default is None:
                 raise InputError(action, self.name, None, f"is missing: {self.title}")
@@ -50,11 +53,11 @@ class Argument:
                 allowed = f"{nearest(raw, self.choices)}allowed: {', '.join(self.choices)}"
                 raise InputError(action, self.name, raw, allowed)
             return str(raw)
-        return self._number(raw, action)
+        return self._number(raw, action, length)
 
-    def _number(self, raw: object, action: str) -> Value:
+    def _number(self, raw: object, action: str, length: str) -> Value:
         text = str(raw).strip()
-        factor = 1.0
+        factor = self._factor(length) if self.unit == "mm" else 1.0
         if (typed := TYPED.fullmatch(text)) and self.unit:
             text, factor = typed[1], self._factor(typed[2])
         if re.fullmatch(r"[+-]?\d+,\d+", text):  # a decimal comma; 1,200,000 is none
@@ -140,7 +143,7 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
             _number("along", "along the bat, to the knob", -50, 50, unit="mm", default=0.0),
             _number("across", "up", -50, 50, unit="mm", default=0.0),
         ),
-        "set-place": (_number("place", "from the tip", 0, 1500), _choice("unit", "unit", *LENGTHS)),
+        "set-place": (_number("place", "from the tip", 0, 1500, unit="mm"),),
         "load-ball": (BALL,),
         "retire-ball": (BALL, REASON),
         "accept": (SHOT, _text("because", "because", default="within the windows")),
@@ -165,8 +168,10 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
 )
 
 
-def action_of(name: str, arguments: Mapping[str, object] | None = None) -> Action:
-    """Return the action of a name with its arguments read.
+def action_of(
+    name: str, arguments: Mapping[str, object] | None = None, length: str = "mm"
+) -> Action:
+    """Return the action of a name with its arguments read, bare lengths in the unit `length`.
 
     Raises
     ------
@@ -182,5 +187,5 @@ def action_of(name: str, arguments: Mapping[str, object] | None = None) -> Actio
     if strange := [key for key in given if key not in takes]:
         allowed = f"allowed: {', '.join(takes) or 'no argument'}"
         raise InputError(name, str(strange[0]), None, allowed)
-    read = {key: argument.read(given.get(key), name) for key, argument in takes.items()}
+    read = {key: argument.read(given.get(key), name, length) for key, argument in takes.items()}
     return Action(name=name, arguments=read)

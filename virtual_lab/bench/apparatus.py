@@ -24,10 +24,11 @@ from virtual_lab.bench.entries import entry_of_record
 from virtual_lab.bench.firing import Firing, altered, specimen_at
 from virtual_lab.bench.protocol import checklist
 from virtual_lab.bench.sketching import sketch_of
-from virtual_lab.bench.table import Consequences, action_table
+from virtual_lab.bench.table import CHANNELS, Consequences, action_table
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest, Laboratory, TestDay
 from virtual_lab.measurement.session_reduction import BlockReduction
+from virtual_lab.output.metrics import METRICS
 from virtual_lab.records import MassReadings, Record
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import entry_of_constant
@@ -40,14 +41,6 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, Array
 
 MILLIMETRE, GRAM = 1e-3, 1e-3
-CHANNELS = {  # action: channel of the bench
-    "weigh-bat": "bat-mass",
-    "weigh-balls": "ball-mass",
-    "measure-length": "length",
-    "measure-barrel": "barrel-radius",
-    "measure-balance": "balance",
-    "swing": "pendulum",
-}
 
 
 class Reading(NamedTuple):
@@ -366,7 +359,7 @@ class Apparatus:
         by_rules = ": ".join(filter(None, (found.verdict.value, "; ".join(found.reasons))))
         return Reading(
             shown=(
-                (desk.rules.spec.metric, float(f"{found.metric.value:.4g}"), ""),
+                (METRICS[desk.rules.spec.metric].words, float(f"{found.metric.value:.4g}"), ""),
                 ("standard uncertainty", float(f"{found.metric.u:.2g}"), ""),
                 ("by the rules", by_rules, ""),
             )

@@ -15,7 +15,7 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.bench.day import Shown
-from virtual_lab.bench.inspection import CLOCK
+from virtual_lab.bench.readings import CLOCK
 from virtual_lab.bench.table import action_table
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.lab import Laboratory

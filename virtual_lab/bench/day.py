@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import Any
 
-from virtual_lab.bench.actions import LENGTHS, Action
+from virtual_lab.bench.actions import Action
 from virtual_lab.bench.table import MAKE_READY, action_table
 from virtual_lab.errors import InputError
 from virtual_lab.records.session import Session
@@ -190,7 +190,7 @@ Changes = Mapping[str, Any]  # fields of a day
 def _placed(day: Day, given: Changes) -> Changes:
     from virtual_lab.measurement.procedure import to_set  # loads slowly, and no page waits for it
 
-    place = float(to_set(given["place"] * LENGTHS[given["unit"]], exact=False))
+    place = float(to_set(given["place"] / 1e3, exact=False))
     return {"place": place, "ready": day.ready - {"wait-rest"}}
 
 

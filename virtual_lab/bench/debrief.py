@@ -25,10 +25,10 @@ from virtual_lab.bench.deviations import (
     deviations,
     needless_seconds,
 )
-from virtual_lab.bench.inspection import detectable, doubts, fault_sheets, known_doubts
 from virtual_lab.bench.keeping import KeptDay, played, taken
 from virtual_lab.bench.operators import operator_of
 from virtual_lab.bench.protocol import StepDue, excused, left_out, steps_due
+from virtual_lab.bench.readings import detectable, doubts, fault_sheets, known_doubts
 from virtual_lab.bench.scenario import SCORES, UNITS, Scenario
 from virtual_lab.bench.table import PREPARING, action_table
 from virtual_lab.errors import InputError

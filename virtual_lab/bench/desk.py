@@ -15,7 +15,7 @@ import numpy as np
 from virtual_lab.bench.actions import OWN_RESULTS
 from virtual_lab.bench.day import Day, DayEvent, evolve
 from virtual_lab.bench.entries import record_of
-from virtual_lab.bench.table import action_table
+from virtual_lab.bench.table import action_table, repairs
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Judgement, Procedure, next_places, outcome_of, to_set
@@ -24,6 +24,7 @@ from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
 
 if TYPE_CHECKING:  # the reduction takes a second to load, and a first page must not wait for it
+    from virtual_lab.bench.readings import CheckRow
     from virtual_lab.measurement.certification import Certification
     from virtual_lab.measurement.reduction.shot_algebra import ShotResults
     from virtual_lab.measurement.session_reduction import Preparation, SessionReduction
@@ -139,6 +140,13 @@ class Desk:
 
         return evaluate(self.session, self.reduced)
 
+    @cached_property
+    def rows(self) -> tuple[CheckRow, ...]:
+        """Every reading so far that may decide on a fault, beside its limits."""
+        from virtual_lab.bench.readings import rows_of
+
+        return tuple(rows_of(self))
+
     @property
     def result(self) -> tuple[float, float] | None:
         """The metric and its standard uncertainty as the records give it; None: they give none."""
@@ -253,7 +261,8 @@ class Desk:
         """Return the desk after an event; what it leaves as it was is not worked out again."""
         following = Desk(evolve(self.day, event))
         if not (event.records or event.constants or event.action == "strike-out"):
-            kept = ("session", "rules", "preparation", "by_rules", "missing")
+            seen = () if event.shown or event.action in repairs() else ("rows",)
+            kept = ("session", "rules", "preparation", "by_rules", "missing", *seen)
             following.__dict__.update(
                 {name: self.__dict__[name] for name in kept if name in self.__dict__}
             )

@@ -14,10 +14,10 @@ import numpy as np
 
 from virtual_lab.bench.day import DayEvent
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import detectable, doubts, signs, signs_of_edges
 from virtual_lab.bench.protocol import left_out
+from virtual_lab.bench.readings import CheckRow, detectable, doubts, rows_of_edges
 from virtual_lab.bench.table import PREPARING, action_table
-from virtual_lab.records import GateRecord
+from virtual_lab.records import BoardRecord, GateRecord
 
 JUSTIFIED, DENIED, OPEN = "justified", "not borne out", "for the trainer to judge"
 SEEN = {
@@ -65,11 +65,9 @@ def oddity(desk: Desk, shot: int) -> str:
     for struck in fired.sketch.get("struck", ()):
         if struck in SEEN:
             return SEEN[struck]
-    record = desk.session.records["impact"]["gates"]
-    if isinstance(record, GateRecord):
-        for sign in signs_of_edges(GateRecord(times=record.times[[shot]])):
-            if sign.decides:
-                return sign.why
+    for row in _edges(desk, shot):
+        if not row.within:
+            return row.why
     turning = None if desk.missing else desk.by_rules.readings.recoil
     if turning is not None:
         rough = turning.residual[shot] - float(np.median(turning.residual))
@@ -147,11 +145,20 @@ def _again(desk: Desk, step: str) -> bool:
 
 
 def _zero(desk: Desk) -> Evidence:
-    for sign in signs(desk):
-        if sign.fault == "scale-not-tared":
-            zeroed = sign.number < 2.0  # standard uncertainties
-            return (True if zeroed else False if sign.decides else None), sign.why
+    for row in desk.rows:
+        if row.fault == "scale-not-tared" and row.certificate is not None:
+            zeroed = abs(row.reading - row.certificate) < 2.0 * row.u
+            return (True if zeroed else None if row.within else False), row.why
     return None, "no check mass was weighed by then"
+
+
+def _edges(desk: Desk, shot: int) -> list[CheckRow]:
+    """Return what the gates' edges of one shot show, from 0; nothing where one is not seen."""
+    fired = [event for event in desk.day.events if event.action == "fire"][shot]
+    record = desk.session.records["impact"]["gates"]
+    if not isinstance(record, GateRecord | BoardRecord):
+        return []
+    return list(rows_of_edges(record, fired, range(shot, shot + 1)))
 
 
 def _at_rest(desk: Desk, shot: int) -> Evidence:
@@ -174,16 +181,10 @@ def _fast(desk: Desk, shot: int) -> Evidence:
 
 
 def _clear(desk: Desk, shot: int) -> Evidence:
-    record = desk.session.records["impact"]["gates"]
-    if not isinstance(record, GateRecord):
-        return None, "the gates do not show scrap"
-    found = [
-        s for s in signs_of_edges(GateRecord(times=record.times[[shot]])) if s.fault == "sabot-trip"
-    ]
+    found = _edges(desk, shot)
     if not found:
         return None, f"a gate did not see shot {shot + 1}"
-    why = f"on shot {shot + 1} {found[0].why}"
-    return not found[0].decides, why
+    return found[0].fault != "sabot-trip", found[0].why
 
 
 def _cold(desk: Desk, shot: int) -> Evidence:

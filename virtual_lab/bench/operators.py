@@ -14,8 +14,8 @@ import numpy as np
 
 from virtual_lab.bench.actions import Action, action_of
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import detectable, doubts, remedied_by_gauge
 from virtual_lab.bench.protocol import excused, left_out
+from virtual_lab.bench.readings import detectable, doubts
 from virtual_lab.bench.table import MAKE_READY
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.streams import Streams
@@ -90,10 +90,20 @@ def _before_the_wall(look: Look) -> Iterator[Action]:
     for name in ("reweigh-balls", "swing-clamp", "tap-bat", "fire-check-ball"):
         yield action_of(name)
     yield action_of("gauge-gates")
-    if remedied_by_gauge(look()):
+    yield from _doubts_noted(look)
+    if any(doubt.fault == "gate-moved" for doubt in doubts(look())):
         yield action_of("gauge-gates", {"use": "gauge"})
     for name in ("measure-pivot", "compare-clock", "fire-check-cylinder"):
         yield action_of(name)
+
+
+def _doubts_noted(look: Look) -> Iterator[Action]:
+    """Note what points to a fault, each once."""
+    noted = {str(e.arguments["doubt"]) for e in look().day.events if e.action == "note-doubt"}
+    for doubt in doubts(look()):
+        if doubt.fault not in noted:
+            sure = 100 * detectable()[doubt.fault].sure
+            yield action_of("note-doubt", {"doubt": doubt.fault, "confidence": sure})
 
 
 def _how(name: str, habits: Habits) -> Mapping[str, object]:
@@ -148,12 +158,9 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
         if not look().day.came_with:
             yield action_of("tap-bat")
             yield action_of("recheck-balls")
-        for doubt in doubts(look()):
-            known = detectable()[doubt.fault].sure
-            yield action_of("note-doubt", {"doubt": doubt.fault, "confidence": 100 * known})
-            mended = doubt.fault == "gate-moved" and not remedied_by_gauge(look())
-            if known >= 0.9 and not mended:
-                sure[doubt.fault] = known
+        yield from _doubts_noted(look)
+        known = {doubt.fault: detectable()[doubt.fault].sure for doubt in doubts(look())}
+        sure = {fault: each for fault, each in known.items() if each >= 0.9}
     if look().missing or not look().day.fired:
         yield action_of("give-verdict", {"verdict": "INVALID", "doubt": "no result"})
     else:

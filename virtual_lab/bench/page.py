@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 from virtual_lab.bench.actions import ARGUMENTS, Argument
 from virtual_lab.bench.day import Day, DayEvent, offered
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import known_doubts
 from virtual_lab.bench.operators import PREPARATION
+from virtual_lab.bench.papers import paper
+from virtual_lab.bench.readings import known_doubts
 from virtual_lab.bench.scenario import UNITS
 from virtual_lab.bench.slow_motion import Motion, SlowMotion, sketched, slow_motion
-from virtual_lab.bench.table import MAKE_READY, action_table
+from virtual_lab.bench.table import MAKE_READY, action_table, in_buttons
+from virtual_lab.bench.tally import residual_chart, run_chart, swings, tally
 from virtual_lab.bench.traces import traces_of
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.tables import quoted
@@ -30,6 +32,7 @@ PARTS = {
     "bench": "Bench",
     "wall": "Wall rig",
     "rig": "Rig at the bat",
+    "checks": "Checks",
     "hits": "Hits",
     "notebook": "Notebook",
     "result": "Result",
@@ -113,6 +116,7 @@ def day_page(
     focus = refused.action or present or _again(day.events)
     sheets = table.actions.items()
     shown = [name for name, each in sheets if each.part != "hits" and offered(day, name)]
+    suggested = _suggested(desk, briefing)
     each_shot = ("load-ball", *MAKE_READY, "fire")  # what the button of several does
     return page_template(PACKAGE, "day.html").render(
         **_shown(desk, briefing, hits, shot, true_motion),
@@ -125,16 +129,21 @@ def day_page(
         present=present,
         focus=focus,
         open_part=_part_of(focus) if focus else "bench",
+        deciding=hits[-1] if _last_undecided(desk, hits) else None,
+        rows=desk.rows,
+        swings=swings(desk),
+        tally=tally(desk, UNITS[briefing["units"]]),
+        run_chart=run_chart(desk, UNITS[briefing["units"]]),
         parts=[
             (part, title, [name for name in shown if table.actions[name].part == part])
             for part, title in PARTS.items()
         ],
-        forms={name: _form(name, desk, refused) for name in table.actions},
+        forms={name: _form(name, desk, refused, suggested) for name in table.actions},
         done_of=_done_of(steps),
         hits=hits,
         undecided=[hit for hit in hits if hit.decision == "undecided"],
-        hits_note=desk.missing,
-        suggested=_suggested(desk),
+        hits_note=in_buttons(desk.missing),
+        suggested=suggested,
         can_fire=offered(day, "fire"),
         ready=[(table.actions[name].title, name in day.ready) for name in MAKE_READY],
         each_shot=f"{sum(table.actions[name].minutes for name in each_shot) / 60:g}",
@@ -177,6 +186,10 @@ def _shown(
         "filmed": bool(briefing.get("camera") and shown and "rebound" in fired[shown - 1].sketch),
         "traces": traces_of(shown, fired[shown - 1].records) if shown else None,
         "motion": _motion(desk, shown, fired, true_motion) if shown else None,
+        "residual": residual_chart(desk, shown) if shown else "",
+        "rows_now": [row for row in desk.rows if last and row.entry == last.number],
+        "swings_now": swings(desk) if last and last.action == "swing" else [],
+        "place_set": _length(day.place, briefing) if day.place is not None else "",
     }
 
 
@@ -238,6 +251,20 @@ def _steps(desk: Desk) -> list[Step]:
     return steps
 
 
+def _last_undecided(desk: Desk, hits: list[HitShown]) -> bool:
+    """Return whether the last action was a shot that may be decided on now."""
+    events, day = desk.day.events, desk.day
+    fired = bool(events) and events[-1].action == "fire" and bool(hits)
+    return fired and not (day.reduced or day.handed_in or desk.missing)
+
+
+def wall_page(desk: Desk, briefing: Mapping[str, Any], name: str) -> str:
+    """Return what hangs on the wall: the rules, or the instruments' certificates."""
+    return page_template(PACKAGE, f"{name}.html").render(
+        briefing=briefing, metric=METRICS[desk.rules.spec.metric], **paper(desk, briefing)
+    )
+
+
 def _present(desk: Desk, steps: list[Step], hits: list[HitShown]) -> str:
     """Return what the procedure asks for now: an action, or a hit that is to be decided."""
     for hit in hits:
@@ -276,7 +303,7 @@ def _done_of(steps: list[Step]) -> dict[str, str]:
     return found
 
 
-def _form(name: str, desk: Desk, refused: Refusal) -> dict[str, Any]:
+def _form(name: str, desk: Desk, refused: Refusal, suggested: Mapping[str, str]) -> dict[str, Any]:
     sheet = action_table().actions[name]
     typed = refused.given or {} if refused.action == name else {}
     return {
@@ -286,29 +313,27 @@ def _form(name: str, desk: Desk, refused: Refusal) -> dict[str, Any]:
         "skipped": sheet.skipped,
         "times": desk.day.times(name),
         "arguments": [
-            (each, typed.get(each.name, _default(each, name, desk)))
+            (each, typed.get(each.name, _default(each, name, suggested)))
             for each in ARGUMENTS.get(name, ())
         ],
     }
 
 
-def _default(argument: Argument, action: str, desk: Desk) -> str:
-    if action == "set-place" and argument.name == "place":
-        return _suggested(desk)["place"]
-    if action == "load-ball" and argument.name == "ball":
-        return _suggested(desk)["ball"]
+def _default(argument: Argument, action: str, suggested: Mapping[str, str]) -> str:
+    if (action, argument.name) in {("set-place", "place"), ("load-ball", "ball")}:
+        return suggested[argument.name]
     if argument.default is None:
         return ""
     return f"{argument.default:g}" if isinstance(argument.default, float) else str(argument.default)
 
 
-def _suggested(desk: Desk) -> dict[str, str]:
-    """Return where the rules ask for the next hit [mm] and whose turn it is; nothing too early."""
+def _suggested(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
+    """Return where the rules ask for the next hit and whose turn it is; nothing too early."""
     if desk.missing:
         return {"place": "", "ball": ""}
     place = desk.next_place
     return {
-        "place": "" if place is None else f"{place * 1e3:.1f}",
+        "place": "" if place is None else _length(place, briefing),
         "ball": str(desk.next_ball + 1),
     }
 
@@ -316,6 +341,12 @@ def _suggested(desk: Desk) -> dict[str, str]:
 def _units(briefing: Mapping[str, Any]) -> list[str]:
     """Return the units in which places and speeds are printed."""
     return [unit for unit, _ in UNITS[briefing["units"]]]
+
+
+def _length(metres: float, briefing: Mapping[str, Any]) -> str:
+    """Return a length as printed."""
+    (unit, metre), _ = UNITS[briefing["units"]]
+    return f"{metres / metre:.{3 if unit == 'in' else 1}f}"
 
 
 def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[HitShown]:

@@ -40,7 +40,7 @@ class Scenario(Spec):
     guidance: Literal["guided", "checklist", "none"] = "guided"
     checklists: YesNo = False
     feedback: Literal["during", "after", "never"] = "after"
-    units: Literal["SI", "inch-ounce-mph"] = "inch-ounce-mph"  # in print
+    units: Literal["SI", "inch-ounce-mph"] = "SI"  # in print and typed
     minutes: Annotated[float, Gt(0), Dimension("time")]  # that a good day takes
     shots: Annotated[int, Gt(0), Dimension("number")]  # that it needs
     weights: Mapping[str, Annotated[Real, Ge(0)]] = field(default_factory=dict)  # of SCORES

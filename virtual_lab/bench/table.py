@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -14,6 +15,18 @@ from virtual_lab.catalog.specs import Dimension, Spec, Title, YesNo
 
 PREPARING = {"tare": "weigh-bat", "level-stand": "measure-balance", "fit-clamp": "swing"}
 MAKE_READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")  # for a shot
+CHANNELS = {  # action: channel of the bench
+    "weigh-bat": "bat-mass",
+    "weigh-balls": "ball-mass",
+    "measure-length": "length",
+    "measure-barrel": "barrel-radius",
+    "measure-balance": "balance",
+    "swing": "pendulum",
+}
+WRITES = {f"bench/{channel}": action for action, channel in CHANNELS.items()} | {
+    "balls/log": "hit-wall",
+    "impact/aim": "aim-paper",
+}
 Part = Literal["bench", "wall", "rig", "hits", "notebook", "result"]
 Mass = Annotated[float, Gt(0), Dimension("mass")]
 Length = Annotated[float, Gt(0), Dimension("length")]
@@ -29,6 +42,7 @@ class ActionSheet(Spec):
     skipped: Title
     in_book: YesNo  # whether the procedure asks for it
     minutes: Time  # [s], printed in minutes
+    mends: tuple[str, ...] = ()  # faults that are over once it is done
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +80,29 @@ class ActionTable(Spec):
     title: Title
     actions: Mapping[str, ActionSheet]
     consequences: Consequences
+
+
+@cache
+def repairs() -> Mapping[str, tuple[str, ...]]:
+    """Return the actions that mend something, and which faults are over once one is done."""
+    return {name: each.mends for name, each in action_table().actions.items() if each.mends}
+
+
+def in_buttons(sentence: str) -> str:
+    """Return a sentence of the bench with the names of actions as they stand on buttons."""
+    for channel, action in WRITES.items():
+        sentence = sentence.replace(
+            f"{channel}: record; this record is missing", f"{action} comes first"
+        )
+    sheets = action_table().actions
+    names = "|".join(sheets)
+    found = rf"^({names})(?=:)|\b({names})(?= comes first| or )|\b(\w+(?:-\w+)+)\b"
+
+    def button(match: re.Match[str]) -> str:
+        name = match[1] or match[2] or match[3]
+        return f"“{sheets[name].title}”" if name in sheets else match[0]
+
+    return re.sub(found, button, sentence)
 
 
 @cache

@@ -30,7 +30,8 @@ class Traces:
     drawn: str  # SVG
     data: str  # JSON, what a cursor reads out: limits, edges [ms], samples
     height: float
-    last: float  # ms, where the axis of time ends
+    first: float  # ms, where the axis of time begins
+    last: float  # and ends
     passings: tuple[Passing, ...]
     samples: tuple[tuple[str, int], ...]  # ms, counts
     summary: str
@@ -46,17 +47,19 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
         counts = np.array(encoder["counts"][0], dtype=float)
     seen = edges[np.isfinite(edges)]
     last = float(max([*seen * 1.05, *times[-1:], 1.0]))
+    first = float(min([*seen * 1.05, 0.0]))  # scraps may break a gate before the trigger
     gates = edges.shape[1]
     bottom = 40.0 + 30.0 * gates
-    panels = [_gate_panel(edges, last, bottom)]
+    panels = [_gate_panel(edges, (first, last), bottom)]
     if times.size:
         some = np.unique(np.linspace(0, times.size - 1, 240).astype(int))
         times, counts = times[some], counts[some]
-        panels.append(_encoder_panel(times, counts, last, bottom + 52.0))
+        panels.append(_encoder_panel(times, counts, (first, last), bottom + 52.0))
     panels[-1].x_label = "time after the trigger [ms]"
     data = {
         "left": panels[0].left,
         "right": panels[0].right,
+        "first": round(first, 1),
         "last": round(last, 1),
         "gates": [_of_gate(edges, gate) for gate in range(gates)],
         "times": [round(float(t), 2) for t in times],
@@ -69,6 +72,7 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
         drawn="".join(panel.drawn() for panel in panels),
         data=json.dumps(data, separators=(",", ":")),
         height=panels[-1].bottom + 32.0,
+        first=round(first, 1),
         last=round(last, 1),
         passings=tuple(
             Passing(way, gate + 1, *(_ms(t) for t in edges[number, gate]))
@@ -98,30 +102,32 @@ def _of_gate(edges: Array, gate: int) -> list[list[float]]:
     return [[round(float(t), 3) for t in pair] for pair in pairs if np.isfinite(pair).all()]
 
 
-def _gate_panel(edges: Array, last: float, bottom: float) -> Panel:
+def _gate_panel(edges: Array, time: tuple[float, float], bottom: float) -> Panel:
     gates = edges.shape[1]
     low = 0.62  # by which a trace drops where its beam is broken, in gates
     title = "gates: a trace drops while its beam is broken"
-    panel = _panel(34.0, bottom, last, (1 - low - 0.2, gates + 0.25), title)
+    panel = _panel(34.0, bottom, time, (1 - low - 0.2, gates + 0.25), title)
     for gate in range(gates):
-        x, y = [0.0], [gate + 1.0]
+        x, y = [time[0]], [gate + 1.0]
         for broke, cleared in _of_gate(edges, gate):
             x += [broke, broke, cleared, cleared]
             y += [gate + 1.0, gate + 1 - low, gate + 1 - low, gate + 1.0]
-        panel.line([*np.maximum(x, 0.0), last], [*y, gate + 1.0], width=1.3)
+        panel.line([*x, time[1]], [*y, gate + 1.0], width=1.3)
     return panel
 
 
-def _encoder_panel(times: Array, counts: Array, last: float, top: float) -> Panel:
+def _encoder_panel(times: Array, counts: Array, time: tuple[float, float], top: float) -> Panel:
     low, high = float(counts.min()), float(counts.max())
     y = low - 0.03 * (high - low + 1), high + 0.05 * (high - low + 1)
-    panel = _panel(top, top + 110.0, last, y, "encoder [counts]")
+    panel = _panel(top, top + 110.0, time, y, "encoder [counts]")
     panel.line(list(times), list(counts), width=1.3)
     return panel
 
 
-def _panel(top: float, bottom: float, last: float, y: tuple[float, float], title: str) -> Panel:
-    return Panel(left=40.0, right=352.0, top=top, bottom=bottom, x=(0.0, last), y=y, title=title)
+def _panel(
+    top: float, bottom: float, time: tuple[float, float], y: tuple[float, float], title: str
+) -> Panel:
+    return Panel(left=40.0, right=352.0, top=top, bottom=bottom, x=time, y=y, title=title)
 
 
 def _ms(time: float) -> str:

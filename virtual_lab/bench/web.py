@@ -35,9 +35,11 @@ from virtual_lab.bench.page import (
     notebook_table,
     plain_page,
     replay_page,
+    wall_page,
 )
+from virtual_lab.bench.scenario import UNITS
 from virtual_lab.bench.slow_motion import Motion
-from virtual_lab.bench.table import MAKE_READY
+from virtual_lab.bench.table import MAKE_READY, in_buttons
 from virtual_lab.errors import InputError
 
 if TYPE_CHECKING:
@@ -128,7 +130,9 @@ def application(
             try:
                 _do(room, name, number, given)
             except InputError as fault:
-                refusal = Refusal(sentence=str(fault), action=name, argument=fault.key, given=given)
+                refusal = Refusal(
+                    sentence=in_buttons(str(fault)), action=name, argument=fault.key, given=given
+                )
                 return HTMLResponse(_day(room, refusal=refusal), status_code=422)
         return RedirectResponse("/", status_code=303)
 
@@ -146,6 +150,11 @@ def application(
         Route(
             "/notebook.csv",
             _locked(lambda room, _: Response(notebook_table(room.desk), media_type="text/csv")),
+        ),
+        Route("/rules", _locked(lambda room, _: wall_page(room.desk, room.briefing, "rules"))),
+        Route(
+            "/instruments",
+            _locked(lambda room, _: wall_page(room.desk, room.briefing, "instruments")),
         ),
         Route("/certificate", _locked(lambda room, _: _sandboxed(room.certificate))),
         Route("/debrief", _locked(lambda room, _: _sandboxed(room.debrief))),
@@ -219,7 +228,7 @@ def _sandboxed(page: Callable[[], str]) -> Response:
     try:
         return HTMLResponse(page(), headers={"Content-Security-Policy": policy})
     except InputError as fault:
-        return HTMLResponse(plain_page("Not yet", str(fault)), status_code=409)
+        return HTMLResponse(plain_page("Not yet", in_buttons(str(fault))), status_code=409)
 
 
 def _hall_routes(hall: Hall) -> list[Route]:
@@ -251,7 +260,7 @@ def _do(room: Room, name: str, number: str, given: dict[str, str]) -> None:
             if not why and shot not in room.desk.day.decisions:
                 room.do(action_of("accept", {"shot": shot + 1}))
     else:
-        room.do(action_of(name, given), due)
+        room.do(action_of(name, given, UNITS[room.briefing["units"]][0][0]), due)
 
 
 def _fire_shots(room: Room, given: Mapping[str, str]) -> None:

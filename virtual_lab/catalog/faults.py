@@ -43,7 +43,11 @@ class FoundBy(Spec):
 
     actions: Annotated[tuple[str, ...], MinLen(1)]  # of data/bench/actions.toml
     number: str  # in words; a larger one is worse
+    reading: str  # in words, that a page shows beside its limit; {} for what differs by the day
+    unit: str = ""  # of the reading in print
     beyond: Annotated[float, Gt(0), Dimension("number")]  # which it is the fault
+    # standard deviation of the number on sound days, where no certificate gives one
+    u: Annotated[float | None, Gt(0), Dimension("number")] = None
     sure: Annotated[float, Gt(0), Le(1), Dimension("number")]  # of it, who sees that
     unless: tuple[str, ...] = ()  # faults that show the same, and more
 

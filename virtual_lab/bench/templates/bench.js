@@ -26,7 +26,7 @@ for (const figure of document.querySelectorAll("[data-trace]")) {
   const trace = JSON.parse(figure.dataset.trace);
   const svg = figure.querySelector("svg"), cursor = svg.querySelector(".cursor");
   const { range, update } = withControls(figure, (time) => {
-    const x = trace.left + (trace.right - trace.left) * time / trace.last;
+    const x = trace.left + (trace.right - trace.left) * (time - trace.first) / (trace.last - trace.first);
     cursor.setAttribute("x1", x);
     cursor.setAttribute("x2", x);
     const gates = trace.gates.map((edges, at) =>
@@ -37,7 +37,7 @@ for (const figure of document.querySelectorAll("[data-trace]")) {
   update();
   svg.addEventListener("pointermove", (event) => {
     const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
-    range.value = (at.x - trace.left) / (trace.right - trace.left) * trace.last;
+    range.value = trace.first + (at.x - trace.left) / (trace.right - trace.left) * (trace.last - trace.first);
     update();
   });
 }
@@ -92,6 +92,11 @@ for (const [key, way] of [["ArrowLeft", "prev"], ["ArrowRight", "next"]]) {  // 
     if (link && event.key === key && !event.target.closest("input, .scroll")) link.click();
   });
 }
+addEventListener("keydown", (event) => {  // the wall, a key away; Escape leads back
+  if (event.ctrlKey || event.altKey || event.metaKey || event.target.closest("input, select")) return;
+  const link = document.querySelector(event.key === "Escape" ? "a[rel=up]" : `a[data-key="${CSS.escape(event.key)}"]`);
+  if (link) link.click();
+});
 for (const now of document.querySelectorAll(".scroll [aria-current]")) {
   const list = now.closest(".scroll");
   list.scrollTop = now.offsetTop - list.clientHeight / 2;

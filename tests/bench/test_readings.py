@@ -11,8 +11,8 @@ from virtual_lab import catalog
 from virtual_lab.bench.actions import action_of
 from virtual_lab.bench.checks import _charted
 from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.inspection import CLOCK, detectable, doubts, fault_sheets
 from virtual_lab.bench.keeping import played, taken
+from virtual_lab.bench.readings import CLOCK, detectable, doubts, fault_sheets
 from virtual_lab.bench.table import action_table
 from virtual_lab.errors import InputError
 

@@ -1,0 +1,146 @@
+"""What hangs on the wall of the laboratory: the rules, and the certificates of its instruments."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from virtual_lab import catalog
+from virtual_lab.bench.table import action_table, repairs
+from virtual_lab.errors import InputError
+from virtual_lab.output.rounding import decimals, digits
+from virtual_lab.units import DEGREE, DIMENSIONS
+
+if TYPE_CHECKING:
+    from virtual_lab.bench.desk import Desk
+    from virtual_lab.uncertainty.estimate import Estimate
+
+SCALES = {"mm": 1e3, "ppm": 1e6, "deg": 1 / DEGREE, "kg mm²": 1e6, "kg mm": 1e3, "g": 1e3}
+
+
+@cache
+def wall() -> Mapping[str, Any]:
+    """Return the words of the pages of the wall."""
+    return catalog.sheet("bench", "wall")[0]
+
+
+class RuleShown(NamedTuple):
+    """A rule as printed."""
+
+    what: str
+    value: str
+    note: str
+
+
+class ConstantShown(NamedTuple):
+    """A constant of an instrument's certificate, as printed."""
+
+    what: str
+    value: str
+    u: str
+    unit: str
+    today: str  # found on the day, and used in its place
+
+
+class InstrumentShown(NamedTuple):
+    """An instrument with its certificate."""
+
+    name: str
+    sheet: str  # what it is, and its range
+    due: str
+    constants: list[ConstantShown]
+
+
+def rules_of(desk: Desk, units: str) -> list[RuleShown]:
+    """Return the rules of the day, numbers in the scenario's units."""
+    words = wall()["rules"]
+    order = {key: place for place, key in enumerate(words)}
+    return [
+        RuleShown(words.get(each.key, _words(each.key)), _quantity(each, units), each.note)
+        for each in sorted(desk.rules.sheet, key=lambda each: order.get(each.key, len(order)))
+    ]
+
+
+def instruments_of(desk: Desk) -> Iterator[InstrumentShown]:
+    """Yield the instruments of the day with their certificates."""
+    morning, session = desk.day.morning, desk.session
+    groups: dict[tuple[str, str], list[ConstantShown]] = {}
+    for key, known in morning.calibration.items():
+        room, part, *rest = key.split(".")
+        part = "lot" if room == "ball" else part
+        now = session.calibration.get(key, known)
+        shown = _constant(key, ".".join(rest) or key.rpartition(".")[2], known, now)
+        groups.setdefault((room, part), []).append(shown)
+    for (room, part), constants in groups.items():
+        yield InstrumentShown(
+            name=f"{wall()['rooms'].get(room, room)}: {wall()['parts'].get(part, part).lower()}",
+            sheet=_sheet(morning.rigs.get(room, ""), part),
+            due=f"{morning.date[:4]}-12-31",  # certificates hold for a calendar year
+            constants=constants,
+        )
+
+
+def prices() -> list[tuple[str, str, str]]:
+    """Return what each action costs, and what leaving it out does."""
+    return [
+        (each.title, f"{each.minutes / 60:g}", each.skipped)
+        for name, each in action_table().actions.items()
+        if name not in repairs()
+    ]
+
+
+def _constant(key: str, name: str, known: Estimate, now: Estimate) -> ConstantShown:
+    unit, factor, off = _printed_unit(key)
+    value, u = (known.value - off) * factor, known.u * factor
+    places = decimals(u) if u else 6
+    text = f"{value:.{places}f}" if u else f"{value:g}"
+    changed = f"{(now.value - off) * factor:.{places}f}" if now != known else ""
+    if numbered := re.fullmatch(r"(\w+)_(\d+)", name):
+        name = f"gate {int(numbered[2]) + 1}, {numbered[1]}"
+    return ConstantShown(_words(name), text, digits(u) if u else "–", unit, changed)
+
+
+def _printed_unit(key: str) -> tuple[str, float, float]:
+    """Return the unit in which a constant is printed, what SI times gives it, and what is 0."""
+    name = key.rpartition(".")[2].rstrip("_0123456789")
+    name = "span" if key.endswith("encoder.scale") else name
+    weighed = key.startswith("bench.scale") and name != "span"
+    unit = "g" if weighed else wall()["constants"].get(name, "")
+    return unit, SCALES.get(unit, 1.0), 1.0 if unit == "ppm" else 0.0
+
+
+def _sheet(rig: str, part: str) -> str:
+    """Return the title of the data sheet of an instrument of a rig; empty where it has none."""
+    try:
+        document = catalog.sheet("rigs", rig)[0]
+        return str(catalog.sheet("instruments", str(document[part]))[0]["title"])
+    except (InputError, KeyError):
+        return ""
+
+
+def _words(key: str) -> str:
+    return key.replace(".", ": ").replace("_", " ").capitalize()
+
+
+def _quantity(datum: catalog.Datum, units: str) -> str:
+    """Return a number of a sheet as printed in a system of units."""
+    unit, factor = datum.unit, 1.0
+    for dimension, known in DIMENSIONS.items():
+        if datum.unit in known and (printed := wall()["units"][units].get(dimension)):
+            unit, factor = printed, known[datum.unit] / known[printed]
+    values = datum.value if isinstance(datum.value, list) else [datum.value]
+    numbers = ", ".join(f"{float(value) * factor:.6g}" for value in values)
+    return f"{numbers} {unit if unit != '1' else ''}".strip().replace("^2", "²")
+
+
+def paper(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the pages of the wall are made of."""
+    return {
+        "rules": desk.rules.spec,
+        "rows": rules_of(desk, briefing["units"]),
+        "invalid": wall()["invalid"],
+        "instruments": list(instruments_of(desk)) if desk.day.morning.calibration else [],
+        "prices": prices(),
+    }

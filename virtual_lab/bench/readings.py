@@ -1,0 +1,458 @@
+"""Readings held against their certificates: each with its u, its limits, and whether within them.
+
+Everything here is read off the displays and records of the day, and off what the laboratory knew
+before it: certificates, charts, the rules. One row feeds page, debrief and expert alike; how far
+off a reading may be stands in ``data/faults``, under ``found_by``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from math import hypot, inf, sqrt, tau
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+import numpy as np
+
+from virtual_lab import catalog
+from virtual_lab.bench.entries import record_of
+from virtual_lab.bench.protocol import left_out
+from virtual_lab.bench.table import action_table, repairs
+from virtual_lab.catalog.faults import FaultSheet, FoundBy
+from virtual_lab.output.rounding import decimals, digits
+from virtual_lab.records import BoardRecord, GateRecord, PendulumRecord, Record
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import Array
+
+if TYPE_CHECKING:
+    from virtual_lab.bench.day import DayEvent
+    from virtual_lab.bench.desk import Desk
+
+CLOCK = "clock of the gates, fast"  # as compare-clock shows it
+SCRAPS = 0.3  # share of the balls that scraps are ahead of at the most, at boards
+COUNTING = 1 / sqrt(12)  # counts rms that whole counts leave of a smooth turn
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckRow:
+    """A reading beside what it should be, numbers in the display's own unit."""
+
+    fault: str  # that a reading beyond its limits points to
+    what: str
+    reading: float
+    certificate: (
+        float | None
+    )  # what it should be, by certificate, chart or rule; None: nothing says
+    u: float  # standard uncertainty of their difference; 0: it is counted
+    low: float  # least reading that is within the limits
+    high: float
+    unit: str
+    entry: int  # of the notebook
+
+    @property
+    def within(self) -> bool:
+        return self.low <= self.reading <= self.high
+
+    @property
+    def printed(self) -> PrintedRow:
+        places = decimals(self.u) if self.u else 0
+
+        def number(value: float) -> str:
+            return f"{value + 0.0:.{places}f}".replace("-0." + "0" * places, "0." + "0" * places)
+
+        off = None if self.certificate is None else self.reading - self.certificate
+        limits = (
+            f"± {number(self.high - self.certificate)}"
+            if self.certificate is not None
+            and abs(self.high + self.low - 2 * self.certificate) < 1e-9 * max(1.0, abs(self.high))
+            else f"{number(self.low)} to {number(self.high)}"
+            if inf not in (-self.low, self.high)
+            else f"at most {number(self.high)}"
+            if self.high < inf
+            else f"at least {number(self.low)}"
+        )
+        return PrintedRow(
+            what=self.what,
+            reading=number(self.reading),
+            certificate="–" if self.certificate is None else number(self.certificate),
+            off="–" if off is None else f"{off:+.{places}f}",
+            u=digits(self.u) if self.u else "counted",
+            limit=limits,
+            unit=self.unit,
+            word="within" if self.within else "beyond the limit",
+        )
+
+    @property
+    def why(self) -> str:
+        """The row in a sentence."""
+        row = self.printed
+        unit = f" {row.unit}" if row.unit else ""
+        of = f", certificate {row.certificate}{unit}" if self.certificate is not None else ""
+        u = f", u {row.u}" if self.u else ""
+        return f"{row.what} {row.reading}{unit}{of}{u}, limit {row.limit}{unit}"
+
+
+class PrintedRow(NamedTuple):
+    """A row as a page prints it."""
+
+    what: str
+    reading: str
+    certificate: str
+    off: str
+    u: str
+    limit: str
+    unit: str
+    word: str
+
+
+@cache
+def fault_sheets() -> Mapping[str, FaultSheet]:
+    """Return what is known of all that can go wrong in a laboratory."""
+    return MappingProxyType(
+        {name: catalog.load("faults", name, FaultSheet).spec for name in catalog.names("faults")}
+    )
+
+
+def known_doubts() -> dict[str, str]:
+    """Return the faults one may name, and their titles."""
+    return {name: sheet.title for name, sheet in fault_sheets().items()}
+
+
+@cache
+def detectable() -> Mapping[str, FoundBy]:
+    """Return the faults that a check at the bench finds, and how."""
+    found = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
+    return MappingProxyType(found)
+
+
+def doubts(desk: Desk) -> Iterator[CheckRow]:
+    """Yield the rows beyond their limits, one of each fault that another does not explain."""
+    found: dict[str, CheckRow] = {}
+    for row in desk.rows:
+        if not row.within:
+            found.setdefault(row.fault, row)
+    for name, row in found.items():
+        if not found.keys() & set(detectable()[name].unless):
+            yield row
+
+
+def rows_of(desk: Desk) -> Iterator[CheckRow]:
+    """Yield every reading that may decide on a fault, whether it does or not."""
+    for look in LOOKS:
+        yield from look(desk)
+
+
+def _row(
+    fault: str,
+    event: DayEvent,
+    reading: float,
+    certificate: float | None = None,
+    u: float = 0.0,
+    *words: object,
+    **limits: float,
+) -> CheckRow:
+    """Return a row, `words` for the gaps of its sheet's.
+
+    Of `limits` it has `low`, `high`, or `reach`, off the certificate either way; without any it
+    reaches as many u as its sheet says.
+    """
+    sheet = detectable()[fault]
+    low, high = limits.get("low", -inf), limits.get("high", inf)
+    if certificate is not None and not limits.keys() & {"low", "high"}:
+        reach = limits.get("reach", sheet.beyond * u)
+        low, high = certificate - reach, certificate + reach
+    return CheckRow(
+        fault=fault,
+        what=sheet.reading.format(*words),
+        reading=float(reading),
+        certificate=None if certificate is None else float(certificate),
+        u=float(u),
+        low=float(low),
+        high=float(high),
+        unit=sheet.unit,
+        entry=event.number,
+    )
+
+
+def _beyond(fault: str) -> float:
+    return detectable()[fault].beyond
+
+
+def _scatter(fault: str) -> float:
+    """Return the standard deviation of a number on sound days, as its sheet has it."""
+    return detectable()[fault].u or 0.0
+
+
+def _scale(desk: Desk) -> Iterator[CheckRow]:
+    if event := desk.last("weigh-check-mass"):
+        readings = [value for what, value in _numbers(event) if what.startswith("reading")]
+        known, mass = desk.session.calibration, action_table().consequences.check_mass
+        zero, span = known["bench.scale.zero"], known["bench.scale.span"]
+        at = 1e3 * (span.value * mass + zero.value)
+        u = 1e3 * hypot(zero.u, span.u * mass, known["bench.scale.resolution"].value)
+        yield _row("scale-not-tared", event, float(np.mean(readings)), at, u)
+
+
+def _bench(desk: Desk) -> Iterator[CheckRow]:
+    bat, length, balance = (
+        desk.last(name) for name in ("weigh-bat", "measure-length", "measure-balance")
+    )
+    known = desk.session.calibration
+    if bat:
+        u = 1e3 * hypot(known["bench.scale.zero"].u, known["bench.scale.resolution"].value)
+        least = 800 * (1 - _beyond("bat-ounces-as-grams"))
+        yield _row("bat-ounces-as-grams", bat, _mean(bat), None, u, low=least)
+    if length and balance and balance.arguments["end"] == "tip":
+        long, fault = _mean(length), "balance-from-knob"
+        u = 1e3 * hypot(known["bench.stand.offset"].u, known["bench.stand.resolution"].value)
+        share = _mean(balance) / long
+        yield _row(fault, balance, share, None, u / long, high=_beyond(fault))
+
+
+def _pendulum(desk: Desk) -> Iterator[CheckRow]:
+    from virtual_lab.measurement.diagnostics.bench import DECAY_U, swing_slowing  # slow to load
+
+    if swung := desk.last("swing"):
+        slowed = swing_slowing(cast(PendulumRecord, record_of(swung.records["pendulum"])))
+        if slowed and np.isfinite(slowed.times[0]):
+            u = hypot(float(slowed.u[0]), DECAY_U)
+            yield _row("pendulum-wide", swung, float(slowed.times[0]), 1.0, u)
+    if alone := desk.last("swing-clamp"):
+        key = "bench.pendulum.clamp_inertia"
+        u = 1e6 * hypot(desk.day.morning.calibration[key].u, action_table().consequences.clamp_u)
+        measured = dict(_numbers(alone))["clamp, measured"]
+        entered = 1e6 * desk.session.calibration[key].value
+        yield _row("clamp-forgotten", alone, measured, entered, u)
+
+
+def _weighed_again(desk: Desk) -> Iterator[CheckRow]:
+    event, done = desk.last("reweigh-balls"), [each.action for each in desk.day.events]
+    if event and "tare" in done[: done.index("weigh-balls")]:  # else the scale may have changed
+        values = [value for _, value in _numbers(event)]
+        u = 1e3 * desk.session.calibration["bench.scale.resolution"].value
+        shown, entered = float(np.mean(values[::2])), float(np.mean(values[1::2]))
+        yield _row("ball-mass-typed", event, shown, entered, u, len(values) // 2)
+
+
+def _hit_again(desk: Desk) -> Iterator[CheckRow]:
+    event, morning = desk.last("recheck-balls"), desk.last("hit-wall")
+    if event and morning:
+        shown = [value for _, value in _numbers(event)]
+        now, before = (np.array(shown[first::2]) for first in (0, 1))
+        u = _lot_scatter(morning) / sqrt(now.size)  # a ball beside itself scatters less
+        more = float(np.mean(now / before))
+        yield _row("wrong-lot", event, more, 1.0, u, high=1 + _beyond("wrong-lot"))
+
+
+def _pivot(desk: Desk) -> Iterator[CheckRow]:
+    if event := desk.last("measure-pivot"):
+        key = "impact.pivot.from_knob"
+        known = desk.day.morning.calibration[key]
+        u = 1e3 * hypot(known.u, action_table().consequences.pivot_rule_u)
+        measured = dict(_numbers(event))["axis from the knob, measured"]
+        yield _row("pivot-off", event, measured, 1e3 * desk.session.calibration[key].value, u)
+
+
+def _clock(desk: Desk) -> Iterator[CheckRow]:
+    for _, event, today, chart, sd in _charted(desk, "compare-clock"):
+        yield _row("gate-clock", event, today, chart, sd)
+
+
+def _lot(desk: Desk) -> Iterator[CheckRow]:
+    weighed, hit = desk.last("weigh-balls"), desk.last("hit-wall")
+    windows = desk.rules.spec.windows
+    if weighed:
+        usual = 1e3 * (windows.ball_mass_low + windows.ball_mass_high) / 2
+        u = 1e3 * desk.session.calibration["bench.scale.resolution"].value
+        least = usual * (1 - _beyond("ounces-as-grams"))
+        yield _row("ounces-as-grams", weighed, _mean(weighed), usual, u, low=least)
+    if hit:
+        ratios = np.array([value for _, value in _numbers(hit)])
+        middle, worst = float(np.median(ratios)), int(ratios.argmin())
+        u, least = _lot_scatter(hit) * middle, middle * (1 - _beyond("ball-worn-out"))
+        yield _row("ball-worn-out", hit, ratios[worst], middle, u, worst + 1, low=least)
+
+
+def _lot_scatter(hit: DayEvent) -> float:
+    """Return the relative standard deviation of the lot's balls at the wall, but the slowest."""
+    ratios = np.sort([value for _, value in _numbers(hit)])[1:]
+    return float(np.std(ratios, ddof=1) / np.mean(ratios))
+
+
+def _gates(desk: Desk) -> Iterator[CheckRow]:
+    event = desk.last("gauge-gates")
+    shown = dict(_numbers(event)) if event else {}
+    gate = 1
+    while event and f"gate {gate}, gauged" in shown:
+        key = f"impact.gates.distance_{gate - 1}"
+        u = 1e3 * hypot(desk.day.morning.calibration[key].u, action_table().consequences.gauge_u)
+        stated = 1e3 * desk.session.calibration[key].value
+        yield _row("gate-moved", event, shown[f"gate {gate}, gauged"], stated, u, gate)
+        gate += 1
+
+
+def _wall(desk: Desk) -> Iterator[CheckRow]:
+    for _, event, today, chart, sd in _charted(desk, "fire-check-ball"):
+        yield _row("wall-drift", event, today, chart, sd)
+
+
+def _paper(desk: Desk) -> Iterator[CheckRow]:
+    event = desk.last("aim-paper")
+    if event is None:
+        return
+    shown, known = dict(_numbers(event)), desk.session.calibration
+    across = 2e3 * known["ball.radius"].value
+    marks = record_of(event.records["aim"]) if event.records else None
+    for way, aimed in (("along", "impact.cannon.along"), ("across", "impact.pivot.height")):
+        at = known.get(aimed, Estimate(value=0.0))
+        made = np.asarray(getattr(marks, way, np.zeros(1)))
+        scatter = float(np.std(made, ddof=1) / sqrt(made.size)) if made.size > 1 else 0.0
+        fault, u = f"aim-{way}", 1e3 * hypot(at.u, scatter, 1e-4)
+        mean, reach = shown[f"mean {way}"], _beyond(f"aim-{way}") * across
+        yield _row(fault, event, mean, 1e3 * at.value, u, reach=reach)
+
+
+def _cylinder(desk: Desk) -> Iterator[CheckRow]:
+    for name, event, today, chart, sd in _charted(desk, "fire-check-cylinder"):
+        if name.startswith("turn"):
+            half = today < chart * (1 - _beyond("encoder-half-counts"))
+            fault = "encoder-half-counts" if half else "bearing-friction"
+            least = chart * (1 - _beyond("bearing-friction"))
+            yield _row(fault, event, today, chart, sd, low=least)
+
+
+def _taps(desk: Desk) -> Iterator[CheckRow]:
+    taps = [e for e in desk.day.events if e.action == "tap-bat" and e.number not in desk.day.struck]
+    if len(taps) > 1:
+        first, last = (float(event.shown[0][1]) for event in (taps[0], taps[-1]))
+        u, least = sqrt(2) * action_table().consequences.tap_u, 1 - _beyond("bat-cracked")
+        yield _row("bat-cracked", taps[-1], last, first, u, low=first * least)
+
+
+def _shots(desk: Desk) -> Iterator[CheckRow]:
+    """Yield what the shots since the last repair at the rig show together."""
+    fired = [event for event in desk.day.events if event.action == "fire"]
+    since = shots_before_repair(desk)
+    if len(fired) == since or desk.missing:
+        return
+    found, last = desk.by_rules, fired[-1]
+    missed = ~found.readings.seen.raw.complete[since:]
+    yield _row("gate-misses", last, float(missed.sum()), 0.0, 0.0, missed.size, high=0.0)
+    record = desk.session.records["impact"]["gates"]
+    if isinstance(record, GateRecord | BoardRecord):
+        yield from rows_of_edges(record, last, range(since, len(fired)))
+    hurried = {(each.step, each.shot) for each in left_out(desk.day)}
+    waited = {
+        step: [shot for shot in range(since, len(fired)) if (step, shot) not in hurried]
+        for step in ("wait-pressure", "wait-rest")
+    }
+    asked, tolerance = desk.rules.spec.ball_speed, desk.rules.spec.windows.speed_tolerance
+    speeds = found.shots.speed[waited["wait-pressure"]]
+    speeds = speeds[np.isfinite(speeds)]
+    if speeds.size:
+        fault, middle = "cannon-slow", float(np.median(speeds))
+        u, least = _scatter(fault) * tolerance, asked - _beyond(fault) * tolerance
+        yield _row(fault, last, middle, asked, u, low=least)
+    turning, allowed = found.readings.recoil, desk.rules.spec.windows.rate_before
+    if turning is not None and allowed and waited["wait-rest"]:
+        turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / tau
+        rate = float(np.median(np.abs(turning.before[waited["wait-rest"]]))) / turn
+        fault = "bat-not-at-rest"
+        u, most = _scatter(fault) * allowed, _beyond(fault) * allowed
+        yield _row(fault, last, rate, 0.0, u, high=most)
+    if turning is not None:
+        rough = turning.residual[since:]
+        for fault, number, at in (
+            ("encoder-slip", float(np.ptp(rough)), 0.0),
+            ("encoder-play", float(rough.min()), COUNTING),
+        ):
+            yield _row(fault, last, number, at, _scatter(fault), high=_beyond(fault))
+
+
+def shots_before_repair(desk: Desk) -> int:
+    """Return how many shots were fired before the rig was last repaired."""
+    fired = 0
+    before = 0
+    for event in desk.day.events:
+        fired += event.action == "fire"
+        if event.action in repairs():
+            before = fired
+    return before
+
+
+def passages(record: Record) -> Array:
+    """Return how long each ball that comes in breaks each gate, (shot, gate) [s]; NaN: unseen."""
+    assert isinstance(record, GateRecord | BoardRecord)
+    broke, cleared = record.times[:, 0, ..., 0], record.times[:, 0, ..., 1]
+    if broke.ndim == 3:  # a board is broken while any of its beams is
+        broke = np.fmin.reduce(broke, axis=2)
+        cleared = np.fmax.reduce(cleared, axis=2)
+    return np.asarray(cleared - broke)
+
+
+def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[CheckRow]:
+    """Hold how long each ball breaks the first gate and the last against each other."""
+    long = passages(record)[shots.start : shots.stop]
+    ratio = long[:, 0] / long[:, -1]
+    early = ratio > 1 + _beyond("sabot-trip")
+    if isinstance(record, BoardRecord):  # whose sabots shed scraps now and then on any day
+        most, words = SCRAPS * early.size, (early.size, "a ball broke the first gate too early")
+        yield _row("sabot-trip", event, float(early.sum()), 0.0, 0.0, *words, high=most)
+        ratio = np.where(early, np.nan, ratio)
+    if not np.isfinite(ratio).any():
+        return
+    first, last = float(np.nanmax(ratio)), float(np.nanmin(ratio))
+    usual = "ball-out-of-round"
+    for fault, word, number, struck in (
+        ("sabot-trip", "longest", first, first > 1 + _beyond("sabot-trip")),
+        ("gate-doubles", "shortest", last, last < 1 / (1 + _beyond("gate-doubles"))),
+    ):
+        shot = shots.start + int(np.nanargmin(np.abs(ratio - number))) + 1
+        row = _row(usual, event, number, 1.0, _scatter(usual), word, shot, reach=_beyond(usual))
+        yield replace(row, fault=fault) if struck else row
+
+
+def _charted(desk: Desk, action: str) -> Iterator[tuple[str, DayEvent, float, float, float]]:
+    """Yield each number of a check standard: its name, entry, today's, the chart's, u of both."""
+    event = desk.last(action)
+    if event is None:
+        return
+    shown = dict(_numbers(event))
+    for name in dict.fromkeys(what.rpartition(", ")[0] for what in shown):
+        today, chart, sd = (
+            shown[f"{name}, {word}"]
+            for word in ("today", "chart", "standard deviation of a morning")
+        )
+        # no chart of a dozen mornings is known better than to 0.2 %
+        u = sd if action == "compare-clock" else hypot(sd, 0.002 * chart)
+        yield name, event, today, chart, u
+
+
+def _mean(event: DayEvent) -> float:
+    return float(np.mean([value for _, value in _numbers(event)]))
+
+
+def _numbers(event: DayEvent) -> Iterator[tuple[str, float]]:
+    for what, value, _ in event.shown:
+        if not isinstance(value, str):
+            yield what, float(value)
+
+
+LOOKS = (
+    _scale,
+    _bench,
+    _pendulum,
+    _weighed_again,
+    _lot,
+    _gates,
+    _pivot,
+    _clock,
+    _wall,
+    _hit_again,
+    _paper,
+    _cylinder,
+    _taps,
+    _shots,
+)

@@ -1,0 +1,229 @@
+"""The tally of a day: all shots in one table and on one run chart, and the pendulum's swings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+
+from virtual_lab.bench.entries import record_of
+from virtual_lab.bench.readings import passages
+from virtual_lab.output.svg import Panel, figure
+from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, PendulumRecord
+from virtual_lab.units import DEGREE, Array
+
+if TYPE_CHECKING:
+    from virtual_lab.bench.desk import Desk
+
+Units = tuple[tuple[str, float], tuple[str, float]]  # of a length and a speed in print
+SETTLED = 3e-3  # s after the contact: ball gone
+
+
+class ShotTally(NamedTuple):
+    """A shot as printed: what the instruments saw of it."""
+
+    shot: int
+    ball: int
+    place: str  # as set
+    aimed: str  # as corrected by the aim paper
+    speed: str
+    gates_in: str
+    gates_back: str
+    chords: str  # time in the first gate over that in the last, coming in
+    recoil: str  # e_A by it
+    rebound: str
+    residual: str  # of the encoder's fit
+    before: str  # rate of the bat before the hit
+    odd: str
+
+
+class SwingShown(NamedTuple):
+    """A release of the pendulum, as printed."""
+
+    release: int
+    first_amplitude: str  # [deg]
+    last_amplitude: str
+    periods: tuple[str, ...]  # [s]
+    shortened: str  # first less last [ms]
+
+
+def swings(desk: Desk) -> list[SwingShown]:
+    """Return the pendulum's amplitudes and periods, as read."""
+    event = desk.last("swing")
+    if event is None:
+        return []
+    record = cast(PendulumRecord, record_of(event.records["pendulum"]))
+    periods = np.diff(record.times, axis=1)
+    return [
+        SwingShown(
+            release=number,
+            first_amplitude=f"{first / DEGREE:.1f}",
+            last_amplitude=f"{last / DEGREE:.1f}",
+            periods=tuple(f"{each:.5f}" for each in swung),
+            shortened=f"{1e3 * (swung[0] - swung[-1]):+.3f}",
+        )
+        for number, (first, last, swung) in enumerate(
+            zip(record.first_amplitude, record.last_amplitude, periods, strict=True), 1
+        )
+    ]
+
+
+def tally(desk: Desk, units: Units) -> list[ShotTally]:
+    """Return every shot of a day as its instruments saw it; nothing while it cannot be reduced."""
+    if not desk.day.fired or desk.missing:
+        return []
+    (_, metre), (_, metre_a_second) = units
+    found = desk.by_rules
+    log: Any = desk.session.records["impact"]["log"]
+    record = desk.session.records["impact"]["gates"]
+    way_in, back, chords = _seen(record, len(desk.day.fired))
+    turning = found.readings.recoil
+    turn = desk.session.calibration.get("impact.encoder.counts_per_turn")
+    places = 3 if metre > 0.01 else 1
+
+    def number(value: float, form: str) -> str:
+        return format(float(value) + 0.0, form) if np.isfinite(value) else "not seen"
+
+    rows = []
+    for shot, (ball, _) in enumerate(desk.day.fired):
+        beyond = desk.reasons[shot]
+        rows.append(
+            ShotTally(
+                shot=shot + 1,
+                ball=ball + 1,
+                place=number(log.place[shot] / metre, f".{places}f"),
+                aimed=number(found.readings.place[shot] / metre, f".{places}f"),
+                speed=number(found.shots.speed[shot] / metre_a_second, ".2f"),
+                gates_in=way_in[shot],
+                gates_back=back[shot],
+                chords=number(chords[shot], ".4f"),
+                recoil=number(found.shots.recoil_efficiency[shot], ".4f") if turning else "–",
+                rebound=number(found.shots.rebound_efficiency[shot], ".4f"),
+                residual=number(turning.residual[shot], ".3f") if turning else "–",
+                before=number(turning.before[shot] * 2 * np.pi / turn.value, "+.3f")
+                if turning and turn
+                else "–",
+                odd=beyond or "within",
+            )
+        )
+    return rows
+
+
+def _seen(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
+    """Return which gates saw each ball come in and go back, and the times in first over last."""
+    if not isinstance(record, GateRecord | BoardRecord):
+        return ["–"] * shots, ["–"] * shots, np.full(shots, np.nan)
+    seen: Any = np.isfinite(record.times).all(axis=-1)
+    seen = seen.any(axis=-1) if seen.ndim == 4 else seen
+
+    def words(one: Any) -> str:
+        missed = [str(gate + 1) for gate in np.flatnonzero(~one)]
+        return "all" if not missed else f"missed gate {', '.join(missed)}"
+
+    long = passages(record)
+    return (
+        [words(each) for each in seen[:, 0]],
+        [words(each) for each in seen[:, 1]],
+        np.asarray(long[:, 0] / long[:, -1]),
+    )
+
+
+def run_chart(desk: Desk, units: Units) -> str:
+    """Return speed and e_A from shot to shot as SVG: the rules' window, mean ± 3 s of the hits."""
+    if len(desk.day.fired) < 2 or desk.missing:
+        return ""
+    (_, _), (unit, metre_a_second) = units
+    found, rules = desk.by_rules, desk.rules.spec
+    number = np.arange(1.0, len(desk.day.fired) + 1)
+    sides = {"left": 46.0, "right": 490.0, "x": (0.5, number[-1] + 0.5)}
+    speed = found.shots.speed / metre_a_second
+    asked, reach = rules.ball_speed / metre_a_second, rules.windows.speed_tolerance / metre_a_second
+    first = _chart(number, speed, asked, reach, 28.0, f"speed [{unit}]", sides)
+    efficiency = found.shots.collision_efficiency
+    sound = efficiency[np.array([not why for why in desk.reasons]) & np.isfinite(efficiency)]
+    mean = float(np.mean(sound)) if sound.size else float("nan")
+    spread = 3 * float(np.std(sound, ddof=1)) if sound.size > 1 else float("nan")
+    panels = [first]
+    if np.isfinite(spread) and not rules.scan:
+        words = "e_A"
+        panels.append(_chart(number, efficiency, mean, spread, 148.0, words, sides))
+    panels[-1].x_label = "shot"
+    drawn = figure(
+        panels,
+        panels[-1].bottom + 34.0,
+        "run-chart",
+        "Run chart of the shots",
+        "The numbers are in the table of the tally.",
+    )
+    return drawn.replace('font-size="8"', 'font-size="9.5"')
+
+
+def _chart(
+    number: Array, values: Array, middle: float, reach: float, top: float, title: str, sides: Any
+) -> Panel:
+    limits = "mean ± 3 s of the hits within the windows" if title == "e_A" else "the window"
+    seen = np.isfinite(values)
+    far = max(1.6 * reach, float(np.max(np.abs(values[seen] - middle), initial=0.0)) * 1.1)
+    panel = Panel(**sides, top=top, bottom=top + 78.0, y=(middle - far, middle + far), title=title)
+    panel.band(middle - reach, middle + reach, limits)
+    panel.level(middle, width=0.7, dashes="5 2.5")
+    panel.dots(list(number[seen]), list(values[seen]))
+    missing = list(number[~seen])
+    panel.dots(missing, [middle - 0.95 * far] * len(missing), cross=True)
+    return panel
+
+
+def residual_chart(desk: Desk, shot: int) -> str:
+    """Return what a smooth, ringing turn leaves of a shot's counts as SVG; nothing without one."""
+    record = desk.session.records.get("impact", {}).get("encoder")
+    if not isinstance(record, EncoderRecord) or desk.missing:
+        return ""
+    fit = desk.by_rules.readings.recoil
+    if fit is None or not np.isfinite(fit.span[shot - 1]):
+        return ""
+    contact = _contact(desk, shot)
+    chosen = record.times > contact + SETTLED
+    chosen &= record.times <= contact + SETTLED + fit.span[shot - 1]
+    clock, counts = record.times[chosen], record.counts[shot - 1, chosen]
+    if clock.size < 40:
+        return ""
+    since = (clock - clock[0]) / (clock[-1] - clock[0])
+    columns = [since**power for power in range(4)]
+    for frequency, decay in zip(fit.ring_frequency, fit.ring_decay, strict=True):
+        phase, dies = (
+            2 * np.pi * frequency * (clock - clock[0]),
+            np.exp(-decay * (clock - clock[0])),
+        )
+        columns += [dies * np.cos(phase), dies * np.sin(phase)]
+    basis = np.stack(columns, axis=1)
+    left = counts - basis @ np.linalg.lstsq(basis, counts, rcond=None)[0]
+    some = np.unique(np.linspace(0, clock.size - 1, 400).astype(int))
+    reach = max(1.5, 1.1 * float(np.abs(left).max()))
+    panel = Panel(
+        left=46.0,
+        right=490.0,
+        top=28.0,
+        bottom=108.0,
+        x=(float(1e3 * clock[0]), float(1e3 * clock[-1])),
+        y=(-reach, reach),
+        title="what the fit leaves [counts]",
+        x_label="time after the trigger [ms]",
+    )
+    panel.band(-0.5, 0.5, "± 0.5, which whole counts leave")
+    panel.line(list(1e3 * clock[some]), list(left[some]), width=0.8)
+    words = f"{float(np.sqrt(np.mean(left**2))):.2f} counts rms; counting alone leaves 0.29"
+    drawn = figure([panel], 142.0, "residual", f"Residual of the encoder's fit, shot {shot}", words)
+    return drawn.replace('font-size="8"', 'font-size="9.5"')
+
+
+def _contact(desk: Desk, shot: int) -> float:
+    """Return about when the ball of a shot met the bat, by the last gate it broke coming in [s]."""
+    record = cast(GateRecord, desk.session.records["impact"]["gates"])
+    broke = record.times[shot - 1, 0, ..., 0]
+    last = float(np.nanmax(broke)) if np.isfinite(broke).any() else 0.0
+    known = desk.session.calibration
+    nearest = min(
+        (each.value for key, each in known.items() if key.startswith("impact.gates.distance_")),
+        default=0.0,
+    )
+    return last + nearest / desk.rules.spec.ball_speed
