@@ -14,7 +14,7 @@ from tests.uncertainty import models
 from virtual_lab.streams import generator
 from virtual_lab.uncertainty.inputs import read_inputs
 from virtual_lab.uncertainty.laws import LAWS
-from virtual_lab.uncertainty.monte_carlo import BATCH, BLOCK, drawn
+from virtual_lab.uncertainty.monte_carlo import BATCH, BLOCK, drawn_block
 from virtual_lab.uncertainty.sketch import BINS, Sketch, shortest_interval
 
 DRAWS = 2**20
@@ -201,7 +201,7 @@ def test_draws_do_not_hang_on_order_units_or_the_end_of_the_run() -> None:
     large = propagated(lambda x: x, {"x": vl.Input(1024, 102.4)}, draws=BATCH)
     assert large.interval == pytest.approx(1024 * np.array(one.interval), rel=1e-12)
     assert propagated(models.bpf, models.BPF, draws=9 * BATCH, seed=1).u != first.u
-    blocks = [drawn(read_inputs({"x": vl.Input(0, 1)}, {}), 0, k)["x"] for k in range(3)]
+    blocks = [drawn_block(read_inputs({"x": vl.Input(0, 1)}, {}), 0, k)["x"] for k in range(3)]
     for one, other in pairwise(blocks):
         assert abs(np.corrcoef(one, other)[0, 1]) < 4 / sqrt(BLOCK)
 

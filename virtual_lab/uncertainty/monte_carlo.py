@@ -39,7 +39,7 @@ class Drawing:
     seed: int = 0
 
 
-def drawn(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
+def drawn_block(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
     """Return one block of draws of every source, (65 536,) each."""
     found = {}
     for name, source in inputs.sources.items():
@@ -74,7 +74,7 @@ class Batches:
 
     def answers(self) -> Iterator[Outputs]:
         for block in range(MOST // BLOCK):
-            yield self.model(drawn(self.model.inputs, self.drawing.seed, block))
+            yield self.model(drawn_block(self.model.inputs, self.drawing.seed, block))
 
     def __len__(self) -> int:
         return len(self.found)
