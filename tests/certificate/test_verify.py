@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import zipfile
+from base64 import b64decode, b64encode
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -32,14 +33,18 @@ from virtual_lab.certificate.signing import require_key
 from virtual_lab.certificate.verify import Verification, verify
 from virtual_lab.errors import InputError
 
+LOGO = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><path fill="black"/></svg>'
 HERE = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("made") / "result"
-    vl.certify("r161", seed=7, customer="Ashwood & Sons").save(folder, pdf=True)
-    return folder
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "logo.svg").write_text(LOGO)
+    lab = folder / "lab.toml"
+    lab.write_text('[laboratory]\nname = "Bat Laboratory"\nlogo = "logo.svg"\n')
+    test = vl.certify("r161", seed=7, laboratory=lab, customer="Ashwood & Sons")
+    return test.save(folder / "result", pdf=True)
 
 
 @pytest.fixture
@@ -166,6 +171,13 @@ def another_attachment(folder: Path) -> None:
     pdf_of(folder).write_bytes(certificate_pdf(document_of(parsed, "")))
 
 
+def another_logo(session: dict[str, Any]) -> None:
+    laboratory = session["particulars"]["laboratory"]
+    kind, _, drawn = laboratory["logo"].partition(",")
+    other = b64decode(drawn).replace(b"black", b"white")
+    laboratory["logo"] = f"{kind},{b64encode(other).decode()}"
+
+
 CALIBRATION = "impact.gates.distance_0"
 TAMPERED: dict[str, tuple[Callable[[Path], None], str, str]] = {  # change, file, key
     # one form alone
@@ -286,6 +298,11 @@ TAMPERED: dict[str, tuple[Callable[[Path], None], str, str]] = {  # change, file
         in_session(constant(CALIBRATION, u=1e-5)),
         "certificate.json",
         "metric.u",
+    ),
+    "another logo": (
+        in_session(another_logo),
+        "certificate.json",
+        "particulars.laboratory.logo",
     ),
     "the due date of an instrument": (
         in_session(

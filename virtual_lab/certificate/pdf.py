@@ -16,6 +16,7 @@ from virtual_lab.certificate.figures import certificate_figures
 from virtual_lab.certificate.printed import certificate_number, printed_values
 from virtual_lab.errors import InputError, of_extra
 from virtual_lab.output.svg import description_of
+from virtual_lab.records.logo import picture_in
 
 PAPERS = {"a4": "a4", "letter": "us-letter"}  # as people say it, and Typst
 NO_GLYPH = re.compile(r'the text `"(.+?)"` could not be displayed')
@@ -79,21 +80,24 @@ def _typst() -> Any:
 
 def _view(document: CertificateDocument) -> dict[str, Any]:
     """Return all that the template shows."""
-    simulated = document.simulation is not None
-    by = "Virtual laboratory" if simulated else "Virtual laboratory, from the records supplied"
-    stated = [("Computed by", by)]
-    if not document.particulars.test.begun:
-        stated.append(("Tested", document.date or "no date in the records"))
     figures = certificate_figures(document)
     return {
-        "document": document.as_json(),
+        "document": {**document.as_json(), "contact_sheet": None, "encoder": None},
         **printed_values(document),
         **figures,
         "day": _day(document),
-        "stated": [*stated, *document.particulars.printed(simulated=simulated)],
+        "logo": _logo(document.particulars.laboratory.logo),
         "not_stated": document.particulars.not_stated,
         "alts": {name: description_of(svg) for name, svg in figures.items() if svg},
     }
+
+
+def _logo(address: str) -> dict[str, Any] | None:
+    """Return kind and content of a logo as the template takes them."""
+    if not address:
+        return None
+    kind, data = picture_in(address)
+    return {"kind": kind, "data": data.decode() if kind == "svg" else list(data)}
 
 
 def _day(document: CertificateDocument) -> list[int]:

@@ -92,7 +92,8 @@ def printed_values(document: CertificateDocument) -> dict[str, object]:
         "rebound": _rebound(document.rebound_check),
         "camera": _camera(document.second_witness),
         "conditions": _conditions(document),
-        "unverified": _unverified(document),
+        "identification": _halves(_identification(document)),
+        "unverified": _halves(_unverified(document)),
         "instruments": _instruments(document.particulars.instruments),
         "other_recoil": _other_recoil(document.recoil.other if document.states_result else None),
         "fitted": _number(document.ring.fitted_ms, 0) if document.ring else NONE,
@@ -119,9 +120,31 @@ def _conditions(document: CertificateDocument) -> dict[str, str]:
     }
 
 
-def _unverified(document: CertificateDocument) -> list[list[list[str]]]:
-    """Return key, value and source of the procedure's unverified values, in two halves."""
-    rows = [
+def _identification(document: CertificateDocument) -> list[list[str]]:
+    """Return words and value of what identifies the test."""
+    simulated, particulars = document.simulation is not None, document.particulars
+    rigs = ", ".join(f"{rig} ({stage})" for stage, rig in document.rigs.items())
+    day = document.date or "no date in the records"
+    return [
+        ["Bat", document.bat.name],
+        ["Balls", document.ball.name],
+        ["Procedure", f"{document.procedure.name}: {document.procedure.edition}"],
+        ["Rigs", rigs],
+        ["Computed by", f"Virtual laboratory{'' if simulated else ', from the records supplied'}"],
+        *([] if particulars.test.begun else [["Tested", day]]),
+        *map(list, particulars.printed(simulated=simulated)),
+    ]
+
+
+def _halves(rows: list[list[str]]) -> list[list[list[str]]]:
+    """Return rows in two columns, or one; [] of none."""
+    half = (len(rows) + 1) // 2
+    return [part for part in (rows[:half], rows[half:]) if part]
+
+
+def _unverified(document: CertificateDocument) -> list[list[str]]:
+    """Return key, value and source of the procedure's unverified values."""
+    return [
         [
             each.key.replace("windows.", "window.").replace(".", ": ").replace("_", " "),
             each.value.replace("[", "").replace("]", ""),
@@ -129,8 +152,6 @@ def _unverified(document: CertificateDocument) -> list[list[list[str]]]:
         ]
         for each in document.unverified
     ]
-    half = (len(rows) + 1) // 2
-    return [part for part in (rows[:half], rows[half:]) if part]
 
 
 def _instruments(stated: Mapping[str, InstrumentIdentity]) -> dict[str, object] | None:

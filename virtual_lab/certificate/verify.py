@@ -6,6 +6,7 @@ would show that.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping
@@ -223,7 +224,9 @@ def _value(value: Any) -> str:
 
 
 def _shown(text: str) -> str:
-    return text if len(text) <= 60 else text[:57] + "…"
+    """Return a value cut short, with a digest by which two long ones differ."""
+    cut = f"{text[:48]}… {hashlib.sha256(text.encode()).hexdigest()[:8]}"
+    return text if len(text) <= 60 else cut
 
 
 def _readings(folder: Path, certification: Certification) -> Iterator[Mismatch]:

@@ -16,6 +16,7 @@ from virtual_lab.catalog.specs import Spec, Title
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_toml
+from virtual_lab.records.logo import Logo, logo_of
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler
@@ -55,6 +56,7 @@ class TestingLaboratory(Spec):
     name: Title = ""
     address: Title = ""
     place: Title = ""
+    logo: Logo = ""  # in a file of particulars: the name of a picture's file beside it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,11 +203,20 @@ def read_particulars(path: Path | None, changes: Mapping[str, str]) -> Particula
         if not value:
             continue
         document = {**document, table: {**document.get(table, {}), name: value}}
-    return particulars_of(document, str(path or ""))
+    return particulars_of(document, str(path or ""), folder=path and path.parent)
 
 
-def particulars_of(document: Mapping[str, Any], where: str) -> Particulars:
-    """Return the particulars of a parsed document; `InputError` as `read_particulars`."""
+def particulars_of(
+    document: Mapping[str, Any], where: str, *, folder: Path | None = None
+) -> Particulars:
+    """Return the particulars of a parsed document; `InputError` as `read_particulars`.
+
+    The logo is a picture's file in `folder`; without one it is already embedded.
+    """
+    table = document.get("laboratory")
+    if folder is not None and isinstance(table, Mapping) and isinstance(table.get("logo"), str):
+        logo = table["logo"] and logo_of(table["logo"], folder, where)
+        document = {**document, "laboratory": {**table, "logo": logo}}
     found = validate(document, where, Particulars)
     before = Particular("", "")
     for key in IN_TURN:
@@ -220,6 +231,7 @@ def particulars_of(document: Mapping[str, Any], where: str) -> Particulars:
 def form() -> Iterator[str]:
     """Yield the lines of a file with every key, to be filled in."""
     words = {row.key: row.words for row in PRINTED}
+    words["laboratory.logo"] = "Name of a .png or .svg file beside this one, up to 200 kB"
     yield "# Who tested which bat for whom. Every line may be left empty, or out: the certificate"
     yield "# says what is not stated. Days: 2026-11-25."
     for table in fields(Particulars):

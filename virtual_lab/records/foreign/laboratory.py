@@ -60,7 +60,7 @@ def load_laboratory(folder: Path) -> Session:
         bat_sport=form.bat_sport,
         ball_sport=form.ball_sport,
         origin=Supplied(laboratory=form.laboratory, customer=form.customer),
-        particulars=particulars_of(form.particulars, f"{path} [particulars]"),
+        particulars=particulars_of(form.particulars, f"{path} [particulars]", folder=path.parent),
         rigs=form.rigs,
         procedure_text=_procedure_text(form.procedure, folder, path),
         calibration=read_constants(form.calibration, str(path)),

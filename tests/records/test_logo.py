@@ -1,0 +1,110 @@
+"""A logo is a small picture that can neither run nor load anything."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from virtual_lab.errors import InputError
+from virtual_lab.records.logo import logo_of, picture_in
+from virtual_lab.records.particulars import particulars_of, read_particulars
+
+DRAWING = """<?xml version="1.0"?>
+<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN" "svg11.dtd">
+<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"
+  xmlns:ink="urn:editor" viewBox="0 0 20 10" onload="alert(1)" ink:version="1">
+  <style>.a { fill: #123 }</style><style>@import url("x.css");</style>
+  <script>alert(2)</script><ink:view/><animate attributeName="x"/>
+  <defs><linearGradient id="g"><stop offset="0" stop-color="#456"/></linearGradient></defs>
+  <rect class="a" width="20" height="10" fill="url(#g)" onclick="alert(3)"/>
+  <path d="M0 0L20 10" style="stroke: url('//evil/x')" stroke="black"/>
+  <use xlink:href="#g"/><use href="other.svg#g"/><image href="data:image/png;base64,xx"/>
+  <a href="javascript:alert(4)"><rect width="1" height="1"/></a>
+  <foreignObject><body xmlns="http://www.w3.org/1999/xhtml">html</body></foreignObject>
+</svg>"""
+
+
+def written(folder: Path, content: str | bytes = DRAWING, name: str = "logo.svg") -> str:
+    data = content.encode() if isinstance(content, str) else content
+    (folder / name).write_bytes(data)
+    return name
+
+
+def png(height: int = 8, width: int = 12) -> bytes:
+    return cv2.imencode(".png", np.full((height, width, 3), 99, np.uint8))[1].tobytes()
+
+
+def test_a_drawing_keeps_its_shapes_alone(tmp_path: Path) -> None:
+    kind, data = picture_in(logo_of(written(tmp_path), tmp_path, "lab.toml"))
+    text = data.decode()
+    assert kind == "svg"
+    for kept in ("<rect", "<path", "fill: #123", "url(#g)", 'stroke="black"', 'href="#g"'):
+        assert kept in text
+    bad = r"script|alert|import|evil|other|image|javascript|html|<a |animate|on\w+=|urn:|DOCTYPE"
+    assert not re.search(bad, text)
+
+
+def test_a_picture_of_points_is_kept_as_it_is(tmp_path: Path) -> None:
+    address = logo_of(written(tmp_path, png(), "logo.png"), tmp_path, "lab.toml")
+    assert picture_in(address) == ("png", png())
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("logo.gif", b"GIF89a", "allowed: a .png or .svg file"),
+        ("logo.png", b"no picture", "is no PNG picture"),
+        ("logo.png", png()[:40], "is no PNG picture that can be read"),
+        ("logo.png", png(3000, 3000), "3000 x 3000 pixels"),
+        ("logo.svg", b"<svg", "is no SVG drawing"),
+        ("logo.svg", b"<html/>", "its outermost element is none of <svg>"),
+        ("logo.svg", b'<!DOCTYPE s [<!ENTITY a "b">]><svg/>', "document type with declarations"),
+        (
+            "logo.svg",
+            f'<svg xmlns="http://www.w3.org/2000/svg"><path d="{"M0 0" * 60_000}"/></svg>',
+            "allowed up to 200000",
+        ),
+        ("../logo.svg", b"<svg/>", "leads out of"),
+    ],
+)
+def test_what_is_no_such_picture_is_refused_in_one_line(
+    tmp_path: Path, name: str, content: bytes, said: str
+) -> None:
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    written(folder, content, name)
+    with pytest.raises(InputError, match=f"lab.toml: laboratory.logo = .*{said}") as caught:
+        logo_of(name, folder, "lab.toml")
+    assert "\n" not in str(caught.value)
+
+
+def test_it_stands_beside_the_file_of_particulars(tmp_path: Path) -> None:
+    written(tmp_path)
+    (tmp_path / "lab.toml").write_text('[laboratory]\nname = "L"\nlogo = "logo.svg"\n')
+    found = read_particulars(tmp_path / "lab.toml", {})
+    assert picture_in(found.laboratory.logo)[0] == "svg"
+    assert particulars_of(found.stated, "session.json") == found
+    with pytest.raises(InputError, match="cannot be read"):
+        read_particulars(tmp_path / "lab.toml", {"laboratory.logo": "none.svg"})
+
+
+@pytest.mark.parametrize(
+    ("logo", "said"),
+    [
+        ("logo.svg", "must be a picture as"),
+        ("data:image/gif;base64,R0lG", "must be a picture as"),
+        ("data:image/png;base64,!", "must be a picture in base64"),
+        ("data:image/svg+xml;base64,PHN2Zy8+", "outermost element"),
+        (
+            "data:image/svg+xml;base64,PHN2ZyB4bWxucz0iaHR0cDovL3d3dy53My5vcmcvMjAwMC9zdmciIG9ubG9hZD0ieCIvPg==",
+            "must be cleaned of scripts",
+        ),
+    ],
+)
+def test_a_record_with_another_logo_is_refused(logo: str, said: str) -> None:
+    with pytest.raises(InputError, match=f"laboratory.logo.*{said}"):
+        particulars_of({"laboratory": {"logo": logo}}, "session.json")

@@ -1,0 +1,149 @@
+"""A laboratory's logo: a small PNG or SVG, cleaned of all that could run or load something.
+
+It is kept as a ``data:`` address among the particulars, so that records and certificate have it
+whole.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+from xml.etree import ElementTree
+
+from virtual_lab.errors import InputError
+from virtual_lab.files import inside, read_bytes
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
+
+MOST = 200_000  # bytes
+MOST_PIXELS = 4_000_000
+SVG = "http://www.w3.org/2000/svg"
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+KINDS = {".png": "image/png", ".svg": "image/svg+xml"}
+DRAWN = re.compile(
+    "svg|g|path|rect|circle|ellipse|line|polyline|polygon|text|tspan|defs|linearGradient|"
+    "radialGradient|stop|clipPath|mask|symbol|use|title|desc|style"
+)
+LOADING = re.compile(r"url\(\s*['\"]?(?!['\"#\s])|@|\\|expression|script|data:|//", re.IGNORECASE)
+
+
+def logo_of(name: str, folder: Path, where: str) -> str:
+    """Return the picture in a file of a folder as a ``data:`` address, cleaned.
+
+    Raises
+    ------
+    InputError
+        No such file, none of a PNG or an SVG, or too large a one.
+    """
+    key, path = "laboratory.logo", inside(folder, name, where, "laboratory.logo")
+    kind = KINDS.get(path.suffix.lower())
+    if kind is None:
+        raise InputError(where, key, name, "allowed: a .png or .svg file")
+    data = read_bytes(path, most=2 * MOST)
+    try:
+        data = _clean_svg(data) if kind == KINDS[".svg"] else _require_png(data)
+    except ValueError as fault:
+        raise InputError(where, key, name, str(fault)) from fault
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def picture_in(address: str) -> tuple[str, bytes]:
+    """Return kind (``png`` or ``svg``) and content of a logo; `ValueError` if it is none."""
+    head, _, text = address.partition(";base64,")
+    kinds = {f"data:{kind}": suffix[1:] for suffix, kind in KINDS.items()}
+    if head not in kinds:
+        raise ValueError("must be a picture as 'reduce' and 'certify' embed it")
+    try:
+        data = base64.b64decode(text, validate=True)
+    except binascii.Error:
+        raise ValueError("must be a picture in base64") from None
+    cleaned = _clean_svg(data) if kinds[head] == "svg" else _require_png(data)
+    if cleaned != data:
+        raise ValueError("must be cleaned of scripts and references")
+    return kinds[head], data
+
+
+@dataclass(frozen=True, slots=True)
+class LogoAddress:
+    """Mark on a field: its entry is a cleaned picture, or empty."""
+
+    def read(self, raw: object) -> object:
+        """Return the entry; `ValueError` if unfit."""
+        if isinstance(raw, str) and raw:
+            picture_in(raw)
+        return raw
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+
+Logo = Annotated[str, LogoAddress()]
+
+
+def _require_png(data: bytes) -> bytes:
+    head = data[16:24]
+    if not data.startswith(PNG_SIGNATURE) or data[12:16] != b"IHDR" or len(head) < 8:
+        raise ValueError("is no PNG picture")
+    _require_small(data)
+    wide, high = (int.from_bytes(part, "big") for part in (head[:4], head[4:]))
+    if not 0 < wide * high <= MOST_PIXELS:
+        raise ValueError(f"has {wide} x {high} pixels, allowed up to {MOST_PIXELS:,} in all")
+    import cv2
+    import numpy as np
+
+    if cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) is None:
+        raise ValueError("is no PNG picture that can be read")
+    return data
+
+
+def _clean_svg(data: bytes) -> bytes:
+    """Return a drawing of plain shapes alone: no script, no link, nothing from elsewhere."""
+    text = re.sub(rb"<!DOCTYPE[^>\[]*>", b"", data)
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise ValueError("has a document type with declarations of its own; allowed: none")
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as fault:
+        raise ValueError(f"is no SVG drawing: {fault}") from fault
+    if root.tag != f"{{{SVG}}}svg":
+        raise ValueError("is no SVG drawing: its outermost element is none of <svg>")
+    _strip(root)
+    ElementTree.register_namespace("", SVG)
+    cleaned = ElementTree.tostring(root)
+    _require_small(cleaned)
+    return cleaned
+
+
+def _strip(element: ElementTree.Element) -> None:
+    for name, value in list(element.attrib.items()):
+        plain = name.rpartition("}")[2]
+        if plain == "href":
+            own = value.startswith("#")
+        else:
+            own = name == plain and plain[:2].lower() != "on" and not LOADING.search(value)
+        if not own:
+            del element.attrib[name]
+        elif plain == "href":
+            element.attrib["href"] = element.attrib.pop(name)
+    for child in list(element):
+        space, _, name = str(child.tag).rpartition("}")
+        styled = name == "style" and LOADING.search(child.text or "")
+        if space != f"{{{SVG}" or not DRAWN.fullmatch(name) or styled:
+            element.remove(child)
+        else:
+            _strip(child)
+
+
+def _require_small(data: bytes) -> None:
+    if len(data) > MOST:
+        raise ValueError(f"has {len(data)} bytes, allowed up to {MOST}")
