@@ -53,8 +53,11 @@ if TYPE_CHECKING:
     from virtual_lab.studies.score import QuantityScore
     from virtual_lab.studies.score import score_folder as score
     from virtual_lab.studies.template import template
+    from virtual_lab.uncertainty.decision import conformity, guard_band
+    from virtual_lab.uncertainty.decision import global_risk as risk
     from virtual_lab.uncertainty.indices import sobol_indices as sobol
     from virtual_lab.uncertainty.inputs import Input
+    from virtual_lab.uncertainty.precision import gauge_study, group_study
     from virtual_lab.uncertainty.propagating import propagate_inputs as propagate
     from virtual_lab.video.calibration.calibrating import Calibrated
     from virtual_lab.video.show.tracked_clip import TrackedClip
@@ -78,6 +81,7 @@ __all__ = [
     "certify",
     "chart",
     "clip_coverage",
+    "conformity",
     "convergence",
     "coverage",
     "critique",
@@ -85,6 +89,9 @@ __all__ = [
     "effects",
     "faults",
     "fit_bat",
+    "gauge_study",
+    "group_study",
+    "guard_band",
     "instrument",
     "paper",
     "percussion",
@@ -93,6 +100,7 @@ __all__ = [
     "propagate",
     "reduce",
     "rig",
+    "risk",
     "score",
     "sensitivity",
     "shelf",
@@ -107,6 +115,7 @@ __all__ = [
 ]
 
 STUDIES, CAMPAIGNS = "virtual_lab.studies", "virtual_lab.campaigns"
+UNCERTAINTY = "virtual_lab.uncertainty"
 ALONE = (
     "propagate",
     "score",
@@ -119,12 +128,13 @@ ELSEWHERE = {  # name: module, name there
     "BatComparison": (f"{STUDIES}.bats.compare", "BatComparison"),
     "BatProfile": (f"{STUDIES}.bats.profile", "BatProfile"),
     "Campaign": (f"{CAMPAIGNS}.folder", "Campaign"),
-    "Input": ("virtual_lab.uncertainty.inputs", "Input"),
+    "Input": (f"{UNCERTAINTY}.inputs", "Input"),
     "InputError": ("virtual_lab.errors", "InputError"),
     "bias": (f"{STUDIES}.bias", "bias"),
     "campaign": (f"{CAMPAIGNS}.running", "campaign"),
     "chart": ("virtual_lab.api.charts", "chart"),
     "clip_coverage": (f"{STUDIES}.clips", "clip_coverage"),
+    "conformity": (f"{UNCERTAINTY}.decision", "conformity"),
     "convergence": ("virtual_lab.fidelity.mode_convergence", "convergence"),
     "coverage": (f"{STUDIES}.coverage", "coverage"),
     "critique": (f"{STUDIES}.critique", "critique"),
@@ -132,17 +142,21 @@ ELSEWHERE = {  # name: module, name there
     "effects": (f"{STUDIES}.effects", "effects"),
     "faults": (f"{STUDIES}.faults", "faults"),
     "fit_bat": (f"{STUDIES}.bats.fit_bat", "fit_bat"),
+    "gauge_study": (f"{UNCERTAINTY}.precision", "gauge_study"),
+    "group_study": (f"{UNCERTAINTY}.precision", "group_study"),
+    "guard_band": (f"{UNCERTAINTY}.decision", "guard_band"),
     "paper": (f"{STUDIES}.paper", "paper"),
     "percussion": (f"{STUDIES}.bats.percussion", "percussion"),
     "profile": (f"{STUDIES}.bats.compare", "profile"),
-    "propagate": ("virtual_lab.uncertainty.propagating", "propagate_inputs"),
+    "propagate": (f"{UNCERTAINTY}.propagating", "propagate_inputs"),
     "rehearse": ("virtual_lab.bench.running", "rehearse"),
+    "risk": (f"{UNCERTAINTY}.decision", "global_risk"),
     "score": (f"{STUDIES}.score", "score_folder"),
     "sensitivity": (f"{STUDIES}.bats.ball_law", "sensitivity"),
     "shelf": (f"{STUDIES}.inventory", "shelf"),
     "show": (f"{STUDIES}.inventory", "show"),
     "slope": (f"{STUDIES}.place_slope", "slope"),
-    "sobol": ("virtual_lab.uncertainty.indices", "sobol_indices"),
+    "sobol": (f"{UNCERTAINTY}.indices", "sobol_indices"),
     "stability": ("virtual_lab.api.charts", "stability"),
     "template": (f"{STUDIES}.template", "template"),
     "verify": ("virtual_lab.certificate.verify", "verify"),

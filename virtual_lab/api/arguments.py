@@ -202,12 +202,15 @@ ARGUMENTS = {
     "progress": ArgumentRule(_callable, "a function that is called with a sentence"),
     "operator": ANY,
     "model": ArgumentRule(_callable, "a function of named inputs"),
-    **dict.fromkeys(("inputs", "correlations"), ANY),
+    **dict.fromkeys(("inputs", "correlations", "prior"), ANY),
+    **dict.fromkeys(("values", "groups", "parts", "operators"), ANY),
     "method": ArgumentRule(_word, "first-order, second-order or monte-carlo"),
     "rule": ArgumentRule(_word, "stein or 7.9"),
     **dict.fromkeys(("digits", "draws", "points"), WHOLE),
     "validate": YES_OR_NO,
-    "probability": NUMBER,
+    **dict.fromkeys(
+        ("probability", "value", "u", "lower", "upper", "dof", "guard", "r", "target"), NUMBER
+    ),
 }
 
 

@@ -172,6 +172,16 @@ def _readings(name: str, readings: Array) -> tuple[float, float]:
     return float(readings.mean()), float(readings.std(ddof=1) / sqrt(readings.size))
 
 
+def source_of(name: str, given: Input) -> InputSource:
+    """Return the source of an input; `InputError` for one that is certain or not an `Input`."""
+    if not isinstance(given, Input):
+        raise InputError("", name, given, "allowed: vl.Input(…)")
+    source = _source(name, given)
+    if isinstance(source, float):
+        raise InputError(name, "u", given.u, "allowed: above 0")
+    return source
+
+
 def _source(name: str, given: Input) -> InputSource | float:
     """Return the source of an input of one number; a number that has no uncertainty."""
 
@@ -261,9 +271,7 @@ def _grouped(
         *(None if given.low is not None else 0.0, given.u, given.dof, given.distribution),
         *(given.low, given.high, given.inexact),
     )
-    source = _source(name, one)
-    if isinstance(source, float):
-        raise InputError(name, "u", given.u, "allowed: above 0 for an input by groups")
+    source = source_of(name, one)
     parts = tuple(f"{name}[{'/'.join(map(str, label))}]" for label in order)
     estimate = Estimate(value=middle, u=source.estimate.u, dof=source.estimate.dof, pool=name)
     own = InputSource(estimate, source.law, source.scale, source.shape)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf, pi, sqrt
 from typing import Any
 
@@ -43,7 +44,8 @@ def _normal(q: Array, _shape: float) -> Array:
 def _student(q: Array, dof: float) -> Array:
     from scipy.special import stdtrit
 
-    return np.asarray(stdtrit(dof, q))
+    ends = np.where(q <= 0, -inf, inf)  # where scipy says otherwise
+    return np.asarray(np.where((q > 0) & (q < 1), stdtrit(dof, q), ends))
 
 
 def _inexact_draw(random: Random, n: int, inexact: float) -> Array:
@@ -52,11 +54,16 @@ def _inexact_draw(random: Random, n: int, inexact: float) -> Array:
 
 
 def _inexact_quantile(q: Array, inexact: float) -> Array:
-    """Return quantiles of uniform numbers with uniform limits: their mean law, by a fine grid."""
+    x, below = _inexact_distribution(inexact)
+    return np.asarray(np.interp(q, below, x))
+
+
+@lru_cache(16)
+def _inexact_distribution(inexact: float) -> tuple[Array, Array]:
+    """Return a grid and the probabilities below it of uniform numbers with uniform limits."""
     x = np.linspace(-1 - inexact, 1 + inexact, 4001)
     nodes, weights = np.polynomial.legendre.leggauss(201)
-    below = np.clip((x[:, None] / (1 + inexact * nodes) + 1) / 2, 0, 1) @ weights / 2
-    return np.asarray(np.interp(q, below, x))
+    return x, np.clip((x[:, None] / (1 + inexact * nodes) + 1) / 2, 0, 1) @ weights / 2
 
 
 def _inexact_kurtosis(inexact: float) -> float:

@@ -1,0 +1,105 @@
+"""Risks of decisions against JCGM 106, another code's numbers, and counted items."""
+
+from math import inf
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import virtual_lab as vl
+
+RESISTORS = vl.Input(1500, 0.12)
+LIMITS = {"lower": 1499.8, "upper": 1500.2}
+# suncal 1.7.1 (risk.PFA, PFR) and scipy's dblquad, by g = h U: joint risks
+TABLE = {
+    0.0: (0.0189422067, 0.0372078002, 5e-9),
+    1.0: (0.00047, 0.24767, 5e-6),
+    0.5: (0.00433, 0.11466, 5e-6),
+    0.25: (0.00988, 0.06903, 5e-6),
+    -0.25: (0.03114, 0.01755, 5e-6),
+    -1.0: (0.06940, 0.00068, 5e-6),
+}
+
+
+def test_specific_risk() -> None:
+    """JCGM 106 8.3.3: Zener diode, V ≤ -5.40 V, -5.47 ± .05: Φ(1.4) = .92; a bat by one limit."""
+    assert vl.conformity(-5.47, 0.05, upper=-5.40) == pytest.approx(0.9192, abs=5e-5)
+    assert vl.conformity(1.140, 0.0074, upper=1.15) == pytest.approx(0.912, abs=5e-4)
+    assert vl.conformity(1.140, 0.0074, upper=1.15, dof=14.2) == pytest.approx(0.901, abs=5e-4)
+    two = vl.conformity(0.5, 1.0, lower=-1, upper=1, dof=4)
+    assert two == pytest.approx(stats.t.cdf(0.5, 4) - stats.t.cdf(-1.5, 4))
+
+
+@pytest.mark.parametrize("h", TABLE)
+def test_global_risks(h: float) -> None:
+    consumer, producer, near = TABLE[h]
+    found = vl.risk(RESISTORS, 0.04, **LIMITS, guard=h * 0.08)
+    assert found.consumer == pytest.approx(consumer, abs=near)
+    assert found.producer == pytest.approx(producer, abs=near)
+
+
+@pytest.mark.parametrize(
+    "prior",
+    [
+        vl.Input(1.0, 0.3, dof=4),
+        vl.Input(low=0.5, high=1.6),
+        vl.Input(1.0, 0.3, distribution="triangular"),
+        vl.Input(1.0, 0.3, distribution="arcsine"),
+        vl.Input(low=0.5, high=1.6, inexact=0.2),
+    ],
+)
+def test_global_risks_are_those_of_counted_items(prior: vl.Input) -> None:
+    """All four by a million items of each prior; one limit; each with its definition."""
+    from virtual_lab.uncertainty.inputs import source_of
+
+    rng, source = np.random.default_rng(4), source_of("prior", prior)
+    item = source.estimate.value + source.scale * source.law.draw(rng, 10**6, source.shape)
+    measured = item + 0.1 * rng.standard_t(7, 10**6)
+    found = vl.risk(prior, 0.1, upper=1.2, guard=0.05, dof=7)
+    good, accepted = item <= 1.2, measured <= 1.15
+    assert found.consumer == pytest.approx(np.mean(accepted & ~good), abs=2e-3)
+    assert found.producer == pytest.approx(np.mean(~accepted & good), abs=2e-3)
+    assert found.consumer_given_accepted == pytest.approx(np.mean(~good[accepted]), abs=2e-3)
+    assert found.producer_given_conforming == pytest.approx(np.mean(~accepted[good]), abs=2e-3)
+    text = str(found)
+    assert "customer's risk, P(accepted and not conforming): joint" in text
+    assert "maker's risk, P(rejected | conforming): conditional" in text
+    assert text.startswith("prior: ")
+
+
+def test_guard_bands() -> None:
+    """By w = r U; by a specific risk of 5 %, 1.645 u; by a joint risk, which then holds."""
+    assert vl.guard_band(0.04, **LIMITS, r=1) == pytest.approx((0.08, 1499.88, 1500.12))
+    w, low, high = vl.guard_band(0.0074, upper=1.15, target=0.05)
+    assert (w, low) == (pytest.approx(1.644854 * 0.0074), -inf)
+    assert 1 - vl.conformity(high, 0.0074, upper=1.15) == pytest.approx(0.05)
+    k = stats.t.ppf(0.975, 6)
+    assert vl.guard_band(0.04, upper=1, r=-1, dof=6)[0] == pytest.approx(-k * 0.04)
+    for target in (0.0300, 0.0098836):
+        w, *_ = vl.guard_band(0.04, **LIMITS, target=target, prior=RESISTORS)
+        found = vl.risk(RESISTORS, 0.04, **LIMITS, guard=w)
+        assert found.consumer == pytest.approx(target, abs=1e-9)
+    assert w == pytest.approx(0.02, abs=2e-5)  # g = U/4 has a joint risk of .00988
+
+
+@pytest.mark.parametrize(
+    ("decide", "said"),
+    [
+        (lambda: vl.conformity(1, 0.1), "allowed: lower, upper, or both"),
+        (lambda: vl.conformity(1, 0, upper=2), "u = 0.0; allowed: above 0"),
+        (lambda: vl.conformity(1, 0.1, lower=2, upper=1), "allowed: above lower = 2"),
+        (lambda: vl.risk(1.5, 0.1, upper=2), r"prior = 1.5; allowed: vl.Input"),
+        (lambda: vl.risk(vl.Input(1, 0), 0.1, upper=2), "prior: u = 0; allowed: above 0"),
+        (lambda: vl.risk(RESISTORS, 0.04, **LIMITS, guard=0.3), "half the tolerance"),
+        (lambda: vl.guard_band(0.1, upper=1), "allowed: r or target"),
+        (lambda: vl.guard_band(0.1, upper=1, target=1.5), "between 0 and 1"),
+        (
+            lambda: vl.guard_band(0.04, **LIMITS, target=0.5, prior=RESISTORS),
+            "what guard bands can reach",
+        ),
+    ],
+)
+def test_wrong_input(decide, said: str) -> None:
+    with pytest.raises(vl.InputError, match=said) as caught:
+        decide()
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,231 @@
+"""Decisions on conformity and their risks (JCGM 106), each number with its definition.
+
+Y is the true value, conforming within its limits; a measured value y with standard uncertainty u
+is accepted within the acceptance limits, which a guard band w moves inward (w < 0: outward). One
+limit may be missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from math import inf, isfinite
+
+import numpy as np
+
+from virtual_lab.errors import InputError
+from virtual_lab.uncertainty.budget import coverage_factors
+from virtual_lab.uncertainty.inputs import Input, InputSource, source_of
+from virtual_lab.uncertainty.laws import LAWS
+from virtual_lab.units import Array
+
+TURN = np.array([-8, -4, -2, -1, 0, 1, 2, 4, 8])  # in u, about an acceptance limit
+TAILS = np.array([0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-2])
+CONSUMER = "P(accepted and not conforming): joint, of all items"
+PRODUCER = "P(rejected and conforming): joint, of all items"
+CONSUMER_GIVEN = "P(not conforming | accepted): conditional, of accepted items"
+PRODUCER_GIVEN = "P(rejected | conforming): conditional, of conforming items"
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """Limits within which a value conforms, or is accepted."""
+
+    lower: float = -inf
+    upper: float = inf
+
+    @classmethod
+    def read(cls, lower: float | None, upper: float | None) -> Tolerance:
+        """Return the limits; `InputError` for none, or the wrong way round."""
+        found = cls(-inf if lower is None else lower, inf if upper is None else upper)
+        if lower is None and upper is None:
+            raise InputError("", "limits", None, "allowed: lower, upper, or both")
+        if not found.lower < found.upper:
+            raise InputError("", "upper", upper, f"allowed: above lower = {lower}")
+        return found
+
+    def guarded(self, w: float) -> Tolerance:
+        """Return acceptance limits; `InputError` where the guard bands leave nothing."""
+        found = Tolerance(self.lower + w, self.upper - w)
+        if not found.lower < found.upper:
+            most = (self.upper - self.lower) / 2
+            raise InputError("", "guard band", w, f"allowed: below {most}, half the tolerance")
+        return found
+
+    def chance(self, y: Array, u: float, dof: float) -> Array:
+        """Return the probability that a value with standard uncertainty u about y lies within."""
+        from scipy.special import stdtr
+
+        nu = min(dof, 1e12)
+        return np.asarray(stdtr(nu, (self.upper - y) / u) - stdtr(nu, (self.lower - y) / u))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Risks:
+    """Global risks of a rule of acceptance: of all items that a process makes."""
+
+    prior: str  # what the process makes
+    acceptance: tuple[float, float]
+    consumer: float
+    producer: float
+    consumer_given_accepted: float
+    producer_given_conforming: float
+
+    def __str__(self) -> str:
+        rows = (
+            (self.consumer, f"customer's risk, {CONSUMER}"),
+            (self.producer, f"maker's risk, {PRODUCER}"),
+            (self.consumer_given_accepted, f"customer's risk, {CONSUMER_GIVEN}"),
+            (self.producer_given_conforming, f"maker's risk, {PRODUCER_GIVEN}"),
+        )
+        lines = [f"{value:.6f}  {words}" for value, words in rows]
+        return "\n".join([f"prior: {self.prior}; accepted within {self.acceptance}", *lines])
+
+
+def conformity(
+    value: float,
+    u: float,
+    *,
+    lower: float | None = None,
+    upper: float | None = None,
+    dof: float = inf,
+) -> float:
+    """Return P(Y conforms | y) of one item: normal, or t with finite `dof` (JCGM 106, 7).
+
+    One minus it is the specific risk of the customer if the item is accepted; it is the maker's
+    risk if the item is rejected.
+    """
+    _require_u(u)
+    return float(Tolerance.read(lower, upper).chance(np.array(value), u, dof))
+
+
+def global_risk(
+    prior: Input,
+    u: float,
+    *,
+    lower: float | None = None,
+    upper: float | None = None,
+    guard: float = 0.0,
+    dof: float = inf,
+) -> Risks:
+    """Return maker's and customer's risks of a process whose items are as `prior` (JCGM 106, 9).
+
+    Parameters
+    ----------
+    prior
+        What is known of Y before an item is measured: an `Input` of any distribution.
+    u, dof
+        Of a measured value about Y.
+    lower, upper
+        Tolerance limits, in the unit of the prior.
+    guard
+        Guard band w of each limit; above 0 moves it inward.
+    """
+    _require_u(u)
+    limits, source = Tolerance.read(lower, upper), source_of("prior", prior)
+    return _risks(source, limits, limits.guarded(guard), u, dof)
+
+
+def guard_band(
+    u: float,
+    *,
+    lower: float | None = None,
+    upper: float | None = None,
+    r: float | None = None,
+    target: float | None = None,
+    prior: Input | None = None,
+    dof: float = inf,
+) -> tuple[float, float, float]:
+    """Return guard band w and the acceptance limits (-inf or inf where there is none).
+
+    Parameters
+    ----------
+    u, dof, lower, upper
+        As for `risk`.
+    r
+        w = r U with U = k u for 95 % (k = 2 with infinite `dof`); 1 accepts only what surely
+        conforms, 0 is simple acceptance, -1 rejects only what surely does not.
+    target
+        In the place of r: the largest customer's risk. With a `prior` it is the joint one of all
+        items; without the specific one of an item at the acceptance limit.
+    prior
+        As for `risk`.
+    """
+    from scipy.optimize import brentq
+
+    _require_u(u)
+    limits = Tolerance.read(lower, upper)
+    if (r is None) == (target is None):
+        raise InputError("", "guard band", None, "allowed: r or target, one of them")
+    if r is not None:
+        k = 2.0 if dof == inf else float(coverage_factors(np.array(dof)))
+        w = r * k * u
+    else:
+        assert target is not None
+        if not 0 < target < 1:
+            raise InputError("", "target", target, "allowed: between 0 and 1")
+        risk = partial(_risk_with, limits, u, dof, source_of("prior", prior) if prior else None)
+        most = min((limits.upper - limits.lower) / 2 * (1 - 1e-9), 40 * u)
+        reached = [risk(w) for w in (-40 * u, most)]
+        if not reached[1] <= target <= reached[0]:
+            allowed = f"allowed: {reached[1]:.2g} to {reached[0]:.2g}, what guard bands can reach"
+            raise InputError("", "target", target, allowed)
+        w = float(brentq(lambda w: risk(w) - target, -40 * u, most, xtol=1e-12 * u))
+    found = limits.guarded(w)
+    return w, found.lower, found.upper
+
+
+def _risk_with(
+    limits: Tolerance, u: float, dof: float, prior: InputSource | None, w: float
+) -> float:
+    """Return the customer's risk with a guard band: of all items, or of the worst accepted."""
+    accepted = limits.guarded(w)
+    if prior:
+        return _risks(prior, limits, accepted, u, dof).consumer
+    # at either end the same, by symmetry
+    end = accepted.upper if isfinite(accepted.upper) else accepted.lower
+    return float(1 - limits.chance(np.array(end), u, dof))
+
+
+def _risks(
+    prior: InputSource, limits: Tolerance, accepted: Tolerance, u: float, dof: float
+) -> Risks:
+    """Return the risks by integrals over the quantiles of the prior.
+
+    Gauss–Legendre in panels: between the limits, finer where acceptance turns and in the tails.
+    """
+    from scipy.optimize import bisect
+
+    def item(q: Array | float) -> Array:
+        x = prior.law.quantile(np.asarray(q, float), prior.shape)
+        return prior.estimate.value + prior.scale * x
+
+    def below(x: float) -> float:
+        if not item(0.0) < x < item(1.0):
+            return float(x >= item(1.0))
+        return float(bisect(lambda q: float(item(q)) - x, 0.0, 1.0, xtol=1e-15))
+
+    begin, end = below(limits.lower), below(limits.upper)
+    turns = np.concatenate([[accepted.lower + k * u, accepted.upper + k * u] for k in TURN])
+    steps = np.unique([*TAILS, *(1 - TAILS), begin, end, *map(below, turns)])
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    half = np.diff(steps)[:, None] / 2
+    q = steps[:-1, None] + half * (1 + nodes)
+    parts = (half * weights * accepted.chance(item(q), u, dof)).sum(axis=1)
+    inside = (steps[:-1] >= begin) & (steps[:-1] < end)
+    good, bad = float(parts[inside].sum()), float(parts[~inside].sum())
+    conforming = end - begin
+    law = next(name for name, each in LAWS.items() if each is prior.law)
+    return Risks(
+        prior=f"{law}, {prior.estimate.value:.6g} with u = {prior.estimate.u:.6g}",
+        acceptance=(accepted.lower, accepted.upper),
+        consumer=bad,
+        producer=conforming - good,
+        consumer_given_accepted=bad / (good + bad) if good + bad else 0.0,
+        producer_given_conforming=(conforming - good) / conforming if conforming else 0.0,
+    )
+
+
+def _require_u(u: float) -> None:
+    if not (isfinite(u) and u > 0):
+        raise InputError("", "u", u, "allowed: above 0")
