@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Ge
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import BatBody, Dimension
+from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
 from virtual_lab.simulation.cannon_station import (
     BallFlights,
@@ -28,7 +28,7 @@ from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.holder import AxisSpec, Holder
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
-from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.beam import RigidBat
 from virtual_lab.simulation.physics.coasting import coasting, ringing
 from virtual_lab.simulation.rig import MotionRung, RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
@@ -121,7 +121,8 @@ class AstmPivotStation(RestingBatStation):
         fired = self.fly(plan, specimen, draws)
         name, slots = "astm-pivot.encoder", plan.slot
         if plan.detail is RecordDetail.SUMMED:
-            rate, clock = self._rate(fired), self.gates.at(plan.owner).clock
+            rate = self._rate(specimen.bat.of_shots(plan.owner).rigid, fired)
+            clock = self.gates.at(plan.owner).clock
             # to the record's end, or until the bat that is not yet slowed would meet its stop
             with np.errstate(divide="ignore"):
                 turning = self.stop.angle / np.abs(rate)
@@ -135,27 +136,26 @@ class AstmPivotStation(RestingBatStation):
         timed = self.timed(fired, plan, draws)
         return replace(timed, records={**timed.records, "encoder": encoder})
 
-    def _rate(self, fired: BallFlights) -> Array:
+    def _rate(self, bat: RigidBat[Any], fired: BallFlights) -> Array:
         """Return the rate of the rigid bat as the ball leaves [rad/s], (shot,)."""
-        body, axis, scenes = fired.bat.body, fired.bat.axis, fired.blows.scenes
+        axis, scenes = fired.bat.axis, fired.blows.scenes
         impulse = scenes.ball_mass * scenes.relative_speed * (1 + fired.blows.efficiency)
         impulse = impulse * np.cos(fired.tilt) * fired.flown.met
-        rate = impulse * (axis - scenes.impact_position) / beam_of(body).inertia(axis)
-        return rate - self._rubbed(rate, impulse, body, axis)
+        rate = impulse * (axis - scenes.impact_position) / fired.bat.inertia
+        return rate - self._rubbed(rate, impulse, bat, axis)
 
-    def _rubbed(self, rate: Array, impulse: Array, body: BatBody, axis: Array) -> Array:
+    def _rubbed(self, rate: Array, impulse: Array, bat: RigidBat[Any], axis: Array) -> Array:
         """Return the rate the bearing takes while the blow loads it; none at percussion [rad/s]."""
-        beam = beam_of(body)
-        reaction = np.abs(impulse - beam.mass * (axis - beam.z_cm) * rate)
+        reaction = np.abs(impulse - bat.mass * (axis - bat.z_cm) * rate)
         lost = (
             self.holder.spec.friction
             * self.holder.spec.journal_radius
             * reaction
-            / beam.inertia(axis)
+            / bat.inertia(axis)
         )
         return np.asarray(np.sign(rate) * np.minimum(lost, np.abs(rate)))
 
-    def _loose(self, impulse: Array, rate: Array, body: BatBody) -> tuple[Array, float]:
+    def _loose(self, impulse: Array, rate: Array, bat: RigidBat[Any]) -> tuple[Array, float]:
         """Return how fast a bat turns beside `rate` until its journal bears, and how far.
 
         Until then the bat moves as a free one. Its angular momentum about the axis is that of
@@ -163,30 +163,30 @@ class AstmPivotStation(RestingBatStation):
         to centre of percussion, whichever side of it was struck, and no rate. The journal is
         taken not to bounce. (shot,) [rad/s], [rad].
         """
-        beam = beam_of(body)
-        lever = beam.length - self.holder.from_knob - beam.z_cm
-        reaction = impulse - beam.mass * lever * rate
-        yields = 1 / beam.mass + lever**2 / beam.inertia_cm  # of the free bat, at the axis
-        length = beam.inertia(beam.length - self.holder.from_knob) / (beam.mass * lever)
+        lever = bat.length - self.holder.from_knob - bat.z_cm
+        reaction = impulse - bat.mass * lever * rate
+        yields = 1 / bat.mass + lever**2 / bat.inertia_cm  # of the free bat, at the axis
+        length = bat.inertia(bat.length - self.holder.from_knob) / (bat.mass * lever)
         return np.asarray(-reaction * yields / length), self.holder.spec.clearance / length
 
     def _recoil(self, specimen: Specimen, fired: BallFlights) -> Callable[[slice], Array]:
         """Return a function to the encoder's true angles [rad] of some shots, (shot, sample)."""
-        body, tilt, contact, flown = specimen.bat.body, fired.tilt, fired.contact, fired.flown
+        body, bat = specimen.bat.body, specimen.bat.rigid
+        tilt, contact, flown = fired.tilt, fired.contact, fired.flown
         leaving = contact + fired.blows.contact_time
         modes, collisions = fired.blows.modes, fired.blows.collisions
         assert modes is not None
         assert collisions is not None
         axis = body.length - self.holder.from_knob
         turn = modes.rotation(axis) * np.cos(tilt)[:, None]
-        inertia = beam_of(body).inertia(axis)
+        inertia = bat.inertia(axis)
         # the recorder's ticks are the gates' clock, which runs a little fast or slow
         ticks = self.encoder.spec.sample_times() / self.gates.clock
         moved, moving = collisions.modal_displacements, collisions.modal_velocities
         impulse = collisions.impulse * np.cos(tilt)
         start, rate = ((own * turn)[:, : modes.rigid].sum(axis=1) for own in (moved, moving))
-        rate = rate - self._rubbed(rate, impulse, body, fired.bat.axis)
-        slip, play = self._loose(impulse, rate, body)
+        rate = rate - self._rubbed(rate, impulse, bat, fired.bat.axis)
+        slip, play = self._loose(impulse, rate, bat)
         shots, at_ticks = coasting(
             rate,
             ticks,

@@ -16,7 +16,7 @@ from virtual_lab.simulation.instruments import FittedStation, Instrument, Instru
 from virtual_lab.simulation.instruments.air import Gravity, GravitySpec
 from virtual_lab.simulation.instruments.indicator import Rule, RuleSpec, Scale, ScaleSpec
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
-from virtual_lab.simulation.physics.beam import beam_of, outer_diameter
+from virtual_lab.simulation.physics.beam import outer_diameter
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.units import INCH
@@ -93,13 +93,13 @@ class BenchStation(FittedStation):
 
         Readings of a block are those of one laboratory after another.
         """
-        beam = beam_of(specimen.bat.body)
-        axis = beam.length - self.pendulum.true["pivot_from_knob"]
-        moment = beam.mass * (axis - beam.z_cm)
+        bat = specimen.bat.rigid
+        axis = bat.length - self.pendulum.true["pivot_from_knob"]
+        moment = bat.mass * (axis - bat.z_cm)
         repeats = self.spec.repeats
         return RigOutput(
             records={
-                "bat-mass": self.scale.weigh(beam.mass, repeats, draws, "bench.bat-mass"),
+                "bat-mass": self.scale.weigh(bat.mass, repeats, draws, "bench.bat-mass"),
                 "ball-mass": self.scale.at(plan.owner).weigh(
                     specimen.at(plan).balls.mass,
                     repeats,
@@ -107,16 +107,16 @@ class BenchStation(FittedStation):
                     "bench.ball-mass",
                     plan.ball,
                 ),
-                "length": self.rule.measure(beam.length, repeats, draws, "bench.length"),
+                "length": self.rule.measure(bat.length, repeats, draws, "bench.length"),
                 "barrel-radius": self.rule.measure(
                     outer_diameter(specimen.bat.body.profile, SWEET_SPOT) / 2,
                     repeats,
                     draws,
                     "bench.barrel-radius",
                 ),
-                "balance": self.stand.measure(beam.z_cm, repeats, draws, "bench.balance"),
+                "balance": self.stand.measure(bat.z_cm, repeats, draws, "bench.balance"),
                 "pendulum": self.pendulum.swing(
-                    inertia=beam.inertia(axis),
+                    inertia=bat.inertia(axis),
                     moment=moment,
                     gravity=self.hall.acceleration,
                     releases=self.spec.releases,
@@ -125,10 +125,10 @@ class BenchStation(FittedStation):
                 ),
             },
             truth={
-                "mass": np.array(beam.mass),
-                "z_cm": np.array(beam.z_cm),
-                "inertia_cm": np.array(beam.inertia_cm),
-                "length": np.array(beam.length),
+                "mass": np.array(bat.mass),
+                "z_cm": np.array(bat.z_cm),
+                "inertia_cm": np.array(bat.inertia_cm),
+                "length": np.array(bat.length),
             },
         )
 

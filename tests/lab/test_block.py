@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ import pytest
 from tests.lab.golden.make import BASEBALL, SEED, SOFTBALL, Case, Row, differences, table
 from tests.lab.test_round_robin import bits
 from virtual_lab import catalog, lab
+from virtual_lab.catalog.specs import BatBody
 
 PROCEDURES = catalog.names("procedures")
 Array = np.ndarray
@@ -98,6 +100,35 @@ def test_a_test_of_a_block_is_printed_as_that_of_its_laboratory_alone(procedure:
             assert repr(own) == repr(getattr(alone.certification, name)), name
         one, other = beside.sealed.document(), alone.sealed.document()
         assert repr({**one, "salt": ""}) == repr({**other, "salt": ""})
+
+
+@pytest.mark.parametrize(("procedure", "bat"), [("asa", "softball-34"), ("ncaa-besr", "ea70")])
+def test_individual_bats_of_a_block_are_those_of_their_laboratories(
+    procedure: str, bat: str
+) -> None:
+    """Records and truth bit for bit, a bat as it is sealed; no two bats alike."""
+    shared = lab.RoundRobin.of(bat, procedure, individual=True)
+    (block,) = shared.blocks(3, SEED)
+    assert block.sessions.laboratories == 3
+    for number in (1, 2):
+        alone = lab.by_the_book(shared.laboratory(SEED, number)).of(0)
+        assert bits(block.of(number)) == bits(alone)
+        one, other = (each.sealed.document() for each in (block.of(number), alone))
+        assert repr((one["bat"], one["bat_properties"])) == repr(
+            (other["bat"], other["bat_properties"])
+        )
+    assert len({block.of(number).sealed.bat.body for number in range(3)}) == 3
+
+
+def test_a_bat_is_the_same_on_another_day_where_it_is_asked_for() -> None:
+    shared = lab.RoundRobin.of("r161", "astm-f1881", individual=True)
+
+    def bat_of_day(**choices: Any) -> BatBody:
+        setup = replace(shared.setup, seed=SEED, **choices)
+        return lab.Laboratory.open(setup).specimen.bat.body
+
+    assert bat_of_day(test=2, same_bat=True) == bat_of_day()
+    assert bat_of_day(test=2) != bat_of_day()
 
 
 @pytest.mark.parametrize("procedure", PROCEDURES)

@@ -62,7 +62,8 @@ class Collisions:
     def __call__(self, body: Any, support: Any) -> ModalModel:
         return self.of(body, support)
 
-    def efficiency(self, body: Any, support: Any, scenes: Any) -> Array:
+    def efficiencies(self, struck: Any, support: Any, scenes: Any) -> Array:
+        ((body, _),) = struck
         return np.asarray(self.of(body, support).collide(scenes).collision_efficiency)
 
 

@@ -96,7 +96,8 @@ def test_what_ran_before_changes_nothing(procedure: str) -> None:
         exponent=box.exponent,
     )
     for from_knob in (round_robin.setup.rules.spec.pivot_from_knob, body.length - SIDE):
-        round_robin.setup.collision.efficiency(body, Pinned(body.length - from_knob), far)
+        support = Pinned(body.length - from_knob)
+        round_robin.setup.collision.efficiencies([(body, slice(None))], support, far)
     for number in (8, 5):
         lab.by_the_book(round_robin.laboratory(1, number))
     assert bits(lab.by_the_book(round_robin.laboratory(1, 3)).of(0)) == alone
@@ -116,7 +117,7 @@ class Watching:
     def __call__(self, body, support):
         return self.round_robin.setup.collision(body, support)
 
-    def efficiency(self, body, support, scenes: Scenes) -> np.ndarray:
+    def efficiencies(self, struck, support, scenes: Scenes) -> np.ndarray:
         self.seen.append(scenes)
         raise AskedError
 

@@ -57,7 +57,7 @@ def lines(curve: TrueCurve) -> dict[str, Line]:
 
 def by_the_paper(procedure: str, bat: str, of: dict[str, Line]) -> float:
     """Return the result of Sec. V for a bat of 34 in (a scan from 3 to 9 in), [SI]."""
-    beam = CURVES[bat, procedure].beam
+    beam = CURVES[bat, procedure].bat
     length = beam.length
 
     def swung(z: float) -> float:  # 70 mph ball, 66 mph bat 6 in from the tip, turning at 28 in

@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import cached_property, lru_cache
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -60,10 +61,11 @@ class _Modal:
     def __call__(body: BatBody, support: Support) -> CollisionModel:
         return ModalModel.of(body, support)
 
-    def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> np.ndarray:
+    def efficiencies(self, struck: Any, support: Support, scenes: Scenes) -> np.ndarray:
+        ((body, _),) = struck
         return self(body, support).collide(scenes).collision_efficiency
 
-    true_efficiency = efficiency
+    true_efficiencies = efficiencies
 
 
 @dataclass

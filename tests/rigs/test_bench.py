@@ -18,7 +18,7 @@ def test_the_barrels_radius_is_read_six_inches_from_the_tip(tmp_path) -> None:
     cone = tuple(0.060 - 1e-3 * z / 0.0254 for z in profile.z)
     body = replace(specimen.bat.body, profile=replace(profile, outer_diameter=cone))
     station = bench.rig.commission(Quiet(), ideal=True)
-    struck = replace(specimen, bat=replace(specimen.bat, body=body))
+    struck = replace(specimen, bat=replace(specimen.bat, bodies=(body,)))
     read = station.play(bench.plan(), struck, Quiet()).records["barrel-radius"].readings
     offset = station.true_constants["rule.offset"]
     assert np.mean(read) - offset == pytest.approx(0.027, abs=1e-9)

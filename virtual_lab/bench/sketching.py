@@ -10,6 +10,7 @@ nominal bat and ball whose e_A is the sketch's, so no fit of them finds more tha
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,10 +19,9 @@ import numpy as np
 from virtual_lab.bench.day import Day, DayEvent
 from virtual_lab.bench.firing import Firing, ShotConditions
 from virtual_lab.bench.slow_motion import FILM, Motion, clear_rebound, contact_words
-from virtual_lab.catalog.specs import BatBody
 from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.simulation.cannon_station import RestingBatStation
-from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
+from virtual_lab.simulation.collision.ladder import Ladder, StruckBat, probing_scenes
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.flights import scene_of
 from virtual_lab.simulation.instruments import RecordDetail
@@ -123,7 +123,7 @@ class FixedRebound(Ladder):
 
     rebound: float = 0.0
 
-    def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> Array:
+    def efficiencies(self, struck: Iterable[StruckBat], support: Support, scenes: Scenes) -> Array:
         return np.full(scenes.impact_position.shape, self.rebound)
 
 

@@ -103,7 +103,7 @@ class StudyCase:
         """
         shared = RoundRobin.of(self.bat, self.procedure, individual=self.individual)
         if not shared.in_blocks:
-            allowed = "cannot be played side by side (individual bats, or a rig that does not)"
+            allowed = "its rigs cannot be played side by side"
             raise InputError("", "procedure", self.procedure, allowed)
         shared.laboratory(seed)  # reads all sheets, and checks what goes with what
-        return replace(shared, setup=replace(shared.setup, test=repeat or None))
+        return replace(shared, setup=replace(shared.setup, test=repeat or None, same_bat=True))

@@ -41,7 +41,7 @@ class BlockTest:
     readings: ImpactReadings  # of all shots, as fired
     certified: BlockCertification
     measurands: Mapping[str, Array]  # ``metric``, and by the quantities' names, (laboratory,)
-    bench: Mapping[str, Any]  # true properties of the bat
+    bench: Mapping[str, Array]  # true properties of the bats
     wall: Mapping[str, Array]  # what really happened at the wall, (hit,)
     shots: Mapping[str, Array]  # and at the bat, (shot,)
     control: BatTest | None = None
@@ -81,8 +81,11 @@ class BlockTest:
             number=int(np.broadcast_to(setup.number, setup.count)[laboratory]),
             salt=of_all.salt,
             reality=setup.reality.value,
-            bat=of_all.specimen.bat,
-            bat_properties=self.bench,
+            bat=of_all.specimen.bat.of(laboratory),
+            bat_properties={
+                name: np.array(values[laboratory] if values.ndim else values)
+                for name, values in self.bench.items()
+            },
             balls=balls.of(laboratory) if setup.shape else balls,
             constants=constants
             | ({CONTROL: of_all.control} if setup.rules.spec.controlled else {}),

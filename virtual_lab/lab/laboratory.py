@@ -89,6 +89,7 @@ class Laboratory:
         seed = secrets.randbits(SEED_BITS) if setup.seed is None else setup.seed
         draws = setup.draws(seed)
         own = draws if setup.test is None else setup.draws(seed, setup.test)
+        bats = (draws if setup.same_bat else own) if setup.made else Quiet()
         ideal = setup.reality is Reality.IDEAL
         stations = {
             stage: setup.faults.station(stage, find_rig(name, stage).commission(draws, ideal=ideal))
@@ -111,7 +112,7 @@ class Laboratory:
             collision=collision,
             stations=stations,
             specimen=Specimen(
-                bat=made_bat(bat, own if setup.made else Quiet()),
+                bat=made_bat(bat, bats),
                 balls=draw_balls(ball, rules.balls, own),
                 collision=collision,
             ),

@@ -17,7 +17,6 @@ from virtual_lab.lab.true_metric import TrueCurve, Visits, results_of_curves
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.rules import Scan
 from virtual_lab.measurement.session_reduction import BlockReduction
-from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import ImpactStation, ShotPlan, Specimen
 from virtual_lab.streams import Owner
 from virtual_lab.units import Array
@@ -119,20 +118,20 @@ def true_curve(
 
     `owner` is the laboratory whose balls strike at each place of a block.
     """
-    beam = beam_of(specimen.bat.body)
+    bat = specimen.bat.of_shots(owner).rigid
     plan = ShotPlan(
         slot=np.arange(places.size),
         ball=np.zeros(places.shape, dtype=int),
         speed=np.full(places.shape, procedure.ball_speed),
         place=places,
-        turn_rate=float(procedure.turn_rate(beam.length)),
+        turn_rate=float(procedure.turn_rate(bat.length)),
         owner=owner,
     )
     true = station.outcome(plan, specimen)
     rigid = true.free if procedure.recoil == "free" else true.pivoted
     return TrueCurve(
         procedure=procedure,
-        beam=beam,
+        bat=bat,
         place=places,
         collision_efficiency=true.collision_efficiency,
         restitution=rigid.restitution,

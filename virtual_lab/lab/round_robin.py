@@ -29,6 +29,7 @@ from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import find_rig, knows_blocks
 
 BLOCK = 256  # laboratories side by side: more of them leave the cache
+INDIVIDUALS = 32  # where each has a bat of its own, whose modes and splines are kept meanwhile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,8 +63,9 @@ class RoundRobin:
         """Whether its laboratories can be played side by side: all its rigs know blocks."""
         setup = self.setup
         rigs = (find_rig(name, stage) for stage, name in setup.rigs.items())
-        plain = not setup.faults.names and not setup.rules.spec.controlled and not setup.made
-        return plain and all(knows_blocks(rig) for rig in rigs)
+        plain = not setup.faults.names and not setup.rules.spec.controlled
+        summed = setup.detail is RecordDetail.SUMMED
+        return plain and summed and all(knows_blocks(rig) for rig in rigs)
 
     def blocks(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BlockTest]:
         """Yield the tests in so many laboratories of a seed, in blocks of up to `BLOCK`.
@@ -76,8 +78,9 @@ class RoundRobin:
             for number in numbers.tolist():
                 yield certify_block(replace(setup, number=number))
             return
-        for begin in range(0, laboratories, BLOCK):
-            yield certify_block(replace(setup, number=numbers[begin : begin + BLOCK]))
+        block = INDIVIDUALS if setup.made else BLOCK
+        for begin in range(0, laboratories, block):
+            yield certify_block(replace(setup, number=numbers[begin : begin + block]))
 
     def run(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BatTest]:
         """Yield the same tests one after another, as they are printed."""

@@ -46,6 +46,7 @@ class TestSetup:
     detail: RecordDetail = RecordDetail.FULL
     film: bool = False  # of the first shot
     made: bool = True  # False: the nominal bat
+    same_bat: bool = False  # in all tests of a laboratory
     collision: Ladder | None = None  # that many laboratories share
     particulars: Particulars = NOTHING_STATED  # what the certificate states beside the results
 

@@ -7,13 +7,13 @@ independently, so that a wrong formula on either side shows as an error of the t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.simulation.physics.beam import Beam
+from virtual_lab.simulation.physics.beam import RigidBat
 from virtual_lab.units import Array
 
 
@@ -22,7 +22,7 @@ class TrueCurve:
     """A bat along its barrel with the lot's mean ball at nominal speeds, arrays (place,)."""
 
     procedure: Procedure
-    beam: Beam
+    bat: RigidBat[Any]
     place: Array  # from the barrel tip [m]
     collision_efficiency: Array
     restitution: Array  # of ball and bat, on the support the procedure names
@@ -63,7 +63,7 @@ class TrueCurve:
 
     def _batted(self, efficiency: Array) -> Array:
         """Return v_f [m/s]: in the bat's frame the ball comes with both speeds."""
-        game, length = self.procedure.game, self.beam.length
+        game, length = self.procedure.game, self.bat.length
         if game is None:
             pitch, rate = self.procedure.ball_speed, float(self.procedure.turn_rate(length))
             bat = rate * (length - self.procedure.pivot_from_knob - self.place)
@@ -76,12 +76,12 @@ class TrueCurve:
             bat = game.angular_speed * (axis - self.place)
         if game.scales_with == "mass":
             assert game.reference_mass is not None
-            heavier = self.beam.mass / game.reference_mass
+            heavier = self.bat.mass / game.reference_mass
         else:
             assert game.reference_inertia is not None
-            about = self.beam.z_cm if game.axis_from_knob is None else axis
-            heavier = self.beam.inertia(about) / game.reference_inertia
-        bat = bat / heavier**game.exponent
+            about = self.bat.z_cm if game.axis_from_knob is None else axis
+            heavier = self.bat.inertia(about) / game.reference_inertia
+        bat = bat / np.broadcast_to(heavier, bat.shape) ** game.exponent
         return np.asarray(bat + efficiency * (game.pitch_speed + bat))
 
     def _with_standard_ball(self, control: float) -> tuple[Array, Array]:

@@ -181,7 +181,7 @@ class RestingBatStation(CannonStation):
     def fly(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
         """Fire at the bat at rest: return what the balls do."""
         here, own, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
-        name, slots, balls, body = self.name, plan.slot, struck.balls, struck.bat.body
+        name, slots, balls = self.name, plan.slot, struck.balls
         launch = here.cannon.fire(plan.speed, own, f"{name}.launch", slots)
         e0 = balls.draw_hits(..., launch.speed, own, f"{name}.hit", slots)
         place = plan.place + launch.along
@@ -199,8 +199,10 @@ class RestingBatStation(CannonStation):
             slope_in=launch.slope,
             slope_out=up,
         )
-        axis = np.broadcast_to(body.length - here.holder.from_knob, place.shape)
-        bat = RestingBat(body, axis, place, across, blows.efficiency, balls.mass)
+        rigid, profile = struck.bat.rigid, struck.bat.body.profile
+        axis = np.broadcast_to(rigid.length - here.holder.from_knob, place.shape)
+        inertia, efficiency = rigid.inertia(axis), blows.efficiency
+        bat = RestingBat(profile, axis, inertia, place, across, efficiency, balls.mass)
         shots = flown(passage, plan, bat, here.around(balls.spec.radius))
         contact = here.gates.arrival(shots.passage)
         return BallFlights(

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.catalog.specs import BatBody
+from virtual_lab.catalog.specs import Profile
 from virtual_lab.errors import InputError
 from virtual_lab.relations.flight import time_before
 from virtual_lab.simulation.instruments.calibrated import TrueConstant
@@ -25,7 +25,6 @@ from virtual_lab.simulation.motion.scene import (
     StopSpec,
 )
 from virtual_lab.simulation.motion.touch import moved
-from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import MotionRung, ShotPlan
 from virtual_lab.units import Array
 
@@ -59,8 +58,9 @@ class Surroundings(NamedTuple):
 class RestingBat(NamedTuple):
     """A bat at rest and the blows on it, arrays (shot,)."""
 
-    body: BatBody
+    profile: Profile
     axis: Array  # from the tip [m]
+    inertia: Array  # about the axis [kg m²]
     place: Array  # of the ball's centre, from the tip [m]
     across: Array  # of the ball's centre, above the bat's axis [m]
     efficiency: Array  # e_A
@@ -101,7 +101,7 @@ def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surrounding
     some = replace(passage, **_columns(passage, count, shots), **_shared(passage, shots))
     # on a free way back a millisecond after the contact is enough: the ball has parted
     after = np.where((beyond | framed)[shots], RECORD, 1e-3)
-    blows = RestingBat(bat.body, *(each[shots] for each in bat[1:]))
+    blows = RestingBat(bat.profile, *(each[shots] for each in bat[1:]))
     scene = scene_of(some, blows, around.at(shots), after)
     played = play_pymunk(scene) if asked else play_events(scene)
     chosen = _all_met(played) if asked else _beyond_one_blow(played)
@@ -123,7 +123,7 @@ def scene_of(
     passage: Passage, bat: RestingBat, around: Surroundings, after: Array | float
 ) -> ShotScene:
     """Return the scene of shots, to `after` [s] past the contact in closed form."""
-    held = PivotedBat(bat.body.profile, bat.axis, beam_of(bat.body).inertia(bat.axis))
+    held = PivotedBat(bat.profile, bat.axis, bat.inertia)
     touching = -np.sqrt((held.radius(bat.place) + passage.radius) ** 2 - bat.across**2)
     span = time_before(AHEAD, passage.speed_in, passage.drag)
     up = bat.across - passage.height
@@ -187,7 +187,6 @@ def _beyond_closed_form(
 def _caught(passage: Passage, bat: RestingBat, stop: StopSpec) -> NDArray[np.bool_] | bool:
     """Return which balls a bat that comes back from its stop may meet again, a bound."""
     lever, speed = bat.axis - bat.place, passage.speed_out
-    inertia = beam_of(bat.body).inertia(bat.axis)
 
     def soonest(rate: Any, speed: Any) -> Any:
         """Return when: of a ball that came off the bat, only as that is back."""
@@ -196,19 +195,19 @@ def _caught(passage: Passage, bat: RestingBat, stop: StopSpec) -> NDArray[np.boo
 
     with np.errstate(divide="ignore", invalid="ignore"):
         blow = bat.mass.max() * passage.speed_in.max() * (1 + bat.efficiency.max())
-        most, slowest = blow * np.abs(lever).max() / inertia.min(), speed.min()
+        most, slowest = blow * np.abs(lever).max() / bat.inertia.min(), speed.min()
         if slowest > stop.restitution * most * np.abs(lever).max():
             return False
         if soonest(most, slowest) >= RECORD:
             return False
-        rate = bat.mass * passage.speed_in * (1 + bat.efficiency) * lever / inertia
+        rate = bat.mass * passage.speed_in * (1 + bat.efficiency) * lever / bat.inertia
         slow = (rate > 0) & (speed <= stop.restitution * rate * lever)
         return slow & _at_hand(passage, bat, soonest(rate, speed))
 
 
 def _at_hand(passage: Passage, bat: RestingBat, since: Array) -> NDArray[np.bool_]:
     """Return whether balls may be as high as the bat at some time from `since` to `RECORD` [s]."""
-    reach = max(bat.body.profile.outer_diameter) / 2 + passage.radius
+    reach = max(bat.profile.outer_diameter) / 2 + passage.radius
     up = passage.slope_out * passage.speed_out
     first, last = (bat.across + (up - passage.gravity / 2 * t) * t for t in (since, RECORD))
     above, falls = (first > reach) & (last > reach), up <= passage.gravity * since

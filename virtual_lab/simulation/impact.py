@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from types import EllipsisType
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BatBody
+from virtual_lab.simulation.collision.ladder import StruckBat
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.instruments import RecordDetail
@@ -72,7 +74,9 @@ def blows_of(
     body = specimen.bat.body
     if detail is RecordDetail.SUMMED:
         support = Pinned(body.length - surveyed)
-        efficiency = specimen.collision.efficiency(body, support, scenes)
+        efficiency = specimen.collision.efficiencies(
+            specimen.bat.groups(len(scenes)), support, scenes
+        )
         return Blows(scenes, efficiency, np.full(efficiency.shape, CONTACT_TIME))
     model = specimen.collision(body, Pinned(body.length - at))
     found = model.collide(scenes)
@@ -104,20 +108,21 @@ def error_free(
     rigid bat, free or on an axis exactly `pivot_from_knob` [m] from its knob, gives e and r. No
     equation that the reduction uses is used here.
     """
-    mean, body = specimen.balls.mean_ball(), specimen.bat.body
-    axis = body.length - pivot_from_knob
+    mean, bat = specimen.balls.mean_ball(), specimen.bat.of_shots(plan.owner)
+    axis = bat.body.length - pivot_from_knob
     speed = plan.speed + plan.turn_rate * (axis - plan.place)
     ball = mean.of_shots(plan.owner, np.zeros(plan.place.shape, dtype=int))
     e0 = ball.restitution_at(..., speed)
     scenes = scenes_of(replace(specimen, balls=ball), ..., plan.place, speed, e0)
-    efficiency = specimen.collision.true_efficiency(body, support, scenes)
+    struck = list(bat.groups(len(scenes)))
+    efficiency = specimen.collision.true_efficiencies(struck, support, scenes)
     impulse = scenes.ball_mass * speed * (1 + efficiency)
     return TrueOutcome(
         relative_speed=speed,
         collision_efficiency=efficiency,
         ball_restitution=wall_restitution(scenes),
-        free=_recoil(body, Free(), scenes, impulse),
-        pivoted=_recoil(body, Pinned(axis), scenes, impulse),
+        free=_recoil(struck, Free(), scenes, impulse),
+        pivoted=_recoil(struck, Pinned(axis), scenes, impulse),
     )
 
 
@@ -126,12 +131,15 @@ def _rigid_modes(body: BatBody, support: Support) -> Modes:
     return modes_of(replace(body, hoop=None), support, 0)
 
 
-def _recoil(body: BatBody, support: Support, scenes: Scenes, impulse: Array) -> TrueRecoil:
-    """Return e and r of the bat that moves as a rigid one, by its unit-mass rigid modes."""
-    modes = _rigid_modes(body, support)
-    speed = scenes.relative_speed
-    place, back = np.unique(scenes.impact_position, return_inverse=True)
-    yielding = np.sum(patch_shape(modes, place, PATCH) ** 2, axis=1)[back]  # 1 / effective mass
+def _recoil(
+    struck: Sequence[StruckBat], support: Support, scenes: Scenes, impulse: Array
+) -> TrueRecoil:
+    """Return e and r of bats that move as rigid ones, by their unit-mass rigid modes."""
+    speed, yielding = scenes.relative_speed, np.empty(len(scenes))  # 1 / effective mass
+    for body, shots in struck:
+        modes = _rigid_modes(body, support)
+        place, back = np.unique(scenes.impact_position[shots], return_inverse=True)
+        yielding[shots] = np.sum(patch_shape(modes, place, PATCH) ** 2, axis=1)[back]
     bat_speed = impulse * yielding
     ball_speed = impulse / scenes.ball_mass - speed
     return TrueRecoil(

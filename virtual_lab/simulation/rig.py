@@ -75,7 +75,7 @@ class Stage(Enum):
 class Specimen:
     """What is on the rig: true bat, true balls, and the collision between them.
 
-    That of a block of laboratories has one bat for all, and a lot of balls of each.
+    That of a block of laboratories has one bat for all or one of each, and a lot of balls of each.
     """
 
     bat: TrueBat
@@ -84,7 +84,8 @@ class Specimen:
 
     def at(self, plan: ShotPlan) -> Specimen:
         """Return the specimen of a plan's shots: a lot of which shot i takes its ball i."""
-        return replace(self, balls=self.balls.of_shots(plan.owner, plan.ball))
+        bat, balls = self.bat.of_shots(plan.owner), self.balls.of_shots(plan.owner, plan.ball)
+        return replace(self, bat=bat, balls=balls)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ Only physics, rigs, the laboratory that plays them and the studies may read this
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from types import EllipsisType
 from typing import Any
@@ -14,16 +14,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec
+from virtual_lab.simulation.physics.beam import RigidBat, rigid_bat
 from virtual_lab.streams import Draws, Owner, Slots, of_owners
 from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueBat:
-    """The bat on the rig: the drawing's body with the individual's own material."""
+    """The bat on the rig: the drawing's body with the individual's own material.
+
+    A block of laboratories has one bat for all, or an individual in each; in a specimen of shots
+    `owner` says whose individual each of them strikes, `...` where there is one for all.
+    """
 
     name: str
-    body: BatBody
+    bodies: tuple[BatBody, ...]
+    owner: Owner = ...
+
+    @property
+    def body(self) -> BatBody:
+        """The one that there is; its shape is that of all individuals."""
+        return self.bodies[0]
+
+    @property
+    def rigid(self) -> RigidBat[Any]:
+        """The bat as a rigid body; of individuals (laboratory,), of shots (shot,)."""
+        beams = [rigid_bat(body) for body in self.bodies]
+        if len(beams) == 1:
+            return beams[0]
+        values = np.array([(each.mass, each.first_moment, each.second_moment) for each in beams])
+        mass, first, second = values[self.owner].T
+        return RigidBat(
+            length=self.body.length, mass=mass, first_moment=first, second_moment=second
+        )
+
+    def of(self, laboratory: int) -> TrueBat:
+        """Return the bat of one laboratory of a block."""
+        return self if len(self.bodies) == 1 else replace(self, bodies=(self.bodies[laboratory],))
+
+    def of_shots(self, owner: Owner) -> TrueBat:
+        """Return the bats of shots by their owners."""
+        return self if len(self.bodies) == 1 else replace(self, owner=owner)
+
+    def groups(self, count: int) -> Iterator[tuple[BatBody, NDArray[np.intp] | slice]]:
+        """Yield each body that is struck, and which of `count` shots strike it."""
+        if self.owner is ...:
+            yield self.body, slice(count)
+            return
+        order = np.argsort(self.owner, kind="stable")
+        struck, first = np.unique(self.owner[order], return_index=True)
+        for number, shots in zip(struck, np.split(order, first[1:]), strict=True):
+            yield self.bodies[number], shots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,7 +199,7 @@ class SealedTruth:
             "reality": self.reality,
             "measurand": dict(self.measurand),
             "place_m": self.place.tolist(),
-            "bat": asdict(self.bat),
+            "bat": {"name": self.bat.name, "body": asdict(self.bat.body)},
             "bat_properties": _listed(self.bat_properties),
             "balls": {
                 "mass": self.balls.mass.tolist(),
@@ -179,18 +220,22 @@ def _listed(arrays: Mapping[str, Array]) -> dict[str, Any]:
 
 
 def made_bat(spec: BatSpec, draws: Draws) -> TrueBat:
-    """Draw one made bat: density, stiffness and balance differ from the drawing."""
+    """Draw a made bat, in a block one a laboratory: density, stiffness and balance differ."""
+    drawn = draws.normal("bat", (3,)).reshape(-1, 3)
+    return TrueBat(name=spec.name, bodies=tuple(_made(spec, *row) for row in drawn.tolist()))
+
+
+def _made(spec: BatSpec, density: float, modulus: float, tilt: float) -> BatBody:
     body, spread = spec.body, spec.spread
-    density, modulus, tilt = draws.normal("bat", (3,))
-    stiffer = 1 + spread.youngs_modulus * float(modulus)
+    stiffer = 1 + spread.youngs_modulus * modulus
     material = replace(
         body.material,
-        density=body.material.density * (1 + spread.density * float(density)),
+        density=body.material.density * (1 + spread.density * density),
         youngs_modulus=body.material.youngs_modulus * stiffer,
         shear_modulus=body.material.shear_modulus * stiffer,
-        density_tilt=spread.density_tilt * float(tilt),
+        density_tilt=spread.density_tilt * tilt,
     )
-    return TrueBat(name=spec.name, body=replace(body, material=material))
+    return replace(body, material=material)
 
 
 def draw_balls(spec: BallSpec, number: int, draws: Draws) -> TrueBalls:

@@ -67,7 +67,7 @@ class Rehearsal:
         curve = true_curve(laboratory.impact, laboratory.specimen, procedure, places)
         known = [curve.collision_efficiency, curve.recoil_factor, curve.ball_restitution]
         spline = CubicSpline(places, known, axis=1)
-        beam = curve.beam
+        beam = curve.bat
         bat = BatProperties(
             mass=np.array(beam.mass),
             length=np.array(beam.length),

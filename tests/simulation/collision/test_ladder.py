@@ -29,6 +29,7 @@ from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.units import INCH, MPH
 
 WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body
+EVERY = [(WOOD, slice(None))]  # of some scenes strikes the wooden bat
 PIVOT = Pinned(28 * INCH)
 PROBE = usual([4.0, 6.0, 8.0])
 BOX = Box.about(PROBE)
@@ -212,7 +213,7 @@ def test_a_scene_outside_the_box_goes_to_the_modal_rung_alone() -> None:
     """Every scene's e_A, bit for bit, is that of its rung asked for it alone, in any order."""
     modal, scenes = choose(WOOD, Free(), PROBE).model, usual(np.linspace(3, 9, 601))
     box = Box.about(usual([4.0, 8.0]))
-    found = ladder(box=box).efficiency(WOOD, Free(), scenes)
+    found = ladder(box=box).efficiencies(EVERY, Free(), scenes)
     exact = modal.collide(scenes).collision_efficiency
     inside = box.inside(scenes)
     assert inside.sum() == 401
@@ -221,20 +222,20 @@ def test_a_scene_outside_the_box_goes_to_the_modal_rung_alone() -> None:
     assert np.abs(found - exact).max() < PROBING.surrogate_tolerance
     again = ladder(box=box)
     for some in (np.arange(600, -1, -1), np.array([3]), np.array([300]), np.arange(90, 110)):
-        assert np.array_equal(again.efficiency(WOOD, Free(), scenes.part(some)), found[some])
+        assert np.array_equal(again.efficiencies(EVERY, Free(), scenes.part(some)), found[some])
 
 
 def test_without_a_box_there_is_no_surrogate() -> None:
     """However many scenes come at once: what a scene gives depends on no other."""
     scenes = usual(np.linspace(4, 8, 6000))
-    found = ladder().efficiency(WOOD, Free(), scenes)
+    found = ladder().efficiencies(EVERY, Free(), scenes)
     modal = ModalModel.of(WOOD, Free()).collide(scenes).collision_efficiency
     assert np.array_equal(found, modal)
 
 
 def test_a_rung_asked_for_is_no_surrogate() -> None:
     asked = ladder(rung="rigid", box=BOX)
-    asked.efficiency(WOOD, Free(), usual(np.linspace(4, 8, 60)))
+    asked.efficiencies(EVERY, Free(), usual(np.linspace(4, 8, 60)))
     assert asked.report().rung == "rigid"
 
 
@@ -287,6 +288,7 @@ def test_the_error_of_the_nominal_bat_holds_for_its_individuals(bat: str, lot: s
 def test_the_truth_rests_on_the_rung_of_the_shots_but_never_on_a_rigid_bat(
     rung: str | None, modes: int
 ) -> None:
-    found = ladder(rung=rung, nominal=ALUMINIUM).true_efficiency(ALUMINIUM, Free(), PROBE)
+    struck = [(ALUMINIUM, slice(None))]
+    found = ladder(rung=rung, nominal=ALUMINIUM).true_efficiencies(struck, Free(), PROBE)
     modal = ModalModel.of(ALUMINIUM, Free(), modes).collide(PROBE).collision_efficiency
     assert found == pytest.approx(modal, abs=1e-7)

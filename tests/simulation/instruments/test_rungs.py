@@ -182,7 +182,8 @@ class _Modal:
     def __call__(self, body, support):
         return ModalModel.of(body, support)
 
-    def efficiency(self, body, support, scenes: Scenes):
+    def efficiencies(self, struck, support, scenes: Scenes):
+        ((body, _),) = struck
         return self(body, support).collide(scenes).collision_efficiency
 
 

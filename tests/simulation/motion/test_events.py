@@ -30,7 +30,7 @@ from virtual_lab.simulation.motion.events import play_events
 from virtual_lab.simulation.motion.played import Pieces, Target
 from virtual_lab.simulation.motion.pymunk_scene import play_pymunk
 from virtual_lab.simulation.motion.scene import ShotScene
-from virtual_lab.simulation.physics.beam import outer_diameter
+from virtual_lab.simulation.physics.beam import beam_of, outer_diameter
 from virtual_lab.simulation.rig import ShotPlan, Stage
 from virtual_lab.units import INCH
 
@@ -52,7 +52,7 @@ class WeakShots(NamedTuple):
     def part(self, chosen: slice) -> WeakShots:
         names = ("speed_in", "speed_out", "drag", "height", "slope_out")
         own = {name: getattr(self.passage, name)[chosen] for name in names}
-        bat = RestingBat(self.bat.body, *(each[chosen] for each in self.bat[1:]))
+        bat = RestingBat(self.bat.profile, *(each[chosen] for each in self.bat[1:]))
         return WeakShots(replace(self.passage, **own), bat, self.around)
 
     def scene(self) -> ShotScene:
@@ -90,7 +90,8 @@ def weak_shots(count: int, stops: Sequence[dict[str, float]] = STOPS) -> Iterato
                 slope_out=up,
             )
             axis = np.full(count, body.length - 6 * INCH)
-            held = RestingBat(body, axis, place, across, efficiency, mass)
+            inertia = beam_of(body).inertia(axis)
+            held = RestingBat(body.profile, axis, inertia, place, across, efficiency, mass)
             own = around._replace(stop=replace(around.stop, **stop))
             yield WeakShots(passage, held, own)
 

@@ -6,7 +6,7 @@ nominal: a rung chosen by the bat tested, or its error in print, would tell of i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -29,8 +29,10 @@ from virtual_lab.simulation.collision.scene import CollisionModel, Collisions, S
 from virtual_lab.simulation.collision.surrogate import Box, Surrogate
 from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.units import INCH
+from virtual_lab.units import INCH, Array
 
+Shots = NDArray[np.intp] | slice
+StruckBat = tuple[BatBody, Shots]  # and which of some scenes are its own
 COLLISION_RUNGS = ("rigid", "modal", "reference")
 MODE_COUNTS = (14, 20, 30)  # bending modes of the modal rungs, cheap to dear
 SHARE = 0.1  # of the standard uncertainty that a model's error may take
@@ -139,7 +141,7 @@ def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
     ]
 
 
-@lru_cache(maxsize=16)  # a test asks for the same round by round
+@lru_cache(maxsize=64)  # a block of individuals asks for the same round by round
 def _model(rung: str, bending_modes: int, body: BatBody, support: Support) -> CollisionModel:
     if rung == "rigid":
         return RigidModel.of(body, support)
@@ -264,34 +266,55 @@ class Ladder:
         """Return the model for an individual under its support."""
         return self.choice.of(body, support).model
 
-    def efficiency(self, body: BatBody, support: Support, scenes: Scenes) -> NDArray[np.float64]:
-        """Return e_A alone of scenes of a bat under a support, by the cheapest way there is."""
-        u, key = self.standard_uncertainty, (body, support)
-        if self.rung is not None or u is None or self.box is None:
-            return self(body, support).collide(scenes).collision_efficiency
-        if key not in self.fitted:
-            own = self.choice.of(body, support)
-            self.fitted[key] = _with_surrogate(own, self.probe, self.box, u)
-        return self.fitted[key].efficiency(scenes)
+    def efficiencies(
+        self, struck: Iterable[StruckBat], support: Support, scenes: Scenes
+    ) -> NDArray[np.float64]:
+        """Return e_A alone of scenes of some bats under a support, by the cheapest way there is."""
+        u, box = self.standard_uncertainty, self.box
+        if self.rung is not None or u is None or box is None:
+            return _together([(self(body, support), shots) for body, shots in struck], scenes)
+        found = np.empty(len(scenes))
+        for body, shots in struck:
+            if (body, support) not in self.fitted:
+                own = self.choice.of(body, support)
+                self.fitted[body, support] = _with_surrogate(own, self.probe, box, u)
+            found[shots] = self.fitted[body, support].efficiency(scenes.part(shots))
+        return found
 
-    def true_efficiency(
-        self, body: BatBody, support: Support, scenes: Scenes
+    def true_efficiencies(
+        self, struck: Iterable[StruckBat], support: Support, scenes: Scenes
     ) -> NDArray[np.float64]:
         """Return e_A of the scenes that the truth rests on, whatever rung the shots take.
 
         By that of the shots, a surrogate among them, but never by the rigid one.
         """
         if self.box is not None and self.rung is None:
-            return self.efficiency(body, support, scenes)
+            return self.efficiencies(struck, support, scenes)
+        models = [(self._true(body, support), shots) for body, shots in struck]
+        return _together(models, scenes)
+
+    def _true(self, body: BatBody, support: Support) -> CollisionModel:
         model = self(body, support)
-        if isinstance(model, RigidModel):
-            model = ModalModel.of(body, support)
-        return model.collide(scenes).collision_efficiency
+        return ModalModel.of(body, support) if isinstance(model, RigidModel) else model
 
     def report(self) -> RungTaken:
         """Return the rung, its error in e_A, and why; of the surrogate where there is one."""
         taken = next(iter(self.fitted.values()), None) or self.choice
         return RungTaken(rung=taken.rung, error=taken.error, reason=taken.reason)
+
+
+def _together(models: Sequence[tuple[CollisionModel, Shots]], scenes: Scenes) -> Array:
+    """Return e_A of scenes of some models; modal ones are stepped together."""
+    found = np.empty(len(scenes))
+    stepped = [(one, shots) for one, shots in models if isinstance(one, ModalModel)]
+    if len(stepped) > 1:
+        batch = [(one, scenes.part(shots)) for one, shots in stepped]
+        for (_, shots), own in zip(stepped, collide_bats(batch), strict=True):
+            found[shots] = own.collision_efficiency
+        models = [each for each in models if not isinstance(each[0], ModalModel)]
+    for one, shots in models:
+        found[shots] = one.collide(scenes.part(shots)).collision_efficiency
+    return found
 
 
 def probing_scenes(

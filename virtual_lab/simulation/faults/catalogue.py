@@ -79,7 +79,7 @@ def cracked(specimen: Specimen) -> Specimen:
         youngs_modulus=bat.body.material.youngs_modulus * left,
         shear_modulus=bat.body.material.shear_modulus * left,
     )
-    return replace(specimen, bat=replace(bat, body=replace(bat.body, material=material)))
+    return replace(specimen, bat=replace(bat, bodies=(replace(bat.body, material=material),)))
 
 
 def out_of_round(record: Any, written: FaultContext) -> Arrays:

@@ -9,10 +9,10 @@ do not lock; rotary inertia is kept, of the section and of the lumps (S. P. Timo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, isfinite
-from typing import overload
+from typing import Generic, TypeVar, overload
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -136,29 +136,22 @@ def _interpolant(z: tuple[float, ...], values: tuple[float, ...]) -> PchipInterp
     return PchipInterpolator(np.array(z), np.array(values))
 
 
+Values = TypeVar("Values", float, Array)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beam:
-    """Matrices over the freedoms (w of all nodes, then psi of all nodes)."""
+class RigidBat(Generic[Values]):
+    """A bat that does not bend, or some of one length: each value a number or (n,)."""
 
-    mesh: Mesh
-    mass_matrix: Array  # (2 n, 2 n)
-    stiffness_matrix: Array  # (2 n, 2 n)
-    moments: tuple[float, float, float]  # of the mass about the tip, zeroth to second
-
-    @property
-    def length(self) -> float:
-        """Length [m]."""
-        return float(self.mesh.boundaries[-1])
+    length: float  # [m]
+    mass: Values  # [kg]
+    first_moment: Values  # of the mass about the tip [kg m]
+    second_moment: Values  # [kg m^2]
 
     @property
-    def mass(self) -> float:
-        """Mass [kg]."""
-        return self.moments[0]
-
-    @property
-    def z_cm(self) -> float:
+    def z_cm(self) -> Values:
         """Centre of mass, from the barrel tip [m]."""
-        return self.moments[1] / self.mass
+        return self.first_moment / self.mass
 
     @overload
     def inertia(self, z: float) -> float: ...
@@ -166,13 +159,21 @@ class Beam:
     def inertia(self, z: Array) -> Array: ...
     def inertia(self, z: float | Array) -> float | Array:
         """Moment of inertia about `z` [m], of its shape [kg m^2]."""
-        mass, first, second = self.moments
-        return second + z * (z * mass - 2 * first)
+        return self.second_moment + z * (z * self.mass - 2 * self.first_moment)
 
     @property
-    def inertia_cm(self) -> float:
+    def inertia_cm(self) -> Values:
         """Moment of inertia about the centre of mass [kg m^2]."""
         return self.inertia(self.z_cm)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beam(RigidBat[float]):
+    """Matrices over the freedoms (w of all nodes, then psi of all nodes)."""
+
+    mesh: Mesh
+    mass_matrix: Array  # (2 n, 2 n)
+    stiffness_matrix: Array  # (2 n, 2 n)
 
     def heave(self) -> Array:
         """Return the freedoms of a unit shift, (2 n,)."""
@@ -191,7 +192,6 @@ def _turn(mesh: Mesh, z: float) -> Array:
     return np.concatenate((z - mesh.nodes, np.ones_like(mesh.nodes)))
 
 
-@lru_cache(maxsize=16)
 def beam_of(
     body: BatBody,
     support: Support | None = None,
@@ -207,6 +207,23 @@ def beam_of(
     if order < 4:
         raise InputError("beam", "order", order, "allowed: 4 and up, lower orders lock")
     held = support_place(support or Free(), body.length)
+    return _beam(replace(body, hoop=None), held, order, element_size)
+
+
+@lru_cache(maxsize=1024)  # individuals of a block, asked for round by round
+def rigid_bat(body: BatBody) -> RigidBat[float]:
+    """Return a bat as a rigid body."""
+    beam = beam_of(body)
+    return RigidBat(
+        length=beam.length,
+        mass=beam.mass,
+        first_moment=beam.first_moment,
+        second_moment=beam.second_moment,
+    )
+
+
+@lru_cache(maxsize=16)
+def _beam(body: BatBody, held: float | None, order: int, element_size: float) -> Beam:
     keep = (0.0, body.length) if held is None else (0.0, held, body.length)
     places = (*body.profile.z, *(lump.z for lump in body.lumps))
     mesh = mesh_through(places, keep, size=element_size, order=order)
@@ -214,8 +231,15 @@ def beam_of(
     for lump in body.lumps:
         _add_lump(mass, mesh, lump)
     shift, turn = _shift(mesh), _turn(mesh, 0.0)  # about the tip, which carries mass backward
-    moments = float(shift @ mass @ shift), -float(shift @ mass @ turn), float(turn @ mass @ turn)
-    return Beam(mesh=mesh, mass_matrix=mass, stiffness_matrix=stiffness, moments=moments)
+    return Beam(
+        length=float(mesh.boundaries[-1]),
+        mass=float(shift @ mass @ shift),
+        first_moment=-float(shift @ mass @ turn),
+        second_moment=float(turn @ mass @ turn),
+        mesh=mesh,
+        mass_matrix=mass,
+        stiffness_matrix=stiffness,
+    )
 
 
 def _assemble(mesh: Mesh, body: BatBody) -> tuple[Array, Array]:
@@ -238,7 +262,7 @@ def _assemble(mesh: Mesh, body: BatBody) -> tuple[Array, Array]:
     shear = at.shear_stiffness
     mixed = integrate(shear, slope, N) * once  # of w and psi
     turning = integrate(at.bending_stiffness, slope, slope) * twice + integrate(shear, N, N)
-    n, freedoms = mesh.nodes.size, mesh.connectivity
+    n = mesh.nodes.size
     mass, stiffness = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))
     for matrix, block, row, column in (
         (mass, integrate(at.mass, N, N), 0, 0),
@@ -248,9 +272,9 @@ def _assemble(mesh: Mesh, body: BatBody) -> tuple[Array, Array]:
         (stiffness, mixed.transpose(0, 2, 1), n, 0),
         (stiffness, turning, n, n),
     ):
-        rows = freedoms[:, :, None] + row
-        columns = freedoms[:, None, :] + column
-        np.add.at(matrix, (rows, columns), block)
+        for first, element in zip(mesh.connectivity[:, 0].tolist(), block, strict=True):
+            own, other = first + row, first + column
+            matrix[own : own + len(element), other : other + len(element)] += element
     return mass, stiffness
 
 
