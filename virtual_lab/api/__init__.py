@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from virtual_lab.studies.effects import effects
     from virtual_lab.studies.faults import faults
     from virtual_lab.studies.inventory import shelf, show
+    from virtual_lab.studies.operating import operating
     from virtual_lab.studies.paper import paper
     from virtual_lab.studies.place_slope import slope
     from virtual_lab.studies.score import QuantityScore
@@ -93,6 +94,7 @@ __all__ = [
     "group_study",
     "guard_band",
     "instrument",
+    "operating",
     "paper",
     "percussion",
     "procedure",
@@ -145,6 +147,7 @@ ELSEWHERE = {  # name: module, name there
     "gauge_study": (f"{UNCERTAINTY}.precision", "gauge_study"),
     "group_study": (f"{UNCERTAINTY}.precision", "group_study"),
     "guard_band": (f"{UNCERTAINTY}.decision", "guard_band"),
+    "operating": (f"{STUDIES}.operating", "operating"),
     "paper": (f"{STUDIES}.paper", "paper"),
     "percussion": (f"{STUDIES}.bats.percussion", "percussion"),
     "profile": (f"{STUDIES}.bats.compare", "profile"),

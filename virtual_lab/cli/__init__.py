@@ -19,7 +19,7 @@ from virtual_lab.cli.certifying import certify, reduce, score, template, verify
 from virtual_lab.cli.fidelity import chart, convergence, stability
 from virtual_lab.cli.plumbing import Sections
 from virtual_lab.cli.rehearse import rehearse
-from virtual_lab.cli.studying import bias, coverage, critique, daily, faults, paper
+from virtual_lab.cli.studying import bias, coverage, critique, daily, faults, operating, paper
 from virtual_lab.errors import DISTRIBUTION, InputError
 
 __all__ = ["main"]
@@ -104,6 +104,7 @@ cli = Sections(
         ),
         "Studies of laboratories and procedures": (
             coverage,
+            operating,
             bias,
             faults,
             critique,

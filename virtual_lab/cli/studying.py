@@ -77,6 +77,24 @@ def coverage(
     return api.coverage(bat, individual=individual, progress=progress, **asked)
 
 
+@command("operating", keeps=True, table=True)
+@click.argument("bat", default="r161", shell_complete=names("bats"))
+@click.option(
+    "--procedure",
+    "procedures",
+    multiple=True,
+    default=("astm-f1881",),
+    show_default=True,
+    help="Procedure with a limit; may be given several times.",
+    shell_complete=names("procedures"),
+)
+@laboratories_option(1000)
+@seed_option(NUMBERED)
+def operating(bat: str, progress: Progress, **asked: Any) -> Any:
+    """Show the chance that bats like BAT pass, over their true metric; of three tests the best."""
+    return api.operating(bat, progress=progress, **asked)
+
+
 @command("bias", keeps=True, table=True)
 @procedure_option()
 def bias(procedure: str, progress: Progress) -> Any:

@@ -1,0 +1,52 @@
+"""The operating characteristic beside counts of bats that really have the metric.
+
+    python -m tests.studies.operating OUT.CSV
+
+Twenty variants of ea70 (frequency of the hoop mode) about the limit of bbcor, 5 000 tests each by
+laboratories of their own, beside the errors of the middle one in 20 000 laboratories.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import binomtest
+
+import virtual_lab as vl
+from virtual_lab.output.progress import quiet
+
+MIDDLE, SPAN, BATS = 2950, 140, 20  # Hz
+TESTS, MODEL, SEED = 5_000, 20_000, 4_000
+
+
+def errors(frequency: float, laboratories: int, seed: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return errors, which tests are valid, and the mean true metric of a variant."""
+    bat = vl.bat("ea70").with_({"body.hoop.frequency": f"{frequency:.6g} Hz"})
+    found = vl.sweep(
+        bat, procedures=["bbcor"], laboratories=laboratories, seed=seed, progress=quiet
+    )
+    valid = (found["verdict"] != "INVALID").to_numpy()
+    return found["error"].to_numpy(), valid, float(found["true"].mean())
+
+
+def main(path: str) -> None:
+    limit = vl.procedure("bbcor").spec.metric_limit
+    error, sound, _ = errors(MIDDLE, MODEL, SEED)
+    with Path(path).open("w", encoding="utf-8", newline="") as file:
+        out = csv.writer(file)
+        out.writerow(["frequency_Hz", "true", "counted", "low", "high", "predicted", "error_sd"])
+        for number, frequency in enumerate(np.linspace(MIDDLE - SPAN, MIDDLE + SPAN, BATS)):
+            own, valid, true = errors(frequency, TESTS, SEED + 1 + number)
+            passed = int(np.sum(valid & (true + own <= limit)))
+            band = binomtest(passed, TESTS).proportion_ci(0.95, method="exact")
+            predicted = float(np.mean(sound & (true + error <= limit)))
+            row = passed / TESTS, band.low, band.high, predicted, np.nanstd(own[valid])
+            out.writerow([round(float(frequency), 2), f"{true:.6f}", *(f"{x:.5g}" for x in row)])
+            file.flush()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,60 @@
+"""The operating characteristic: counts of the same tests, three tests of one laboratory."""
+
+import numpy as np
+import pytest
+
+import virtual_lab as vl
+from virtual_lab.output.progress import quiet
+
+LABORATORIES = 60
+
+
+@pytest.fixture(scope="module")
+def found() -> object:
+    more = vl.procedure("astm-f1881").with_(valid_hits=24, attempts=72)
+    return vl.operating(
+        "r161", procedures=["astm-f1881", more], laboratories=LABORATORIES, seed=3, progress=quiet
+    )
+
+
+def curve(found, best_of: int, procedure: str = "astm-f1881") -> list:
+    return [row for row in found if (row.best_of, row.procedure) == (best_of, procedure)]
+
+
+def test_one_test_is_a_count_of_a_sweep(found) -> None:
+    """Of the same laboratories: as many pass as errors that the way to the limit leaves room."""
+    tests = vl.sweep("r161", laboratories=LABORATORIES, seed=3, progress=quiet)
+    valid = tests["verdict"] != "INVALID"
+    rows = curve(found, 1)
+    assert len(rows) == 20
+    for row in rows:
+        passed = (valid & (row.true + tests["error"] <= 1.2)).sum()
+        assert row.passes == pytest.approx(passed / LABORATORIES)
+        assert row.passes_if_valid == pytest.approx(passed / valid.sum())
+        assert row.low <= row.passes <= row.high
+    chances = [row.passes for row in rows]
+    assert chances == sorted(chances, reverse=True)
+    assert 1.2 - rows[0].true == pytest.approx(rows[-1].true - 1.2)
+
+
+def test_the_best_of_three_passes_more(found) -> None:
+    one, three = (np.array([row.passes for row in curve(found, n)]) for n in (1, 3))
+    assert np.all(three >= one)
+    middle = slice(8, 12)
+    assert np.all(three[middle] > one[middle] + 0.1)
+
+
+def test_more_hits_make_it_steeper(found) -> None:
+    few, many = (curve(found, 1, name) for name in sorted({row.procedure for row in found}))
+    width = [rows[-1].true - rows[0].true for rows in (few, many)]
+    assert width[1] < 0.75 * width[0]
+    assert "at least one of three tests" in found.text
+    assert "joint" in found.text
+    assert "conditional" in found.text
+
+
+def test_a_procedure_without_a_limit() -> None:
+    with pytest.raises(vl.InputError, match="it has no limit"):
+        vl.operating("r161", procedures=["proposed"], laboratories=1, progress=quiet)
+    with pytest.raises(vl.InputError, match="laboratories = 0"):
+        vl.operating("r161", laboratories=0, progress=quiet)

@@ -1,0 +1,141 @@
+"""Operating characteristic of a procedure: the chance that a bat of a true metric passes its test.
+
+Simulated tests of one bat design give the errors of the metric, measured minus true value, and
+which tests are INVALID. A bat whose true metric is x has the same errors about x, so it passes
+where x plus an error is at most the limit; other rules that a bat must meet are left out. Each
+laboratory tests three times: balls, hits and readings are new, its calibration and the bat are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import binomtest
+
+from virtual_lab.errors import InputError
+from virtual_lab.lab import RoundRobin
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import Rows
+from virtual_lab.output.tables import column
+from virtual_lab.units import Array, Mask
+
+TESTS = (1, 3)  # of a laboratory, of which the best counts
+REACH, POINTS = 3.0, 20  # standard deviations of the error about the limit, and how many bats
+
+WORDS = (
+    "PASS: P(the test is valid and its result at most the limit | x), joint. PASS if valid:\n"
+    "P(result at most the limit | x, valid), conditional. Best of 3: at least one of three tests\n"
+    "of one laboratory. At least, at most: 95 % interval of the Monte Carlo (Clopper-Pearson)."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperatingPoint:
+    """The chances of bats of one true metric, by one test or the best of three."""
+
+    bat: str = column("bat")
+    procedure: str = column("procedure")
+    best_of: int = column("best of", form="d")
+    metric: str
+    unit: str
+    true: float = column("true metric x", form=".4f")
+    tests: int
+    passes: float = column("PASS", form=".1%")
+    low: float = column("  at least", form=".1%")
+    high: float = column("  at most", form=".1%")
+    passes_if_valid: float = column("PASS if valid", form=".1%")
+    low_if_valid: float = column("  at least", form=".1%")
+    high_if_valid: float = column("  at most", form=".1%")
+
+
+def operating(
+    bat: str,
+    *,
+    procedures: Sequence[str] = ("astm-f1881",),
+    laboratories: int = 1000,
+    seed: int = 0,
+    progress: Progress = quiet,
+) -> Rows[OperatingPoint]:
+    """Return the chance to pass of bats like this one, over their true metric.
+
+    Parameters
+    ----------
+    bat
+        The design whose tests are simulated; instruments write sums.
+    procedures
+        Those with a limit; with another number of hits as a sheet:
+        ``vl.procedure("bbcor").with_(valid_hits=12)``.
+    laboratories
+        Numbered ones of the seed; each tests three times.
+    seed
+        Of the study.
+    progress
+        Called after each block.
+
+    Raises
+    ------
+    InputError
+        Unknown names, a procedure without a limit, no laboratory.
+    """
+    if laboratories < 1:
+        raise InputError("", "laboratories", laboratories, "allowed: 1 and more")
+    rows: list[OperatingPoint] = []
+    for at, name in enumerate(procedures):
+        round_robin = RoundRobin.of(bat, name)
+        rules = round_robin.setup.rules.spec
+        if rules.metric_limit is None:
+            raise InputError("", "procedure", rules.name, "it has no limit; allowed: one with")
+        parts = []
+        for test in range(max(TESTS)):
+            own = replace(round_robin, setup=replace(round_robin.setup, test=test or None))
+            parts.append(_errors(own, laboratories, seed))
+            progress("tests", at * max(TESTS) + test + 1, len(procedures) * max(TESTS))
+        errors, valid = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
+        printed = METRICS[rules.metric]
+        reach = REACH * float(errors[valid].std()) * np.linspace(-1, 1, POINTS)
+        for best_of in TESTS:
+            for x in rules.metric_limit + reach:
+                below = valid[:, :best_of] & (x + errors[:, :best_of] <= rules.metric_limit)
+                some = int(valid[:, :best_of].any(axis=1).sum())
+                passed = int(below.any(axis=1).sum())
+                joint, given = _chance(passed, laboratories), _chance(passed, some)
+                rows.append(
+                    OperatingPoint(
+                        bat=round_robin.setup.bat.spec.name,
+                        procedure=rules.name,
+                        best_of=best_of,
+                        metric=printed.symbol,
+                        unit=printed.unit,
+                        true=float(x) / printed.unit_si,
+                        tests=laboratories * best_of,
+                        passes=joint[0],
+                        low=joint[1],
+                        high=joint[2],
+                        passes_if_valid=given[0],
+                        low_if_valid=given[1],
+                        high_if_valid=given[2],
+                    )
+                )
+    return Rows(name="operating", title="the chance to pass", rows=rows, words=WORDS)
+
+
+def _errors(round_robin: RoundRobin, laboratories: int, seed: int) -> tuple[Array, Mask]:
+    """Return measured minus true metric of tests, 0 without a result, and which are valid."""
+    errors, valid = [], []
+    for block in round_robin.blocks(laboratories, seed):
+        found = block.certified
+        error = found.results["metric"].value - block.measurands["metric"]
+        errors.append(np.where(found.some, error, 0.0))
+        valid.append(found.some & ~found.invalid)
+    return np.concatenate(errors), np.concatenate(valid)
+
+
+def _chance(passed: int, of: int) -> tuple[float, float, float]:
+    """Return a part and its 95 % interval; all there may be of nothing."""
+    if of == 0:
+        return 0.0, 0.0, 1.0
+    band = binomtest(passed, of).proportion_ci(0.95, method="exact")
+    return passed / of, float(band.low), float(band.high)
