@@ -299,6 +299,23 @@ TAMPERED: dict[str, tuple[Callable[[Path], None], str, str]] = {  # change, file
         "certificate.json",
         "metric.u",
     ),
+    "the unit of a column": (
+        edit("datapackage.json", "[oz_av]", "kg"),
+        "datapackage.json",
+        "resources[0].schema.fields[2].unit",
+    ),
+    "a file left out of the crate": (
+        lambda folder: edit_json(
+            folder / "ro-crate-metadata.json", lambda crate: crate["@graph"][1]["hasPart"].pop()
+        ),
+        "ro-crate-metadata.json",
+        "@graph[1].hasPart",
+    ),
+    "the PDF removed": (
+        lambda folder: pdf_of(folder).unlink(),
+        "ro-crate-metadata.json",
+        "@graph",
+    ),
     "another logo": (
         in_session(another_logo),
         "certificate.json",

@@ -925,6 +925,7 @@ def _readings(test: Test, metric: np.ndarray) -> dict[str, np.ndarray]:
         "bat_performance_factor": best["bat_performance_factor"],
         f"metric_{test.rules['metric']}": metric,
         "weight": test.weights,
+        "used": test.weights != 0,
         "valid": test.valid,
     }
     gates = times.shape[2]
@@ -938,6 +939,7 @@ def _readings(test: Test, metric: np.ndarray) -> dict[str, np.ndarray]:
             columns[f"{name}_u_counts_per_s"] = record["u_counts_per_s"]
     if test.encoder is not None:
         columns["recoil_rad_per_s"] = best["rate"]
+        columns["recoil_efficiency"] = best["recoiled"]
     if test.swing is not None:
         columns["bat_speed_mph"] = best["bat_speed"] / MPH
     return columns

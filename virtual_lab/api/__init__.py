@@ -344,6 +344,9 @@ class Certificate:
     ) -> Path:
         """Write certificate, readings, raw records and truth into a new folder, and seal it.
 
+        Beside them stand ``datapackage.json`` (Frictionless) with meaning and unit of every column,
+        and ``ro-crate-metadata.json`` (RO-Crate) with every file.
+
         With `pdf` the certificate comes as PDF/A-3a and PDF/UA-1, too, with ``certificate.json``
         attached. `paper` is ``a4`` or ``letter``. With the private `key` in a file (Ed25519, PEM)
         ``SHA256SUMS`` and its signature stand beside (extra ``sign``). A film is lossless with time
@@ -352,7 +355,10 @@ class Certificate:
         Raises `InputError` if the folder is not empty or cannot be written, another paper is asked
         for, no key stands in the file, or the extra is missing; no partial files are left.
         """
+        import json
+
         from virtual_lab.certificate.html import certificate_page
+        from virtual_lab.certificate.packages import descriptors
         from virtual_lab.certificate.pdf import certificate_pdf, pdf_name, require_paper
         from virtual_lab.certificate.signing import sign
         from virtual_lab.files import new_folder
@@ -379,6 +385,10 @@ class Certificate:
             if self.film:
                 (draft / "film").mkdir()
                 self.film(draft / "film")
+            session = self.certification.session
+            told = descriptors(self.printed, session, self.shots, draft)
+            for name, each in told.items():
+                (draft / name).write_text(json.dumps(each, indent=1) + "\n", encoding="utf-8")
             if self.sealed:
                 write_seal(draft)
             if signing := key or self.key:

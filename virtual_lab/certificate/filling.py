@@ -11,6 +11,7 @@ from typing import cast
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from virtual_lab.certificate.columns import SHOTS
 from virtual_lab.certificate.document import (
     SCHEMA,
     AlongBarrel,
@@ -232,25 +233,15 @@ def _metric(certification: Certification) -> MetricStated:
 
 
 def _shots(certification: Certification) -> list[ShotRow]:
-    shots, readings, outcome = certification.shots, certification.readings, certification.outcome
-    turned = readings.recoil is not None
-    swung = readings.swing is not None
-    return [
-        ShotRow(
-            shot=shot,
-            ball=int(readings.ball[shot]),
-            place_in=float(readings.place[shot] / INCH),
-            speed_mph=_known(shots.speed[shot] / MPH),
-            bat_speed_mph=_known(shots.bat_speed[shot] / MPH) if swung else None,
-            recoil_rad_per_s=_known(shots.recoil_rate[shot]) if turned else None,
-            recoil_efficiency=_known(shots.recoil_efficiency[shot]) if turned else None,
-            rebound_efficiency=_known(shots.rebound_efficiency[shot]),
-            metric=_known(certification.shot_metric[shot]),
-            used=bool(outcome.used[shot]),
-            reason=reason,
-        )
-        for shot, reason in enumerate(certification.judgement.reasons)
-    ]
+    """Return the shots, each with the columns of the table that have a place in the document."""
+    count = len(certification.shots.speed)
+    columns = {}
+    for column in filter(lambda each: each.row, SHOTS):
+        values = column.values(certification)
+        plain = [None] * count if values is None else np.asarray(values).tolist()
+        columns[column.row] = [_known(each) if isinstance(each, float) else each for each in plain]
+    rows = zip(*columns.values(), strict=True)
+    return [ShotRow(**dict(zip(columns, row, strict=True))) for row in rows]
 
 
 def _places(certification: Certification) -> list[PlaceRow]:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from itertools import compress
 from math import isfinite, sqrt
 
+from virtual_lab.certificate.columns import SHOTS
 from virtual_lab.certificate.document import (
     BatAsMeasured,
     CameraWord,
@@ -331,22 +332,37 @@ def _width(width: WidthStated | None) -> dict[str, str] | None:
     return stated | ends | {"drop": f"{width.drop:g}"}
 
 
-def _shots(document: CertificateDocument) -> list[dict[str, object]]:
-    unit_si = METRICS[document.metric.name].unit_si
-    return [
-        {
-            "shot": str(row.shot + 1),  # people count from 1
-            "place": _number(row.place_in, 2),
-            "speed": _number(row.speed_mph, 2, "not seen"),
-            "bat_speed": _number(row.bat_speed_mph, 2),
-            "recoil": _number(row.recoil_rad_per_s, 3),
-            "by_recoil": _number(row.recoil_efficiency, 4),
-            "by_rebound": _number(row.rebound_efficiency, 4, "not seen"),
-            "factor": _number(None if row.metric is None else row.metric / unit_si, 4),
-            "reason": row.reason,
-        }
-        for row in document.shots
+def _shots(document: CertificateDocument) -> dict[str, object]:
+    """Return heads, and a row for each shot; columns in which nothing stands are left out."""
+    metric, heads, columns = METRICS[document.metric.name], [], []
+    for name, told in ((each.row, each.printed) for each in SHOTS if each.printed):
+        values = [getattr(row, name) for row in document.shots]
+        blank = told.otherwise is None and all(value is None for value in values)
+        if blank or (name == "place_in" and not document.places):
+            continue
+        of_metric = told.symbol == "metric"
+        size = metric.unit_si if of_metric else 1.0
+        heads.append(
+            {
+                "symbol": metric.symbol if of_metric else told.symbol,
+                "words": told.words,
+                "unit": metric.unit if of_metric else told.unit,
+            }
+        )
+        columns.append(
+            [
+                _number(
+                    None if value is None else value / size, told.places, told.otherwise or NONE
+                )
+                for value in values
+            ]
+        )
+    cells = zip(*columns, strict=True)
+    rows = [
+        {"cells": [str(row.shot + 1), *each], "reason": row.reason}  # people count from 1
+        for row, each in zip(document.shots, cells, strict=True)
     ]
+    return {"heads": heads, "rows": rows}
 
 
 def _along(document: CertificateDocument) -> dict[str, object] | None:
@@ -364,7 +380,7 @@ def _along(document: CertificateDocument) -> dict[str, object] | None:
             else:
                 row += [_number(mean, decimals(u / size)), digits(u / size)]
         rows.append(row)
-    heads = [{"symbol": symbol, "unit": unit} for symbol, unit, _ in sizes]
+    heads = [{"symbol": symbol, "words": "", "unit": unit} for symbol, unit, _ in sizes]
     return {"heads": heads, "rows": rows}
 
 

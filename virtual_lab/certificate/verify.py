@@ -15,27 +15,27 @@ from importlib.metadata import version
 from itertools import zip_longest
 from math import isclose, isnan
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from virtual_lab.certificate.document import SCHEMA, CertificateDocument, document_of
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
+from virtual_lab.certificate.packages import READINGS, descriptors
 from virtual_lab.certificate.pdf import PAPERS, certificate_pdf, pdf_name
 from virtual_lab.certificate.signing import SIGNATURE, SUMS, unsigned
 from virtual_lab.certificate.tables import shot_table
 from virtual_lab.errors import DISTRIBUTION, InputError
 from virtual_lab.files import contents, parse_table, read_bytes, read_json, read_table
-from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.measurement.certification import certify_session
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, csv_text, table_text
+from virtual_lab.records.packages import CRATE, PACKAGE
 from virtual_lab.records.session import SESSION, digest_of_text, load_session
 
-CERTIFICATE, PAGE, READINGS, RECORDS = (
-    "certificate.json",
-    "certificate.html",
-    "readings.csv",
-    "records",
-)
+if TYPE_CHECKING:
+    import pandas as pd
+
+CERTIFICATE, PAGE, RECORDS = "certificate.json", "certificate.html", "records"
 UNOPENED, FILM, CONTROL = "truth", "film", "control"
 TOLERANCE = 1e-9  # relative: what other processors change
 UNSIGNED = "without a signature, someone who rewrites the records and all forms alike stays hidden"
@@ -142,11 +142,15 @@ def _by_its_records(folder: Path) -> Verification:
         document = certificate(certification, truth_digest=digest, session_digest=session)
         document, other = _with_versions(document, stated)
         unchecked += other
-        changed = list(_differences(stated, document.as_json()))
+        changed = list(_differences(stated, document.as_json(), CERTIFICATE))
         if not changed:
             document = document_of(stated, CERTIFICATE)  # whose very last digits the forms have
         rows += changed
-        rows += _readings(folder, certification)
+        shots = shot_table(certification)
+        rows += _readings(folder, shots)
+        told = descriptors(document, certification.session, shots, folder)
+        for name, each in told.items():
+            rows += _descriptor(folder / name, each)
     of_forms, other = _forms(folder, document)
     rows, unchecked = rows + of_forms, unchecked + other
     if (folder / FILM).is_dir():
@@ -188,8 +192,18 @@ def _with_versions(
     return replace(document, versions=dict(libraries)), other
 
 
-def _differences(stated: Any, found: Any, key: str = "") -> Iterator[Mismatch]:
-    """Yield the keys of certificate.json that are not what the records give."""
+def _descriptor(path: Path, found: Mapping[str, Any]) -> Iterator[Mismatch]:
+    """Yield what of a descriptor is not that of the folder."""
+    try:
+        stated = read_json(path)
+    except InputError as fault:
+        yield Mismatch(file=path.name, key=fault.key, stated="", found=fault.allowed)
+    else:
+        yield from _differences(stated, found, path.name)
+
+
+def _differences(stated: Any, found: Any, file: str, key: str = "") -> Iterator[Mismatch]:
+    """Yield the keys of a JSON file that are not what the records give."""
     if isinstance(stated, Mapping) and isinstance(found, Mapping):
         for name in [*found, *(name for name in stated if name not in found)]:
             own = f"{key}.{name}" if key else name
@@ -197,14 +211,14 @@ def _differences(stated: Any, found: Any, key: str = "") -> Iterator[Mismatch]:
                 there, here = (
                     _value(each[name]) if name in each else "" for each in (stated, found)
                 )
-                yield Mismatch(file=CERTIFICATE, key=own, stated=there, found=here)
+                yield Mismatch(file=file, key=own, stated=there, found=here)
             else:
-                yield from _differences(stated[name], found[name], own)
+                yield from _differences(stated[name], found[name], file, own)
     elif isinstance(stated, list) and isinstance(found, list) and len(stated) == len(found):
         for number, (there, here) in enumerate(zip(stated, found, strict=True)):
-            yield from _differences(there, here, f"{key}[{number}]")
+            yield from _differences(there, here, file, f"{key}[{number}]")
     elif not _same(stated, found):
-        yield Mismatch(file=CERTIFICATE, key=key, stated=_value(stated), found=_value(found))
+        yield Mismatch(file=file, key=key, stated=_value(stated), found=_value(found))
 
 
 def _same(stated: Any, found: Any) -> bool:
@@ -229,14 +243,14 @@ def _shown(text: str) -> str:
     return text if len(text) <= 60 else cut
 
 
-def _readings(folder: Path, certification: Certification) -> Iterator[Mismatch]:
+def _readings(folder: Path, shots: pd.DataFrame) -> Iterator[Mismatch]:
     """Yield the cells of readings.csv that are not what the records give."""
     try:
         stated = read_table(folder / READINGS)
     except InputError as fault:
         yield Mismatch(file=READINGS, key=fault.key, stated="", found=fault.allowed)
         return
-    found = parse_table(csv_text(shot_table(certification)).encode(), READINGS)
+    found = parse_table(csv_text(shots).encode(), READINGS)
     if [*stated.columns] != [*found.columns] or len(stated) != len(found):
         shape = f"{len(found)} rows of {len(found.columns)} columns"
         yield Mismatch(
@@ -303,7 +317,7 @@ def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
 
 def _strays(folder: Path) -> Iterator[Mismatch]:
     """Yield files that belong to no result; those among the records their session refuses."""
-    own = {CERTIFICATE, PAGE, READINGS, SUMS, SIGNATURE}
+    own = {CERTIFICATE, PAGE, READINGS, PACKAGE, CRATE, SUMS, SIGNATURE}
     for name, kind in contents(folder).items():
         top = name.split("/")[0]
         if top in (UNOPENED, RECORDS, CONTROL, FILM) and "/" in name:

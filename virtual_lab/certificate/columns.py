@@ -1,0 +1,177 @@
+"""What is told of each shot: one row of a table for each column.
+
+``readings.csv``, the certificate's document, its page and PDF, and the dictionary of a result
+folder read the columns from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from virtual_lab.measurement.certification import Certification
+from virtual_lab.measurement.reduction.gates import INBOUND, OUTBOUND, GateReadings
+from virtual_lab.records.dictionary import unit_of
+
+Getter = Callable[[Certification], Any]
+
+
+class InPrint(NamedTuple):
+    """A column on the page: heading, unit and decimals."""
+
+    words: str
+    unit: str = ""
+    places: int = 4
+    symbol: str = ""  # before the words; "metric": of the procedure's metric
+    otherwise: str | None = None  # for a missing value; None: a column without values is left out
+
+
+class ShotColumn(NamedTuple):
+    """A column; its name ends in its unit, ``{}`` in it stands for the procedure's metric."""
+
+    name: str
+    meaning: str
+    si: Getter  # of all shots, in SI, (shot,); None where the rig has no such instrument
+    row: str = ""  # field of the certificate's `ShotRow`; "": of the table alone
+    printed: InPrint | None = None
+
+    def values(self, found: Certification) -> Any:
+        """Return the values in the unit of the name, (shot,), or None."""
+        values, size = self.si(found), unit_of(self.name).si
+        return values if values is None or size == 1 else values / size
+
+
+def _shots(name: str) -> Getter:
+    return lambda found: getattr(found.shots, name)
+
+
+def _reading(which: str, name: str) -> Getter:
+    return lambda found: getattr(getattr(found.readings, which), name, None)
+
+
+def _with(which: str, name: str) -> Getter:
+    """Return values of the shots where an encoder measured them."""
+    return lambda c: None if getattr(c.readings, which) is None else getattr(c.shots, name)
+
+
+def _gate_time(way: int, first: int, last: int) -> Getter:
+    def between(found: Certification) -> Any:
+        seen = found.readings.seen
+        if not isinstance(seen, GateReadings):
+            return None
+        times = seen.passages.times[:, way]
+        return times[:, last] - times[:, first]
+
+    return between
+
+
+def _speed_u(name: str) -> Getter:
+    def known(found: Certification) -> Any:
+        u = getattr(found.readings.seen.raw_u, name)
+        return u if np.isfinite(u).any() else None
+
+    return known
+
+
+def _video(of: Callable[[Any], Any]) -> Getter:
+    return lambda found: None if found.camera is None else np.asarray(of(found.camera))
+
+
+def _video_u(name: str) -> Getter:
+    return _video(lambda camera: camera.u[name])
+
+
+_C = ShotColumn
+SHOTS = (
+    _C("shot", "number of the shot", lambda c: np.arange(len(c.shots.speed)), "shot"),
+    _C("ball", "number of the ball", lambda c: c.readings.ball, "ball"),
+    _C("ball_mass_oz", "mass of the ball", _shots("ball_mass")),
+    _C(
+        "place_in",
+        "place struck, set with the rule, from the barrel tip",
+        lambda c: c.readings.place,
+        "place_in",
+        InPrint("Place", "in", 2),
+    ),
+    _C("gate_time_in_us", "time from first to last gate, inbound", _gate_time(INBOUND, 0, -1)),
+    _C("gate_time_out_us", "time from last to first gate, back", _gate_time(OUTBOUND, -1, 0)),
+    _C(
+        "speed_mph",
+        "speed of the ball at the bat",
+        _shots("speed"),
+        "speed_mph",
+        InPrint("Speed", "mph", 2, otherwise="not seen"),
+    ),
+    _C("rebound_mph", "speed of the rebound", _shots("rebound_speed")),
+    _C("speed_u_mph", "u of the speed, by the readings alone", _speed_u("speed_in")),
+    _C("rebound_u_mph", "u of the rebound, by the readings alone", _speed_u("speed_out")),
+    _C("encoder_counts_per_s", "recoil by the encoder", _reading("recoil", "rate")),
+    _C("encoder_u_counts_per_s", "its u by the fit", _reading("recoil", "rate_u")),
+    _C(
+        "encoder_residual_counts", "rms of the record about its fit", _reading("recoil", "residual")
+    ),
+    _C("swing_counts_per_s", "swing by its encoder", _reading("swing", "rate")),
+    _C("swing_u_counts_per_s", "its u by the fit", _reading("swing", "rate_u")),
+    _C("swing_residual_counts", "rms of the record about its fit", _reading("swing", "residual")),
+    _C(
+        "recoil_rad_per_s",
+        "recoil of the bat about its pivot, at the end of contact",
+        _with("recoil", "recoil_rate"),
+        "recoil_rad_per_s",
+        InPrint("Recoil", "rad/s", 3),
+    ),
+    _C(
+        "bat_speed_mph",
+        "speed of the bat at the place struck",
+        _with("swing", "bat_speed"),
+        "bat_speed_mph",
+        InPrint("Bat", "mph", 2),
+    ),
+    _C("video_speed_mph", "speed by video", _video(lambda c: c.filmed.flights.speed_in)),
+    _C("video_speed_u_mph", "its u", _video_u("speed_in")),
+    _C("video_rebound_mph", "rebound by video", _video(lambda c: c.filmed.flights.speed_out)),
+    _C("video_rebound_u_mph", "its u", _video_u("speed_out")),
+    _C("video_place_in", "place struck by video", _video(lambda c: c.filmed.place)),
+    _C("video_place_u_in", "its u", _video_u("place")),
+    _C("video_angle_deg", "angle of approach by video", _video(lambda c: c.filmed.angle_in)),
+    _C("video_angle_u_deg", "its u", _video_u("angle")),
+    _C("video_efficiency", "e_A by video", _video(lambda c: c.shots.rebound_efficiency)),
+    _C("video_efficiency_u", "its u", _video_u("efficiency")),
+    _C("collision_efficiency", "e_A, as the procedure takes it", _shots("collision_efficiency")),
+    _C(
+        "recoil_efficiency",
+        "e_A by the recoil of the bat",
+        _with("recoil", "recoil_efficiency"),
+        "recoil_efficiency",
+        InPrint("by recoil", symbol="e_A"),
+    ),
+    _C(
+        "rebound_efficiency",
+        "e_A by the rebound of the ball",
+        _shots("rebound_efficiency"),
+        "rebound_efficiency",
+        InPrint("by rebound", symbol="e_A", otherwise="not seen"),
+    ),
+    _C("recoil_factor", "r of the support that the procedure names", _shots("recoil_factor")),
+    _C("restitution", "e of ball and bat", _shots("restitution")),
+    _C("ball_restitution", "e0 of the ball at this speed", _shots("ball_restitution")),
+    _C("bat_performance_factor", "BPF: e over e0", _shots("bat_performance_factor")),
+    _C(
+        "metric_{}",
+        "metric of the procedure, in SI",
+        lambda c: c.shot_metric,
+        "metric",
+        InPrint("", symbol="metric", otherwise="–"),
+    ),
+    _C("weight", "weight of the hit in the result", lambda c: c.outcome.weights),
+    _C("used", "whether the result rests on the hit", lambda c: c.outcome.used, "used"),
+    _C("valid", "whether the hit is valid", lambda c: c.judgement.valid),
+    _C("reason", "why it is not", lambda c: list(c.judgement.reasons), "reason"),
+)
+
+
+def columns_of(metric: str) -> dict[str, ShotColumn]:
+    """Return every column that ``readings.csv`` may have, by its name in tests by a metric."""
+    return {each.name.format(metric): each for each in SHOTS}

@@ -1,0 +1,55 @@
+"""The descriptors of a result folder, from the certificate's document and its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.certificate.columns import columns_of
+from virtual_lab.certificate.document import CertificateDocument
+from virtual_lab.files import contents
+from virtual_lab.records.packages import (
+    CRATE,
+    MEDIA,
+    PACKAGE,
+    TableColumn,
+    crate,
+    data_package,
+    record_tables,
+)
+from virtual_lab.records.session import Session
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+READINGS = "readings.csv"
+APART = ("truth", "control", "film")  # folders of their own, that may be handed on without
+TYPES = {"i": "integer", "f": "number", "b": "boolean"}  # by kind of dtype; else text
+
+
+def descriptors(
+    document: CertificateDocument, session: Session, shots: pd.DataFrame, folder: Path
+) -> dict[str, Mapping[str, Any]]:
+    """Return the descriptors by name, of a folder that has everything else."""
+    title = f"Test of bat {document.bat.name} by {document.procedure.name}"
+    meanings = columns_of(document.metric.name)
+    readings = [
+        TableColumn(name, meanings[name].meaning, TYPES.get(shots[name].dtype.kind, "string"))
+        for name in map(str, shots)
+    ]
+    files = [
+        name
+        for name in contents(folder)
+        if name not in (PACKAGE, CRATE)
+        and name.split("/")[0] not in APART
+        and name.rpartition(".")[2] in MEDIA
+    ]
+    return {
+        PACKAGE: data_package(
+            title, document.statement, {READINGS: readings, **dict(record_tables(session))}
+        ),
+        CRATE: crate(
+            title, document.statement, document.date, document.versions["virtual-lab"], files
+        ),
+    }

@@ -1,0 +1,134 @@
+"""What a result folder holds, for programs that never heard of it.
+
+``datapackage.json`` (Frictionless, Data Package 1) has every column of every table with meaning
+and unit, ``ro-crate-metadata.json`` (RO-Crate 1.1, Process Run Crate) every file and who made it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from virtual_lab.errors import DISTRIBUTION
+from virtual_lab.records.dictionary import MEANINGS, unit_of
+from virtual_lab.records.session import Session
+
+PACKAGE, CRATE = "datapackage.json", "ro-crate-metadata.json"
+MEDIA = {
+    "json": "application/json",
+    "html": "text/html",
+    "pdf": "application/pdf",
+    "csv": "text/csv",
+    "toml": "application/toml",
+    "npy": "application/octet-stream",
+}
+
+
+class TableColumn(NamedTuple):
+    """A column of a table: name, meaning and type (``integer``, ``number``, …)."""
+
+    name: str
+    meaning: str
+    type: str = "number"
+
+
+def record_tables(session: Session) -> Iterator[tuple[str, list[TableColumn]]]:
+    """Yield path and columns of every table among the records."""
+    for stage, records in session.records.items():
+        for channel, record in records.items():
+            columns = record.columns.values()
+            axes = dict.fromkeys(axis for column in columns for axis in column.axes)
+            names = dict.fromkeys([*axes, *(column.name for column in columns)])
+            yield (
+                f"records/{stage}/{channel}.csv",
+                [
+                    TableColumn(
+                        name, MEANINGS.get(name, ""), "integer" if name in axes else "number"
+                    )
+                    for name in names
+                ],
+            )
+
+
+def data_package(
+    title: str, description: str, tables: Mapping[str, Iterable[TableColumn]]
+) -> dict[str, Any]:
+    """Return the descriptor of tables, by their paths in the folder."""
+    return {
+        "profile": "tabular-data-package",
+        "name": "result",
+        "title": title,
+        "description": description,
+        "resources": [
+            {
+                "profile": "tabular-data-resource",
+                "name": path.removesuffix(".csv").replace("/", "-").lower(),
+                "path": path,
+                "mediatype": MEDIA["csv"],
+                "encoding": "utf-8",
+                "schema": {
+                    "fields": [_field(column) for column in columns],
+                    "missingValues": ["", "nan"],
+                },
+            }
+            for path, columns in tables.items()
+        ],
+    }
+
+
+def _field(column: TableColumn) -> dict[str, str]:
+    told = {"name": column.name, "type": column.type, "title": column.name.replace("_", " ")}
+    if column.meaning:
+        told["description"] = column.meaning
+    if column.type in ("number", "integer"):
+        told["unit"] = unit_of(column.name).ucum
+    return told
+
+
+def crate(
+    title: str, description: str, day: str, version: str, files: Iterable[str]
+) -> dict[str, Any]:
+    """Return the metadata of a folder's files; `day` may be empty."""
+    parts = [{"@id": name} for name in files]
+    made = [part for part in parts if not part["@id"].startswith("records/")]
+    action = {
+        "@id": "#test",
+        "@type": "CreateAction",
+        "name": title,
+        "instrument": {"@id": "#program"},
+        "object": [part for part in parts if part not in made],
+        "result": made,
+    }
+    program = {
+        "@id": "#program",
+        "@type": "SoftwareApplication",
+        "name": DISTRIBUTION,
+        "softwareVersion": version,
+    }
+    root = {
+        "@id": "./",
+        "@type": "Dataset",
+        "conformsTo": {"@id": "https://w3id.org/ro/wfrun/process/0.5"},
+        "name": title,
+        "description": description,
+        **({"datePublished": day} if day else {}),
+        "hasPart": parts,
+        "mentions": {"@id": "#test"},
+    }
+    descriptor = {
+        "@id": CRATE,
+        "@type": "CreativeWork",
+        "conformsTo": {"@id": "https://w3id.org/ro/crate/1.1"},
+        "about": {"@id": "./"},
+    }
+    files_told = [
+        {
+            "@id": part["@id"],
+            "@type": "File",
+            "name": part["@id"].rpartition("/")[2],
+            "encodingFormat": MEDIA[part["@id"].rpartition(".")[2]],
+        }
+        for part in parts
+    ]
+    graph = [descriptor, root, action, program, *files_told]
+    return {"@context": "https://w3id.org/ro/crate/1.1/context", "@graph": graph}
