@@ -172,6 +172,6 @@ SHOTS = (
 )
 
 
-def columns_of(metric: str) -> dict[str, ShotColumn]:
+def shot_columns(metric: str) -> dict[str, ShotColumn]:
     """Return every column that ``readings.csv`` may have, by its name in tests by a metric."""
     return {each.name.format(metric): each for each in SHOTS}

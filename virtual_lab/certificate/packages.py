@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.certificate.columns import columns_of
+from virtual_lab.certificate.columns import shot_columns
 from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.files import contents
 from virtual_lab.records.packages import (
@@ -33,7 +33,7 @@ def descriptors(
 ) -> dict[str, Mapping[str, Any]]:
     """Return the descriptors by name, of a folder that has everything else."""
     title = f"Test of bat {document.bat.name} by {document.procedure.name}"
-    meanings = columns_of(document.metric.name)
+    meanings = shot_columns(document.metric.name)
     readings = [
         TableColumn(name, meanings[name].meaning, TYPES.get(shots[name].dtype.kind, "string"))
         for name in map(str, shots)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from virtual_lab.certificate.columns import columns_of
+from virtual_lab.certificate.columns import shot_columns
 from virtual_lab.certificate.filling import budget_lines
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.uncertainty.budget import Budget
@@ -20,7 +20,7 @@ def shot_table(certification: Certification) -> pd.DataFrame:
 
     found = {
         name: column.values(certification)
-        for name, column in columns_of(certification.procedure.metric).items()
+        for name, column in shot_columns(certification.procedure.metric).items()
     }
     return pd.DataFrame({name: values for name, values in found.items() if values is not None})
 
