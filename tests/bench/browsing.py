@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import socket
@@ -17,9 +18,10 @@ import pytest
 
 from virtual_lab.bench import web
 from virtual_lab.bench.exam import Hall
-from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.scenario import Scenario, load_scenario
 from virtual_lab.bench.serving import ServedDay
 from virtual_lab.bench.web import application
+from virtual_lab.catalog import Entry
 
 __all__ = ["FOCUSED", "SEED", "chromium", "enter", "faults_of", "free_port", "opened", "served"]
 
@@ -54,14 +56,24 @@ def free_port() -> int:
         return int(each.getsockname()[1])
 
 
+def with_faults(folder: Path, name: str, faults: tuple[str, ...]) -> Entry[Scenario]:
+    """Return a scenario, with faults in place of a draw where some are given."""
+    if not faults:
+        return load_scenario(name)
+    path = folder.with_name(f"{name}.toml")
+    text = load_scenario(name).text
+    path.write_text(text.replace("procedure =", f"faults = {json.dumps(faults)}\nprocedure ="))
+    return load_scenario(str(path))
+
+
 @contextmanager
 def served(
-    folder: Path, scenario: str = "plain-day", trainer: str = ""
+    folder: Path, scenario: str = "plain-day", trainer: str = "", faults: tuple[str, ...] = ()
 ) -> Iterator[tuple[ServedDay, str]]:
     """Serve a day, of an exam where a trainer's token is given; give it and its first address."""
     import uvicorn
 
-    day = ServedDay(folder, load_scenario(scenario), SEED)
+    day = ServedDay(folder, with_faults(folder, scenario, faults), SEED)
     day.open()
     port = free_port()
     exam = (trainer, Hall("Spring class", {"Ada": day})) if trainer else None

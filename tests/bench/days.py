@@ -9,9 +9,8 @@ from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day
 from virtual_lab.bench.keeping import laboratory_of, played
 from virtual_lab.bench.operators import PREPARATION, Look, Operator
-from virtual_lab.bench.readings import fault_sheets
 from virtual_lab.bench.scenario import Scenario
-from virtual_lab.bench.table import MAKE_READY
+from virtual_lab.bench.table import MAKE_READY, fault_sheets
 
 __all__ = [
     "PLAIN",

@@ -29,9 +29,10 @@ from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.keeping import laboratory_of, taken
 from virtual_lab.bench.operators import HABITS, PREPARATION, operator_of
 from virtual_lab.bench.protocol import left_out
-from virtual_lab.bench.readings import detectable, doubts
+from virtual_lab.bench.readings import doubts
 from virtual_lab.bench.scenario import Scenario, load_scenario
 from virtual_lab.bench.serving import ServedDay
+from virtual_lab.bench.table import detectable
 
 SOUND, DECOY = "plain-day", "monday"  # a decoy says that something may be wrong, and nothing is
 CHECKS = ("weigh-check-mass", "tap-bat", "fire-check-ball", "gauge-gates", "fire-check-cylinder")

@@ -195,12 +195,12 @@ def test_the_same_ball_again(plain: Desk) -> None:
     desk = Desk(day_of(days))
     log = desk.session.records["impact"]["log"]
     assert (log.ball == 0).all()
-    fired = apparatus().firing.fired(desk.day)
+    fired = apparatus().fired(desk.day)
     e0 = [float(play.truth["ball_restitution"][0]) for _, play in fired]
     balls = apparatus().laboratory.specimen.balls.restitution
     sound = [
         float(play.truth["ball_restitution"][0]) - balls[int(plan.ball[0])] + balls[0]
-        for plan, play in apparatus().firing.fired(plain.day)
+        for plan, play in apparatus().fired(plain.day)
     ]
     lost = np.array(sound) - e0
     assert lost[0] == pytest.approx(0, abs=1e-4)

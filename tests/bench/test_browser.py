@@ -32,9 +32,12 @@ def visit(browser: Any, tmp_path: Path) -> Iterator[Visit]:
     with ExitStack() as stack:
 
         def visited(
-            scenario: str = "plain-day", trainer: str = "", **look: Any
+            scenario: str = "plain-day",
+            trainer: str = "",
+            faults: tuple[str, ...] = (),
+            **look: Any,
         ) -> tuple[ServedDay, Any]:
-            day, address = stack.enter_context(served(tmp_path / "day", scenario, trainer))
+            day, address = stack.enter_context(served(tmp_path / "day", scenario, trainer, faults))
             context = browser.new_context(**{"viewport": WIDE, **look})
             context.set_default_timeout(10_000)
             stack.callback(context.close)
@@ -77,7 +80,7 @@ def test_a_day_by_the_book_is_one_key(visit: Visit) -> None:
 
 def test_a_fault_is_found(visit: Visit) -> None:
     """Tuesday: a gate stands elsewhere; who gauges it sees so, reduces with it and says so."""
-    day, page = visit("tuesday")
+    day, page = visit("tuesday", faults=("gate-moved",))
     page.locator("#rig summary").click()
     page.get_by_role("button", name="Gauge the gate distances").click()
     shown = page.inner_text("#display")
@@ -85,7 +88,7 @@ def test_a_fault_is_found(visit: Visit) -> None:
     page.get_by_label("reduce with").select_option("gauge")
     page.get_by_role("button", name="Gauge the gate distances").click()
     page.locator("#notebook > summary").click()
-    page.get_by_label("what is wrong").fill("gate-moved")
+    page.get_by_label("what is wrong").fill("A gate moved after its survey")
     page.get_by_label("how sure [%]").fill("0,9")
     page.get_by_role("button", name="Note a doubt").click()
     assert names(day) == ["gauge-gates", "gauge-gates", "note-doubt"]

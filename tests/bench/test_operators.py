@@ -17,8 +17,9 @@ from virtual_lab.bench.debrief import Debrief, debrief, debrief_page
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.keeping import laboratory_of, played, taken
 from virtual_lab.bench.operators import by_script, operator_of
-from virtual_lab.bench.readings import detectable, doubts, known_doubts
+from virtual_lab.bench.readings import doubts
 from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.table import detectable, known_doubts
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 
@@ -63,14 +64,17 @@ def test_an_expert_finds_what_the_book_does_not(fault: str) -> None:
 
 
 def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
-    """A gate gauged and reduced with: as on a sound day. A dish on the scale: nothing is said.
+    """A gate gauged and reduced with, a dish taken off the scale: as on a sound day.
 
-    Balls of another lot than those at the wall leave no trace, and the book does not look.
+    A cracked bat has no remedy. Balls of another lot than those at the wall leave no trace, and
+    the book does not look.
     """
     gauged, weighed = debriefed("expert", "gate-moved"), debriefed("expert", "scale-not-tared")
+    cracked = debriefed("expert", "bat-cracked")
     assert gauged.verdict == gauged.right_verdict == "PASS"
-    assert weighed.verdict == weighed.right_verdict == "INVALID"
-    assert scores(gauged)["result"] == scores(weighed)["result"] == 1.0
+    assert weighed.verdict == weighed.right_verdict == "PASS"
+    assert cracked.verdict == cracked.right_verdict == "INVALID"
+    assert [scores(each)["result"] for each in (gauged, weighed, cracked)] == [1.0, 1.0, 1.0]
     missed = debriefed("book", "wrong-lot")
     assert (missed.verdict, missed.right_verdict) == ("PASS", "INVALID")
     assert scores(missed)["result"] < 0.5
@@ -81,8 +85,9 @@ def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
 def test_no_scenario_holds_a_fault_that_an_expert_has_no_check_for(name: str) -> None:
     """Its checks found each of these on 100 days of 100; names give nothing away."""
     found = load_scenario(name).spec
-    assert set(found.faults) <= set(detectable())
-    told_of = " ".join(str(value) for value in found.briefing().values())
+    assert {*found.may_go_wrong, *(found.faults or ())} <= set(detectable())
+    told = {key: value for key, value in found.briefing().items() if key != "may_go_wrong"}
+    told_of = " ".join(map(str, told.values()))
     assert not any(fault in told_of + name for fault in known_doubts())
 
 
@@ -153,15 +158,15 @@ def test_a_justified_deviation_is_not_marked_down() -> None:
 
 
 def test_confidence_counts() -> None:
-    """By Brier: a false alarm of 30 % costs less than one of 90 %; so counts the verdict, 90 %."""
+    """By Brier: a false alarm of 30 % costs less than one of 90 %."""
 
     def score(confidence: float) -> float:
         doubt = ("note-doubt", {"doubt": "gate-moved", "confidence": confidence})
         day = played(apparatus(), asked([doubt, *PLAIN, *END]))
         return scores(debrief(apparatus(), day, scenario()))["detection"]
 
-    assert score(30) == pytest.approx(1 - (0.09 + 0.01) / 2)
-    assert score(90) == pytest.approx(1 - (0.81 + 0.01) / 2)
+    assert score(30) == pytest.approx(1 - 0.09)
+    assert score(90) == pytest.approx(1 - 0.81)
 
 
 def test_a_false_pass_is_worth_nothing() -> None:
@@ -169,16 +174,18 @@ def test_a_false_pass_is_worth_nothing() -> None:
     assert scores(debrief(apparatus(), day, scenario()))["result"] == 0
 
 
-def test_a_fail_says_at_the_bench_and_in_the_debrief_what_was_not_met() -> None:
-    """A limit of .9 for a bat of .947: by what was measured, and by the truth."""
+def test_a_fail_says_in_the_debrief_what_was_not_met_and_nothing_at_the_bench() -> None:
+    """A limit of .9 for a bat of .947, by the truth; the verdict is the trainee's before that."""
     strict = scenario(limit=0.9)
     there = Apparatus(laboratory_of(strict, SEED, SALT))
     end = (("reduce", {}), ("give-verdict", {"verdict": "FAIL"}), ("hand-in", {}))
     day = played(there, asked([*PLAIN, *end]))
     (reduced,) = (event for event in day.events if event.action == "reduce")
-    said = {name: value for name, value, _ in reduced.shown}["by the rules"]
     found = debrief(there, day, strict)
-    assert said == f"FAIL: BPF {found.value:.4f} is above the limit 0.900"
+    assert [what for what, _, _ in reduced.shown] == [
+        "Bat performance factor",
+        "standard uncertainty",
+    ]
     assert found.right_verdict == "FAIL"
     assert found.right_because == f"BPF {found.truth:.4f} is above the limit 0.900"
     assert found.right_because in debrief_page(found)
@@ -269,9 +276,9 @@ def test_the_debrief_sets_an_experts_day_beside_the_trainees() -> None:
             "book",
             ("gate-moved",),
             None,
-            "INVALID is right of your day; the expert mended the day (gau",
+            "INVALID is right of your day; the expert put the day right (g",
         ),
-        ("book", ("ball-worn-out",), None, "may refuse to judge"),
+        ("book", ("ball-worn-out",), None, ""),
         ("book", (), 0.948, "Here the expert is wrong, as U allows"),
         ("book", ("bat-cracked",), None, ""),
         ("expert", ("gate-moved",), None, ""),
@@ -348,6 +355,4 @@ def test_a_disputed_score_keeps_the_trainees_note() -> None:
     found = debrief(apparatus(), played(apparatus(), asked([*PLAIN, *END, note])), scenario())
     assert found.disputes == (("economy", "the wall rig was =taken="),)
     assert "Disputed: the wall rig was =taken=" in debrief_page(found)
-    assert scores(found) == scores(debriefed("book")) | {
-        "detection": pytest.approx(0.99),
-    }
+    assert scores(found) == scores(debriefed("book"))

@@ -14,9 +14,8 @@ from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.keeping import laboratory_of, taken
 from virtual_lab.bench.operators import PREPARATION, Look
 from virtual_lab.bench.page import day_page
-from virtual_lab.bench.readings import detectable
 from virtual_lab.bench.scenario import load_scenario
-from virtual_lab.bench.table import MAKE_READY
+from virtual_lab.bench.table import MAKE_READY, detectable
 from virtual_lab.errors import InputError
 
 CHECKS = (

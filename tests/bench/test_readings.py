@@ -12,8 +12,8 @@ from virtual_lab.bench.actions import action_of
 from virtual_lab.bench.checks import _charted
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.keeping import played, taken
-from virtual_lab.bench.readings import CLOCK, detectable, doubts, fault_sheets
-from virtual_lab.bench.table import action_table
+from virtual_lab.bench.readings import CLOCK, doubts
+from virtual_lab.bench.table import action_table, detectable, fault_sheets
 from virtual_lab.errors import InputError
 
 STUDY = Path(__file__).with_name("study-2026-11-22.txt")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import sqrt
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,11 @@ from virtual_lab.bench.day import Day, DayEvent, replayed
 from virtual_lab.bench.debrief import Debrief, debrief
 from virtual_lab.bench.desk import OwnResult
 from virtual_lab.bench.deviations import DENIED, JUSTIFIED, OPEN, Deviation
+from virtual_lab.errors import InputError
 
 TRUTH, LIMIT, U = 0.95, 1.0, 0.01  # of the metric; U = 2 u = .02
-MINUTES, SHOTS = 100.0, 2  # that a good day takes
+MINUTES, SHOTS = 100.0, 2  # that an expert takes
+ATTEMPTS = 12
 ACTION = 5.0  # minutes of each action of these days
 SHOT: tuple[Asked, ...] = (
     *((name, {}) for name in ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")),
@@ -55,7 +57,9 @@ class HandDesk:
     hits: tuple[Any, ...] = ()
     rules: Any = field(
         default_factory=lambda: SimpleNamespace(
-            spec=SimpleNamespace(metric="bat_performance_factor", metric_limit=LIMIT)
+            spec=SimpleNamespace(
+                metric="bat_performance_factor", metric_limit=LIMIT, attempts=ATTEMPTS
+            )
         )
     )
     certification: Any = field(default_factory=lambda: SimpleNamespace(findings=()))
@@ -71,13 +75,14 @@ class HandDesk:
 @pytest.fixture
 def debriefed(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return the debrief of a day's actions, its records given by hand and its truth `TRUTH`."""
-    sealed = SimpleNamespace(measurand={"metric": TRUTH})
+    sealed, seen = SimpleNamespace(measurand={"metric": TRUTH}), dict[str, int]()
     machines: Any = SimpleNamespace(finish=lambda _: SimpleNamespace(sealed=sealed))
     for name, instead in {
-        "taken": lambda *_: None,
+        "taken": lambda *_: SimpleNamespace(seconds=60 * MINUTES, fired=((0, 0.0),) * SHOTS),
         "_expert": lambda *_, **__: None,
         "_costly": lambda *_: (),
         "_fault_reviews": lambda *_: (),
+        "_visible": lambda _: seen,
     }.items():
         monkeypatch.setattr(debriefing, name, instead)
 
@@ -86,6 +91,8 @@ def debriefed(monkeypatch: pytest.MonkeyPatch) -> Any:
         *,
         faults: tuple[str, ...] = (),
         departed: tuple[Deviation, ...] = (),
+        visible: tuple[str, ...] = (),
+        rates: Mapping[str, float] = MappingProxyType({}),
         **records: Any,
     ) -> Debrief:
         events = (
@@ -93,10 +100,12 @@ def debriefed(monkeypatch: pytest.MonkeyPatch) -> Any:
             for at, each in enumerate(asked(actions), 1)
         )
         untouched: Any = None
+        seen.clear()
+        seen.update(dict.fromkeys(visible, 1))
         day = replayed(Day(morning=untouched, balls=6), events)
         monkeypatch.setattr(debriefing, "Desk", lambda own: HandDesk(own or day, **records))
         monkeypatch.setattr(debriefing, "deviations", lambda _: iter(departed))
-        return debrief(machines, day, scenario(faults, minutes=60 * MINUTES, shots=SHOTS))
+        return debrief(machines, day, scenario(faults, may_go_wrong=dict(rates)))
 
     return run
 
@@ -106,12 +115,12 @@ def scores(found: Debrief) -> dict[str, float]:
 
 
 def test_who_keeps_the_book_and_is_sure(debriefed: Any) -> None:
-    """.05 U off, PASS at 90 %: .1² of Brier. 22 actions of 5 min, of 100: 100/110; 2 shots of 2."""
+    """.05 U off, PASS at 90 %, nothing listed. 22 actions of 5 min: 100/110; 2 shots of 2."""
     found = debriefed([*BOOK, *verdict("PASS", 90)], result=(TRUTH + 0.05 * 2 * U, U))
     assert scores(found) == pytest.approx(
         {
             "result": 1,
-            "detection": 0.99,
+            "detection": 1,
             "protocol": 1,
             "record": 1,
             "economy": 100 / (5 * (len(BOOK) + 2)),
@@ -125,14 +134,15 @@ def test_who_measures_wrongly(off: float, score: float, debriefed: Any) -> None:
     """Within U all of it, beyond it U over what it is off; the verdict is right all the same."""
     found = debriefed([*BOOK, *verdict("PASS", 60)], result=(TRUTH + off * 2 * U, U))
     assert scores(found)["result"] == pytest.approx(score)
-    assert scores(found)["detection"] == pytest.approx(1 - 0.4**2)
+    assert found.brier == pytest.approx(0.4**2)
+    assert scores(found)["economy"] == pytest.approx(score * MINUTES / (5 * (len(BOOK) + 2)))
 
 
 def test_who_fails_a_good_bat(debriefed: Any) -> None:
-    """However near the number: nothing. Sure at 90 % of what is wrong: .81 of Brier."""
+    """However near the number: nothing, and none of the time it took."""
     found = debriefed([*BOOK, *verdict("FAIL", 90)])
-    assert scores(found)["result"] == 0
-    assert scores(found)["detection"] == pytest.approx(0.19)
+    assert scores(found)["result"] == scores(found)["economy"] == 0
+    assert found.brier == pytest.approx(0.81)
 
 
 def test_who_judges_by_a_number_of_their_own(debriefed: Any) -> None:
@@ -152,42 +162,84 @@ def test_who_judges_by_a_number_of_their_own(debriefed: Any) -> None:
 
 
 def test_who_refuses_a_sound_day(debriefed: Any) -> None:
-    """Half of what the number is worth. A false alarm at 30 %, INVALID at 50 %: (.09 + .25)/2."""
+    """Named at 30 % without a record that bears it out: nothing. A false alarm: .09."""
     found = debriefed([*BOOK, doubt("gate-moved", 30), *verdict("INVALID", 50)])
-    assert scores(found)["result"] == pytest.approx(0.5)
-    assert scores(found)["detection"] == pytest.approx(1 - (0.09 + 0.25) / 2)
+    assert scores(found)["result"] == scores(found)["economy"] == 0
+    assert scores(found)["detection"] == pytest.approx(1 - 0.09)
     assert (found.right_verdict, found.false_alarms) == ("PASS", ("gate-moved",))
 
 
-@pytest.mark.parametrize(("off", "right"), [(0.99, "PASS"), (1.01, "INVALID")])
-def test_who_finds_the_fault_and_refuses(off: float, right: str, debriefed: Any) -> None:
-    """Named at 80 %, refused at 100 %: (.04 + 0)/2, whether the fault put x beyond U or not."""
+def test_two_clicks_are_worth_nothing(debriefed: Any) -> None:
+    """INVALID and hand in, nothing measured, on a day with a fault."""
     found = debriefed(
-        [*BOOK, doubt("gate-moved", 80), *verdict("INVALID", 100)],
+        [*verdict("INVALID", 100)],
         faults=("gate-moved",),
+        rates={"gate-moved": 0.1, "wrong-lot": 0.1},
+        result=None,
+        reasons=(),
+    )
+    assert scores(found) == pytest.approx(
+        {"result": 0, "detection": 1 - 0.81 - 0.01, "protocol": 0, "record": 0, "economy": 0}
+    )
+
+
+@pytest.mark.parametrize(("off", "right"), [(0.99, "PASS"), (1.01, "INVALID")])
+@pytest.mark.parametrize(("fault", "worth"), [("gate-moved", 0.6), ("bat-cracked", 1.0)])
+def test_who_finds_the_fault_and_refuses(
+    off: float, right: str, fault: str, worth: float, debriefed: Any
+) -> None:
+    """A moved gate could have been gauged and reduced with; a cracked bat has no remedy."""
+    found = debriefed(
+        [*BOOK, doubt(fault, 80), *verdict("INVALID", 100)],
+        faults=(fault,),
+        visible=(fault,),
         result=(TRUTH + off * 2 * U, U),
     )
     assert found.right_verdict == right
-    assert scores(found)["result"] == 1
-    assert scores(found)["detection"] == pytest.approx(0.98)
-    assert found.found == ("gate-moved",)
+    assert scores(found)["result"] == worth
+    assert scores(found)["detection"] == pytest.approx(1 - 0.04)
+    assert found.found == (fault,)
+
+
+def test_who_puts_a_fault_right_may_judge(debriefed: Any) -> None:
+    """After the repair the truth alone decides: beyond U by chance, the verdict is right."""
+    repaired = [*BOOK, doubt("encoder-slip", 90), ("tighten-coupling", {}), *verdict("PASS", 90)]
+    found = debriefed(repaired, faults=("encoder-slip",), visible=("encoder-slip",))
+    assert (found.right_verdict, scores(found)["result"]) == ("PASS", 1.0)
 
 
 def test_who_judges_a_spoilt_day_and_names_half_of_it(debriefed: Any) -> None:
-    """2 U off: .2. One fault at 100 %, one missed, PASS at 70 %: (0 + 1 + .49)/3."""
+    """2 U off: .2. Of three at 10 % one named at 100 %, one missed, .9², the third .1²."""
     faults = ("gate-moved", "scale-not-tared")
     found = debriefed(
         [*BOOK, doubt("gate-moved", 100), *verdict("PASS", 70)],
         faults=faults,
+        rates=dict.fromkeys((*faults, "wrong-lot"), 0.1),
         result=(TRUTH + 4 * U, U),
     )
     assert scores(found)["result"] == pytest.approx(0.2)
-    assert scores(found)["detection"] == pytest.approx(1 - 1.49 / 3)
+    assert scores(found)["detection"] == pytest.approx(1 - 0.81 - 0.01)
     assert (found.found, found.missed) == (("gate-moved",), ("scale-not-tared",))
 
 
+@pytest.mark.parametrize(
+    ("confidence", "squares"), [(0, 1 + 2 * 0), (1, 0.99**2 + 2 * 0.01**2), (50, 3 * 0.25)]
+)
+def test_who_names_everything(confidence: float, squares: float, debriefed: Any) -> None:
+    """Of three listed at 10 % one is there; at 0 and 1 % none is found, at 50 % two are alarms."""
+    listed = ("gate-moved", "scale-not-tared", "wrong-lot")
+    found = debriefed(
+        [*BOOK, *(doubt(name, confidence) for name in listed), *verdict("PASS", 90)],
+        faults=("gate-moved",),
+        rates=dict.fromkeys(listed, 0.1),
+    )
+    assert scores(found)["detection"] == pytest.approx(max(0.0, 1 - squares))
+    above = confidence > 10
+    assert (found.found, len(found.false_alarms)) == (listed[:above], 2 * above)
+
+
 def test_who_strikes_a_doubt_out_has_not_named_it(debriefed: Any) -> None:
-    """The fault is missed: (1 + 1)/2 with a PASS at 100 % beyond U. A note at 60 % counts."""
+    """The fault is missed: 1. A note at 60 % counts: .16."""
     noted = doubt("gate-moved", 90)
     strike = ("strike-out", {"entry": len(BOOK) + 1, "because": "it was the wind"})
     spoilt = {"faults": ("gate-moved",), "result": (TRUTH + 4 * U, U)}
@@ -197,17 +249,30 @@ def test_who_strikes_a_doubt_out_has_not_named_it(debriefed: Any) -> None:
     again = debriefed(
         [*BOOK, noted, strike, doubt("gate-moved", 60), *verdict("PASS", 0)], **spoilt
     )
-    assert scores(again)["detection"] == pytest.approx(1 - (0.16 + 0) / 2)
+    assert scores(again)["detection"] == pytest.approx(1 - 0.16)
 
 
 def test_who_names_the_worst_doubt_with_the_verdict_alone(debriefed: Any) -> None:
-    """As sure as not, 50 %: (.25 + 0)/2; noted before, what was noted counts."""
+    """As sure as not, 50 %: .25; noted before, what was noted counts. By its title as well."""
     spoilt = {"faults": ("gate-moved",), "result": (TRUTH + 4 * U, U)}
-    worst = verdict("INVALID", 100, "gate-moved")
+    worst = verdict("INVALID", 100, "a gate moved after its survey")
     found = debriefed([*BOOK, *worst], **spoilt)
-    assert scores(found)["detection"] == pytest.approx(1 - 0.25 / 2)
+    assert scores(found)["detection"] == pytest.approx(1 - 0.25)
     found = debriefed([*BOOK, doubt("gate-moved", 90), *worst], **spoilt)
-    assert scores(found)["detection"] == pytest.approx(1 - 0.01 / 2)
+    assert scores(found)["detection"] == pytest.approx(1 - 0.01)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("a gate moved after the survey", "did you mean .*A gate moved after its survey"),
+        ("the wind", "other:"),
+    ],
+)
+def test_words_that_name_no_fault_are_asked_back(words: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        asked([doubt(words, 50)])
+    assert asked([doubt("other: the wind", 50)])[0].arguments["doubt"] == "other: the wind"
 
 
 def departure(entry: int, judged: str, step: str = "") -> Deviation:

@@ -11,7 +11,8 @@ import pytest
 
 from virtual_lab.bench import readings
 from virtual_lab.bench.day import DayEvent
-from virtual_lab.bench.readings import CheckRow, detectable, rows_of
+from virtual_lab.bench.readings import CheckRow, rows_of
+from virtual_lab.bench.table import detectable
 from virtual_lab.uncertainty.estimate import Estimate
 
 MM = 1e-3

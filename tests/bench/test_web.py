@@ -20,7 +20,7 @@ from virtual_lab.bench.serving import ServedDay
 from virtual_lab.bench.web import application
 from virtual_lab.output.tables import quoted
 
-SOUND = {"number": "1", "whole": "1", "text": "so"}  # by kind of argument
+SOUND = {"number": "1", "whole": "1", "text": "so", "doubt": "none"}  # by kind of argument
 HOST, TOKEN = "127.0.0.1:8377", "the token of the opened address"
 END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
 PICTURES = re.compile(r'(<section [^>]*id="(display|shot)".*?</section>)', re.DOTALL)
@@ -169,11 +169,14 @@ def test_a_day_by_forms(browser: Browser) -> None:
     assert browser.do("accept-within").status == 303
     assert browser.ask("/").text.count("✓ accepted</strong>") >= 6
     assert browser.do("reduce").status == 303
+    early = browser.ask("/certificate")
+    assert early.status == 409
+    assert "“Give the verdict” comes first: your own before the program" in early.text
+    assert browser.ask("/debrief").status == 409
+    assert browser.do("give-verdict", verdict="PASS").status == 303
     certificate = browser.ask("/certificate")
     assert "sandbox" in certificate.headers["content-security-policy"]
     assert "SIMULATED" in certificate.text
-    assert browser.ask("/debrief").status == 409
-    assert browser.do("give-verdict", verdict="PASS").status == 303
     assert browser.do("hand-in").status == 303
     assert "Debrief" in browser.ask("/debrief").text
     assert "in_book" not in browser.ask("/").text

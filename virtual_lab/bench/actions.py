@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from virtual_lab.bench.scenario import SCORES
-from virtual_lab.bench.table import MAKE_READY, PREPARING, action_table
+from virtual_lab.bench.table import MAKE_READY, PREPARING, action_table, known_doubts
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.units import DIMENSIONS, INCH, OUNCE
 
@@ -26,7 +26,7 @@ class Argument:
 
     name: str
     title: str
-    kind: Literal["number", "whole", "choice", "text"]
+    kind: Literal["number", "whole", "choice", "text", "doubt"]
     unit: str = ""  # of a number
     default: Value | None = None  # None: it must be given
     low: float = -1e6
@@ -48,6 +48,8 @@ class Argument:
                 allowed = "allowed: a line of up to 300 characters"
                 raise InputError(action, self.name, text, allowed)
             return text
+        if self.kind == "doubt":
+            return doubt_of(str(raw).strip(), action, self.name)
         if self.kind == "choice":
             if raw not in self.choices:
                 allowed = f"{nearest(raw, self.choices)}allowed: {', '.join(self.choices)}"
@@ -138,6 +140,7 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
             _whole("swings", "swings", 100, default=10),
             _choice("clock", "timed by", "photogate", "hand"),
         ),
+        "swing-clamp": (_choice("use", "reduce with", "entered", "measured"),),
         "gauge-gates": (_choice("use", "reduce with", "certificate", "gauge"),),
         "re-aim": (
             _number("along", "along the bat, to the knob", -50, 50, unit="mm", default=0.0),
@@ -150,7 +153,7 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
         "reject": (SHOT, REASON),
         "strike-out": (_whole("entry", "entry", 100_000), REASON),
         "note-doubt": (
-            _text("doubt", "what is wrong"),
+            Argument(name="doubt", title="what is wrong", kind="doubt"),
             _number("confidence", "how sure", 0, 100, unit="%", default=70.0),
         ),
         "note-deviation": (
@@ -161,11 +164,29 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
         "give-verdict": (
             replace(_choice("verdict", "verdict", *VERDICTS), default=None),
             _number("confidence", "how certain", 0, 100, unit="%", default=90.0),
-            _text("doubt", "worst doubt", default="none"),
+            Argument(name="doubt", title="worst doubt", kind="doubt", default="none"),
         ),
         "dispute-score": (_choice("score", "score", *SCORES), _text("note", "because")),
     }
 )
+
+
+def doubt_of(words: str, action: str, key: str) -> str:
+    """Return the fault of a title; `InputError` asks back where the words are nearly one.
+
+    Words of one's own begin with “other:”, and name no fault.
+    """
+    known = known_doubts()
+    by_title = {title.lower(): name for name, title in known.items()}
+    if words in {*known, "none", "no result"}:
+        return words
+    if words.lower() in by_title:
+        return by_title[words.lower()]
+    if words.lower().startswith("other:") and len(words) <= 300 and words.isprintable():
+        return words
+    near = nearest(words, known.values())
+    allowed = f"{near}allowed: a title of the list, none, or your own words after “other:”"
+    raise InputError(action, key, words, allowed)
 
 
 def action_of(

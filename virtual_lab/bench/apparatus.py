@@ -9,7 +9,7 @@ a shot, so the order of readings changes none of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import sqrt
 from typing import Any, NamedTuple
@@ -17,14 +17,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from virtual_lab.bench.actions import LENGTHS, MASSES, Action
-from virtual_lab.bench.checks import CheckStandards, speed_ratio
-from virtual_lab.bench.day import Day, DayEvent, Shown
+from virtual_lab.bench.checks import CheckStandards, opened_again, speed_ratio
+from virtual_lab.bench.day import Day, DayEvent, Shown, evolve
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.entries import entry_of_record
 from virtual_lab.bench.firing import Firing, altered, specimen_at
 from virtual_lab.bench.protocol import checklist
 from virtual_lab.bench.sketching import sketch_of
-from virtual_lab.bench.table import CHANNELS, Consequences, action_table
+from virtual_lab.bench.table import CHANNELS, Consequences, action_table, repairs
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest, Laboratory, TestDay
 from virtual_lab.measurement.session_reduction import BlockReduction
@@ -32,6 +32,7 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.records import MassReadings, Record
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import entry_of_constant
+from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.faults.fault import instrument_of, other_sheet
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.physics.beam import Free
@@ -58,9 +59,33 @@ class Apparatus:
 
     laboratory: Laboratory
 
+    mended: dict[frozenset[str], Apparatus] = field(default_factory=dict)  # by what is over
+
+    def at(self, day: Day) -> Apparatus:
+        """Return the machines as the repairs of a day have left them."""
+        setup = self.laboratory.setup
+        over = day.mended & set(setup.faults.names)
+        if not over:
+            return self
+        if over not in self.mended:
+            left = tuple(fault for fault in setup.faults.faults if fault.name not in over)
+            mine = self.laboratory
+            self.mended[over] = Apparatus(opened_again(mine, FaultSet(faults=left)))
+        return self.mended[over]
+
     @cached_property
     def firing(self) -> Firing:
         return Firing(self.laboratory)
+
+    def fired(self, day: Day) -> list[tuple[ShotPlan, RigOutput]]:
+        """Return the plan and the outcome of each shot of a day, each by the machines it had."""
+        before, found = day.until(0), []
+        for event in day.events:
+            if event.action == "fire":
+                firing = self.at(before).firing
+                found.append(firing.shot(firing.conditions(before)))
+            before = evolve(before, event)
+        return found
 
     @cached_property
     def checks(self) -> CheckStandards:
@@ -68,8 +93,10 @@ class Apparatus:
 
     def play(self, day: Day, action: Action) -> DayEvent:
         """Carry out an action on a day that allows it: the event, its price still to be put in."""
-        gives = self._actions.get(action.name)
+        gives = self.at(day)._actions.get(action.name)
         reading = gives(day, action) if gives else Reading()
+        if action.name in repairs():
+            reading = self._repaired(day, action)
         return DayEvent(
             number=len(day.events) + 1,
             action=action.name,
@@ -86,15 +113,15 @@ class Apparatus:
 
         Raises `InputError` as `Desk.reduced`.
         """
-        desk, laboratory = Desk(day), self.laboratory
-        sessions = SessionBlock.of(desk.session)
-        wall = self.firing.wall(day.times("hit-wall") - 1)
-        balls = replace(self.firing.balls(day), used=desk.preparation.lot.used)
-        plans, rounds = zip(*self.firing.fired(day), strict=True)
+        desk, now = Desk(day), self.at(day)
+        laboratory, sessions = now.laboratory, SessionBlock.of(desk.session)
+        wall = now.firing.wall(day.times("hit-wall") - 1)
+        balls = replace(now.firing.balls(day), used=desk.preparation.lot.used)
+        plans, rounds = zip(*self.fired(day), strict=True)
         taken = TestDay(
             laboratory=replace(laboratory, specimen=replace(laboratory.specimen, balls=balls)),
             sessions=sessions,
-            bench=self._bench(laboratory),
+            bench=now._bench(laboratory),
             wall=wall,
             preparation=desk.preparation.block,
             plans=plans,
@@ -132,6 +159,16 @@ class Apparatus:
             "start-checklist": lambda day, _: Reading(shown=checklist(day, end=False)),
             "end-checklist": lambda day, _: Reading(shown=checklist(day, end=True)),
         }
+
+    def _repaired(self, day: Day, action: Action) -> Reading:
+        """Say what a repair found, and what has to be read again after it."""
+        sheets = action_table().actions
+        faults = set(self.laboratory.setup.faults.names) - day.mended
+        done = "mended" if faults & set(sheets[action.name].mends) else "nothing was to be mended"
+        old = "; ".join(sheets[name].title for name in sheets[action.name].again)
+        return Reading(
+            shown=(("repair", done, ""), *((("to be done again", old, ""),) if old else ()))
+        )
 
     def _standard(self, check: Callable[[int], Shown]) -> Callable[[Day, Action], Reading]:
         """Return what shows a check standard, given how often it was shown before."""
@@ -228,16 +265,21 @@ class Apparatus:
         return np.asarray(shown.readings[:, repeats * earlier :])
 
     def _swing_clamp(self, day: Day, action: Action) -> Reading:
-        """Show the clamp's own moment of inertia, beside the one that was entered."""
+        """Show the clamp's own moment of inertia, beside the one that was entered, and enter it."""
         station: Any = self.laboratory.stations[Stage.BENCH]
         off = self._table.clamp_u * self._off(day, action)
         measured = station.pendulum.true["clamp_inertia"] + off
         entered = day.morning.calibration["bench.pendulum.clamp_inertia"].value
+        found = Estimate(
+            value=round(float(measured), 8), u=self._table.clamp_u, source="swung alone, on the day"
+        )
+        use = action.arguments["use"] == "measured"
         return Reading(
+            constants={"bench.pendulum.clamp_inertia": found} if use else {},
             shown=tuple(
                 (f"clamp, {word}", round(float(inertia) * 1e6, 1), "kg mm²")
                 for word, inertia in (("measured", measured), ("as entered", entered))
-            )
+            ),
         )
 
     def _off(self, day: Day, action: Action) -> float:
@@ -356,12 +398,10 @@ class Apparatus:
         found = desk.certification
         if found.metric is None:
             return Reading(shown=(("no result", "; ".join(found.reasons), ""),))
-        by_rules = ": ".join(filter(None, (found.verdict.value, "; ".join(found.reasons))))
         return Reading(
             shown=(
                 (METRICS[desk.rules.spec.metric].words, float(f"{found.metric.value:.4g}"), ""),
                 ("standard uncertainty", float(f"{found.metric.u:.2g}"), ""),
-                ("by the rules", by_rules, ""),
             )
         )
 

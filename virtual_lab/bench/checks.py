@@ -77,9 +77,7 @@ class CheckStandards:
     @cached_property
     def _sound(self) -> Laboratory:
         """The same laboratory on the mornings before, when nothing was wrong."""
-        mine = self.laboratory
-        setup = replace(mine.setup, faults=FaultSet(), seed=mine.seed, collision=mine.collision)
-        return Laboratory.open(setup)
+        return opened_again(self.laboratory, FaultSet())
 
     def _against_chart(
         self, hit: Callable[[Laboratory, int, int], Mapping[str, Array]], earlier: int
@@ -96,6 +94,13 @@ class CheckStandards:
             means = np.nanmean(chart[name].reshape(DAYS, hits), axis=1)
             shown += _charted(name, float(np.nanmean(values)), means, 5, "")
         return tuple(shown)
+
+
+def opened_again(mine: Laboratory, faults: FaultSet) -> Laboratory:
+    """Return the same laboratory with other faults; its papers stay as they are."""
+    setup = replace(mine.setup, faults=faults, seed=mine.seed, collision=mine.collision)
+    papers = {name: getattr(mine, name) for name in ("salt", "sealing", "date", "calibration")}
+    return replace(Laboratory.open(setup), **papers)
 
 
 def _charted(name: str, today: float, mornings: Array, places: int, unit: str) -> Shown:

@@ -12,7 +12,7 @@ from functools import reduce
 from typing import Any
 
 from virtual_lab.bench.actions import Action
-from virtual_lab.bench.table import MAKE_READY, action_table
+from virtual_lab.bench.table import MAKE_READY, action_table, repairs
 from virtual_lab.errors import InputError
 from virtual_lab.records.session import Session
 
@@ -57,6 +57,7 @@ class Day:
     morning: Session  # what the laboratory knew before anything was done
     balls: int
     came_with: int = 0  # events of another laboratory: its records are judged, its machines far
+    listed: Mapping[str, float] = field(default_factory=dict)  # what may go wrong, and how often
     checklists: bool = False
     remarks: bool = False  # whether what was left out is named at once
     exam: bool = False  # nothing is told of how well it goes
@@ -64,6 +65,7 @@ class Day:
     seconds: float = 0.0
     done: Mapping[str, int] = field(default_factory=dict)  # action: how often
     struck: frozenset[int] = frozenset()  # events
+    mended: frozenset[str] = frozenset()  # faults that are over, if they ever were
     tared: bool = False
     level: bool = False
     clamped: bool = False
@@ -85,7 +87,7 @@ class Day:
 
     def until(self, entry: int) -> Day:
         """Return the day as it was after so many entries."""
-        kept = ("morning", "balls", "came_with", "checklists", "remarks", "exam")
+        kept = ("morning", "balls", "came_with", "listed", "checklists", "remarks", "exam")
         first = Day(**{name: getattr(self, name) for name in kept})
         return replayed(first, self.events[:entry])
 
@@ -202,13 +204,22 @@ def _decided(accepted: bool) -> Callable[[Day, Changes], Changes]:
     return decided
 
 
+def _mended(faults: tuple[str, ...]) -> Callable[[Day, Changes], Changes]:
+    return lambda day, _: {"mended": day.mended | set(faults)}
+
+
 def _made_ready(step: str) -> Callable[[Day, Changes], Changes]:
     return lambda day, _: {"ready": day.ready | {step}}
 
 
 AFTER: Mapping[str, Callable[[Day, Changes], Changes]] = {  # what an action leaves behind
     **{step: _made_ready(step) for step in MAKE_READY},
+    **{name: _mended(each.mends) for name, each in repairs().items()},
     "tare": lambda *_: {"tared": True},
+    "clear-pan": lambda day, _: {
+        "tared": True,
+        "mended": day.mended | set(repairs()["clear-pan"].mends),
+    },
     "level-stand": lambda *_: {"level": True},
     "fit-clamp": lambda _, given: {"clamped": given["fitted"] == "yes"},
     "re-aim": lambda day, given: {

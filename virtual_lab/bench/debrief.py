@@ -6,7 +6,7 @@ nearer to the truth its result comes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from itertools import islice, zip_longest
 from math import sqrt
@@ -28,9 +28,17 @@ from virtual_lab.bench.deviations import (
 from virtual_lab.bench.keeping import KeptDay, played, taken
 from virtual_lab.bench.operators import operator_of
 from virtual_lab.bench.protocol import StepDue, excused, left_out, steps_due
-from virtual_lab.bench.readings import detectable, doubts, fault_sheets, known_doubts
+from virtual_lab.bench.readings import doubts
 from virtual_lab.bench.scenario import SCORES, UNITS, Scenario
-from virtual_lab.bench.table import PREPARING, action_table
+from virtual_lab.bench.table import (
+    PREPARING,
+    action_table,
+    detectable,
+    fault_sheets,
+    known_doubts,
+    remedy_of,
+    repairs,
+)
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import not_met, verdict
 from virtual_lab.output.metrics import METRICS
@@ -152,8 +160,13 @@ class Debrief:
         return asdict(self)
 
 
-def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") -> Debrief:
-    """Open the truth of a day that was handed in; `InputError` of one that was not."""
+def debrief(
+    apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "", *, beside: Day | None = None
+) -> Debrief:
+    """Open the truth of a day that was handed in; `InputError` of one that was not.
+
+    With `beside`, the expert's day, only the scores are wanted: nothing is played again.
+    """
     if not day.handed_in:
         raise InputError("debrief", "day", None, "is opened once the day is handed in")
     desk = Desk(day)
@@ -163,26 +176,40 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
     given = desk.last("give-verdict")
     assert given is not None
     named = _named(day, str(given.arguments["doubt"]))
-    faults = scenario.faults
-    right, because, truth = _right_verdict(apparatus, desk, value, u, spoilt=bool(faults))
-    refused = day.verdict == "INVALID" and (bool(set(faults) & set(named)) or value is None)
-    rightly = day.verdict == right or refused
+    faults, rates = scenario.faults or (), scenario.may_go_wrong
+    visible = _visible(day)
+    left = tuple(name for name in faults if name not in day.mended)
+    right = _right_verdict(apparatus, desk, value, u, spoilt=bool(left))
+    likely = {name for name in named if _is_named(name, named, rates)}
+    exhausted = len(day.fired) >= desk.rules.spec.attempts and value is None
+    outcome = _Outcome(
+        value=value,
+        u=u,
+        right=right,
+        verdict=day.verdict,
+        reason=bool(likely & visible.keys()) or exhausted,
+        mendable=bool(faults) and all(remedy_of(name) for name in faults),
+    )
+    refused = day.verdict == "INVALID" and outcome.reason
     confidence = float(given.arguments["confidence"]) / 100
-    brier = (confidence - rightly) ** 2
+    brier = (confidence - (day.verdict == right.word or refused)) ** 2
     departed = list(deviations(desk))
-    odd = _justly_rejected(day, departed)
+    odd = _justly_rejected(day, departed) | _before_repair(day, faults)
+    morning = day.until(day.came_with)
+    theirs = Desk(beside or taken(apparatus, operator_of("expert"), morning))
+    result = _result_score(outcome)
+    needless = needless_seconds(departed, desk)
     values = (
-        _result_score(value, u, truth, day.verdict, right, bool(set(faults) & set(named))),
-        _detection_score(named, faults, brier),
+        result,
+        _detection_score(named, faults, rates),
         _protocol_score(day, departed),
         _record_score(desk, own, odd),
-        _economy_score(day, scenario, needless_seconds(departed, desk)),
+        _economy_score(day, theirs.day, needless, result[0]),
     )
     scores = tuple(
         DayScore(name=name, value=score, weight=scenario.weights.get(name, 1.0), because=why)
         for name, (score, why) in zip(SCORES, values, strict=True)
     )
-    beside = Desk(taken(apparatus, operator_of("expert"), day.until(day.came_with)))
     keep, change = _advice(scores)
     return Debrief(
         title=scenario.title,
@@ -195,24 +222,24 @@ def debrief(apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "") 
         metric=desk.rules.spec.metric,
         value=value,
         u=u,
-        truth=truth,
+        truth=right.truth,
         limit=limit,
-        right_verdict=right,
-        right_because=because,
+        right_verdict=right.word,
+        right_because=right.because,
         faults=faults,
-        found=tuple(name for name in faults if name in named),
-        missed=tuple(name for name in faults if name not in named),
-        false_alarms=tuple(name for name in named if name not in faults),
-        fault_reviews=tuple(_fault_reviews(day, faults)),
+        found=tuple(name for name in faults if name in likely),
+        missed=tuple(name for name in faults if name not in likely),
+        false_alarms=tuple(name for name in named if name in likely - set(faults)),
+        fault_reviews=tuple(_fault_reviews(day, faults, visible)),
         scores=scores,
         keep=keep,
         change=change,
-        costly=_costly(apparatus, desk, truth, own, odd),
+        costly=_costly(apparatus, desk, right.truth, own, odd) if beside is None else (),
         steps=tuple(_steps(day)),
         deviations=tuple(departed),
         own=own,
-        hits=tuple(zip_longest(desk.hits, beside.hits)),
-        expert=_expert(apparatus, beside, desk, right, spoilt=bool(faults)),
+        hits=tuple(zip_longest(desk.hits, theirs.hits)),
+        expert=_expert(apparatus, theirs, desk, right.word, faults),
         disputes=tuple(
             (str(event.arguments["score"]), str(event.arguments["note"]))
             for event in day.events
@@ -246,15 +273,32 @@ def _named(day: Day, worst: str) -> dict[str, float]:
     return {name: sure for name, sure in named.items() if name in known_doubts()}
 
 
-def _fault_reviews(day: Day, faults: tuple[str, ...]) -> Iterator[FaultReview]:
-    """Yield each fault with the entry that first showed it and the one that named it."""
+def _visible(day: Day) -> dict[str, int]:
+    """Return the faults that the day's records showed, each with the entry that did so first."""
     visible: dict[str, int] = {}
     desk = Desk(day.until(0))
-    for event in day.events if faults else ():
+    for event in day.events:
         desk = desk.after(event)
         if event.records or event.shown:
             for doubt in doubts(desk):
                 visible.setdefault(doubt.fault, event.number)
+    return visible
+
+
+def _before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:
+    """Return the shots that were fired before a repair that mended something."""
+    fired = before = 0
+    for event in day.events:
+        fired += event.action == "fire"
+        if event.action in repairs() and set(repairs()[event.action].mends) & set(faults):
+            before = fired
+    return set(range(before))
+
+
+def _fault_reviews(
+    day: Day, faults: tuple[str, ...], visible: Mapping[str, int]
+) -> Iterator[FaultReview]:
+    """Yield each fault with the entry that first showed it and the one that named it."""
     named = {
         str(event.arguments["doubt"]): event.number
         for event in reversed(day.events)
@@ -305,7 +349,7 @@ def _steps(day: Day) -> Iterator[StepReview]:
 
 
 def _expert(
-    apparatus: Apparatus, beside: Desk, desk: Desk, right: str, *, spoilt: bool
+    apparatus: Apparatus, beside: Desk, desk: Desk, right: str, faults: tuple[str, ...]
 ) -> ExpertDay:
     theirs, sheets = beside.day, action_table().actions
     given = beside.last("give-verdict")
@@ -318,6 +362,7 @@ def _expert(
         if event.action not in mine and sheets[event.action].part in {"bench", "wall", "rig"}
     )
     value, u = beside.result or (None, None)
+    spoilt = bool(set(faults) - theirs.mended)
     own = _right_verdict(apparatus, beside, value, u, spoilt=spoilt).word
     return ExpertDay(
         verdict=theirs.verdict,
@@ -350,11 +395,14 @@ def _apart(right: str, own: str, beside: Desk, desk: Desk) -> str:
     lost = (
         "left your day without a result" if desk.result is None else "put your result beyond its U"
     )
-    mended = {event.action for event in beside.day.events if event.constants} - {
-        event.action for event in desk.day.events if event.constants
-    }
+    mends = repairs().keys()
+    mended, mine = (
+        {each.action for each in day.events if each.constants or each.action in mends}
+        for day in (beside.day, desk.day)
+    )
+    mended -= mine
     titles = " and ".join(action_table().actions[name].title.lower() for name in sorted(mended))
-    how = f" mended the day ({titles}, and reduce with what is found)" if titles else "'s day holds"
+    how = f" put the day right ({titles})" if titles else "'s day holds"
     if right == "INVALID":
         return (
             f"Both hold: the fault {lost}, so {right} is right of your day; "
@@ -388,46 +436,65 @@ def _right_verdict(
     return _RightVerdict(word, "; ".join(unmet), truth)
 
 
-def _result_score(
-    value: float | None,
-    u: float | None,
-    truth: float | None,
-    verdict: str,
-    right: str,
-    found: bool,
-) -> tuple[float, str]:
+MENDABLE = 0.6  # the result of a day that was rightly refused, and could have been put right
+
+
+class _Outcome(NamedTuple):
+    """What the result is scored by."""
+
+    value: float | None
+    u: float | None
+    right: _RightVerdict
+    verdict: str
+    reason: bool  # whether the records bear a reason out to refuse the day
+    mendable: bool  # whether everything that was wrong has a remedy
+
+
+def _result_score(day: _Outcome) -> tuple[float, str]:
     """Score |x - truth| / U with U = 2 u, and nothing for a false pass or a false fail.
 
-    Who found a fault may refuse to judge, even where the result would have held.
+    Who has a reason that the records bear out may refuse to judge; where the day could have been
+    put right that is worth less than a right verdict. Without a reason it is worth nothing.
     """
-    if {verdict, right} == {"PASS", "FAIL"}:
-        return 0.0, f"a false {verdict}: the bat is a {right}"
-    if verdict == "INVALID" and (right == "INVALID" or found):
-        return 1.0, "rightly not judged"
+    right = day.right.word
+    if {day.verdict, right} == {"PASS", "FAIL"}:
+        return 0.0, f"a false {day.verdict}: the bat is a {right}"
+    if day.verdict == "INVALID":
+        return _refused(day)
     if right == "INVALID":
         return 0.2, "judged on a faulty day, the result beyond its U"
-    if value is None or u is None or truth is None:
-        return 0.2, "no result, of a bat that could be judged"
-    normalised = abs(value - truth) / (2 * u)
+    if day.value is None or day.u is None or day.right.truth is None:
+        return 0.0, "no result, of a bat that could be judged"
+    off = day.value - day.right.truth
+    normalised = abs(off) / (2 * day.u)
     fits = 1.0 if normalised <= 1 else 1 / normalised
-    why = f"off by {value - truth:+.4f}, which is {normalised:.2f} of U = {2 * u:.4f}"
-    return (fits, why) if verdict == right else (fits / 2, f"{why}; the verdict is not {right}")
+    why = f"off by {off:+.4f}, which is {normalised:.2f} of U = {2 * day.u:.4f}"
+    return (fits, why) if day.verdict == right else (fits / 2, f"{why}; the verdict is not {right}")
+
+
+def _refused(day: _Outcome) -> tuple[float, str]:
+    if not day.reason:
+        return 0.0, "INVALID without a reason that the records bear out"
+    if day.mendable:
+        return MENDABLE, "rightly not judged, but the day could have been put right"
+    return 1.0, "rightly not judged: nothing could put the day right"
 
 
 def _detection_score(
-    named: dict[str, float], faults: tuple[str, ...], brier: float
+    named: Mapping[str, float], faults: tuple[str, ...], rates: Mapping[str, float]
 ) -> tuple[float, str]:
-    """Score by Brier: a fault named with confidence p leaves (1 - p)², a false alarm p².
+    """Score 1 - Σ (p - o)² over the list, an unnamed fault at its rate; not below 0."""
+    said = dict.fromkeys(faults, 0.0) | dict(rates) | dict(named)
+    lost = sum((p - (name in faults)) ** 2 for name, p in said.items())
+    found = sum(_is_named(name, named, rates) for name in faults)
+    alarms = sum(_is_named(name, named, rates) for name in named if name not in faults)
+    words = f"{found} of {len(faults)} faults named, {alarms} false alarms; sum of squares "
+    return max(0.0, 1 - lost), words + f"{lost:.2f} over {len(said)} that may go wrong"
 
-    The confidence in the verdict counts as one more.
-    """
-    lost = [(1 - named.get(fault, 0.0)) ** 2 for fault in faults]
-    lost += [sure**2 for name, sure in named.items() if name not in faults]
-    missed = sum(fault not in named for fault in faults)
-    alarms = sum(name not in faults for name in named)
-    words = f"{len(faults) - missed} of {len(faults)} faults found, {alarms} false alarms"
-    words += f"; Brier score of the verdict {brier:.2f}"
-    return 1 - float(np.mean([*lost, brier])), words
+
+def _is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
+    """Return whether a fault was said to be likelier than it is on any day."""
+    return named.get(fault, 0.0) > rates.get(fault, 0.0)
 
 
 def _protocol_score(day: Day, departed: list[Deviation]) -> tuple[float, str]:
@@ -476,14 +543,16 @@ def _record_score(desk: Desk, own: tuple[OwnResult, ...], odd: set[int]) -> tupl
     return (right + agree) / (len(reasons) + len(own)), words
 
 
-def _economy_score(day: Day, scenario: Scenario, needless: float) -> tuple[float, str]:
-    minutes, shots = (day.seconds - needless) / 60, max(len(day.fired), 1)
-    share = min(1.0, scenario.minutes / max(60 * minutes, 1.0)) * min(1.0, scenario.shots / shots)
+def _economy_score(day: Day, expert: Day, needless: float, result: float) -> tuple[float, str]:
+    """Score the expert's minutes and shots on this day over the trainee's, times the result."""
+    minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
+    theirs, fired = expert.seconds / 60, max(len(expert.fired), 1)
+    share = min(1.0, theirs / minutes) * min(1.0, fired / shots)
     words = f"{minutes:.0f} min and {len(day.fired)} shots"
-    words += (
-        f", {needless / 60:.0f} min of checks that a sign asked for not counted" if needless else ""
-    )
-    return share, f"{words}; a good day takes {scenario.minutes / 60:.0f} and {scenario.shots}"
+    if needless:
+        words += f", {needless / 60:.0f} min of checks that a sign asked for not counted"
+    words += f"; the expert took {theirs:.0f} and {len(expert.fired)}; times the result"
+    return share * result, words
 
 
 def _costly(

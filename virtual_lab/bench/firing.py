@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from virtual_lab.bench.day import Day, evolve
+from virtual_lab.bench.day import Day
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.table import action_table
 from virtual_lab.errors import InputError
@@ -90,16 +90,6 @@ class Firing:
         return altered(
             station, "cannon", along=true["along"] + moved[0], across=true["across"] + moved[1]
         )
-
-    def fired(self, day: Day) -> list[tuple[ShotPlan, RigOutput]]:
-        """Return the plan and the outcome of each shot of a day."""
-        before = day.until(0)
-        found = []
-        for event in day.events:
-            if event.action == "fire":
-                found.append(self.shot(self.conditions(before)))
-            before = evolve(before, event)
-        return found
 
     def conditions(self, day: Day) -> ShotConditions:
         """Return what the next shot of a day hangs on."""

@@ -11,9 +11,10 @@ import json
 import os
 import re
 import secrets
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -45,7 +46,7 @@ def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
         procedure=_rules(scenario),
         rig=scenario.rig or None,
         seed=seed,
-        faults=scenario.faults,
+        faults=scenario.faults or (),
     )
     sealing = "rehearsal: the truth is opened at the debrief"
     return replace(Laboratory.open(setup), salt=salt, sealing=sealing)
@@ -75,7 +76,8 @@ class KeptDay:
         self.folder = folder
         self.log = DayLog(folder / LOG)
         sealed = read_json(folder / SECRET)
-        self.scenario = read(str(sealed["scenario"]), "scenario.toml", Scenario).spec
+        told = read(str(sealed["scenario"]), "scenario.toml", Scenario).spec
+        self.scenario = replace(told, faults=tuple(sealed["faults"]))
         laboratory = laboratory_of(
             self.scenario, int(sealed["seed"]), bytes.fromhex(sealed["salt"])
         )
@@ -91,16 +93,17 @@ class KeptDay:
         """
         drawn = secrets.randbits(128) if seed is None else seed
         salt = secrets.token_bytes(16)
-        laboratory = laboratory_of(scenario.spec, drawn, salt)
+        today = scenario.spec.drawn(drawn)
+        laboratory = laboratory_of(today, drawn, salt)
         sealed = {
             "scenario": scenario.text,
             "seed": str(drawn),
             "salt": salt.hex(),
-            "faults": list(scenario.spec.faults),
+            "faults": list(today.faults or ()),
             "truth": _individuals(laboratory),
         }
         content = json.dumps(sealed).encode()
-        came = _records_of(scenario.spec, laboratory, drawn)
+        came = _records_of(today, laboratory, drawn)
         with new_folder(folder) as draft:
             handle = os.open(draft / SECRET, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             with os.fdopen(handle, "wb") as file:
@@ -176,10 +179,18 @@ def played(apparatus: Apparatus, actions: Iterable[Action]) -> Day:
     return taken(apparatus, lambda _: iter(actions))
 
 
-def taken(apparatus: Apparatus, operator: Operator, morning: Day | None = None) -> Day:
-    """Return the day as an operator takes it, that no log holds; it begins with `morning`."""
+def taken(
+    apparatus: Apparatus,
+    operator: Operator,
+    morning: Day | None = None,
+    listed: Mapping[str, float] = MappingProxyType({}),
+) -> Day:
+    """Return the day as an operator takes it, that no log holds; it begins with `morning`.
+
+    `listed` is what may go wrong, and how often.
+    """
     laboratory = apparatus.laboratory
-    untouched = Day(morning=laboratory.session, balls=laboratory.rules.spec.balls)
+    untouched = Day(morning=laboratory.session, balls=laboratory.rules.spec.balls, listed=listed)
     desks = [Desk(morning or untouched)]
     for action in operator(lambda: desks[-1]):
         day = desks[-1].day

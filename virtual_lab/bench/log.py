@@ -69,6 +69,7 @@ class DayLog:
             morning=session,
             balls=read(session.procedure_text, "procedure.toml", Procedure).spec.balls,
             came_with=int(self.morning["came_with"]),
+            listed=told.get("may_go_wrong", {}),
             checklists=told.get("checklists", False),
             remarks=told["feedback"] == "during",
             exam=told["feedback"] == "never",

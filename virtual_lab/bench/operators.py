@@ -15,8 +15,8 @@ import numpy as np
 from virtual_lab.bench.actions import Action, action_of
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.protocol import excused, left_out
-from virtual_lab.bench.readings import detectable, doubts
-from virtual_lab.bench.table import MAKE_READY
+from virtual_lab.bench.readings import doubts
+from virtual_lab.bench.table import MAKE_READY, action_table, detectable, remedy_of
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.streams import Streams
 
@@ -35,6 +35,15 @@ PREPARATION = (
     "hit-wall",
     "aim-paper",
 )
+CHECKS_AFTER = {  # step of the book: the checks that fit best after it
+    "tare": ("weigh-check-mass",),
+    "weigh-balls": ("reweigh-balls",),
+    "swing": ("swing-clamp", "tap-bat", "fire-check-ball"),
+    "hit-wall": ("recheck-balls",),
+    "aim-paper": ("gauge-gates", "measure-pivot", "compare-clock"),
+}
+FIRST_SHOTS = 3  # after which a cylinder tells a dry bearing from what the encoder shows
+BEFORE = "fired before the repair"
 
 
 @dataclass(frozen=True)
@@ -45,8 +54,15 @@ class Habits:
     forgets: float = 0.0  # a step that makes the laboratory ready
     hurries: float = 0.0  # to time by hand, or few swings
     waves_through: float = 0.0  # a hit that the rules reject
-    checks: bool = False  # looks at check standards, and tells what they show
+    checks: bool = False  # looks at check standards, tells what they show and puts it right
+    listed: bool = False  # looks for nothing but what the scenario lists
     wants: bool = False  # a low result: rejects what comes out high
+
+    def looks_for(self, listed: Mapping[str, float]) -> set[str]:
+        """Return the actions that are taken to find a fault."""
+        known = detectable()
+        sought = [name for name in listed if name in known] if self.listed else list(known)
+        return {each for name in sought for each in known[name].actions} if self.checks else set()
 
     def slips(self, chance: float, what: str, number: int = 0) -> bool:
         """Return whether it happens this time."""
@@ -60,15 +76,17 @@ def _take(look: Look, habits: Habits) -> Iterator[Action]:
         yield from _judged(look)
         yield from _end(look, habits)
         return
+    checks = habits.looks_for(look().day.listed)
     for name in PREPARATION:
-        if name == "hit-wall" and habits.checks:
-            yield from _before_the_wall(look)
         careful = name in {"tare", "level-stand", "fit-clamp"}
         if careful and habits.slips(habits.forgets, name):
             continue
         yield action_of(name, _how(name, habits))
-        if name == "tare" and habits.checks:
-            yield action_of("weigh-check-mass")
+        for check in CHECKS_AFTER.get(name, ()):
+            if check in checks:
+                yield action_of(check)
+        if checks:
+            yield from _put_right(look)
     yield from _hits(look, habits)
     yield from _end(look, habits)
 
@@ -86,24 +104,34 @@ def _judged(look: Look) -> Iterator[Action]:
         yield action_of("note-deviation", {"step": step, "because": "left out in the records"})
 
 
-def _before_the_wall(look: Look) -> Iterator[Action]:
-    for name in ("reweigh-balls", "swing-clamp", "tap-bat", "fire-check-ball"):
-        yield action_of(name)
-    yield action_of("gauge-gates")
-    yield from _doubts_noted(look)
-    if any(doubt.fault == "gate-moved" for doubt in doubts(look())):
-        yield action_of("gauge-gates", {"use": "gauge"})
-    for name in ("measure-pivot", "compare-clock", "fire-check-cylinder"):
-        yield action_of(name)
+def _put_right(look: Look) -> Iterator[Action]:
+    """Note what points to a fault, put it right, and read again what that makes old."""
+    while new := [row for row in doubts(look()) if row.fault not in _noted(look())]:
+        row, sheets = new[0], action_table().actions
+        sure = 100 * detectable()[row.fault].sure
+        yield action_of("note-doubt", {"doubt": row.fault, "confidence": sure})
+        remedy = None if look().day.came_with else remedy_of(row.fault)
+        if remedy is None:
+            continue
+        name, given = remedy
+        worn = {"ball": int(str(row.words[0]))} if name == "retire-ball" else {}
+        yield action_of(name, {**given, **worn})
+        again = [each for each in sheets[name].again if look().day.times(each)]
+        yield from map(action_of, again)
+        if sheets[name].part == "rig" or "hit-wall" in again:
+            yield from _struck(look, sheets[name].title)
 
 
-def _doubts_noted(look: Look) -> Iterator[Action]:
-    """Note what points to a fault, each once."""
-    noted = {str(e.arguments["doubt"]) for e in look().day.events if e.action == "note-doubt"}
-    for doubt in doubts(look()):
-        if doubt.fault not in noted:
-            sure = 100 * detectable()[doubt.fault].sure
-            yield action_of("note-doubt", {"doubt": doubt.fault, "confidence": sure})
+def _struck(look: Look, repair: str) -> Iterator[Action]:
+    """Reject the shots that were fired before a repair."""
+    day = look().day
+    for shot in range(len(day.fired)):
+        if shot not in day.decisions or day.decisions[shot].accepted:
+            yield action_of("reject", {"shot": shot + 1, "because": f"{BEFORE} “{repair}”"})
+
+
+def _noted(desk: Desk) -> set[str]:
+    return {str(e.arguments["doubt"]) for e in desk.day.events if e.action == "note-doubt"}
 
 
 def _how(name: str, habits: Habits) -> Mapping[str, object]:
@@ -124,7 +152,12 @@ def _hits(look: Look, habits: Habits) -> Iterator[Action]:
             if not habits.slips(habits.forgets, step, shot):
                 yield action_of(step)
         yield action_of("fire")
-        yield _decision(look(), habits)
+        if shot + 1 == FIRST_SHOTS and "fire-check-cylinder" in habits.looks_for(look().day.listed):
+            yield action_of("fire-check-cylinder")
+        if habits.checks:
+            yield from _put_right(look)
+        if shot not in look().day.decisions:
+            yield _decision(look(), habits)
 
 
 def _decision(desk: Desk, habits: Habits) -> Action:
@@ -155,10 +188,9 @@ def _can_spare(desk: Desk) -> bool:
 def _end(look: Look, habits: Habits) -> Iterator[Action]:
     sure: dict[str, float] = {}
     if habits.checks:
-        if not look().day.came_with:
+        if "tap-bat" in habits.looks_for(look().day.listed) and not look().day.came_with:
             yield action_of("tap-bat")
-            yield action_of("recheck-balls")
-        yield from _doubts_noted(look)
+        yield from _put_right(look)
         known = {doubt.fault: detectable()[doubt.fault].sure for doubt in doubts(look())}
         sure = {fault: each for fault, each in known.items() if each >= 0.9}
     if look().missing or not look().day.fired:
@@ -189,6 +221,7 @@ def _confidence(desk: Desk) -> float:
 HABITS = {
     "book": Habits(),
     "expert": Habits(checks=True),
+    "careful": Habits(checks=True, listed=True),
     "careless": Habits(forgets=0.3, hurries=0.6, waves_through=0.5),
     "cheating": Habits(wants=True),
 }

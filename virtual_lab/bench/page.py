@@ -14,10 +14,9 @@ from virtual_lab.bench.day import Day, DayEvent, offered
 from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.operators import PREPARATION
 from virtual_lab.bench.papers import paper
-from virtual_lab.bench.readings import known_doubts
 from virtual_lab.bench.scenario import UNITS
 from virtual_lab.bench.slow_motion import Motion, SlowMotion, sketched, slow_motion
-from virtual_lab.bench.table import MAKE_READY, action_table, in_buttons
+from virtual_lab.bench.table import MAKE_READY, action_table, in_buttons, known_doubts
 from virtual_lab.bench.tally import residual_chart, run_chart, swings, tally
 from virtual_lab.bench.traces import traces_of
 from virtual_lab.output.metrics import METRICS
@@ -147,7 +146,7 @@ def day_page(
         can_fire=offered(day, "fire"),
         ready=[(table.actions[name].title, name in day.ready) for name in MAKE_READY],
         each_shot=f"{sum(table.actions[name].minutes for name in each_shot) / 60:g}",
-        doubts=known_doubts(),
+        doubts=_doubts(day),
         entries=_entries(day)[::-1],
         left_over=f"{(briefing['minutes'] - day.seconds) / 60:.0f}",
     )
@@ -249,6 +248,12 @@ def _steps(desk: Desk) -> list[Step]:
         title = hits if name == "fire" else sheets[name].title
         steps.append(Step(name=name, title=title, state=state, part=sheets[name].part))
     return steps
+
+
+def _doubts(day: Day) -> list[str]:
+    """Return the titles of the faults one may name, those that the scenario lists first."""
+    titles = known_doubts()
+    return [titles[name] for name in dict.fromkeys([*day.listed, *titles])]
 
 
 def _last_undecided(desk: Desk, hits: list[HitShown]) -> bool:

@@ -8,7 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from virtual_lab import catalog
-from virtual_lab.bench.table import action_table, repairs
+from virtual_lab.bench.table import action_table, fault_sheets, remedy_of, repairs
 from virtual_lab.errors import InputError
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.units import DEGREE, DIMENSIONS
@@ -135,6 +135,16 @@ def _quantity(datum: catalog.Datum, units: str) -> str:
     return f"{numbers} {unit if unit != '1' else ''}".strip().replace("^2", "²")
 
 
+def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
+    """Return what a scenario lists: title, days of 100, and the action that puts it right."""
+    sheets, found = action_table().actions, []
+    for name, rate in listed.items():
+        remedy = remedy_of(name)
+        cure = f"“{sheets[remedy[0]].title}”" if remedy else "none: the day is INVALID"
+        found.append((fault_sheets()[name].title, f"{100 * rate:g}", cure))
+    return found
+
+
 def paper(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the pages of the wall are made of."""
     return {
@@ -143,4 +153,5 @@ def paper(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
         "invalid": wall()["invalid"],
         "instruments": list(instruments_of(desk)) if desk.day.morning.calibration else [],
         "prices": prices(),
+        "may_go_wrong": may_go_wrong(briefing.get("may_go_wrong", {})),
     }

@@ -7,20 +7,16 @@ off a reading may be stands in ``data/faults``, under ``found_by``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache
 from math import hypot, inf, sqrt, tau
-from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from virtual_lab import catalog
 from virtual_lab.bench.entries import record_of
 from virtual_lab.bench.protocol import left_out
-from virtual_lab.bench.table import action_table, repairs
-from virtual_lab.catalog.faults import FaultSheet, FoundBy
+from virtual_lab.bench.table import action_table, detectable, repairs
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.records import BoardRecord, GateRecord, PendulumRecord, Record
 from virtual_lab.uncertainty.estimate import Estimate
@@ -32,6 +28,7 @@ if TYPE_CHECKING:
 
 CLOCK = "clock of the gates, fast"  # as compare-clock shows it
 SCRAPS = 0.3  # share of the balls that scraps are ahead of at the most, at boards
+ROUGH_SHOTS = 3  # from which a coupling that slips at times is told from one that is loose
 COUNTING = 1 / sqrt(12)  # counts rms that whole counts leave of a smooth turn
 
 
@@ -50,6 +47,7 @@ class CheckRow:
     high: float
     unit: str
     entry: int  # of the notebook
+    words: tuple[object, ...] = ()  # for the gaps of `what`
 
     @property
     def within(self) -> bool:
@@ -107,26 +105,6 @@ class PrintedRow(NamedTuple):
     word: str
 
 
-@cache
-def fault_sheets() -> Mapping[str, FaultSheet]:
-    """Return what is known of all that can go wrong in a laboratory."""
-    return MappingProxyType(
-        {name: catalog.load("faults", name, FaultSheet).spec for name in catalog.names("faults")}
-    )
-
-
-def known_doubts() -> dict[str, str]:
-    """Return the faults one may name, and their titles."""
-    return {name: sheet.title for name, sheet in fault_sheets().items()}
-
-
-@cache
-def detectable() -> Mapping[str, FoundBy]:
-    """Return the faults that a check at the bench finds, and how."""
-    found = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
-    return MappingProxyType(found)
-
-
 def doubts(desk: Desk) -> Iterator[CheckRow]:
     """Yield the rows beyond their limits, one of each fault that another does not explain."""
     found: dict[str, CheckRow] = {}
@@ -173,6 +151,7 @@ def _row(
         high=float(high),
         unit=sheet.unit,
         entry=event.number,
+        words=words,
     )
 
 
@@ -270,6 +249,7 @@ def _lot(desk: Desk) -> Iterator[CheckRow]:
         yield _row("ounces-as-grams", weighed, _mean(weighed), usual, u, low=least)
     if hit:
         ratios = np.array([value for _, value in _numbers(hit)])
+        ratios[[ball for ball in desk.day.retired if ball < ratios.size]] = np.median(ratios)
         middle, worst = float(np.median(ratios)), int(ratios.argmin())
         u, least = _lot_scatter(hit) * middle, middle * (1 - _beyond("ball-worn-out"))
         yield _row("ball-worn-out", hit, ratios[worst], middle, u, worst + 1, low=least)
@@ -362,7 +342,7 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
         fault = "bat-not-at-rest"
         u, most = _scatter(fault) * allowed, _beyond(fault) * allowed
         yield _row(fault, last, rate, 0.0, u, high=most)
-    if turning is not None:
+    if turning is not None and len(fired) - since >= ROUGH_SHOTS:
         rough = turning.residual[since:]
         for fault, number, at in (
             ("encoder-slip", float(np.ptp(rough)), 0.0),

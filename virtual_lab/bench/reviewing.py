@@ -134,6 +134,7 @@ def check_scenario(name: str | Path) -> Rows[TriedDay]:
                 kept = KeptDay.begin(Path(place) / "day", entry, seed)
                 day = kept.taken(operator_of(operator))
             noted = [str(e.arguments["doubt"]) for e in day.events if e.action == "note-doubt"]
+            faults = kept.scenario.faults or ()
             rows.append(
                 TriedDay(
                     operator=operator,
@@ -141,9 +142,9 @@ def check_scenario(name: str | Path) -> Rows[TriedDay]:
                     minutes=day.seconds / 60,
                     shots=len(day.fired),
                     verdict=day.verdict,
-                    found=" ".join(fault for fault in scenario.faults if fault in noted),
-                    missed=" ".join(fault for fault in scenario.faults if fault not in noted),
-                    false_alarms=" ".join(each for each in noted if each not in scenario.faults),
+                    found=" ".join(fault for fault in faults if fault in noted),
+                    missed=" ".join(fault for fault in faults if fault not in noted),
+                    false_alarms=" ".join(each for each in noted if each not in faults),
                 )
             )
     return Rows(
@@ -163,7 +164,7 @@ def _advice(scenario: Scenario, rows: list[TriedDay]) -> list[str]:
         words.append(f"you give {given}: a tight budget")
     if any(row.missed for row in expert):
         words.append("an expert misses a fault on some of these days")
-    if scenario.faults and not any(row.missed for row in rows):
+    if scenario.may_go_wrong and not any(row.missed for row in rows):
         words.append("who keeps to the book finds every fault")
     return words
 

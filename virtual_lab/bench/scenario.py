@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Gt
+import numpy as np
+from annotated_types import Ge, Gt, Lt
 
 from virtual_lab import catalog
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.catalog.specs import Dimension, Name, Real, Spec, Title, YesNo
+from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH
 
 UNITS = MappingProxyType(  # a length and a speed in print: unit, and how much of SI it is
@@ -35,7 +37,9 @@ class Scenario(Spec):
     procedure: str
     rig: str = ""  # at the bat; else the one that the rules name
     limit: Annotated[float | None, Gt(0), Dimension("number")] = None  # in place of the rules'
-    faults: tuple[str, ...] = ()  # which nobody is told of
+    # what may go wrong and how often, which everybody is told; each day draws from it
+    may_go_wrong: Mapping[str, Annotated[Real, Gt(0), Lt(1)]] = field(default_factory=dict)
+    faults: tuple[str, ...] | None = None  # of this day, which nobody is told of; None: drawn
     records_of: Literal["", "book", "careless", "cheating"] = ""  # who took them; else the trainee
     guidance: Literal["guided", "checklist", "none"] = "guided"
     checklists: YesNo = False
@@ -48,13 +52,22 @@ class Scenario(Spec):
     def briefing(self) -> dict[str, object]:
         """Return what a trainee may know of it, in the form of JSON."""
         told = ("title", "task", "guidance", "feedback", "checklists", "units", "minutes", "shots")
-        return {key: getattr(self, key) for key in told}
+        return {key: getattr(self, key) for key in told} | {"may_go_wrong": dict(self.may_go_wrong)}
+
+    def drawn(self, seed: int) -> Scenario:
+        """Return the scenario of one day: its faults drawn by a seed, unless they are given."""
+        if self.faults is not None:
+            return self
+        number = np.arange(len(self.may_go_wrong))
+        chance = Streams(seed).uniform("rehearsal.faults", slots=number) + 0.5
+        pairs = zip(self.may_go_wrong.items(), chance, strict=True)
+        return replace(self, faults=tuple(name for (name, rate), at in pairs if at < rate))
 
     def __post_init__(self) -> None:
         strange = sorted(set(self.weights) - set(SCORES))
         if strange:
             raise ValueError(f"weights of {', '.join(strange)}; allowed: {', '.join(SCORES)}")
-        for fault in self.faults:
+        for fault in (*self.may_go_wrong, *(self.faults or ())):
             if catalog.load("faults", fault, FaultSheet).spec.found_by is None:
                 raise ValueError(
                     f"no check at the bench finds {fault}; allowed: those with found_by"

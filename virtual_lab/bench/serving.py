@@ -139,11 +139,11 @@ class ServedDay:
             return self._films[shot, true]
 
     def _filmed(self, shot: int, true: bool) -> bytes:
-        from virtual_lab.bench.sketching import film_as_seen, true_film
+        from virtual_lab.bench.sketching import before_shot, film_as_seen, true_film
 
         day, machines = self.kept.day, self.kept.apparatus
         if true:
-            return true_film(machines.firing, day, shot)
+            return true_film(machines.at(before_shot(day, shot)).firing, day, shot)
         fired = [event for event in day.events if event.action == "fire"]
         return film_as_seen(machines.laboratory.setup, fired[shot - 1])
 
@@ -154,10 +154,11 @@ class ServedDay:
         """
         if not (self._opened.done() and self.open_book):
             return None
-        from virtual_lab.bench.sketching import true_motion
+        from virtual_lab.bench.sketching import before_shot, true_motion
 
         kept = self.kept
-        return true_motion(kept.apparatus.firing, kept.day, shot)
+        machines = kept.apparatus.at(before_shot(kept.day, shot))
+        return true_motion(machines.firing, kept.day, shot)
 
     def certificate(self) -> str:
         """Return the certificate of what was reduced; `InputError` before that."""
@@ -166,6 +167,9 @@ class ServedDay:
 
         if not self.kept.day.reduced:
             raise InputError("certificate", "hits", None, "reduce comes first")
+        if not self.kept.day.verdict:
+            allowed = "give-verdict comes first: your own before the program's"
+            raise InputError("certificate", "verdict", None, allowed)
         return certificate_page(certificate(self.kept.desk.certification))
 
     def debrief(self) -> str:

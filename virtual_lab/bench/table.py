@@ -6,11 +6,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
 from virtual_lab import catalog
+from virtual_lab.catalog.faults import FaultSheet, FoundBy
 from virtual_lab.catalog.specs import Dimension, Spec, Title, YesNo
 
 PREPARING = {"tare": "weigh-bat", "level-stand": "measure-balance", "fit-clamp": "swing"}
@@ -26,6 +28,11 @@ CHANNELS = {  # action: channel of the bench
 WRITES = {f"bench/{channel}": action for action, channel in CHANNELS.items()} | {
     "balls/log": "hit-wall",
     "impact/aim": "aim-paper",
+}
+FOUND_INSTEAD: Mapping[str, tuple[str, Mapping[str, str]]] = {  # faults that a constant mends
+    "gate-moved": ("gauge-gates", {"use": "gauge"}),
+    "clamp-forgotten": ("swing-clamp", {"use": "measured"}),
+    "ball-worn-out": ("retire-ball", {"because": "slower at the wall than the lot"}),
 }
 Part = Literal["bench", "wall", "rig", "hits", "notebook", "result"]
 Mass = Annotated[float, Gt(0), Dimension("mass")]
@@ -43,6 +50,7 @@ class ActionSheet(Spec):
     in_book: YesNo  # whether the procedure asks for it
     minutes: Time  # [s], printed in minutes
     mends: tuple[str, ...] = ()  # faults that are over once it is done
+    again: tuple[str, ...] = ()  # actions whose readings it makes old
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,9 +91,16 @@ class ActionTable(Spec):
 
 
 @cache
-def repairs() -> Mapping[str, tuple[str, ...]]:
-    """Return the actions that mend something, and which faults are over once one is done."""
-    return {name: each.mends for name, each in action_table().actions.items() if each.mends}
+def repairs() -> Mapping[str, ActionSheet]:
+    """Return the actions that mend something."""
+    return {name: each for name, each in action_table().actions.items() if each.mends}
+
+
+def remedy_of(fault: str) -> tuple[str, Mapping[str, str]] | None:
+    """Return the action that puts a fault right, with its arguments; None: nothing does."""
+    if fault in FOUND_INSTEAD:
+        return FOUND_INSTEAD[fault]
+    return next(((name, {}) for name, each in repairs().items() if fault in each.mends), None)
 
 
 def in_buttons(sentence: str) -> str:
@@ -109,3 +124,23 @@ def in_buttons(sentence: str) -> str:
 def action_table() -> ActionTable:
     """Return the table as it ships."""
     return catalog.load("bench", "actions", ActionTable).spec
+
+
+@cache
+def fault_sheets() -> Mapping[str, FaultSheet]:
+    """Return what is known of all that can go wrong in a laboratory."""
+    return MappingProxyType(
+        {name: catalog.load("faults", name, FaultSheet).spec for name in catalog.names("faults")}
+    )
+
+
+def known_doubts() -> dict[str, str]:
+    """Return the faults one may name, and their titles."""
+    return {name: sheet.title for name, sheet in fault_sheets().items()}
+
+
+@cache
+def detectable() -> Mapping[str, FoundBy]:
+    """Return the faults that a check at the bench finds, and how."""
+    found = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
+    return MappingProxyType(found)

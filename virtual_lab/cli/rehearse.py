@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--operator",
-    type=click.Choice(["expert", "book", "careless", "cheating"]),
+    type=click.Choice(["expert", "careful", "book", "careless", "cheating"]),
     help="Simulated operator who takes the day instead of you.",
 )
 @click.option(

@@ -1,0 +1,110 @@
+"""Repairs: what each mends, that nothing else changes, and that the day ends as a sound one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.bench.days import PLACE_MM, PLAIN, apparatus, asked
+from virtual_lab.bench.actions import Action, action_of
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.keeping import played, taken
+from virtual_lab.bench.operators import PREPARATION, Look, Operator, operator_of
+from virtual_lab.bench.readings import doubts
+from virtual_lab.bench.table import MAKE_READY, action_table, detectable, remedy_of, repairs
+
+NO_REMEDY = {"bat-cracked"}
+FEW = ("scale-not-tared", "encoder-slip", "gate-misses", "aim-along")
+SHOTS = 4
+
+
+def mending(fault: str) -> Operator:
+    """Return who finds a fault by its checks, puts it right and makes its checks again."""
+    remedy = remedy_of(fault)
+    assert remedy is not None
+    name, given = remedy
+    sheet = action_table().actions[name]
+
+    def fires() -> Iterator[Action]:
+        yield action_of("set-place", {"place": PLACE_MM})
+        for shot in range(SHOTS):
+            yield action_of("load-ball", {"ball": shot + 1})
+            yield from map(action_of, (*MAKE_READY, "fire"))
+
+    def taken_so(look: Look) -> Iterator[Action]:
+        yield from map(action_of, PREPARATION)
+        checks = [each for each in detectable()[fault].actions if each not in PREPARATION]
+        shoots = "fire" in checks
+        checks = [each for each in checks if each not in {*MAKE_READY, "fire"}]
+        yield from map(action_of, checks)
+        if shoots:
+            yield from fires()
+        assert fault in {row.fault for row in doubts(look())}
+        if fault == "ball-worn-out":
+            worn = next(row for row in doubts(look()) if row.fault == fault)
+            yield action_of(name, {**given, "ball": worn.words[0]})
+        else:
+            yield action_of(name, dict(given))
+        yield from (action_of(each) for each in sheet.again if look().day.times(each))
+        yield from map(action_of, checks)
+        if shoots:
+            yield from fires()
+
+    return taken_so
+
+
+def whole_again(fault: str) -> bool:
+    desk = Desk(taken(apparatus(fault), mending(fault)))
+    return fault not in {row.fault for row in doubts(desk)}
+
+
+@pytest.mark.parametrize("fault", FEW)
+def test_a_repair_ends_what_its_checks_show(fault: str) -> None:
+    assert whole_again(fault)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("fault", sorted(set(detectable()) - NO_REMEDY - set(FEW)))
+def test_every_repair_ends_what_its_checks_show(fault: str) -> None:
+    assert whole_again(fault)
+
+
+def test_every_fault_has_its_remedy_but_a_cracked_bat() -> None:
+    assert {name for name in detectable() if remedy_of(name) is None} == NO_REMEDY
+    sheets = action_table().actions
+    for sheet in repairs().values():
+        assert set(sheet.mends) <= set(detectable())
+        assert set(sheet.again) <= sheets.keys()
+
+
+def test_a_repair_of_what_is_whole_says_so_and_costs_its_minutes() -> None:
+    sound, broken = (
+        played(apparatus(*faults), [action_of("tighten-coupling")])
+        for faults in ((), ("encoder-slip",))
+    )
+    assert sound.events[0].shown[0] == ("repair", "nothing was to be mended", "")
+    assert broken.events[0].shown[0] == ("repair", "mended", "")
+    assert sound.seconds == broken.seconds == repairs()["tighten-coupling"].minutes > 0
+
+
+def test_after_a_repair_the_laboratory_draws_as_a_sound_one() -> None:
+    """The same shot of the same ball, to the last count; the records before it are others."""
+    mended = asked([PLAIN[0], ("tighten-coupling", {}), *PLAIN[1:]])
+    one = played(apparatus("encoder-slip"), mended)
+    other = played(apparatus(), asked(PLAIN))
+    first, second = (
+        [event.records for event in day.events if event.records] for day in (one, other)
+    )
+    assert first == second
+
+
+def test_a_day_with_a_fault_ends_in_a_right_verdict() -> None:
+    """An expert notes it, mends it, rejects the shots before and fires again."""
+    day = taken(apparatus("gate-misses"), operator_of("expert"))
+    done = [event.action for event in day.events]
+    assert done.index("note-doubt") < done.index("align-gates") < done.index("reduce")
+    before = day.decisions[0]
+    assert not before.accepted
+    assert "before the repair" in before.because
+    assert day.verdict == "PASS"
