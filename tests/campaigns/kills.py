@@ -69,7 +69,7 @@ def orphans(folder: Path) -> int:
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):
             words = path.read_bytes().decode().split("\0")
-            found += "virtual_lab.campaigns.worker" in words and str(folder) in words
+            found += "virtual_lab.processes.worker" in words and str(folder) in words
     return found
 
 

@@ -230,40 +230,6 @@ def test_a_write_that_fails_leaves_nothing_and_loses_nothing(copy: Path, made: P
     assert contents(copy) == contents(made)
 
 
-def test_a_worker_that_dies_is_a_fault_of_its_block(copy: Path) -> None:
-    """A stand-in that is killed at every odd block: each gets a process of its own again."""
-    worker = workers.Worker(copy)
-    worker.command = [sys.executable, "-c", DYING]
-    assert [worker.make(number) for number in (2, 4, 5, 6)] == ["", "", f"{ENDED} -9", ""]
-    assert str(worker.make(100)) == "a disk; is full"
-    worker.end()
-    assert worker.process is None
-
-
-def test_a_worker_has_one_thread(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("OMP_NUM_THREADS", "8")
-    worker = workers.Worker(copy)
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-    tell = f"input(); told = [os.environ[each] for each in {names}]"
-    dump = "pickle.dump(' '.join(told), sys.stdout.buffer)"
-    worker.command = [sys.executable, "-c", f"import os, pickle, sys; {tell}; {dump}"]
-    assert worker.make(0) == "1 1 1 1"
-    worker.end()
-
-
-ENDED = "its worker ended with"
-DYING = """
-import os, pickle, sys
-from virtual_lab.errors import InputError
-for line in sys.stdin:
-    if int(line) % 2:
-        os.kill(os.getpid(), 9)
-    fault = InputError("", "a disk", None, "is full")
-    pickle.dump(fault if int(line) == 100 else "", sys.stdout.buffer)
-    sys.stdout.flush()
-"""
-
-
 def children(pid: int) -> set[int]:
     """Return the processes that a process started."""
     tasks = Path(f"/proc/{pid}/task").glob("*/children")

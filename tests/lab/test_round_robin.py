@@ -80,6 +80,21 @@ def test_two_processes_give_what_one_gives() -> None:
     assert both == {number: of_64()[number] for number in both}
 
 
+def test_workers_give_what_one_process_gives() -> None:
+    """Blocks in turn, with a sheet that stands in the place of the one that ships."""
+    text = catalog.text("instruments", "pivot-gates").replace("value = 0.073", "value = 0.73")
+    with catalog.sheets_in_place({("instruments", "pivot-gates"): text}):
+        shared = RoundRobin.of("r161", "astm-f1881", individual=True)
+        alone = [*shared.each_block(metrics_of, 40, 1)]
+        assert [*shared.each_block(metrics_of, 40, 1, 2)] == alone
+    assert next(shared.each_block(metrics_of, 2, 1)) != alone[0][:2]
+    assert [len(block) for block in alone] == [32, 8]
+
+
+def metrics_of(block: lab.BlockTest) -> list[float]:
+    return [*block.certified.results["metric"].value.tolist()]
+
+
 @pytest.mark.parametrize("procedure", ["asa", "bbcor", "ncaa-besr"])
 def test_what_ran_before_changes_nothing(procedure: str) -> None:
     """Other laboratories, and scenes far from any of a test, before the one looked at."""

@@ -70,7 +70,9 @@ def studied(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(study, "true_curve", curve)
 
     def run(tests: list[Any]) -> Rows[Coverage]:
-        shared = SimpleNamespace(laboratory=lambda _: opened, blocks=lambda *_: iter(tests))
+        shared = SimpleNamespace(
+            laboratory=lambda _: opened, each_block=lambda take, *_: map(take, tests)
+        )
         monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_, **__: shared))
         return coverage("r161", laboratories=len(tests))
 

@@ -587,6 +587,7 @@ def sweep(
     laboratories: int = 100,
     seed: int = 1,
     individual: bool = False,
+    workers: int = 1,
     instruments: Sequence[Sheet] = (),
     progress: Progress | None = None,
 ) -> pd.DataFrame:
@@ -604,6 +605,8 @@ def sweep(
         How many laboratories of a study: those of the seed by number, from 0.
     individual
         Whether every laboratory gets a made bat of its own, as `certify` does.
+    workers
+        Processes of this machine that share the laboratories.
     instruments
         Sheets with changed values, as for `certify`.
     progress
@@ -622,15 +625,16 @@ def sweep(
     ------
     InputError
         Unknown names, files that cannot be used, a seed that is no whole number from 0, no
-        laboratory.
+        laboratory, no worker.
     """
     from virtual_lab.studies.sweep import sweep_tests
 
     asked: tuple[Any, ...] = bats, procedures, laboratories, seed  # names and numbers by now
+    how: dict[str, Any] = {"individual": individual, "workers": workers}
     if progress is not None:
-        return sweep_tests(*asked, individual=individual, progress=progress)
+        return sweep_tests(*asked, **how, progress=progress)
     with shown() as shown_progress:
-        return sweep_tests(*asked, individual=individual, progress=shown_progress)
+        return sweep_tests(*asked, **how, progress=shown_progress)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import os
-import pickle
-import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from functools import lru_cache
 from itertools import islice
 from logging import CRITICAL, getLogger
 from pathlib import Path
-from queue import SimpleQueue
-from subprocess import PIPE, Popen
-from typing import Any, cast
+from typing import cast
 
 from virtual_lab import catalog
 from virtual_lab.campaigns.folder import STAMP, Campaign
 from virtual_lab.campaigns.parts import table_of, write_part
 from virtual_lab.catalog.reading import Key
 from virtual_lab.errors import InputError, of_extra
+from virtual_lab.processes import workers
 
-THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA")
-ONE_THREAD = {f"{each}_NUM_THREADS": "1" for each in THREADS} | {"VECLIB_MAXIMUM_THREADS": "1"}
 PATIENCE = 10  # s, for a scheduler to answer
 Fault = str | InputError  # '' of nothing; an InputError ends the run
 Outcomes = Iterator[tuple[int, Fault]]  # numbers of blocks, and what went wrong
@@ -71,53 +64,10 @@ def _opened(folder: str, _changed: int) -> Campaign:
     return Campaign.open(folder)
 
 
-class Worker:
-    """A process that makes parts, started at the first one, and anew when it died."""
-
-    def __init__(self, folder: Path) -> None:
-        self.command = [sys.executable, "-m", "virtual_lab.campaigns.worker", str(folder)]
-        self.process: Popen[bytes] | None = None
-
-    def make(self, number: int) -> Fault:
-        """Let it make a part, as `make_part`; its death is a fault of the block."""
-        if self.process is None:
-            self.process = Popen(self.command, env=os.environ | ONE_THREAD, stdin=PIPE, stdout=PIPE)
-        asked, answers = cast("Any", self.process.stdin), cast("Any", self.process.stdout)
-        try:
-            asked.write(b"%d\n" % number)
-            asked.flush()
-            return cast("Fault", pickle.load(answers))
-        except (OSError, EOFError, pickle.UnpicklingError):
-            return f"its worker ended with {self.end()}"
-
-    def end(self) -> int | None:
-        """End the process, whatever it is about."""
-        process, self.process = self.process, None
-        if process is None:
-            return None
-        with process, suppress(OSError):
-            cast("Any", process.stdin).close()  # which ends it
-        return process.returncode
-
-
 def _by_processes(folder: Path, numbers: Sequence[int], count: int) -> Outcomes:
-    workers = [Worker(folder) for _ in range(count)]
-    idle: SimpleQueue[Worker] = SimpleQueue()
-
-    def make(number: int) -> Fault:
-        worker = idle.get()
-        fault = worker.make(number)
-        idle.put(worker)
-        return fault
-
-    for each in workers:
-        idle.put(each)
-    with ThreadPoolExecutor(count) as pool:
-        try:
-            yield from _in_turn(lambda number: pool.submit(make, number), numbers, count)
-        finally:
-            for each in workers:
-                each.end()
+    where = str(folder)
+    with workers(count, where) as submit:
+        yield from _in_turn(lambda number: submit(make_part, where, number), numbers, count)
 
 
 def _by_dask(folder: Path, numbers: Sequence[int], address: str) -> Outcomes:

@@ -17,6 +17,7 @@ from virtual_lab.catalog.reading import (
     sheets_in_place,
     source,
     text,
+    texts_in_place,
     title,
     unverified,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "sheets_in_place",
     "source",
     "text",
+    "texts_in_place",
     "title",
     "unverified",
 ]

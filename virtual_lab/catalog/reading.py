@@ -262,6 +262,12 @@ def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
             outer.used.update(given.used)
 
 
+def texts_in_place() -> Mapping[Key, str]:
+    """Return the texts that stand in the place of files now."""
+    given = _in_place.get()
+    return given.texts if given else {}
+
+
 def require_own_names(key: str, names: Sequence[str]) -> None:
     """Refuse two entries of one name, as tables would take them for one."""
     for name in names:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from virtual_lab import api
-from virtual_lab.cli.plumbing import command
+from virtual_lab.cli.plumbing import command, workers_option
 
 if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
@@ -20,14 +20,7 @@ PATH = click.Path(path_type=Path)
 def _making(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function with the options of a command that makes parts."""
     options = (
-        click.option(
-            "--workers",
-            type=click.IntRange(1, 4096),
-            default=1,
-            show_default=True,
-            metavar="NUMBER",
-            help="Number of processes, each with one thread.",
-        ),
+        workers_option,
         click.option(
             "--blocks",
             metavar="N/M",

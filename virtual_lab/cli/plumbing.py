@@ -270,6 +270,14 @@ def seed_option(words: str, default: int | None = 1) -> Callable[[Function], Fun
     )
 
 
+workers_option = click.option(
+    "--workers",
+    type=click.IntRange(1, 4096),
+    default=1,
+    show_default=True,
+    metavar="NUMBER",
+    help="Number of processes, each with one thread.",
+)
 fault_option = click.option(
     "--fault",
     "faults",

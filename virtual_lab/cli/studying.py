@@ -18,6 +18,7 @@ from virtual_lab.cli.plumbing import (
     procedure_option,
     seed_option,
     usage,
+    workers_option,
 )
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ NUMBERED = "; its laboratories are taken by number, from 0"
     help="Instruments write sums (a camera: places), the bat is nominal: a hundred times as fast.",
 )
 @click.option("--individual", is_flag=True, help="With --summed: a made bat in every laboratory.")
+@workers_option
 @click.option(
     "--effects",
     is_flag=True,
@@ -59,22 +61,25 @@ def coverage(
     effects: bool,
     clips: int | None,
     individual: bool,
+    workers: int,
     progress: Progress,
     **asked: Any,
 ) -> Any:
     """Test BAT in many laboratories; count the 95 % intervals that contain the true value."""
     if clips is not None:
         given = context.get_parameter_source("laboratories")
-        if effects or individual or given is click.core.ParameterSource.COMMANDLINE:
-            usage("--clips goes with none of --effects, --individual, --laboratories")
+        beside = effects or individual or workers > 1
+        if beside or given is click.core.ParameterSource.COMMANDLINE:
+            usage("--clips goes with none of --effects, --individual, --laboratories, --workers")
         rules = procedure or "bbcor"
         return api.clip_coverage(bat, procedure=rules, clips=clips, progress=progress, **asked)
     asked |= {"procedure": procedure or "astm-f1881", "laboratories": laboratories}
     if effects:
-        if individual:
-            usage("--effects goes without --individual")
+        if individual or workers > 1:
+            usage("--effects goes without --individual and --workers")
         return api.effects(bat, progress=progress, **asked)
-    return api.coverage(bat, individual=individual, progress=progress, **asked)
+    asked |= {"individual": individual, "workers": workers}
+    return api.coverage(bat, progress=progress, **asked)
 
 
 @command("operating", keeps=True, table=True)

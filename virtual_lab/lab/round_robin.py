@@ -9,25 +9,32 @@ sums and the bat is nominal they run in blocks, side by side, a fraction of a mi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import pickle
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import hypot
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 
+from virtual_lab import catalog
+from virtual_lab.catalog.reading import Key
 from virtual_lab.catalog.specs import BallSpec, BatSpec
+from virtual_lab.errors import InputError
 from virtual_lab.lab.bat_test import BatTest, BlockTest
 from virtual_lab.lab.certify import certify_block
 from virtual_lab.lab.fitting import nominal_places
 from virtual_lab.lab.laboratory import Laboratory, collision_of
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.processes import workers
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import find_rig, knows_blocks
 
+Taken = TypeVar("Taken")
 BLOCK = 256  # laboratories side by side: more of them leave the cache
 INDIVIDUALS = 32  # where each has a bat of its own, whose modes and splines are kept meanwhile
 
@@ -48,11 +55,16 @@ class RoundRobin:
         """
         detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
         setup = TestSetup.of(bat, procedure=procedure, detail=detail)
-        if individual or not summed:
+        return cls.shared(replace(setup, made=individual or not summed))
+
+    @classmethod
+    def shared(cls, setup: TestSetup) -> Self:
+        """Return the round robin of a setup, with the collision of a bat that is nominal."""
+        if setup.made:
             return cls(setup=setup)
         rules, ball, drawn = setup.rules.spec, setup.ball.spec, setup.bat.spec
         collision = collision_of(drawn, ball, rules).with_box(box_of(rules, drawn, ball))
-        return cls(setup=replace(setup, made=False, collision=collision))
+        return cls(setup=replace(setup, collision=collision))
 
     def laboratory(self, seed: int, number: int = 0) -> Laboratory:
         """Return a laboratory of a seed, by its number."""
@@ -82,11 +94,48 @@ class RoundRobin:
         for begin in range(0, laboratories, block):
             yield certify_block(replace(setup, number=numbers[begin : begin + block]))
 
+    def each_block(
+        self, take: Callable[[BlockTest], Taken], laboratories: int, seed: int, processes: int = 1
+    ) -> Iterator[Taken]:
+        """Yield what `take`, a function of a module, makes of each block, in turn.
+
+        So many processes of this machine share the blocks. `InputError` as `blocks`.
+        """
+        if processes < 1:
+            raise InputError("", "workers", processes, "allowed: 1 and more")
+        if processes == 1:
+            yield from map(take, self.blocks(laboratories, seed))
+            return
+        shared = pickle.dumps((replace(self.setup, collision=None), catalog.texts_in_place()))
+        share = BLOCK if self.in_blocks and not self.setup.made else INDIVIDUALS
+        with workers(processes) as submit:
+            made = [
+                submit(_taken, shared, take, min(share, laboratories - first), seed, first)
+                for first in range(0, laboratories, share)
+            ]
+            for each in made:
+                yield from each.result()
+
     def run(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BatTest]:
         """Yield the same tests one after another, as they are printed."""
         for block in self.blocks(laboratories, seed, first):
             for one in range(block.sessions.laboratories):
                 yield block.of(one)
+
+
+def _taken(
+    pickled: bytes, take: Callable[[BlockTest], Taken], laboratories: int, seed: int, first: int
+) -> list[Taken]:
+    shared, texts = _unpickled(pickled)
+    with catalog.sheets_in_place(texts):
+        return [take(block) for block in shared.blocks(laboratories, seed, first)]
+
+
+@lru_cache(maxsize=1)  # a worker is asked for the blocks of one round robin
+def _unpickled(pickled: bytes) -> tuple[RoundRobin, Mapping[Key, str]]:
+    setup, texts = pickle.loads(pickled)
+    with catalog.sheets_in_place(texts):
+        return RoundRobin.shared(setup), texts
 
 
 def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:

@@ -82,6 +82,7 @@ def coverage(
     seed: int = 1,
     summed: bool = False,
     individual: bool = False,
+    workers: int = 1,
     progress: Progress = quiet,
 ) -> Rows[Coverage]:
     """Certify one bat design in many laboratories; count intervals with the true value.
@@ -91,7 +92,7 @@ def coverage(
     which takes a hundredth of the time, unless bats are to be `individual` there too. Equal seeds
     give equal standardised errors for every bat, so two bats with the same seed are not independent
     samples (their errors correlate by 0.98). INVALID tests have no result and are counted
-    separately. One row per quantity, the metric first.
+    separately. One row per quantity, the metric first. `workers` processes share the laboratories.
 
     Raises
     ------
@@ -107,8 +108,7 @@ def coverage(
     bends: dict[str, float] = {}
     rehearsal = None
     done, invalid, valid, fired = 0, 0, 0, 0
-    for block in round_robin.blocks(laboratories, seed):
-        part = _sample(block)
+    for part in round_robin.each_block(_sample, laboratories, seed, workers):
         done += part.sound.size
         progress("laboratories", done, laboratories)
         valid, fired = valid + int(part.valid.sum()), fired + int(part.fired.sum())

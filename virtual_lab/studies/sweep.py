@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import nan
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,7 @@ def sweep_tests(
     seed: int,
     *,
     individual: bool = False,
+    workers: int = 1,
     progress: Progress = quiet,
 ) -> pd.DataFrame:
     """Return the tests as `virtual_lab.sweep` describes them.
@@ -52,9 +53,11 @@ def sweep_tests(
         for procedure in procedures:
             round_robin = RoundRobin.of(bat, procedure, individual=individual)
             name, first = round_robin.setup.bat.spec.name, len(rows)
-            for block in round_robin.blocks(laboratories, seed):
-                for row in _rows(block):
-                    rows.append({"bat": name, **row, "laboratory": len(rows) - first})
+            for part in round_robin.each_block(_rows, laboratories, seed, workers):
+                rows += [
+                    {"bat": name, **row, "laboratory": len(rows) - first + number}
+                    for number, row in enumerate(part)
+                ]
                 progress("tests", len(rows), total)
     return pd.DataFrame(rows)[[*LEADING, *(name for name in rows[0] if name not in LEADING)]]
 
@@ -62,8 +65,8 @@ def sweep_tests(
 LEADING = ["bat", "procedure", "laboratory", "verdict", "reason", "metric", "unit"]
 
 
-def _rows(tested: BlockTest) -> Iterator[dict[str, Any]]:
-    found, verdicts = tested.certified, tested.certified.verdicts
+def _rows(tested: BlockTest) -> list[dict[str, Any]]:
+    found, verdicts, rows = tested.certified, tested.certified.verdicts, []
     for one in range(len(verdicts)):
         some = bool(found.some[one])
         results = {
@@ -72,7 +75,9 @@ def _rows(tested: BlockTest) -> Iterator[dict[str, Any]]:
         }
         true = {name: float(each[one]) for name, each in tested.measurands.items()}
         reason = "; ".join(found.reasons(one))
-        yield _row(found.procedure, verdicts[one].value, reason, results if some else {}, true)
+        given = results if some else {}
+        rows.append(_row(found.procedure, verdicts[one].value, reason, given, true))
+    return rows
 
 
 def _row(
