@@ -94,6 +94,7 @@ __all__ = [
     "group_study",
     "guard_band",
     "instrument",
+    "load",
     "operating",
     "paper",
     "percussion",
@@ -220,6 +221,7 @@ class Certificate:
     pdf: bool = False  # whether `save` writes it as PDF, too
     paper: str = "a4"  # of page and PDF
     key: Path | None = None  # private, with which `save` signs all files
+    stated: CertificateDocument | None = None  # as it was read from a folder
 
     @cached_property
     def printed(self) -> CertificateDocument:
@@ -228,6 +230,8 @@ class Certificate:
 
         from virtual_lab.certificate.filling import certificate
 
+        if self.stated:
+            return self.stated
         truth = hashlib.sha256(self._truth).hexdigest() if self.sealed else None
         digest = self._records.digest
         return certificate(self.certification, truth_digest=truth, session_digest=digest)
@@ -450,6 +454,8 @@ def certify(
     received: str = "",
     operator: str = "",
     notes: str = "",
+    replaces: str | Path | None = None,
+    reason: str = "",
     progress: Progress = quiet,
 ) -> Certificate:
     """Test a bat by a procedure and return its certificate.
@@ -495,6 +501,8 @@ def certify(
         laboratory FILE`` writes an empty one): the certificate states it, and says what is missing.
     customer, bat_serial, bat_condition, received, operator, notes
         Such particulars of this test, in place of the file's.
+    replaces, reason
+        Folder of the result that this one replaces, and why: the certificate names both.
     progress
         Called with the present task, one sentence at a time.
 
@@ -505,6 +513,7 @@ def certify(
         number without a seed, a film at a rig without a camera.
     """
     from virtual_lab import catalog
+    from virtual_lab.certificate.chain import replaced_report
     from virtual_lab.lab import TestSetup, certify_bat
     from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.records.particulars import read_particulars
@@ -537,6 +546,7 @@ def certify(
                 "test.operator": operator,
                 "test.notes": notes,
             },
+            replaced_report(None if replaces is None else Path(replaces), reason),
         ),
     )
     return _certificate(certify_bat(setup, progress), seed)
@@ -550,6 +560,28 @@ def _certificate(tested: BatTest, seed: int | None) -> Certificate:
         control=_certificate(tested.control, seed) if tested.control else None,
         seed=seed,
     )
+
+
+@reads_arguments
+def load_folder(folder: str | Path) -> Certificate:
+    """Return the certificate of a result folder, with shots, budget and figure.
+
+    The records are reduced again; the truth is not opened (``vl.score(FOLDER)`` compares with it).
+
+    Raises
+    ------
+    InputError
+        No folder with certificate and records, or a certificate that its records do not give.
+    """
+    from virtual_lab.certificate.chain import stated_and_reduced
+
+    folder = Path(folder)
+    document, certification = stated_and_reduced(folder)
+    control = load_folder(folder / "control") if (folder / "control").is_dir() else None
+    return Certificate(certification=certification, stated=document, control=control)
+
+
+load = load_folder
 
 
 @reads_arguments

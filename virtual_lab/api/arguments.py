@@ -193,9 +193,9 @@ ARGUMENTS = {
     **dict.fromkeys(("folder", "records"), FOLDER),
     "script": PATH,
     "study": ArgumentRule(_study, "a study.toml, its keys and values, or None to resume"),
-    **dict.fromkeys(("laboratory", "key"), PATH),
+    **dict.fromkeys(("laboratory", "key", "replaces"), PATH),
     **dict.fromkeys(
-        ("customer", "bat_serial", "bat_condition", "received", "notes"),
+        ("customer", "bat_serial", "bat_condition", "received", "notes", "reason"),
         ArgumentRule(_word, "a text"),
     ),
     "pictures": _several(PATH, "paths of pictures"),

@@ -142,7 +142,7 @@ def _by_its_records(folder: Path) -> Verification:
         document = certificate(certification, truth_digest=digest, session_digest=session)
         document, other = _with_versions(document, stated)
         unchecked += other
-        changed = list(_differences(stated, document.as_json(), CERTIFICATE))
+        changed = list(differences(stated, document.as_json(), CERTIFICATE))
         if not changed:
             document = document_of(stated, CERTIFICATE)  # whose very last digits the forms have
         rows += changed
@@ -155,11 +155,34 @@ def _by_its_records(folder: Path) -> Verification:
     rows, unchecked = rows + of_forms, unchecked + other
     if (folder / FILM).is_dir():
         unchecked.append(f"{FILM}: the film of a shot shows what no record holds")
+    replaced, note = _replaced(folder, stated)
+    rows += replaced
     if (folder / CONTROL).is_dir():
         control = _by_its_records(folder / CONTROL)
         rows += [replace(row, file=f"{CONTROL}/{row.file}") for row in control.rows]
         unchecked += [f"{CONTROL}/{each}" for each in control.unchecked]
-    return Verification(folder=str(folder), rows=tuple(rows), unchecked=tuple(unchecked))
+    return Verification(folder=str(folder), rows=tuple(rows), unchecked=tuple(unchecked), note=note)
+
+
+def _replaced(folder: Path, stated: Mapping[str, Any]) -> tuple[list[Mismatch], str]:
+    """Return what of the chain of replaced reports was altered, and what it says of the first.
+
+    A report lies beside the one that replaces it, in a folder of the name that this one states.
+    """
+    told = _at(stated, "particulars", "replaces")
+    name, number = _at(told, "folder"), _at(told, "number")
+    if not isinstance(name, str) or Path(name).name != name:
+        return [], ""
+    old = folder.resolve().parent / name
+    if not (old / CERTIFICATE).is_file():
+        return [], f"it replaces {number}, whose folder {name} is not beside this one"
+    digest, wanted = digest_of_text(read_bytes(old / CERTIFICATE)), str(_at(told, "digest"))
+    if digest != wanted:  # and followed no further: a forged chain may run in a circle
+        file = f"../{name}/{CERTIFICATE}"
+        return [Mismatch(file=file, key="sha256", stated=wanted, found=digest)], ""
+    found = _by_its_records(old)
+    rows = [replace(row, file=f"../{name}/{row.file}") for row in found.rows]
+    return rows, "; ".join(filter(None, [f"it replaces {number} in {name}", found.note]))
 
 
 def _at(document: Any, *keys: str) -> Any:
@@ -199,10 +222,10 @@ def _descriptor(path: Path, found: Mapping[str, Any]) -> Iterator[Mismatch]:
     except InputError as fault:
         yield Mismatch(file=path.name, key=fault.key, stated="", found=fault.allowed)
     else:
-        yield from _differences(stated, found, path.name)
+        yield from differences(stated, found, path.name)
 
 
-def _differences(stated: Any, found: Any, file: str, key: str = "") -> Iterator[Mismatch]:
+def differences(stated: Any, found: Any, file: str, key: str = "") -> Iterator[Mismatch]:
     """Yield the keys of a JSON file that are not what the records give."""
     if isinstance(stated, Mapping) and isinstance(found, Mapping):
         for name in [*found, *(name for name in stated if name not in found)]:
@@ -213,10 +236,10 @@ def _differences(stated: Any, found: Any, file: str, key: str = "") -> Iterator[
                 )
                 yield Mismatch(file=file, key=own, stated=there, found=here)
             else:
-                yield from _differences(stated[name], found[name], file, own)
+                yield from differences(stated[name], found[name], file, own)
     elif isinstance(stated, list) and isinstance(found, list) and len(stated) == len(found):
         for number, (there, here) in enumerate(zip(stated, found, strict=True)):
-            yield from _differences(there, here, file, f"{key}[{number}]")
+            yield from differences(there, here, file, f"{key}[{number}]")
     elif not _same(stated, found):
         yield Mismatch(file=file, key=key, stated=_value(stated), found=_value(found))
 

@@ -138,6 +138,13 @@ def saved_so(
 @click.option("--received", default="", metavar="DAY", help="Day of receipt, as 2026-11-25.")
 @click.option("--operator", default="", help="Who carries out the test.")
 @click.option("--notes", default="", help="What else is to be stated.")
+@click.option(
+    "--replaces",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Folder of the result that this one replaces.",
+)
+@click.option("--reason", default="", help="Why it is replaced.")
 @saving_options
 def certify(
     bat: str,

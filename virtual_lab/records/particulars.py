@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -104,6 +104,20 @@ class Authoriser(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReplacedReport(Spec):
+    """The report that this one replaces, and why (ISO/IEC 17025:2017, 7.8.8)."""
+
+    number: Title
+    digest: Title  # SHA-256 of its certificate.json, with LF
+    folder: Title  # name, where it lay beside this one's
+    reason: Title
+
+    def __post_init__(self) -> None:
+        if not self.reason:
+            raise ValueError("needs a reason")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentIdentity(Spec):
     """Which instrument it was, and who calibrated it."""
 
@@ -123,6 +137,7 @@ class Particulars(Spec):
     bat: TestItem = TestItem()
     test: TestCourse = TestCourse()
     authorised_by: Authoriser | None = None
+    replaces: ReplacedReport | None = None
     instruments: Mapping[str, InstrumentIdentity] = field(default_factory=dict)
 
     @property
@@ -143,7 +158,8 @@ class Particulars(Spec):
     @property
     def not_stated(self) -> list[str]:
         """What is not, in words."""
-        return [row.words.lower() for row in PRINTED if not row.of(self)]
+        rows = (row for row in PRINTED if row.key != "replaces")  # most replace none
+        return [row.words.lower() for row in rows if not row.of(self)]
 
 
 NOTHING_STATED = Particulars()
@@ -162,6 +178,8 @@ class Particular(NamedTuple):
             value = getattr(value, part)
         if isinstance(value, Authoriser):
             return f"{value.name}, {value.role}"
+        if isinstance(value, ReplacedReport):
+            return f"certificate {value.number}: {value.reason}"
         return value or ""
 
 
@@ -184,12 +202,17 @@ PRINTED = (
     Particular("test.outside_providers", "Outside providers"),
     Particular("test.notes", "Notes"),
     Particular("authorised_by", "Authorised by"),
+    Particular("replaces", "Replaces"),
 )
 IN_TURN = ("bat.received", "test.begun", "test.ended", "test.issued")  # days, none before another
 
 
-def read_particulars(path: Path | None, changes: Mapping[str, str]) -> Particulars:
+def read_particulars(
+    path: Path | None, changes: Mapping[str, str], replaces: ReplacedReport | None = None
+) -> Particulars:
     """Return the particulars in a file, those of `changes` that are not empty in their place.
+
+    `replaces` is the report that the one with these particulars replaces.
 
     Raises
     ------
@@ -203,7 +226,8 @@ def read_particulars(path: Path | None, changes: Mapping[str, str]) -> Particula
         if not value:
             continue
         document = {**document, table: {**document.get(table, {}), name: value}}
-    return particulars_of(document, str(path or ""), folder=path and path.parent)
+    found = particulars_of(document, str(path or ""), folder=path and path.parent)
+    return replace(found, replaces=replaces or found.replaces)
 
 
 def particulars_of(

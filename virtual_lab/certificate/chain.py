@@ -1,0 +1,51 @@
+"""Results read back from their folders: whole, and as reports that others replace."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from virtual_lab.certificate.document import CertificateDocument, read_document
+from virtual_lab.certificate.filling import certificate
+from virtual_lab.certificate.printed import certificate_number
+from virtual_lab.certificate.verify import CERTIFICATE, RECORDS, differences
+from virtual_lab.errors import InputError
+from virtual_lab.files import read_bytes
+from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.records.particulars import ReplacedReport
+from virtual_lab.records.session import digest_of_text, load_session
+
+RESULT = ("verdict", "metric", "shots", "budget")  # what must follow from the records
+
+
+def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
+    """Return a result folder as a report to be replaced, None without one.
+
+    Raises `InputError` where it holds no certificate, or of folder and reason one is missing.
+    """
+    if folder is None and not reason:
+        return None
+    if folder is None or not reason:
+        key, value = ("reason", reason) if folder is None else ("replaces", folder)
+        raise InputError("", key, value, "needs both: the folder that is replaced, and the reason")
+    document = read_document(folder / CERTIFICATE)
+    return ReplacedReport(
+        number=certificate_number(document),
+        digest=digest_of_text(read_bytes(folder / CERTIFICATE)),
+        folder=folder.resolve().name,
+        reason=reason,
+    )
+
+
+def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification]:
+    """Return the certificate in a folder, and the certification of its records.
+
+    Raises `InputError` where the folder holds none, or the records give another result.
+    """
+    stated = read_document(folder / CERTIFICATE)
+    certification = certify_session(load_session(folder / RECORDS))
+    there, here = stated.as_json(), certificate(certification).as_json()
+    for key in RESULT:
+        for row in differences(there[key], here[key], CERTIFICATE, key):
+            allowed = f"its records give {row.found}; 'virtual-lab verify {folder}' says more"
+            raise InputError(str(folder / CERTIFICATE), row.key, row.stated, allowed)
+    return stated, certification
