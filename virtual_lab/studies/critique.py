@@ -24,8 +24,8 @@ from scipy.stats import binomtest
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
-from virtual_lab.lab import TestSetup, certify_bat
-from virtual_lab.measurement.procedure import Procedure, Verdict
+from virtual_lab.lab import BlockTest, RoundRobin, TestSetup, certify_block
+from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
@@ -246,12 +246,15 @@ def critique(
     ranked = []
     for procedure, rules in chosen.items():
         printed = METRICS[rules.metric]
-        exact = [_result(bat, procedure, seed=0, reality=Reality.IDEAL) for bat in bats]
-        measured = np.empty((laboratories, len(bats)))
-        for i in range(laboratories):
-            progress(f"{rules.name}: laboratories", i, laboratories)
-            for j, bat in enumerate(bats):
-                measured[i, j] = _result(bat, procedure, seed=seed, number=i, test=j)
+        exact = [_exact(bat, procedure) for bat in bats]
+        columns = []
+        for test, bat in enumerate(bats):
+            progress(f"{rules.name}: bats", test, len(bats))
+            shared = RoundRobin.of(bat, procedure, individual=True)
+            tests = replace(shared, setup=replace(shared.setup, test=test))
+            found = [*tests.each_block(_metrics, laboratories, seed)]
+            columns.append(np.concatenate(found))
+        measured = np.stack(columns, axis=1)
         ranked.append(
             ProcedureResults(
                 procedure=rules.name,
@@ -327,28 +330,18 @@ def _own_exponent(rules: Procedure) -> float | None:
     return rules.game.exponent if rules.game and by_inertia else None
 
 
-def _result(
-    bat: str,
-    procedure: str,
-    *,
-    seed: int,
-    number: int = 0,
-    reality: Reality = Reality.REAL,
-    test: int | None = None,
-) -> float:
+def _exact(bat: str, procedure: str) -> float:
+    """Return the metric that an ideal laboratory finds; NaN without a result."""
     setup = TestSetup.of(
-        bat,
-        procedure=procedure,
-        seed=seed,
-        number=number,
-        reality=reality,
-        test=test,
-        detail=RecordDetail.SUMMED,
+        bat, procedure=procedure, seed=0, reality=Reality.IDEAL, detail=RecordDetail.SUMMED
     )
-    found = certify_bat(setup).certification
-    if found.metric is None or found.verdict is Verdict.INVALID:
-        return nan
-    return found.metric.value
+    return float(_metrics(certify_block(setup))[0])
+
+
+def _metrics(tested: BlockTest) -> Array:
+    """Return the metric of each laboratory; NaN without a result, or of an INVALID test."""
+    found = tested.certified
+    return np.where(found.some & ~found.invalid, found.results["metric"].value, np.nan)
 
 
 def _mean(values: Array) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import hypot, sqrt
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.stats import binomtest
 from virtual_lab import catalog
 from virtual_lab.catalog.faults import FaultSheet, Prediction
 from virtual_lab.errors import InputError
-from virtual_lab.lab import TestSetup, certify_bat
+from virtual_lab.lab import RoundRobin, TestSetup
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
@@ -151,11 +151,11 @@ def faults(
     rows = []
 
     def played(what: str, *on: str) -> list[_Seen]:
-        setup = TestSetup.of(bat, procedure=procedure, seed=seed, faults=on)
+        shared = RoundRobin.shared(TestSetup.of(bat, procedure=procedure, faults=on))
         found = []
-        for number in range(laboratories):
-            progress(f"{procedure}, {what}: laboratories", number, laboratories)
-            found.append(_seen(certify_bat(replace(setup, number=number)).certification))
+        for tested in shared.run(laboratories, seed):
+            progress(f"{procedure}, {what}: laboratories", len(found), laboratories)
+            found.append(_seen(tested.certification))
         return found
 
     for procedure in procedures or PROCEDURES:
