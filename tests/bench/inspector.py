@@ -93,13 +93,14 @@ def faults_on(page: str) -> set[str]:
 
 
 def margins(page: str) -> Iterator[tuple[str, float, float]]:
-    """Yield of each check with a u: its words, limit and reading off what it should be, in u."""
-    for words, _, certificate, off, u, limit, *_ in rows(page):
+    """Yield of each check with a u: its fault, limit and reading off what it should be, in u."""
+    for row in rows(page):
+        _, _, certificate, off, u, limit, *_ = row
         if u == "counted" or certificate == "–":
             continue
         known, (bound,) = float(certificate), re.findall(r"-?[\d.]+", limit)[-1:]
         reach = float(bound) if limit.startswith("±") else abs(float(bound) - known)
-        yield words, reach / float(u), abs(float(off)) / float(u)
+        yield _fault(row), reach / float(u), abs(float(off)) / float(u)
 
 
 def _fault(row: list[str]) -> str:

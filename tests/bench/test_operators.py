@@ -228,7 +228,12 @@ def test_the_command_writes_a_day_and_its_debrief(tmp_path: Path) -> None:
         "sealed.json",
         "debrief.json",
         "debrief.html",
+        "certificate.json",
+        "certificate.html",
+        "records",
     }
+    again = vl.reduce(out / "records")
+    assert again.document["metric"]["value"] == pytest.approx(document["value"], rel=1e-9)
     assert json.loads((out / "debrief.json").read_text("utf-8"))["verdict"] == "PASS"
 
 

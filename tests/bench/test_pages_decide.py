@@ -76,7 +76,7 @@ def check(scenario: str, fault: str, seeds: range) -> int:
     for seed in seeds:
         page = page_of(scenario, fault, seed)
         found += fault in faults_on(page)
-        beyond = [off for _, limit, off in margins(page) if off > limit]
+        beyond = [off for of, limit, off in margins(page) if of == fault and off > limit]
         assert all(off >= LEAST_FAULT * ROUNDED for off in beyond), (fault, seed, beyond)
     return found
 

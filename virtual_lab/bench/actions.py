@@ -140,7 +140,7 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
             _whole("swings", "swings", 100, default=10),
             _choice("clock", "timed by", "photogate", "hand"),
         ),
-        "swing-clamp": (_choice("use", "reduce with", "entered", "measured"),),
+        "swing-clamp": (_choice("use", "use the inertia", "entered", "measured"),),
         "gauge-gates": (_choice("use", "reduce with", "certificate", "gauge"),),
         "re-aim": (
             _number("along", "along the bat, to the knob", -50, 50, unit="mm", default=0.0),

@@ -58,6 +58,7 @@ class Day:
     balls: int
     came_with: int = 0  # events of another laboratory: its records are judged, its machines far
     listed: Mapping[str, float] = field(default_factory=dict)  # what may go wrong, and how often
+    practice: int = 0  # the entry that it was taken again from; 0: a day of its own
     checklists: bool = False
     remarks: bool = False  # whether what was left out is named at once
     exam: bool = False  # nothing is told of how well it goes
@@ -87,7 +88,16 @@ class Day:
 
     def until(self, entry: int) -> Day:
         """Return the day as it was after so many entries."""
-        kept = ("morning", "balls", "came_with", "listed", "checklists", "remarks", "exam")
+        kept = (
+            "morning",
+            "balls",
+            "came_with",
+            "listed",
+            "practice",
+            "checklists",
+            "remarks",
+            "exam",
+        )
         first = Day(**{name: getattr(self, name) for name in kept})
         return replayed(first, self.events[:entry])
 

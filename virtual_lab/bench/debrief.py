@@ -25,7 +25,7 @@ from virtual_lab.bench.deviations import (
     deviations,
     needless_seconds,
 )
-from virtual_lab.bench.keeping import KeptDay, played, taken
+from virtual_lab.bench.keeping import KeptDay, laboratory_of, played, taken
 from virtual_lab.bench.operators import operator_of
 from virtual_lab.bench.protocol import StepDue, excused, left_out, steps_due
 from virtual_lab.bench.readings import doubts
@@ -39,6 +39,7 @@ from virtual_lab.bench.table import (
     remedy_of,
     repairs,
 )
+from virtual_lab.bench.tally import run_chart
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import not_met, verdict
 from virtual_lab.output.metrics import METRICS
@@ -72,6 +73,32 @@ class CostlyDecision:
     word: str  # cost, luck, or no result
 
 
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """When on a day something came to be: entry, minute, shots fired by then."""
+
+    entry: int
+    minute: float
+    shots: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeLine:
+    """When a fault could be seen, was named, and was put right; None: never."""
+
+    seen: Moment | None
+    named: Moment | None
+    acted: Moment | None
+
+    @property
+    def between(self) -> str:
+        """Minutes and shots from when it could be seen to when it was named."""
+        if self.seen is None or self.named is None:
+            return ""
+        minutes = self.named.minute - self.seen.minute
+        return f"{minutes:.0f} min and {self.named.shots - self.seen.shots} shots later"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultReview:
     """A fault of the day: its cue, when it could be seen, and when it was named."""
@@ -85,6 +112,10 @@ class FaultReview:
     number: str  # which decides
     visible: int  # entry after which something showed it; 0: nothing that was done did
     named: int  # entry; 0: it was not
+    moved: float | None  # the result, from what it is without this fault; None: one is missing
+    moved_u: float | None  # the same in standard uncertainties of the result
+    yours: TimeLine
+    expert: TimeLine
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,6 +175,8 @@ class Debrief:
     hits: tuple[tuple[DecidedHit | None, DecidedHit | None], ...]  # the trainee's, the expert's
     expert: ExpertDay
     disputes: tuple[tuple[str, str], ...]  # score, the trainee's note
+    practice: int  # the entry it was taken again from; 0: a day of its own
+    chart: str  # SVG of the shots, speed and e_A with their limits
     minutes: float
     shots: int
     entries: tuple[tuple[int, float, str, str], ...]  # number, minute, action, arguments
@@ -157,7 +190,7 @@ class Debrief:
 
     def document(self) -> dict[str, Any]:
         """Return it in the form of JSON."""
-        return asdict(self)
+        return {name: value for name, value in asdict(self).items() if name != "chart"}
 
 
 def debrief(
@@ -230,7 +263,9 @@ def debrief(
         found=tuple(name for name in faults if name in likely),
         missed=tuple(name for name in faults if name not in likely),
         false_alarms=tuple(name for name in named if name in likely - set(faults)),
-        fault_reviews=tuple(_fault_reviews(day, faults, visible)),
+        fault_reviews=tuple(_fault_reviews(apparatus, scenario, (desk, theirs), visible))
+        if beside is None
+        else (),
         scores=scores,
         keep=keep,
         change=change,
@@ -245,6 +280,8 @@ def debrief(
             for event in day.events
             if event.action == "dispute-score"
         ),
+        practice=day.practice,
+        chart=run_chart(desk, UNITS[scenario.units]) if beside is None else "",
         minutes=day.seconds / 60,
         shots=len(day.fired),
         entries=tuple(_entries(day)),
@@ -296,17 +333,15 @@ def _before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:
 
 
 def _fault_reviews(
-    day: Day, faults: tuple[str, ...], visible: Mapping[str, int]
+    apparatus: Apparatus, scenario: Scenario, desks: tuple[Desk, Desk], visible: Mapping[str, int]
 ) -> Iterator[FaultReview]:
-    """Yield each fault with the entry that first showed it and the one that named it."""
-    named = {
-        str(event.arguments["doubt"]): event.number
-        for event in reversed(day.events)
-        if event.action in {"note-doubt", "give-verdict"} and event.number not in day.struck
-    }
-    sheets = action_table().actions
-    for name in faults:
+    """Yield each fault: what showed it when, what was done, and what it moved the result by."""
+    (desk, beside), sheets = desks, action_table().actions
+    theirs = _visible(beside.day)
+    for name in scenario.faults or ():
         sheet, found_by = fault_sheets()[name], detectable()[name]
+        yours = _time_line(desk.day, name, visible)
+        moved = _moved(apparatus, scenario, desk, name)
         yield FaultReview(
             name=name,
             title=sheet.title,
@@ -316,8 +351,44 @@ def _fault_reviews(
             checks=tuple(sheets[each].title for each in found_by.actions),
             number=found_by.number,
             visible=visible.get(name, 0),
-            named=named.get(name, 0),
+            named=yours.named.entry if yours.named else 0,
+            moved=moved,
+            moved_u=moved / desk.result[1] if moved is not None and desk.result else None,
+            yours=yours,
+            expert=_time_line(beside.day, name, theirs),
         )
+
+
+def _time_line(day: Day, fault: str, visible: Mapping[str, int]) -> TimeLine:
+    """Return when a fault could be seen on a day, was named and put right."""
+    remedy = remedy_of(fault)
+    minutes = shots = 0.0
+    found: dict[str, Moment] = {}
+    for event in day.events:
+        minutes, shots = minutes + event.seconds / 60, shots + (event.action == "fire")
+        now = Moment(event.number, minutes, int(shots))
+        if event.number == visible.get(fault):
+            found["seen"] = now
+        if event.number not in day.struck and event.arguments.get("doubt") == fault:
+            found.setdefault("named", now)
+        if remedy and event.action == remedy[0] and remedy[1].items() <= event.arguments.items():
+            found.setdefault("acted", now)
+    return TimeLine(**{name: found.get(name) for name in ("seen", "named", "acted")})
+
+
+def _moved(apparatus: Apparatus, scenario: Scenario, desk: Desk, fault: str) -> float | None:
+    """Return by how much a fault moved the result: the same day, same draws, without it."""
+    if desk.result is None:
+        return None
+    left = tuple(name for name in scenario.faults or () if name != fault)
+    mine = apparatus.laboratory
+    sound = Apparatus(laboratory_of(replace(scenario, faults=left), mine.seed, mine.salt))
+    actions = [Action(name=event.action, arguments=event.arguments) for event in desk.day.events]
+    try:
+        other = _played_again(sound, actions, set()).result
+    except InputError:
+        return None
+    return desk.result[0] - other[0] if other else None
 
 
 def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
@@ -675,10 +746,11 @@ def _entries(day: Day) -> Iterator[tuple[int, float, str, str]]:
         yield event.number, seconds / 60, event.action, given.replace("_", " ")
 
 
-def debrief_page(told: Debrief) -> str:
-    """Return the debrief as one HTML page that needs nothing but itself."""
+def debrief_page(told: Debrief, *, linked: bool = False) -> str:
+    """Return the debrief as one HTML page that needs nothing else, or `linked` to a replay."""
     return page_template("virtual_lab.bench", "debrief.html").render(
         told=told,
+        linked=linked,
         sheets=action_table().actions,
         titles=known_doubts(),
         length=UNITS[told.units][0],

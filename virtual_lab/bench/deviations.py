@@ -184,7 +184,8 @@ def _clear(desk: Desk, shot: int) -> Evidence:
     found = _edges(desk, shot)
     if not found:
         return None, f"a gate did not see shot {shot + 1}"
-    return found[0].fault != "sabot-trip", found[0].why
+    tripped = any(row.fault == "sabot-trip" and not row.within for row in found)
+    return not tripped, found[0].why
 
 
 def _cold(desk: Desk, shot: int) -> Evidence:

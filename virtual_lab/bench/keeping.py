@@ -11,6 +11,7 @@ import json
 import os
 import re
 import secrets
+import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -121,6 +122,31 @@ class KeptDay:
             )
             for event in came:
                 log.append(event)
+        return cls(folder)
+
+    @classmethod
+    def branch(cls, source: Path, entry: int, folder: Path) -> Self:
+        """Begin a day in a new folder as another that was handed in stood after an entry.
+
+        It draws as that one does, and is marked as practice: its truth is known.
+
+        Raises `InputError` where the other is not handed in or has no such entry.
+        """
+        log = DayLog(source / LOG)
+        events = log.events()
+        if not any(event.action == "hand-in" for event in events):
+            raise InputError(str(source), "day", None, "is not handed in yet")
+        first = int(log.morning["came_with"])
+        last = next(event.number for event in events if event.action == "hand-in") - 1
+        if not first <= entry <= last:
+            raise InputError(str(source), "entry", entry, f"allowed: {first} to {last}")
+        told = log.morning["briefing"] | {"practice": entry or 1, "feedback": "after"}
+        with new_folder(folder) as draft:
+            shutil.copyfile(source / SECRET, draft / SECRET)
+            (draft / SECRET).chmod(0o600)
+            again = DayLog.create(draft / LOG, log.morning | {"briefing": told})
+            for event in events[:entry]:
+                again.append(event)
         return cls(folder)
 
     @property

@@ -70,6 +70,7 @@ class DayLog:
             balls=read(session.procedure_text, "procedure.toml", Procedure).spec.balls,
             came_with=int(self.morning["came_with"]),
             listed=told.get("may_go_wrong", {}),
+            practice=told.get("practice", 0),
             checklists=told.get("checklists", False),
             remarks=told["feedback"] == "during",
             exam=told["feedback"] == "never",

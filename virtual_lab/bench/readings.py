@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from virtual_lab.bench.desk import Desk
 
 CLOCK = "clock of the gates, fast"  # as compare-clock shows it
-SCRAPS = 0.3  # share of the balls that scraps are ahead of at the most, at boards
+SCRAPS = 0.2  # share of the balls that scraps are ahead of at the most, at boards; and 2 of few
 ROUGH_SHOTS = 3  # from which a coupling that slips at times is told from one that is loose
 COUNTING = 1 / sqrt(12)  # counts rms that whole counts leave of a smooth turn
 
@@ -378,7 +378,10 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
     ratio = long[:, 0] / long[:, -1]
     early = ratio > 1 + _beyond("sabot-trip")
     if isinstance(record, BoardRecord):  # whose sabots shed scraps now and then on any day
-        most, words = SCRAPS * early.size, (early.size, "a ball broke the first gate too early")
+        most, words = (
+            max(2.0, SCRAPS * early.size),
+            (early.size, "a ball broke the first gate too early"),
+        )
         yield _row("sabot-trip", event, float(early.sum()), 0.0, 0.0, *words, high=most)
         ratio = np.where(early, np.nan, ratio)
     if not np.isfinite(ratio).any():

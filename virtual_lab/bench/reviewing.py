@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -46,6 +47,17 @@ class ClassDay:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CurvePoint:
+    """A point of a learning curve: a score, or whether a fault that was there was named."""
+
+    trainee: str = column("trainee")
+    day: int = column("day")
+    of: str = column("of")
+    value: float = column("value", form=".2f")
+    mean: float = column("mean so far", form=".2f")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TriedDay:
     """A day of a scenario that an operator took."""
 
@@ -79,11 +91,44 @@ def summary(folder: str | Path) -> Rows[ClassDay]:
     Raises `InputError` where there is no day.
     """
     place = Path(folder)
-    logs = sorted(place.rglob(LOG))
+    logs = [log for log in sorted(place.rglob(LOG)) if not DayLog(log).first.practice]
     if not logs:
         raise InputError(str(place), "days", None, f"no folder in it holds a {LOG}")
     rows = [_outcome(log.parent, str(log.parent.relative_to(place))) for log in logs]
     return Rows(name="class", title=f"days: {len(rows)}", rows=rows)
+
+
+def trends(folder: str | Path) -> Rows[CurvePoint]:
+    """Return the learning curves of the days below `folder`, by score and by fault.
+
+    The days of a trainee lie in one folder, in the order of their names; practice is left out.
+
+    Raises `InputError` where there is no day.
+    """
+    place, points = Path(folder), list[CurvePoint]()
+    before: dict[tuple[str, str], list[float]] = {}
+    for number, row in _numbered(summary(place).rows):
+        trainee = row.trainee.rpartition("/")[0] or "."
+        known = {name: getattr(row, name) for name in SCORES}
+        known |= dict.fromkeys(row.found.split(), 1.0) | dict.fromkeys(row.missed.split(), 0.0)
+        for what, value in known.items():
+            if value is not None:
+                so_far = before.setdefault((trainee, what), [])
+                so_far.append(value)
+                mean = sum(so_far) / len(so_far)
+                points.append(
+                    CurvePoint(trainee=quoted(trainee), day=number, of=what, value=value, mean=mean)
+                )
+    return Rows(name="trends", title="learning curves", rows=points)
+
+
+def _numbered(rows: Iterable[ClassDay]) -> Iterator[tuple[int, ClassDay]]:
+    """Yield each day with its number among those of its trainee."""
+    count: dict[str, int] = {}
+    for row in rows:
+        trainee = row.trainee.rpartition("/")[0]
+        count[trainee] = count.get(trainee, 0) + 1
+        yield count[trainee], row
 
 
 def _outcome(folder: Path, trainee: str) -> ClassDay:

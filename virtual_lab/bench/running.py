@@ -10,11 +10,15 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from virtual_lab.bench.debrief import Debrief, debrief_page, debriefed
+from virtual_lab.bench.desk import Desk
 from virtual_lab.bench.keeping import SECRET, KeptDay
 from virtual_lab.bench.log import LOG
 from virtual_lab.bench.operators import Operator, by_script, operator_of
 from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.certificate.filling import certificate
+from virtual_lab.certificate.html import certificate_page
 from virtual_lab.files import new_folder, read_json
+from virtual_lab.records.session import save_session
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -23,6 +27,7 @@ class RehearsedDay:
 
     debrief: Debrief
     kept: Mapping[str, bytes]  # by the names of the files
+    desk: Desk
 
     @property
     def document(self) -> dict[str, Any]:
@@ -42,13 +47,23 @@ class RehearsedDay:
         return "\n".join(lines)
 
     def save(self, folder: str | Path) -> Path:
-        """Write log, sealed file and debrief into a new folder."""
+        """Write log, sealed file and debrief into a new folder, records and certificate too.
+
+        The records are all that were written, and `virtual-lab reduce` judges them by the rules;
+        the certificate is of the hits that the operator accepted.
+        """
         target = Path(folder)
         with new_folder(target) as draft:
             for name, content in self.kept.items():
                 (draft / name).write_bytes(content)
             (draft / SECRET).chmod(0o600)
             save_debrief(self.debrief, draft)
+            if self.desk.day.reduced:
+                (draft / "records").mkdir()
+                save_session(self.desk.session, draft / "records")
+                printed = certificate(self.desk.certification)
+                (draft / "certificate.json").write_text(printed.text(), encoding="utf-8")
+                (draft / "certificate.html").write_text(certificate_page(printed), "utf-8")
         return target
 
     def __repr__(self) -> str:
@@ -70,8 +85,8 @@ def rehearse(
     scenario
         The name of one that ships, or the path of a .toml file.
     operator
-        ``book``, ``expert``, ``careless``, ``cheating``, or a function that is given a function
-        that returns the desk as it is, and yields actions.
+        ``book``, ``expert``, ``careful``, ``careless``, ``cheating``, or a function that is given
+        a function that returns the desk as it is, and yields actions.
     script
         The path of a .json file whose actions are taken in the operator's place.
     seed, operator_seed
@@ -94,7 +109,7 @@ def rehearse(
         kept.taken(taker)
         told = debriefed(kept)
         files = {name: (folder / name).read_bytes() for name in (LOG, SECRET)}
-    return RehearsedDay(debrief=told, kept=files)
+    return RehearsedDay(debrief=told, kept=files, desk=kept.desk)
 
 
 def save_debrief(told: Debrief, folder: Path) -> None:

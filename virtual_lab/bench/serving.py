@@ -29,11 +29,13 @@ from virtual_lab.bench.scenario import Scenario
 from virtual_lab.bench.slow_motion import Motion
 from virtual_lab.catalog import Entry
 from virtual_lab.errors import InputError
+from virtual_lab.files import first_free
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records.origin import Simulated
 from virtual_lab.records.session import Session
 
 if TYPE_CHECKING:
+    from virtual_lab.bench.debrief import Debrief
     from virtual_lab.bench.keeping import KeptDay
 
 LOOPBACK = "127.0.0.1"
@@ -54,6 +56,7 @@ class ServedDay:
         self._opened: Future[KeptDay] = Future()
         self._begun = (folder / LOG).exists()
         self.looked_at = threading.Event()
+        self._told: Debrief | None = None
         self._films: dict[tuple[int, bool], Future[bytes]] = {}  # shot, whether as it was
         self._filming = threading.Lock()
 
@@ -180,9 +183,23 @@ class ServedDay:
         kept = self.kept
         if kept.day.exam and self.scenario:
             raise InputError("debrief", "day", None, "is an exam: your trainer opens the debrief")
-        told = debriefed(kept)
-        save_debrief(told, kept.folder)
-        return debrief_page(told)
+        if self._told is None or len(self._told.entries) != len(kept.day.events):
+            self._told = debriefed(kept)
+            save_debrief(self._told, kept.folder)
+        return debrief_page(self._told, linked=True)
+
+    def branch(self, entry: int) -> ServedDay:
+        """Return a day of practice that goes on from an entry of this one, in a folder beside it.
+
+        Raises `InputError` as `KeptDay.branch`.
+        """
+        from virtual_lab.bench.keeping import KeptDay
+
+        target = first_free(self.folder.with_name(f"{self.folder.name}-from-{entry}"))
+        KeptDay.branch(self.folder, entry, target)
+        day = ServedDay(target, self.scenario)
+        day.open()
+        return day
 
 
 def serve(

@@ -80,6 +80,10 @@ class Room(Protocol):
         """Return a camera's frames of a shot, from 1, as one PNG; nothing where there are none."""
         ...
 
+    def branch(self, entry: int) -> Room:
+        """Return a day of practice that goes on from an entry; `InputError` where it is none."""
+        ...
+
     def certificate(self) -> str:
         """Return the certificate's page; `InputError` before there is one."""
         ...
@@ -136,6 +140,20 @@ def application(
                 return HTMLResponse(_day(room, refusal=refusal), status_code=422)
         return RedirectResponse("/", status_code=303)
 
+    async def branch(request: Request) -> Response:
+        return await run_in_threadpool(branched, request.scope["seat"], await _sent(request))
+
+    def branched(seat: Seat, given: dict[str, str]) -> Response:
+        asked = given.get("entry", "")
+        with seat.lock:
+            if seat.room is None or not seat.room.open_book:
+                return _says(409, "A day is taken again once it is handed in and is no exam.")
+            try:
+                seat.room = seat.room.branch(int(asked) if asked.isdecimal() else -1)
+            except InputError as fault:
+                return _says(422, in_buttons(str(fault)))
+        return RedirectResponse("/", status_code=303)
+
     def static(name: str, kind: str) -> Route:
         content = files("virtual_lab.bench").joinpath("templates", name).read_bytes()
         return Route(f"/{name}", lambda _: Response(content, media_type=kind, headers=KEPT))
@@ -144,6 +162,7 @@ def application(
         Route("/", _locked(lambda room, request: _day(room, _query(request, "shot")))),
         Route("/do", act, methods=["POST"]),
         Route("/do", lambda _: RedirectResponse("/", status_code=303)),
+        Route("/branch", branch, methods=["POST"]),
         Route("/film", _film),
         Route("/replay", _locked(_replayed)),
         Route("/notebook", _locked(lambda room, _: notebook_page(room.desk, room.briefing))),
@@ -224,7 +243,8 @@ def _film(request: Request) -> Response:
 
 
 def _sandboxed(page: Callable[[], str]) -> Response:
-    policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
+    policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; "
+    policy += "sandbox allow-same-origin"  # without it a link back has no cookie
     try:
         return HTMLResponse(page(), headers={"Content-Security-Policy": policy})
     except InputError as fault:

@@ -185,6 +185,30 @@ def summary(folder: Path) -> StudyResult:
     return run(folder)
 
 
+@command("trends", keeps=True, table=True)
+@click.argument("folder", type=click.Path(path_type=Path))
+def trends(folder: Path) -> StudyResult:
+    """Show learning curves, by score and by fault: the days of each folder below FOLDER."""
+    from virtual_lab.bench.reviewing import trends as run
+
+    return run(folder)
+
+
+@command("branch")
+@click.argument("day", type=click.Path(path_type=Path))
+@click.argument("entry", type=int)
+@click.argument("folder", type=click.Path(path_type=Path))
+def branch(day: Path, entry: int, folder: Path) -> Answer:
+    """Take a DAY that was handed in again from an ENTRY, as practice in FOLDER."""
+    from virtual_lab.bench.keeping import KeptDay
+
+    KeptDay.branch(day, entry, folder)
+    return Answer(
+        document={"day": str(folder)},
+        text=f"go on with: virtual-lab rehearse --day {folder} --open",
+    )
+
+
 @command("check", keeps=True, table=True)
 @click.argument("scenario", metavar="SCENARIO.TOML")
 def check(scenario: str) -> StudyResult:
@@ -203,7 +227,7 @@ def _day_or_more(context: click.Context, /, **asked: object) -> object:
 rehearse = click.Group(
     "rehearse",
     callback=_day_or_more,
-    commands=[summary, check],
+    commands=[summary, trends, branch, check],
     params=day_command.params,
     help=day_command.help,
     invoke_without_command=True,

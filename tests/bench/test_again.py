@@ -1,0 +1,124 @@
+"""What teaches after a day: what a fault moved the result by, when it showed, a day taken again."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.bench.days import PLAIN, apparatus, asked, day_of, scenario
+from tests.bench.test_web import Browser
+from virtual_lab.bench.actions import Action, action_of
+from virtual_lab.bench.debrief import debrief, debrief_page
+from virtual_lab.bench.desk import Desk
+from virtual_lab.bench.keeping import KeptDay, played
+from virtual_lab.bench.operators import operator_of
+from virtual_lab.bench.reviewing import summary, trends
+from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.serving import ServedDay
+from virtual_lab.errors import InputError
+
+END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
+LOOKED = (*PLAIN[:11], ("gauge-gates", {}), ("tap-bat", {}), *PLAIN[11:])
+
+
+def test_what_a_fault_moved_the_result_by_is_the_day_without_it() -> None:
+    """Against the same actions really taken in a sound laboratory."""
+    told = debrief(
+        apparatus("gate-moved"), day_of([*PLAIN, *END], "gate-moved"), scenario(("gate-moved",))
+    )
+    with_it, without = (Desk(day_of(PLAIN, *faults)).result for faults in (("gate-moved",), ()))
+    assert with_it
+    assert without
+    (review,) = told.fault_reviews
+    assert review.moved == pytest.approx(with_it[0] - without[0], rel=1e-9)
+    assert review.moved_u == pytest.approx(review.moved / with_it[1], rel=1e-9)
+    assert abs(review.moved) > 1e-3
+    assert f"{review.moved:+.4f}" in debrief_page(told)
+
+
+def test_a_time_line_has_minutes_and_shots() -> None:
+    """Gauged as entry 12; named nine entries and a shot later, put right by the gauge."""
+    noted = ("note-doubt", {"doubt": "gate-moved", "confidence": 90})
+    days = [*LOOKED[:20], noted, ("gauge-gates", {"use": "gauge"}), *LOOKED[20:], *END]
+    day = day_of(days, "gate-moved")
+    told = debrief(apparatus("gate-moved"), day, scenario(("gate-moved",)))
+    (review,) = told.fault_reviews
+    seen, named, acted = review.yours.seen, review.yours.named, review.yours.acted
+    assert seen
+    assert named
+    assert acted
+    assert (seen.entry, seen.shots) == (12, 0)
+    assert seen.minute == pytest.approx(sum(event.seconds for event in day.events[:12]) / 60)
+    assert (named.entry, named.shots, acted.entry) == (21, 1, 22)
+    assert review.expert.seen
+    assert "1 shots later" in review.yours.between
+    page = debrief_page(told, linked=True)
+    assert '<a href="/replay?entry=12">entry 12</a>' in page
+    assert "/replay" not in debrief_page(told)
+
+
+@pytest.fixture(scope="module")
+def handed_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("days") / "Ada" / "1"
+    folder.parent.mkdir()
+    kept = KeptDay.begin(folder, load_scenario("tuesday"), 3)
+    for action in asked([*PLAIN, *END]):
+        kept.do(action)
+    return folder
+
+
+def test_a_branch_draws_as_the_day_and_is_practice(handed_in: Path, tmp_path: Path) -> None:
+    source = KeptDay(handed_in)
+    again = KeptDay.branch(handed_in, 15, tmp_path / "again")
+    assert (again.day.practice, len(again.day.events)) == (15, 15)
+    for event in source.day.events[15:]:
+        assert again.do(Action(name=event.action, arguments=event.arguments)) == event
+    assert debrief(again.apparatus, again.day, again.scenario).practice == 15
+
+
+@pytest.mark.parametrize("entry", [-1, 1000])
+def test_a_branch_from_an_entry_that_is_none_is_refused(
+    entry: int, handed_in: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=r"entry = .*allowed: 0 to"):
+        KeptDay.branch(handed_in, entry, tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
+def test_a_day_that_goes_on_has_no_branch(tmp_path: Path) -> None:
+    KeptDay.begin(tmp_path / "day", load_scenario("tuesday"), 3).do(action_of("tare"))
+    with pytest.raises(InputError, match="not handed in"):
+        KeptDay.branch(tmp_path / "day", 1, tmp_path / "again")
+
+
+def test_curves_leave_practice_out(handed_in: Path, tmp_path: Path) -> None:
+    """Two days alike: the mean of each score is that score, and no third day is counted."""
+    for name in ("1", "2"):
+        shutil.copytree(handed_in, tmp_path / "Ada" / name)
+    KeptDay.branch(handed_in, 15, tmp_path / "Ada" / "3").taken(operator_of("book"))
+    assert len(summary(tmp_path).rows) == 2
+    points = [row for row in trends(tmp_path).rows if row.of == "protocol"]
+    assert [(row.trainee, row.day, row.value, row.mean) for row in points] == [
+        ("Ada", 1, 1.0, 1.0),
+        ("Ada", 2, 1.0, 1.0),
+    ]
+
+
+def test_the_page_leads_from_the_debrief_to_the_entry_and_to_practice(handed_in: Path) -> None:
+    room = ServedDay(handed_in, load_scenario("tuesday"), None)
+    room.open()
+    browser = Browser(room)
+    browser.open()
+    assert "Take it again from here" in browser.ask("/replay?entry=5").text
+    assert browser.ask("/branch", {"entry": "999"}).status == 422
+    assert browser.ask("/branch", {"entry": "5"}).status == 303
+    assert "Practice</strong>, from entry 5" in browser.ask("/").text
+    assert browser.ask("/branch", {"entry": "2"}).status == 409  # it is not handed in
+
+
+def test_an_own_result_after_the_certificate_is_refused() -> None:
+    given = [*PLAIN, *END[:2], ("enter-result", {"BPF": 0.95})]
+    with pytest.raises(InputError, match="has been reduced"):
+        played(apparatus(), asked(given))
