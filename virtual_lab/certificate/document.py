@@ -23,7 +23,7 @@ from virtual_lab.files import read_json
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.origin import Simulated
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars
-from virtual_lab.uncertainty.budget import probability_above
+from virtual_lab.uncertainty.decision import conformity
 
 SCHEMA = 3
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
@@ -453,10 +453,10 @@ def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated
     if value is None or not u or limit is None or not eligible or verdict == "INVALID":
         return None
     dof = inf if metric.degrees_of_freedom is None else metric.degrees_of_freedom
-    above = probability_above(limit, value, u, dof)
+    conforming = conformity(value, u, upper=limit, dof=dof)
     if verdict == "PASS":
-        return RiskStated(of="false acceptance", probability=above)
-    return RiskStated(of="false rejection", probability=1 - above)
+        return RiskStated(of="false acceptance", probability=1 - conforming)
+    return RiskStated(of="false rejection", probability=conforming)
 
 
 def statement_of(laboratory: str | None) -> str:

@@ -506,15 +506,5 @@ def coverage_factors(dof: Array, probability: float = 0.95) -> Array:
     return np.asarray(stdtrit(np.minimum(dof, 1e9), (1 + probability) / 2))
 
 
-def probability_above(limit: float, value: float, u: float, dof: float) -> float:
-    """Return the probability that the true value lies above `limit`, by Student's t, u above 0.
-
-    By the result alone, without a prior: the specific risk of JCGM 106:2012, 7.2 and 8.3.
-    """
-    from scipy.special import stdtr
-
-    return float(stdtr(min(dof, 1e9), (value - limit) / u))
-
-
 def _root_sum(contributions: Sequence[float]) -> float:
     return sqrt(sum(part**2 for part in contributions))
