@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from virtual_lab.studies.operating import operating
     from virtual_lab.studies.paper import paper
     from virtual_lab.studies.place_slope import slope
+    from virtual_lab.studies.report import report
     from virtual_lab.studies.score import QuantityScore
     from virtual_lab.studies.score import score_folder as score
     from virtual_lab.studies.template import template
@@ -102,6 +103,7 @@ __all__ = [
     "profile",
     "propagate",
     "reduce",
+    "report",
     "rig",
     "risk",
     "score",
@@ -121,6 +123,7 @@ STUDIES, CAMPAIGNS = "virtual_lab.studies", "virtual_lab.campaigns"
 UNCERTAINTY = "virtual_lab.uncertainty"
 ALONE = (
     "propagate",
+    "report",
     "score",
     "shelf",
     "show",
@@ -155,6 +158,7 @@ ELSEWHERE = {  # name: module, name there
     "propagate": (f"{UNCERTAINTY}.propagating", "propagate_inputs"),
     "rehearse": ("virtual_lab.bench.running", "rehearse"),
     "risk": (f"{UNCERTAINTY}.decision", "global_risk"),
+    "report": (f"{STUDIES}.report", "report"),
     "score": (f"{STUDIES}.score", "score_folder"),
     "sensitivity": (f"{STUDIES}.bats.ball_law", "sensitivity"),
     "shelf": (f"{STUDIES}.inventory", "shelf"),

@@ -15,7 +15,7 @@ import click
 from virtual_lab.cli.bats import fit_bat, list_, percussion, profile, sensitivity, show, slope
 from virtual_lab.cli.camera import board, calibrate, track
 from virtual_lab.cli.campaigns import campaign
-from virtual_lab.cli.certifying import certify, reduce, score, template, verify
+from virtual_lab.cli.certifying import certify, reduce, report, score, template, verify
 from virtual_lab.cli.fidelity import chart, convergence, stability
 from virtual_lab.cli.plumbing import Sections
 from virtual_lab.cli.rehearse import rehearse
@@ -92,7 +92,7 @@ cli = Sections(
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
     sections={
-        "Test a bat": (certify, score, reduce, verify, template, rehearse),
+        "Test a bat": (certify, score, reduce, verify, report, template, rehearse),
         "Bats and the catalog": (
             list_,
             show,

@@ -205,6 +205,25 @@ def verify(folder: Path, key: Path | None) -> Any:
     return api.verify(folder, key=key)
 
 
+@command("report", keeps=True, table=True)
+@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--pdf", is_flag=True, help="Write the report as PDF, too (needs the extra 'pdf').")
+@click.option(
+    "--paper",
+    type=click.Choice(["a4", "letter"]),
+    default="a4",
+    show_default=True,
+    help="Paper of the report.",
+)
+def report(folders: tuple[Path, ...], pdf: bool, paper: str) -> Any:
+    """Compare the certificates in result FOLDERS, or in the folders of one.
+
+    It takes bats by one procedure, one bat by several procedures, laboratories of one bat, or
+    repeats of one test, and says which; certificates that differ in more than one way are refused.
+    """
+    return api.report(folders, pdf=pdf, paper=paper)
+
+
 @command("template")
 @click.argument("procedure", shell_complete=names("procedures"))
 @click.argument("folder", type=click.Path(path_type=Path))

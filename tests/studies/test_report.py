@@ -1,0 +1,130 @@
+"""Reports of many certificates: which comparison it is, and what stands in each form."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import statistics
+from pathlib import Path
+from xml.etree import ElementTree
+
+import page as validator
+import pytest
+from pypdf import PdfReader
+
+import virtual_lab as vl
+from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
+from virtual_lab.errors import InputError
+
+LABS = {"one": "Riverside", "two": "Hilltop"}
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Save tests of two bats, two procedures, two laboratories and three repeats."""
+    folder = tmp_path_factory.mktemp("results")
+    for number in range(3):
+        vl.certify("r161", seed=7, number=number).save(folder / "repeats" / f"n{number}")
+    vl.certify("ea70", seed=7).save(folder / "bats" / "ea70")
+    vl.certify("r161", seed=7, bat_serial="S1").save(folder / "bats" / "r161")
+    vl.certify("r161", procedure="ncaa-besr", seed=7).save(folder / "procedures" / "besr")
+    vl.certify("r161", seed=7).save(folder / "procedures" / "astm")
+    for number, (key, name) in enumerate(LABS.items()):
+        lab = folder / f"{key}.toml"
+        lab.write_text(f'[laboratory]\nname = "{name}"\n')
+        test = vl.certify("r161", seed=7, number=number, laboratory=lab)
+        test.save(folder / "laboratories" / key)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("folder", "kind"),
+    [
+        ("bats", "bats by one procedure"),
+        ("procedures", "one bat by several procedures"),
+        ("laboratories", "laboratories of one bat"),
+        ("repeats", "repeats of one test"),
+    ],
+)
+def test_it_says_which_comparison_it_took(results: Path, folder: str, kind: str) -> None:
+    found = vl.report(results / folder)
+    assert found.kind == kind
+    assert kind in found.title
+    assert kind in found.page
+    assert found.document["comparison"] == kind
+    assert "SIMULATED" in found.text
+    assert "SIMULATED" in found.page
+
+
+def test_certificates_that_differ_in_more_than_one_way_are_refused_by_name(results: Path) -> None:
+    with pytest.raises(InputError) as refused:
+        vl.report([results / "bats", results / "procedures"])
+    said = str(refused.value)
+    for name in ("bats: ea70, r161 S1", "procedures: astm-f1881, ncaa-besr"):
+        assert name in said
+    assert "\n" not in said
+
+
+def test_repeats_scatter_as_their_values_do(results: Path) -> None:
+    """Mean and standard deviation by the standard library, from the certificates themselves."""
+    found = vl.report(results / "repeats")
+    values = [vl.load(results / "repeats" / f"n{number}").value for number in range(3)]
+    (said,) = (each for each in found.words if "on average" in each)
+    assert f"BPF {statistics.fmean(values):.4f} on average of 3" in said
+    assert f"standard deviation {statistics.stdev(values):.2g}" in said
+    assert not any("on average" in each for each in vl.report(results / "bats").words)
+
+
+def test_every_form_has_every_certificate(results: Path, tmp_path: Path) -> None:
+    """CSV, page, figure and PDF, which conforms to PDF/UA."""
+    found = vl.report(results / "laboratories", pdf=True, paper="letter")
+    folder = found.save(tmp_path / "report")
+    assert {path.name for path in folder.iterdir()} == {
+        "report.csv",
+        "report.html",
+        "report.pdf",
+        "report.svg",
+    }
+    rows = list(csv.DictReader((folder / "report.csv").read_text("utf-8").splitlines()))
+    page = (folder / "report.html").read_text("utf-8")
+    ElementTree.fromstring(page)
+    pdf = (folder / "report.pdf").read_bytes()
+    assert validator.is_pdf_compliant_bytes(pdf, profile="ua1")
+    (sheet,) = PdfReader(io.BytesIO(pdf)).pages
+    assert round(sheet.mediabox.width) == 612
+    text = re.sub(r"\s+", " ", sheet.extract_text())
+    for row in rows:
+        for form in (page, text):
+            assert row["number"] in form
+            assert row["laboratory"] in form
+        assert float(row["low"]) < float(row["value"]) < float(row["high"])
+    assert [row["laboratory"] for row in rows] == ["Riverside", "Hilltop"]
+
+
+def test_the_figure_shows_results_and_limit_to_scale(results: Path) -> None:
+    """Intervals of one row each, their ends in the ratio of the numbers."""
+    found = vl.report(results / "repeats")
+    lines = re.findall(r'<path d="M([\d.]+) ([\d.]+)L([\d.]+) ([\d.]+)" fill="none"', found.svg)
+    spans = [(float(a), float(b)) for a, y, b, z in lines if y == z]
+    rows = found.rows
+    assert len(spans) == len(rows)
+    assert rows[0].high is not None
+    assert rows[0].low is not None
+    scale = (spans[0][1] - spans[0][0]) / (rows[0].high - rows[0].low)
+    for row, (low, high) in zip(rows, spans, strict=True):
+        assert high - low == pytest.approx(scale * (row.high - row.low), abs=0.03)
+
+
+def test_what_is_no_result_is_named(results: Path, tmp_path: Path, run: Run) -> None:  # noqa: F811
+    with pytest.raises(InputError, match="needs two certificates and more"):
+        vl.report(results / "bats" / "ea70")
+    with pytest.raises(InputError, match=r"certificate\.json; stands neither here nor below"):
+        vl.report([results / "bats", tmp_path])
+    code, _, err = run("report", str(tmp_path / "nowhere"), str(results / "bats"))
+    assert code == 2
+    assert "nowhere" in err
+    code, out, _ = run("report", str(results / "bats"), "--out", str(tmp_path / "out"))
+    assert code == 0
+    assert "2 certificates: bats by one procedure" in out
+    assert (tmp_path / "out" / "report.html").exists()

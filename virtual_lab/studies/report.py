@@ -1,0 +1,320 @@
+"""Many certificates side by side: bats, procedures, laboratories, or repeats of one test."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from pathlib import Path
+from statistics import fmean, stdev
+from typing import Any
+
+from virtual_lab.certificate.document import CertificateDocument, read_document
+from virtual_lab.certificate.pdf import PAPERS, require_paper, require_pdf
+from virtual_lab.certificate.printed import certificate_number
+from virtual_lab.errors import InputError, of_extra
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.result import StudyResult
+from virtual_lab.output.rounding import decimals, digits
+from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, description_of, figure
+from virtual_lab.output.tables import column, record, table_text
+from virtual_lab.output.template import page_template
+
+PACKAGE = "virtual_lab.certificate"
+REPEATS = "repeats of one test"
+MOST_NAMED = 30  # certificates whose names stand beside the figure
+
+
+def _bat(document: CertificateDocument) -> str:
+    serial = document.particulars.bat.serial
+    return f"{document.bat.name} {serial}".rstrip()
+
+
+def _laboratory(document: CertificateDocument) -> str:
+    return document.particulars.laboratory.name or document.laboratory
+
+
+KINDS: dict[str, tuple[str, Callable[[CertificateDocument], str]]] = {
+    "bats": ("bats by one procedure", _bat),
+    "procedures": ("one bat by several procedures", lambda one: one.procedure.name),
+    "laboratories": ("laboratories of one bat", _laboratory),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComparedCertificate:
+    """One certificate of a report, in the unit of its metric."""
+
+    number: str = column("number", form="")
+    folder: str = column("folder", form="")
+    bat: str = column("bat", form="")
+    procedure: str = column("procedure", form="")
+    laboratory: str = column("laboratory", form="")
+    verdict: str = column("verdict", form="")
+    metric: str = column("metric", form="")
+    unit: str = column("unit", form="")
+    value: float | None = column("value", form=".4f")
+    u: float | None = column("u", form=".2g")
+    low: float | None = column("low", form=".4f")
+    high: float | None = column("high", form=".4f")
+    limit: float | None = column("limit", form="g")
+    risk: float | None = column("risk", form=".2g")
+    valid_hits: int = column("hits", form="")
+    flags: str = column("flags", form="")
+
+    @classmethod
+    def of(cls, document: CertificateDocument, folder: str) -> ComparedCertificate:
+        """Return the row of a certificate; an invalid one states no value."""
+        metric, size = document.metric, METRICS[document.metric.name].unit_si
+        interval = metric.interval_95 if document.states_result else None
+
+        def shown(value: float | None) -> float | None:
+            return None if value is None else value / size
+
+        return cls(
+            number=certificate_number(document),
+            folder=folder,
+            bat=_bat(document),
+            procedure=document.procedure.name,
+            laboratory=_laboratory(document),
+            verdict=document.verdict + (", marginal" if document.marginal else ""),
+            metric=METRICS[metric.name].symbol,
+            unit=METRICS[metric.name].unit,
+            value=shown(metric.value if interval else None),
+            u=shown(metric.u if interval else None),
+            low=shown(interval[0] if interval else None),
+            high=shown(interval[1] if interval else None),
+            limit=shown(metric.limit),
+            risk=document.risk.probability if document.risk else None,
+            valid_hits=document.valid_hits,
+            flags=", ".join(flag.name for flag in document.flags),
+        )
+
+    @property
+    def result(self) -> str:
+        """The result with its expanded uncertainty, in print."""
+        if self.value is None or self.high is None:
+            return "none"
+        half = self.high - self.value
+        value = f"{self.value:.{decimals(half)}f} ± {digits(half)}"
+        return f"{self.metric} {value} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class CertificateReport(StudyResult):
+    """Certificates compared in one way, which `kind` names."""
+
+    kind: str
+    rows: tuple[ComparedCertificate, ...]
+    statement: str
+    pdf: bool = False
+    paper: str = "a4"
+
+    name = "report"
+
+    @property
+    def title(self) -> str:
+        """Title with the comparison and the number of certificates."""
+        return f"{len(self.rows)} certificates: {self.kind}"
+
+    @property
+    def document(self) -> Any:
+        """The result for JSON."""
+        return {
+            "comparison": self.kind,
+            "statement": self.statement,
+            "words": self.words,
+            "certificates": [record(row) for row in self.rows],
+        }
+
+    @property
+    def text(self) -> str:
+        """The comparison, a table and the words beneath it."""
+        return "\n\n".join([self.title, table_text(self.rows), *self.words, self.statement])
+
+    @property
+    def words(self) -> list[str]:
+        """Verdicts, and the scatter of the values where all are of one metric."""
+        counts = {
+            verdict: sum(row.verdict.startswith(verdict) for row in self.rows)
+            for verdict in ("PASS", "FAIL", "MEASURED", "INVALID")
+        }
+        said = [", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)]
+        flagged = [row for row in self.rows if row.flags]
+        if flagged:
+            said.append(f"{len(flagged)} with flags: {', '.join(row.number for row in flagged)}")
+        known = [(row.value, row.u) for row in self.rows if row.value is not None and row.u]
+        if self.kind in (KINDS["laboratories"][0], REPEATS) and len(known) > 1:
+            values, us = zip(*known, strict=True)
+            rms = sqrt(fmean(u**2 for u in us))
+            first = self.rows[0]
+            said.append(
+                f"{first.metric} {fmean(values):.4f} {first.unit}".rstrip()
+                + f" on average of {len(known)}, standard deviation {stdev(values):.2g}, "
+                f"{stdev(values) / rms:.2g} times their root mean square u"
+            )
+        return [f"{each}." for each in said]
+
+    @property
+    def svg(self) -> str:
+        """Every result with its interval against its limit, a row each."""
+        rows = [row for row in self.rows if row.value is not None and row.low is not None]
+        one = len({row.metric for row in self.rows}) == 1
+        # of several metrics each is shown as a share of its limit
+        rows = [row for row in rows if one or row.limit]
+        sizes = [1.0 if one else row.limit or 1.0 for row in rows]
+        ends = [
+            [float(end or 0) / size for end in (row.low, row.value, row.high)]
+            for row, size in zip(rows, sizes, strict=True)
+        ]
+        limits = {row.limit if one else 1.0 for row in rows if row.limit is not None}
+        every = [*(end for each in ends for end in each), *limits]
+        room = 0.05 * ((max(every) - min(every)) or 1.0) if every else 1.0
+        few = len(rows) <= MOST_NAMED
+        height = (11.0 if few else 4.0) * max(len(rows), 2) + 44
+        unit = f", {rows[0].unit}" if one and rows and rows[0].unit else ""
+        panel = Panel(
+            left=165,
+            right=PAGE_WIDTH - 6,
+            top=14,
+            bottom=height - 30,
+            x=(min(every, default=0.0) - room, max(every, default=1.0) + room),
+            y=(-len(rows) + 0.4, 0.6) if rows else (0.0, 1.0),
+            x_label=f"{rows[0].metric}{unit}" if one and rows else "result over its limit",
+            y_ticks=[-float(n) for n in range(len(rows))] if few else (),
+            y_words=[self._row_name(row) for row in rows] if few else (),
+        )
+        for n, (low, value, high) in enumerate(ends):
+            panel.line((low, high), (-n, -n))
+            panel.dots([value], [-n], radius=1.8)
+        for limit in limits:
+            panel.line((limit, limit), panel.y, width=1.2, dashes=DASHED)
+        told = f"{len(rows)} results with their 95 % intervals; dashed, the limit"
+        return figure([panel], height, "report", self.title, told)
+
+    def _row_name(self, row: ComparedCertificate) -> str:
+        own = {"bats": row.bat, "procedures": row.procedure, "laboratories": row.laboratory}
+        named = next((own[key] for key, (kind, _) in KINDS.items() if kind == self.kind), "")
+        return f"{named or row.folder}, {row.verdict}"[:44]
+
+    def fill(self, folder: Path) -> None:
+        """Write table, figure, page and, if asked for, PDF into an existing folder."""
+        StudyResult.fill(self, folder)
+        (folder / "report.svg").write_text(self.svg, encoding="utf-8")
+        (folder / "report.html").write_text(self.page, encoding="utf-8")
+        if self.pdf:
+            (folder / "report.pdf").write_bytes(self._set())
+
+    @property
+    def page(self) -> str:
+        """The report as one self-contained page."""
+        from markupsafe import Markup
+
+        heads, cells = self._printed()
+        return page_template(PACKAGE, "report.html").render(
+            report=self, heads=heads, cells=cells, figure=Markup(self.svg)
+        )
+
+    def _printed(self) -> tuple[list[str], list[list[str]]]:
+        """Return heads and cells of the table in print."""
+        heads = ["Number", "Bat", "Procedure", "Laboratory", "Verdict", "Result", "Limit", "Flags"]
+        cells = [
+            [
+                row.number,
+                row.bat,
+                row.procedure,
+                row.laboratory or "–",
+                row.verdict,
+                row.result,
+                "–" if row.limit is None else f"{row.limit:g}",
+                row.flags.replace("-", " ") or "–",
+            ]
+            for row in self.rows
+        ]
+        return heads, cells
+
+    def _set(self) -> bytes:
+        import json
+        from importlib.resources import files
+
+        typst = of_extra("typst", "pdf", "a report as PDF")
+        heads, cells = self._printed()
+        view = {
+            "title": self.title,
+            "words": self.words,
+            "statement": self.statement,
+            "heads": heads,
+            "cells": cells,
+            "figure": self.svg,
+            "alt": description_of(self.svg),
+        }
+        source = (files(PACKAGE) / "templates" / "report.typ").read_bytes()
+        found: bytes = typst.compile(
+            source,
+            format="pdf",
+            sys_inputs={"view": json.dumps(view), "paper": PAPERS[self.paper]},
+            pdf_standards=["ua-1"],
+            ignore_system_fonts=True,
+        )
+        return found
+
+
+def report(
+    folders: str | Path | Sequence[str | Path], *, pdf: bool = False, paper: str = "a4"
+) -> CertificateReport:
+    """Return a report of the certificates in result folders.
+
+    It compares bats by one procedure, one bat by several procedures, laboratories of one bat, or
+    repeats of one test, and says which.
+
+    Parameters
+    ----------
+    folders
+        Result folders, each with a ``certificate.json``, or one folder of such folders.
+    pdf, paper
+        Whether `save` writes a PDF, too (extra ``pdf``), and on which paper: ``a4``, ``letter``.
+
+    Raises
+    ------
+    InputError
+        Fewer than two certificates, one that cannot be read, certificates that differ in more
+        than one way, the extra that is missing.
+    """
+    require_paper(paper)
+    if pdf:
+        require_pdf(paper)
+    given = [folders] if isinstance(folders, str | Path) else list(folders)
+    found = [one for each in map(Path, given) for one in _results_in(each)]
+    if len(found) < 2:
+        raise InputError("", "folders", len(found), "needs two certificates and more")
+    documents = {folder: read_document(folder / "certificate.json") for folder in found}
+    kind = _kind_of(documents)
+    rows = [ComparedCertificate.of(each, folder.name) for folder, each in documents.items()]
+    statements = list(dict.fromkeys(each.statement for each in documents.values()))
+    return CertificateReport(
+        kind=kind, rows=tuple(rows), statement=" ".join(statements), pdf=pdf, paper=paper
+    )
+
+
+def _results_in(folder: Path) -> list[Path]:
+    """Return the folder, or the results in it."""
+    if (folder / "certificate.json").exists() or not folder.is_dir():
+        return [folder]
+    inner = sorted(path.parent for path in folder.glob("*/certificate.json"))
+    if not inner:
+        raise InputError(str(folder), "certificate.json", None, "stands neither here nor below")
+    return inner
+
+
+def _kind_of(documents: dict[Path, CertificateDocument]) -> str:
+    """Return the one way in which certificates differ; `InputError` for more."""
+    differing = {}
+    for key, (_, of) in KINDS.items():
+        names = dict.fromkeys(map(of, documents.values()))
+        if len(names) > 1:
+            differing[key] = ", ".join(name or "not stated" for name in list(names)[:6])
+    if len(differing) > 1:
+        ways = "; ".join(f"{key}: {names}" for key, names in differing.items())
+        allowed = f"differ in more than one way ({ways}); allowed: in one of these, or in none"
+        raise InputError("", "folders", None, allowed)
+    return KINDS[next(iter(differing))][0] if differing else REPEATS
