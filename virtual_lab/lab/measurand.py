@@ -7,11 +7,9 @@ asks for it, the width of the curve near its maximum.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PPoly
+from scipy.interpolate import CubicSpline
 
 from virtual_lab.lab.true_metric import TrueCurve, Visits, results_of_curves
 from virtual_lab.measurement.procedure import Procedure
@@ -77,31 +75,54 @@ def _of_continuous(
 
     The curves are known at `place`, (curve, place).
     """
-    sought = CubicSpline(place, sought_at.T)
-    metric = CubicSpline(place, metric_at.T)
-    turns = sought.derivative().roots(discontinuity=False, extrapolate=False)
-    ends, best = place[[0, -1]], np.empty(len(sought_at))
-    for one, turn in enumerate(turns):
-        candidates = np.concatenate([ends, turn])
-        best[one] = candidates[np.argmax(_at(sought, candidates, one))]
-    top = _at(metric, best, np.arange(best.size))
+    sought, metric = (CubicSpline(place, values.T) for values in (sought_at, metric_at))
+    best = _tops(sought)
+    top = _at(metric, best)
     found = {CONTINUOUS: top}
     if scan.width_drop is not None:
-        lowered = metric.c.copy()
-        lowered[-1] -= top - scan.width_drop
-        level = PPoly(lowered, metric.x).roots(discontinuity=False, extrapolate=False)
-        width = np.empty(best.size)
-        for one, crossings in enumerate(level):
-            low = crossings[crossings < best[one]].max(initial=ends[0])
-            width[one] = crossings[crossings > best[one]].min(initial=ends[1]) - low
-        found[WIDTH_KEY] = width
+        low, high = (_reached(metric, metric_at.T, top - scan.width_drop, best, w) for w in (-1, 1))
+        found[WIDTH_KEY] = high - low
     return found
 
 
-def _at(curves: CubicSpline, place: Array, curve: Any) -> Array:
-    """Return the values of some of the curves at places (n,), by Horner's rule."""
+def _tops(curves: CubicSpline) -> Array:
+    """Return the place of the greatest value of each curve: an end, or where it is flat."""
+    cubic, square, flat, value = curves.c  # (piece, curve)
+    start, size = curves.x[:-1, None], np.diff(curves.x)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = -(square + np.copysign(np.sqrt(square**2 - 3 * cubic * flat), square))
+        turns = np.stack([root / (3 * cubic), flat / root])
+    turns = np.where((turns > 0) & (turns < size), turns, 0.0)  # false of one that is none
+    values = ((cubic * turns + square) * turns + flat) * turns + value
+    ends = np.full((1, curves.c.shape[2]), curves.x[-1])
+    places = np.concatenate([(start + turns).reshape(-1, ends.size), ends])
+    heights = np.concatenate([values.reshape(-1, ends.size), _at(curves, ends[0])[None]])
+    return np.asarray(np.take_along_axis(places, heights.argmax(axis=0)[None], axis=0)[0])
+
+
+def _reached(curves: CubicSpline, at: Array, level: Array, best: Array, way: int) -> Array:
+    """Return where each curve first comes down to a level one `way` from its best place.
+
+    The end where it does not. `at` are the values at the knots, (knot, curve).
+    """
+    knots = curves.x[:, None]
+    beyond = (at < level) & ((knots - best) * way > 0)
+    some = beyond.any(axis=0)
+    low = beyond.argmax(axis=0) if way > 0 else len(at) - 1 - beyond[::-1].argmax(axis=0)
+    outer = np.where(some, curves.x[low], curves.x[-1 if way > 0 else 0])
+    inner = np.where(way * (curves.x[low - way] - best) > 0, curves.x[low - way], best)
+    inner = np.where(some, inner, outer)
+    for _ in range(52):  # halvings, to rounding
+        middle = (inner + outer) / 2
+        above = _at(curves, middle) >= level
+        inner, outer = np.where(above, middle, inner), np.where(above, outer, middle)
+    return np.asarray(outer)
+
+
+def _at(curves: CubicSpline, place: Array) -> Array:
+    """Return the value of each curve at a place of its own, (curve,), by Horner's rule."""
     piece = np.clip(np.searchsorted(curves.x, place, side="right") - 1, 0, len(curves.x) - 2)
-    off, total = place - curves.x[piece], np.zeros(place.shape)
+    off, total, curve = place - curves.x[piece], np.zeros(place.shape), np.arange(place.size)
     for power in curves.c:
         total = total * off + power[piece, curve]
     return total

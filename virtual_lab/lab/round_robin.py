@@ -35,7 +35,7 @@ from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import find_rig, knows_blocks
 
 Taken = TypeVar("Taken")
-BLOCK = 256  # laboratories side by side: more of them leave the cache
+BLOCK = 512  # laboratories side by side: more of them leave the cache
 INDIVIDUALS = 32  # where each has a bat of its own, whose modes and splines are kept meanwhile
 
 

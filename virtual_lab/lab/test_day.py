@@ -235,6 +235,6 @@ def prepared(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
 
 def _round_in_words(asked: NextShots) -> str:
     """Return the number of shots of a round, and their places if several."""
-    where = sorted({round(float(place) / INCH, 2) for place in asked.place})
+    where = np.unique(np.round(asked.place / INCH, 2))
     along = f" at {', '.join(f'{place:g}' for place in where)} in" if len(where) > 1 else ""
     return f"{asked.place.size} shots{along}"

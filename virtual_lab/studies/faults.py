@@ -152,7 +152,7 @@ def faults(
 
     def played(what: str, *on: str) -> list[_Seen]:
         shared = RoundRobin.shared(TestSetup.of(bat, procedure=procedure, faults=on))
-        found = []
+        found: list[_Seen] = []
         for tested in shared.run(laboratories, seed):
             progress(f"{procedure}, {what}: laboratories", len(found), laboratories)
             found.append(_seen(tested.certification))

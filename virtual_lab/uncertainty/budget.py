@@ -255,26 +255,32 @@ class Variants:
         uncertain: dict[str, Any] = {
             name: known for name, known in constants.items() if np.any(known.u > 0)
         }
-        n = len(uncertain)
-        columns: dict[str, Array] = {}
-        for name, known in constants.items():
-            value = np.array(known.value, float)[..., None, None]
-            columns[name] = np.broadcast_to(value, (*np.shape(known.value), 2 * n + 1, 1))
-        for index, (name, known) in enumerate(uncertain.items()):
-            columns[name] = columns[name].copy()
-            columns[name][..., 1 + index, 0] += known.u
-            columns[name][..., 1 + n + index, 0] -= known.u
+        n, known = len(uncertain), [*uncertain.values()]
+        shape = np.shape(known[0].value) if known else ()
 
         def beside(name: str) -> Array:
-            own = [np.ravel(getattr(known, name)) for known in uncertain.values()]
-            return np.stack(own, axis=1) if own else np.zeros((1, 0))
+            """Return values of the uncertain ones, (constant, laboratory)."""
+            return np.array([getattr(each, name) for each in known], float).reshape(n, *shape)
 
+        value, u = beside("value"), beside("u")
+        shifted = np.repeat(value[..., None], 2 * n + 1, axis=-1)
+        each = np.arange(n)
+        shifted[each, ..., 1 + each] += u
+        shifted[each, ..., 1 + n + each] -= u
+        rows = dict(zip(uncertain, shifted[..., None], strict=True))
+        columns: dict[str, Array] = {}
+        for name, constant in constants.items():
+            if name in rows:
+                columns[name] = rows[name]
+            else:
+                certain = np.array(constant.value, float)[..., None, None]
+                columns[name] = np.broadcast_to(certain, (*certain.shape[:-2], 2 * n + 1, 1))
         return cls(
             uncertain=uncertain,
             columns=columns,
-            value=beside("value"),
-            stated=beside("u"),
-            dof=beside("dof"),
+            value=np.atleast_2d(value.T),
+            stated=np.atleast_2d(u.T),
+            dof=np.atleast_2d(beside("dof").T),
         )
 
     def components(self, values: Array) -> Components:
