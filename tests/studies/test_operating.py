@@ -1,5 +1,8 @@
 """The operating characteristic: counts of the same tests, three tests of one laboratory."""
 
+import csv
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -58,3 +61,12 @@ def test_a_procedure_without_a_limit() -> None:
         vl.operating("r161", procedures=["proposed"], laboratories=1, progress=quiet)
     with pytest.raises(vl.InputError, match="laboratories = 0"):
         vl.operating("r161", laboratories=0, progress=quiet)
+
+
+def test_the_table_of_counted_bats() -> None:
+    """Predictions inside the 95 % band of counts of bats that have the metric: ≥ 17 of 20."""
+    (path,) = Path(__file__).parent.glob("operating-*.csv")
+    rows = list(csv.DictReader(path.read_text("utf-8").splitlines()))
+    inside = [float(row["low"]) <= float(row["predicted"]) <= float(row["high"]) for row in rows]
+    assert len(rows) == 20
+    assert sum(inside) >= 17

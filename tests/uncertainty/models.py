@@ -58,6 +58,28 @@ THERMOMETER = np.array(
     ]
 )
 
+# JCGM 101:2008, 9.3: mass calibration, mg and kg/m³, as the deviation from 100 g
+MASS = {
+    "m_rc": Input(100_000, 0.050),
+    "dm_rc": Input(1.234, 0.020),
+    "air": Input(low=1.10, high=1.30),
+    "rho_w": Input(low=7000, high=9000),
+    "rho_r": Input(low=7950, high=8050),
+}
+
+
+def mass(m_rc, dm_rc, air, rho_w, rho_r):
+    return (m_rc + dm_rc) * (1 + (air - 1.2) * (1 / rho_w - 1 / rho_r)) - 100_000
+
+
+# JCGM 101:2008, 9.4: comparison loss in microwave power meter calibration, r = 0
+SQUARES = {"x1": Input(0.010, 0.005), "x2": Input(0.0, 0.005)}
+
+
+def squares(x1, x2):
+    return x1**2 + x2**2
+
+
 # eleven inputs of a moving bat, SI: a benchmark of engines, not the budget of any rig
 BPF = {
     "gap": Input(low=0.3046, high=0.3050),

@@ -60,22 +60,11 @@ def test_supplement_1_additive_models() -> None:
 
 def test_supplement_1_mass_calibration() -> None:
     """JCGM 101 table 5: 1.2341, .0754, shortest [1.0834, 1.3825]; that run's tolerance is .005."""
-    inputs = {
-        "m_rc": vl.Input(100_000, 0.050),
-        "dm_rc": vl.Input(1.234, 0.020),
-        "air": vl.Input(low=1.10, high=1.30),
-        "rho_w": vl.Input(low=7000, high=9000),
-        "rho_r": vl.Input(low=7950, high=8050),
-    }
-
-    def mass(m_rc, dm_rc, air, rho_w, rho_r):
-        return (m_rc + dm_rc) * (1 + (air - 1.2) * (1 / rho_w - 1 / rho_r)) - 100_000
-
-    assert vl.propagate(mass, inputs).u == pytest.approx(0.0539, abs=5e-5)
-    second = vl.propagate(mass, inputs, method="second-order")
+    assert vl.propagate(models.mass, models.MASS).u == pytest.approx(0.0539, abs=5e-5)
+    second = vl.propagate(models.mass, models.MASS, method="second-order")
     # printed .0750 without third derivatives; they bring it nearer to .0754
     assert second.u == pytest.approx(0.0752, abs=5e-5)
-    found = propagated(mass, inputs)
+    found = propagated(models.mass, models.MASS)
     assert found.value == pytest.approx(1.2341, abs=5e-4)
     assert found.u == pytest.approx(0.0754, abs=2e-4)
     assert found["result"].shortest == pytest.approx((1.0834, 1.3825), abs=5e-3)

@@ -199,7 +199,7 @@ def test_errors_shared_by_groups_nested_and_crossed() -> None:
     inputs = {
         "hit": vl.Input(hits, 0.3, by=range(6)),
         "day": vl.Input(u=0.2, dof=4, by=day),
-        "ball": vl.Input(u=0.1, by=(day, ball)),
+        "ball": vl.Input(u=0.1, by=np.array([day, ball])),
     }
     found = vl.propagate(mean, inputs)
     assert found.value == 2.0
@@ -207,7 +207,7 @@ def test_errors_shared_by_groups_nested_and_crossed() -> None:
     assert found.u**2 == pytest.approx(sum(squares))
     # one scatter of four degrees of freedom behind both days, not eight
     assert found.dof == pytest.approx(4 * (sum(squares) / squares[1]) ** 2)
-    crossed = vl.propagate(mean, inputs | {"ball": vl.Input(u=0.1, by=ball)})
+    crossed = vl.propagate(mean, inputs | {"ball": vl.Input(u=0.1, by=np.array(ball))})
     assert crossed.u**2 == pytest.approx(sum(squares[:2]) + 0.01 * (4**2 + 2**2) / 36)
     # a difference of two hits of a day does not know the day
     apart = vl.propagate(

@@ -135,7 +135,7 @@ def read_inputs(given: Mapping[InputName, Any], correlations: Correlations) -> I
             joints.append(joint)
             continue
         read = _input(key, one)
-        if read.by:
+        if len(read.by):
             groups[key], own = _grouped(key, read)
             sources |= own
         elif isinstance(source := _source(key, read), float):
@@ -253,7 +253,8 @@ def _grouped(
     name: str, given: Input
 ) -> tuple[tuple[Array, tuple[str, ...], NDArray[np.int_]], dict[str, InputSource]]:
     """Return base, sources and which of them each observation has, and the sources by name."""
-    rows = given.by if isinstance(given.by[0], list | tuple | np.ndarray) else (given.by,)
+    nested = isinstance(next(iter(given.by)), list | tuple | np.ndarray)
+    rows = given.by if nested else (given.by,)
     lengths = {len(row) for row in rows}
     if len(lengths) != 1:
         raise InputError(name, "by", sorted(lengths), "allowed: rows of labels of one length")

@@ -87,7 +87,7 @@ LAWS = {
     "triangular": Law(
         lambda _: 1 / sqrt(6),
         lambda _: 12 / 5,
-        lambda r, n, _: r.triangular(-1, 0, 1, n),
+        lambda r, n, _: r.random(n) + r.random(n) - 1,
         _triangular,
     ),
     "arcsine": Law(

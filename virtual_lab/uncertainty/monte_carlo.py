@@ -16,7 +16,13 @@ from virtual_lab.errors import InputError
 from virtual_lab.streams import generator
 from virtual_lab.uncertainty.inputs import Inputs
 from virtual_lab.uncertainty.models import Model, Outputs
-from virtual_lab.uncertainty.propagated import Convergence, Outcome, Propagated, Region
+from virtual_lab.uncertainty.propagated import (
+    Convergence,
+    Outcome,
+    Propagated,
+    Region,
+    correlation_of,
+)
 from virtual_lab.uncertainty.sketch import Sketch, shortest_interval
 from virtual_lab.units import Array
 
@@ -213,7 +219,7 @@ def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagate
         linear,
         method=MONTE_CARLO,
         outcomes=outcomes,
-        correlation=None if infinite else _correlated(batches),
+        correlation=None if infinite else correlation_of(batches.covariance()),
         region=None if infinite or len(outcomes) == 1 else _region(model, batches),
         notes=linear.notes[: model.row_by_row] + _draw_notes(few, drawing),
     )
@@ -271,12 +277,6 @@ def _verdict(
         )
     said = "validated" if max(low, high) <= limit else "not validated"
     return f"first order {said}: ends differ by {low:.2g} and {high:.2g}, allowed {limit:.1g}"
-
-
-def _correlated(batches: Batches) -> Array:
-    covariance = batches.covariance()
-    scale = np.outer(batches.u, batches.u)
-    return np.asarray(np.divide(covariance, scale, out=np.eye(len(scale)), where=scale > 0))
 
 
 def _region(model: Model, batches: Batches) -> Region:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from math import floor, inf, log10
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.uncertainty.budget import Component
 from virtual_lab.units import Array
@@ -137,6 +139,13 @@ class Propagated:
 
     def __repr__(self) -> str:
         return self.text
+
+
+def correlation_of(covariance: Array) -> Array:
+    """Return correlations by a covariance, (n, n); 0 with what has no variance."""
+    u = np.sqrt(np.diag(covariance))
+    scale = np.outer(u, u)
+    return np.asarray(np.divide(covariance, scale, out=np.eye(u.size), where=scale > 0))
 
 
 def _rounded(value: float, u: float) -> str:

@@ -18,9 +18,8 @@ from virtual_lab.uncertainty.budget import (
 from virtual_lab.uncertainty.inputs import Correlations, InputName, Inputs, read_inputs
 from virtual_lab.uncertainty.models import Model
 from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO, RULES, Drawing, monte_carlo
-from virtual_lab.uncertainty.propagated import Outcome, Propagated
+from virtual_lab.uncertainty.propagated import Outcome, Propagated, correlation_of
 from virtual_lab.uncertainty.second_order import SecondOrder
-from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     pass
@@ -121,7 +120,7 @@ def first_order(model: Model, probability: float) -> Propagated:
         method=FIRST,
         probability=probability,
         outcomes=outcomes,
-        correlation=_correlation(np.array(effects) @ np.array(effects).T),
+        correlation=correlation_of(np.array(effects) @ np.array(effects).T),
         notes=_notes(model),
     )
     silent = [one.name for one in outcomes.values() if one.u == 0]
@@ -164,12 +163,6 @@ def _independent(components: Components, inputs: Inputs) -> Components:
         for each in at:
             pools[each] = f"block {number}"
     return replace(components, effect=effect, dof=dof, pools=tuple(pools))
-
-
-def _correlation(covariance: Array) -> Array:
-    u = np.sqrt(np.diag(covariance))
-    scale = np.outer(u, u)
-    return np.asarray(np.divide(covariance, scale, out=np.eye(u.size), where=scale > 0))
 
 
 def _interval(value: float, u: float, dof: float, probability: float) -> tuple[float, float]:
