@@ -144,7 +144,7 @@ WORDS = {
     "motion": "closed-form or pymunk",
     "correction": "METHOD:E0, such as 'trampoline:0.5'",
     "swing_law": "power or energy",
-    "part": "collision, motion or camera",
+    "part": "collision, motion, camera, or uncertainty of a chart",
     "kind": "bats, balls, procedures, instruments, rigs, conditions or faults",
     "board": "'charuco:14x9:40mm:30mm' or 'chessboard:14x9:40mm'",
     "plane": "the name of a picture",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -12,15 +13,16 @@ if TYPE_CHECKING:
     from virtual_lab.fidelity.results import SpeedChart, StabilityMap
 
 PARTS = ("collision", "motion", "camera")
+CHARTED = (*PARTS, "uncertainty")
 
 
 def chart(part: str, *, progress: Progress = quiet) -> SpeedChart:
-    """Return error and run time of every model of collision or motion, or of the camera.
+    """Return error and run time of every model of a part.
 
     Parameters
     ----------
     part
-        ``collision``, ``motion`` or ``camera``.
+        ``collision``, ``motion``, ``camera``, or ``uncertainty``: methods to propagate it.
     progress
         Called with the present task.
 
@@ -29,18 +31,18 @@ def chart(part: str, *, progress: Progress = quiet) -> SpeedChart:
     InputError
         Another part.
     """
-    found: SpeedChart = _study(part, "chart")(progress)
+    found: SpeedChart = _study(part, "chart", CHARTED)(progress)
     return found
 
 
 def stability(part: str, *, progress: Progress = quiet) -> StabilityMap:
-    """Return a map of the valid range of the numerics; parameters as for `chart`."""
-    found: StabilityMap = _study(part, "stability")(progress)
+    """Return a map of the valid range of the numerics of collision, motion or camera."""
+    found: StabilityMap = _study(part, "stability", PARTS)(progress)
     return found
 
 
-def _study(part: str, kind: str) -> Any:
-    if part not in PARTS:
-        allowed = f"{nearest(part, PARTS)}allowed: {', '.join(PARTS)}"
+def _study(part: str, kind: str, parts: Sequence[str]) -> Any:
+    if part not in parts:
+        allowed = f"{nearest(part, parts)}allowed: {', '.join(parts)}"
         raise InputError("", kind, part, allowed)
     return getattr(import_module(f"virtual_lab.fidelity.{part}_{kind}"), f"{part}_{kind}")

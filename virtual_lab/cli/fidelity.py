@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @click.group()
 def chart() -> None:
-    """Draw error against run time of the models of collision and motion, or of the camera."""
+    """Draw error against run time of the models of collision, motion, camera or uncertainty."""
 
 
 @click.group()
@@ -41,6 +41,11 @@ _study(
     chart,
     "camera",
     "Error of every method to locate the ball against its time per frame.",
+)
+_study(
+    chart,
+    "uncertainty",
+    "Error of u and of the interval's ends by each method to propagate, against their time.",
 )
 _study(
     stability,

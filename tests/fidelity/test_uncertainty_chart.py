@@ -1,0 +1,44 @@
+"""The chart of methods to propagate uncertainty: its table on file, its picture."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from tests.fidelity.charts import require_files
+from tests.uncertainty import models
+from virtual_lab import api
+from virtual_lab.errors import InputError
+from virtual_lab.fidelity.uncertainty_chart import MARKERS, PANELS
+from virtual_lab.uncertainty.propagating import propagate_inputs
+
+
+def test_more_draws_take_longer_and_err_less(tmp_path: Path) -> None:
+    """By 8 times the draws an error falls by √8, within what few seeds leave; files of a chart."""
+    chart = api.chart("uncertainty")
+    assert {row["method"] for row in chart.rows} == set(MARKERS)
+    for model in {row["model"] for row in chart.rows}:
+        own = [row for row in chart.rows if row["model"] == model and row["draws"]]
+        for few, many in pairwise(own):
+            assert many["ms"] > 3 * few["ms"]
+            for key in PANELS:
+                assert 1.0 < few[key] / many[key] < 8.0, (model, key)
+    require_files(chart, tmp_path / "chart")
+
+
+def test_the_table_is_that_of_the_methods() -> None:
+    """Its largest errors: the first order of squares has another u, its low end lies below 0."""
+    rows = {(row["model"], row["method"]): row for row in api.chart("uncertainty").rows}
+    found = propagate_inputs(models.squares, models.SQUARES)
+    u = 1.118e-4  # √(4 x² u² + 4 u⁴), JCGM 101 9.4
+    first = rows["JCGM 101 9.4, squares", "first-order"]
+    assert first["u_error"] == pytest.approx(1 - found.u / u, abs=0.01)
+    assert rows["JCGM 101 9.4, squares", "second-order"]["u_error"] < 0.01
+    assert first["low_error"] > 0.9
+
+
+def test_uncertainty_has_no_map() -> None:
+    with pytest.raises(InputError, match=r"allowed: collision, motion, camera$"):
+        api.stability("uncertainty")

@@ -1,0 +1,74 @@
+"""Methods to propagate uncertainty: the errors of u and of both ends of the interval over time.
+
+The rows stand in ``data/uncertainty/methods.csv``, which a command of the benchmarks makes in
+minutes (CONTRIBUTING.md); the chart is drawn from them.
+"""
+
+from __future__ import annotations
+
+import csv
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.catalog.reading import DATA
+from virtual_lab.fidelity.results import SpeedChart
+from virtual_lab.output.progress import Progress, quiet
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Row = dict[str, Any]
+PANELS = {"u_error": "of u", "low_error": "of the lower end", "high_error": "of the upper end"}
+MARKERS = {"first-order": "o", "second-order": "s", "monte-carlo": "."}
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+EXACT = 1e-5  # what the reference's own draws leave of an error
+TWO_DIGITS = 0.05, 0.005  # half of u's second digit, over u: 1.0 and 9.9 of it
+
+
+def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
+    """Return a row a model and method: time and errors over u, against 2^27 draws."""
+    text = (DATA / "uncertainty" / "methods.csv").read_text("utf-8")
+    rows: list[Row] = []
+    for line in csv.DictReader(text.splitlines()):
+        numbers = {name: float(line[name]) for name in ("ms", *PANELS)}
+        draws = int(line["draws"]) if line["draws"] else None
+        rows.append({"model": line["model"], "method": line["method"], "draws": draws} | numbers)
+    return SpeedChart(
+        name="uncertainty",
+        title="Uncertainty of a model: error of each method over its time",
+        words="Errors over u, against 134 million draws by JCGM 101; of Monte Carlo root mean "
+        "squares over seeds. An error of less than 1e-5 is drawn there. Between the lines lies "
+        "half of the second digit of u.",
+        rows=rows,
+        figure=draw_uncertainty,
+    )
+
+
+def draw_uncertainty(rows: list[Row], title: str) -> Figure:
+    """Return the figure of rows as `uncertainty_chart` gives them."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.5, 4.6), dpi=150, layout="constrained")
+    panels = figure.subplots(1, len(PANELS), sharex=True, sharey=True)
+    models = list(dict.fromkeys(row["model"] for row in rows))
+    for axes, (key, words) in zip(panels, PANELS.items(), strict=True):
+        axes.axhspan(*TWO_DIGITS[::-1], color="0.9", linewidth=0)
+        for model, colour in zip(models, COLOURS, strict=True):
+            for method, marker in MARKERS.items():
+                own = [row for row in rows if (row["model"], row["method"]) == (model, method)]
+                errors = [max(row[key], EXACT) for row in own]
+                look = {"marker": marker, "color": colour, "linewidth": 1, "markersize": 6}
+                axes.plot([row["ms"] for row in own], errors, **look)
+        axes.set(xscale="log", yscale="log", xlabel="time, one core [ms]")
+        axes.set_title(f"error {words}, over u", fontsize=10)
+        axes.grid(True, which="major", linewidth=0.3)
+    keys = [panels[0].plot([], [], color=c, linewidth=3)[0] for c in COLOURS[: len(models)]]
+    keys += [panels[0].plot([], [], m, color="0.4")[0] for m in MARKERS.values()]
+    figure.legend(
+        *(keys, [*models, *MARKERS]),
+        loc="outside lower center",
+        ncols=len(keys),
+        frameon=False,
+        fontsize=8,
+    )
+    figure.suptitle(title, fontsize=11)
+    return figure
