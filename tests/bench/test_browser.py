@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.bench.browsing import enter, faults_of, opened, served
+from tests.bench.browsing import FOCUSED, enter, faults_of, opened, served
 from tests.bench.days import PLAIN, Asked, asked
 from virtual_lab.bench.serving import ServedDay
 
@@ -81,7 +81,7 @@ def test_a_day_by_the_book_is_one_key(visit: Visit) -> None:
 def test_a_fault_is_found(visit: Visit) -> None:
     """Tuesday: a gate stands elsewhere; who gauges it sees so, reduces with it and says so."""
     day, page = visit("tuesday", faults=("gate-moved",))
-    page.locator("#rig summary").click()
+    page.locator("#rig > summary").click()
     page.get_by_role("button", name="Gauge the gate distances").click()
     shown = page.inner_text("#display")
     assert "gate 2, gauged" in shown
@@ -101,6 +101,37 @@ def test_a_fault_is_found(visit: Visit) -> None:
     assert "named it" in page.inner_text("main")
 
 
+@pytest.mark.parametrize("size", [{"width": 1280, "height": 800}, NARROW])
+def test_after_a_shot_the_page_stays_where_its_pictures_are(
+    visit: Visit, size: dict[str, int]
+) -> None:
+    """Guidance off: the focus is on the decision above them, and nothing scrolls them away."""
+    day, page = visit("exam-day", viewport=size, trainer="")
+    for action in asked(PLAIN[:17]):
+        day.kept.do(action)
+    page.goto(page.url)
+    with page.expect_navigation():
+        page.get_by_role("button", name="Fire at the bat").press("Enter")
+    assert names(day)[-1] == "fire"
+    page.wait_for_selector(FOCUSED, state="attached")
+    assert page.evaluate("document.activeElement.textContent").endswith("1")  # Accept, or reject
+    top = page.locator("#shot svg").first.bounding_box()["y"]
+    assert page.evaluate("scrollY") < 400
+    assert 0 <= top < size["height"]
+
+
+def test_rules_and_instruments_are_a_key_away(visit: Visit) -> None:
+    day, page = visit()
+    for key, heading in (("r", "The rules of the day"), ("i", "The instruments")):
+        page.wait_for_selector("body :focus", state="attached")
+        with page.expect_navigation():
+            page.keyboard.press(key)
+        assert heading in page.inner_text("h1")
+        with page.expect_navigation():
+            page.keyboard.press("Escape")
+    assert names(day) == []
+
+
 def test_a_careless_day_is_kept_whole(visit: Visit) -> None:
     """Double clicks, the way back, two tabs, a shot before anything is measured: no entry twice."""
     day, page = visit()
@@ -115,7 +146,7 @@ def test_a_careless_day_is_kept_whole(visit: Visit) -> None:
     other.reload()
     page.go_back()
     page.get_by_role("button", name="Tap the bat").click()
-    page.locator("#rig summary").click()
+    page.locator("#rig > summary").click()
     page.locator("#rig").get_by_role("button", name="Load, make ready and fire").click()
     assert "is not known yet" in page.inner_text("[role=alert]")
     page.locator("#set-place-place").fill("1e99")

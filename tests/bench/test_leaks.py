@@ -25,6 +25,7 @@ PAGES = (
     "/notebook",
     "/replay",
     "/rules",
+    "/progress",
     "/instruments",
     "/film",
     "/bench.css",

@@ -18,13 +18,7 @@ from virtual_lab.bench.actions import ARGUMENTS, OWN_RESULTS, Action
 from virtual_lab.bench.apparatus import Apparatus
 from virtual_lab.bench.day import Day, Decision
 from virtual_lab.bench.desk import DecidedHit, Desk, OwnResult
-from virtual_lab.bench.deviations import (
-    DENIED,
-    JUSTIFIED,
-    Deviation,
-    deviations,
-    needless_seconds,
-)
+from virtual_lab.bench.deviations import DENIED, JUSTIFIED, Deviation, deviations, needless_seconds
 from virtual_lab.bench.keeping import KeptDay, laboratory_of, played, taken
 from virtual_lab.bench.operators import operator_of
 from virtual_lab.bench.protocol import StepDue, excused, left_out, steps_due
@@ -210,7 +204,7 @@ def debrief(
     assert given is not None
     named = _named(day, str(given.arguments["doubt"]))
     faults, rates = scenario.faults or (), scenario.may_go_wrong
-    visible = _visible(day)
+    visible = _visible(day) if faults or day.verdict == "INVALID" else {}
     left = tuple(name for name in faults if name not in day.mended)
     right = _right_verdict(apparatus, desk, value, u, spoilt=bool(left))
     likely = {name for name in named if _is_named(name, named, rates)}
@@ -627,11 +621,7 @@ def _economy_score(day: Day, expert: Day, needless: float, result: float) -> tup
 
 
 def _costly(
-    apparatus: Apparatus,
-    desk: Desk,
-    truth: float | None,
-    own: tuple[OwnResult, ...],
-    odd: set[int],
+    apparatus: Apparatus, desk: Desk, truth: float | None, own: tuple[OwnResult, ...], odd: set[int]
 ) -> tuple[CostlyDecision, ...]:
     """Return the decisions that cost most, each mended alone; an `odd` hit was rejected rightly."""
     found: list[CostlyDecision] = []

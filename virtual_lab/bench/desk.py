@@ -224,11 +224,7 @@ class Desk:
         else:
             counted = self.reduced
             asked = next_places(
-                rules,
-                place,
-                counted.readings.place,
-                counted.judgement.valid,
-                counted.sought.value,
+                rules, place, counted.readings.place, counted.judgement.valid, counted.sought.value
             )
         return (
             float(to_set(asked[:1] - along_of(self.session), exact=False)[0])

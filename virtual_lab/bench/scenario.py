@@ -18,10 +18,7 @@ from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH
 
 UNITS = MappingProxyType(  # a length and a speed in print: unit, and how much of SI it is
-    {
-        "SI": (("mm", 1e-3), ("m/s", 1.0)),
-        "inch-ounce-mph": (("in", INCH), ("mph", MPH)),
-    }
+    {"SI": (("mm", 1e-3), ("m/s", 1.0)), "inch-ounce-mph": (("in", INCH), ("mph", MPH))}
 )
 SCORES = ("result", "detection", "protocol", "record", "economy")
 

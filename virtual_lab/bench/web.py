@@ -164,6 +164,7 @@ def application(
         Route("/do", lambda _: RedirectResponse("/", status_code=303)),
         Route("/branch", branch, methods=["POST"]),
         Route("/film", _film),
+        Route("/progress", _progress),
         Route("/replay", _locked(_replayed)),
         Route("/notebook", _locked(lambda room, _: notebook_page(room.desk, room.briefing))),
         Route(
@@ -231,6 +232,11 @@ def _replayed(room: Room, request: Request) -> Response | str:
     if entry > len(day.events):
         return _says(404, f"There is no such entry; there are 0 to {len(day.events)}.")
     return replay_page(day, room.briefing, entry)
+
+
+def _progress(request: Request) -> Response:
+    """Answer with the shots so far; it waits for no salvo that is being fired."""
+    return Response(str(len(request.scope["seat"].room.desk.day.fired)), media_type="text/plain")
 
 
 def _film(request: Request) -> Response:

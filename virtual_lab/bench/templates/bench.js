@@ -102,10 +102,29 @@ for (const now of document.querySelectorAll(".scroll [aria-current]")) {
   list.scrollTop = now.offsetTop - list.clientHeight / 2;
 }
 
+function firing(form, shots) {  // how far a salvo is
+  const bar = document.createElement("progress"), words = document.createElement("span");
+  words.setAttribute("role", "status");
+  bar.max = shots;
+  bar.value = 0;
+  form.append(bar, words);
+  let first;
+  setInterval(async () => {
+    const answer = await fetch("/progress").catch(() => null);
+    if (!answer?.ok) return;
+    const fired = Number(await answer.text());
+    first ??= fired;
+    bar.value = fired - first;
+    words.textContent = `${bar.value} of ${shots} fired`;
+  }, 300);
+}
+
 for (const form of document.forms) {
   form.addEventListener("submit", (event) => {
     if (form.dataset.sent) event.preventDefault();
     form.dataset.sent = "yes";
+    const shots = Number(form.elements.shots?.value ?? 0);
+    if (shots > 1 && !event.defaultPrevented) firing(form, shots);
   });
 }
 for (const part of document.querySelectorAll("details")) {  // a link into a closed part opens it
