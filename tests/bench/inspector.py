@@ -80,7 +80,7 @@ class _Checks(HTMLParser):
 
 
 def rows(page: str) -> list[list[str]]:
-    """Return reading, shown, should be, off, u, limit, unit, within, entry of each check."""
+    """Return reading, within, shown, should be, off, u, limit, unit, entry of each check."""
     parser = _Checks()
     parser.feed(page)
     return [row for row in parser.rows if row[0] != "Reading"]
@@ -88,14 +88,14 @@ def rows(page: str) -> list[list[str]]:
 
 def faults_on(page: str) -> set[str]:
     """Return the faults that a page shows, those that another explains left out."""
-    found = {_fault(row) for row in rows(page) if "beyond the limit" in row[7]}
+    found = {_fault(row) for row in rows(page) if "beyond the limit" in row[1]}
     return {name for name in found if not found & EXPLAINED.get(name, set())}
 
 
 def margins(page: str) -> Iterator[tuple[str, float, float]]:
     """Yield of each check with a u: its fault, limit and reading off what it should be, in u."""
     for row in rows(page):
-        _, _, certificate, off, u, limit, *_ = row
+        _, _, _, certificate, off, u, limit, *_ = row
         if u == "counted" or certificate == "–":
             continue
         known, (bound,) = float(certificate), re.findall(r"-?[\d.]+", limit)[-1:]
@@ -104,11 +104,11 @@ def margins(page: str) -> Iterator[tuple[str, float, float]]:
 
 
 def _fault(row: list[str]) -> str:
-    words, off = row[0], row[3]
+    words, off = row[0], row[4]
     if words.startswith("check cylinder"):
-        return "encoder-half-counts" if -float(off) > 0.25 * float(row[2]) else "bearing-friction"
+        return "encoder-half-counts" if -float(off) > 0.25 * float(row[3]) else "bearing-friction"
     if "broke the first gate, over the last" in words:
-        ratio = float(row[1])
+        ratio = float(row[2])
         if ratio > 1.2:
             return "sabot-trip"
         return "gate-doubles" if ratio < 1 / 1.1 else "ball-out-of-round"

@@ -13,6 +13,7 @@ from virtual_lab.bench import readings
 from virtual_lab.bench.day import DayEvent
 from virtual_lab.bench.readings import CheckRow, rows_of
 from virtual_lab.bench.table import detectable
+from virtual_lab.bench.tally import in_units
 from virtual_lab.uncertainty.estimate import Estimate
 
 MM = 1e-3
@@ -54,7 +55,11 @@ def desk(*events: tuple[str, dict[str, float], dict[str, Any]]) -> Any:
         return found[-1] if found else None
 
     day = SimpleNamespace(
-        events=done, struck=frozenset(), morning=SimpleNamespace(calibration=KNOWN), fired=()
+        events=done,
+        struck=frozenset(),
+        retired=frozenset(),
+        morning=SimpleNamespace(calibration=KNOWN),
+        fired=(),
     )
     window = SimpleNamespace(ball_mass_low=0.142, ball_mass_high=0.146)
     return SimpleNamespace(
@@ -232,3 +237,22 @@ def test_a_row_in_print() -> None:
     assert replace(row, low=250.1).printed.word == "beyond the limit"
     assert replace(row, low=-inf, certificate=None).printed.limit == "at most 250.254"
     assert replace(row, high=inf, low=249.0).printed.limit == "at least 249.000"
+
+
+@pytest.mark.parametrize(
+    ("said", "printed"),
+    [
+        ("ball at 131.58 mph, allowed 136 ± 2 mph", "ball at 58.82 m/s, allowed 60.80 ± 0.89 m/s"),
+        (
+            "set at 2 in, the scan is from 3 to 9 in",
+            "set at 50.8 mm, the scan is from 76.2 to 228.6 mm",
+        ),
+        (
+            "ball came back at 12.2 deg, allowed 12.0 deg",
+            "ball came back at 12.2 deg, allowed 12.0 deg",
+        ),
+    ],
+)
+def test_a_day_has_one_system_of_units(said: str, printed: str) -> None:
+    assert in_units(said, "SI") == printed
+    assert in_units(said, "inch-ounce-mph") == said

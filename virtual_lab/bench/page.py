@@ -17,7 +17,7 @@ from virtual_lab.bench.papers import paper
 from virtual_lab.bench.scenario import UNITS
 from virtual_lab.bench.slow_motion import Motion, SlowMotion, sketched, slow_motion
 from virtual_lab.bench.table import MAKE_READY, action_table, in_buttons, known_doubts
-from virtual_lab.bench.tally import residual_chart, run_chart, swings, tally
+from virtual_lab.bench.tally import in_units, residual_chart, run_chart, swings, tally
 from virtual_lab.bench.traces import traces_of
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.tables import quoted
@@ -131,7 +131,7 @@ def day_page(
         deciding=hits[-1] if _last_undecided(desk, hits) else None,
         rows=desk.rows,
         swings=swings(desk),
-        tally=tally(desk, UNITS[briefing["units"]]),
+        tally=tally(desk, briefing["units"]),
         run_chart=run_chart(desk, UNITS[briefing["units"]]),
         parts=[
             (part, title, [name for name in shown if table.actions[name].part == part])
@@ -369,7 +369,9 @@ def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[HitShown]:
             speed=number(hit.speed, metre_a_second, 2),
             efficiency=number(hit.efficiency, 1.0, 4),
             metric=number(hit.metric, metric.unit_si, 4),
-            windows=desk.reasons[shot - 1] or "within" if whole else "not reduced yet",
+            windows=in_units(desk.reasons[shot - 1], briefing["units"]) or "within"
+            if whole
+            else "not reduced yet",
             decision=hit.decision,
             because=hit.because,
         )

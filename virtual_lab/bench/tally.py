@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from virtual_lab.bench.entries import record_of
 from virtual_lab.bench.readings import passages
+from virtual_lab.bench.scenario import UNITS
 from virtual_lab.output.svg import Panel, figure
 from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, PendulumRecord
-from virtual_lab.units import DEGREE, Array
+from virtual_lab.units import DEGREE, INCH, MPH, Array
 
 if TYPE_CHECKING:
     from virtual_lab.bench.desk import Desk
@@ -68,11 +70,23 @@ def swings(desk: Desk) -> list[SwingShown]:
     ]
 
 
-def tally(desk: Desk, units: Units) -> list[ShotTally]:
+def in_units(sentence: str, system: str) -> str:
+    """Return a sentence of the procedure, which has inches and mph, in a system of units."""
+
+    def printed(found: re.Match[str]) -> str:
+        unit, factor, places = ("m/s", MPH, 2) if found[4] == "mph" else ("mm", 1e3 * INCH, 1)
+        numbers = [f"{factor * float(each):.{places}f}" for each in (found[1], found[3]) if each]
+        return f"{(found[2] or '').join(numbers)} {unit}"
+
+    pattern = r"(-?[\d.]+)(?:( ± | to )([\d.]+))? (mph|in)\b"
+    return re.sub(pattern, printed, sentence) if system == "SI" else sentence
+
+
+def tally(desk: Desk, system: str) -> list[ShotTally]:
     """Return every shot of a day as its instruments saw it; nothing while it cannot be reduced."""
     if not desk.day.fired or desk.missing:
         return []
-    (_, metre), (_, metre_a_second) = units
+    (_, metre), (_, metre_a_second) = UNITS[system]
     found = desk.by_rules
     log: Any = desk.session.records["impact"]["log"]
     record = desk.session.records["impact"]["gates"]
@@ -103,7 +117,7 @@ def tally(desk: Desk, units: Units) -> list[ShotTally]:
                 before=number(turning.before[shot] * 2 * np.pi / turn.value, "+.3f")
                 if turning and turn
                 else "–",
-                odd=beyond or "within",
+                odd=in_units(beyond, system) or "within",
             )
         )
     return rows
