@@ -48,20 +48,14 @@ def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
     """
     require_paper(paper)
     typst = _typst()
-    template = files("virtual_lab.certificate") / "templates" / "certificate.typ"
-    source, view = template.read_bytes(), _view(document)
+    source, view = source_of_pdf(), _view(document)
     odd: set[str] = set()
     while True:
-        shown = {**_spelled(view, odd), "code_points": bool(odd)}
         try:
             found: bytes = typst.compile(
                 source,
                 format="pdf",
-                sys_inputs={
-                    "view": json.dumps(shown),
-                    "document": document.text(),
-                    "paper": PAPERS[paper],
-                },
+                sys_inputs=_inputs(document, view, odd, paper),
                 pdf_standards=["ua-1", "a-3a"],
                 ignore_system_fonts=True,
             )
@@ -72,6 +66,23 @@ def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
             odd |= lacking
         else:
             return found
+
+
+def source_of_pdf() -> bytes:
+    """Return the template that Typst sets."""
+    return (files("virtual_lab.certificate") / "templates" / "certificate.typ").read_bytes()
+
+
+def inputs_of_pdf(document: CertificateDocument, paper: str = "a4") -> dict[str, str]:
+    """Return what the template is given, for a document whose characters all have glyphs."""
+    return _inputs(document, _view(document), set(), paper)
+
+
+def _inputs(
+    document: CertificateDocument, view: dict[str, Any], odd: set[str], paper: str
+) -> dict[str, str]:
+    shown = {**_spelled(view, odd), "code_points": bool(odd)}
+    return {"view": json.dumps(shown), "document": document.text(), "paper": PAPERS[paper]}
 
 
 def _typst() -> Any:

@@ -274,7 +274,7 @@ def _quantities(document: CertificateDocument) -> list[dict[str, str]]:
     return [
         {"words": words, "letter": letter, "index": index, **_with_u(found[name])}
         for words, letter, index, name in rows
-        if name in found
+        if name in found and found[name].value is not None
     ]
 
 
