@@ -215,6 +215,17 @@ def test_a_sketch_is_the_sorted_numbers_and_adds_up() -> None:
     assert np.mean((x >= low) & (x <= high)) == pytest.approx(0.95, abs=1e-4)
 
 
+def test_discrete_outputs() -> None:
+    """A coin has its ends at 0 and 1, a constant none; a gap holds no quantile."""
+    coin = propagated(lambda x: x > 1, {"x": vl.Input(1, 0.1)}, draws=1)
+    assert coin.value == pytest.approx(0.5, abs=0.02)
+    assert coin.interval == pytest.approx((0, 1), abs=1e-4)
+    assert coin["result"].shortest == pytest.approx((0, 1), abs=1e-4)
+    constant = propagated(lambda x: 1.0 * np.round(x), {"x": vl.Input(7, 0.01)}, draws=1)
+    assert (constant.value, constant.u) == (7, 0)
+    assert constant.interval == pytest.approx((7, 7), abs=1e-8)
+
+
 def test_tolerance_is_met_by_two_stages() -> None:
     """Of 12 seeds at most one misses, with two digits of u; 100 in the benchmark."""
     expected = np.array([0, 2, -3.919928, 3.919928])
@@ -323,5 +334,7 @@ def test_sobols_indices_of_exact_cases() -> None:
     assert found["first"].to_numpy() == pytest.approx(shares, abs=0.01)
     with pytest.raises(vl.InputError, match="power of 2"):
         vl.sobol(ishigami, inputs, points=1000)
+    with pytest.raises(vl.InputError, match="two and more"):
+        vl.sobol(lambda a: a, {"a": vl.Input(0, 1)})
     with pytest.raises(vl.InputError, match="independent"):
         vl.sobol(lambda v, i, phi: v, {("v", "i", "phi"): models.CIRCUIT})

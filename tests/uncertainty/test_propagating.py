@@ -315,6 +315,11 @@ WRONG = {
     "method": (plain, GOOD, {"method": "third"}, "first-order, second-order"),
     "probability": (plain, GOOD, {"probability": 95}, "between 0 and 1"),
     "groups": (plain, GOOD | {"b": vl.Input([1, 2, 3], 0.1, by=[1, 2])}, {}, "or 2 of them"),
+    "array": (plain, GOOD | {"b": vl.Input([1, 2], 0.1)}, {}, "an array with by=labels"),
+    "no output": (lambda a, b: {}, GOOD, {}, r"outputs = \[\]; allowed: one number"),
+    "correlations": (plain, GOOD, {"correlations": [0.5]}, r"allowed: \{\('a', 'b'\): 0.5\}"),
+    "no number": (plain, GOOD, {"correlations": {("a", "b"): "x"}}, "a b = 'x'; allowed: -1 to 1"),
+    "one together": (plain, {("a",): np.ones((2, 1))}, {}, "two inputs and more"),
     "together": (plain, {("a", "b"): np.ones((2, 2))}, {}, "more than 2 of 2 inputs"),
     "no convergence": (
         np.vectorize(lambda a: 1 / (1 + a**2) ** 2 - 5 * a**3 + a),

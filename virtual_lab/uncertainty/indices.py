@@ -52,7 +52,7 @@ def sobol_indices(
     Raises
     ------
     InputError
-        Correlated inputs, or another number of points; else as `propagate`.
+        Correlated inputs, one alone, or another number of points; else as `propagate`.
     """
     import pandas as pd
     from scipy.stats import sobol_indices as by_scipy
@@ -63,6 +63,8 @@ def sobol_indices(
     if read.joints:
         bound = ", ".join(read.joints[0].names)
         raise InputError("inputs", "observed together", bound, "allowed: independent inputs")
+    if len(read.sources) < 2:
+        raise InputError("inputs", "uncertain", len(read.sources), "allowed: two and more")
     called, names = Model.tried(model, read), list(read.sources)
 
     def answers(x: Array) -> Array:

@@ -222,6 +222,8 @@ def _source(name: str, given: Input) -> InputSource | float:
             raise refuse("high", high, f"above low = {low}")
         value, half = (low + high) / 2, (high - low) / 2
     else:
+        if given.value is not None and np.ndim(given.value) > 0:
+            raise refuse("value", given.value, "a number; an array with by=labels")
         value, u = number("value"), number("u") if given.u is not None else 0.0
         if u < 0:
             raise refuse("u", u, "at least 0")
@@ -290,8 +292,8 @@ def _together(names: tuple[str, ...], given: Any) -> tuple[dict[str, InputSource
     """Return sources and block of readings taken together, (n, m)."""
     where = ", ".join(names)
     readings = np.asarray(given, float)
-    if readings.ndim != 2 or readings.shape[1] != len(names):
-        allowed = f"allowed: a column each, (n, {len(names)})"
+    if readings.ndim != 2 or readings.shape[1] != len(names) or len(names) < 2:
+        allowed = f"allowed: a column each of two inputs and more, (n, {len(names)})"
         raise InputError(where, "readings", f"shape {readings.shape}", allowed)
     n, m = readings.shape
     if n <= m:
@@ -311,6 +313,8 @@ def _correlated(
 ) -> list[Joint]:
     """Return blocks of the inputs that correlations bind together."""
     blocks: list[set[str]] = []
+    if not isinstance(correlations, Mapping):
+        raise InputError("", "correlations", correlations, "allowed: {('a', 'b'): 0.5}")
     for pair, r in correlations.items():
         for name in pair if isinstance(pair, tuple) and len(pair) == 2 else (pair,):
             if name not in sources or len(pair) != 2 or pair[0] == pair[1]:
@@ -319,7 +323,7 @@ def _correlated(
             if name in taken:
                 allowed = "allowed: none with inputs observed together, whose own are known"
                 raise InputError("correlations", "pair", pair, allowed)
-        if not -1 <= r <= 1:
+        if not isinstance(r, int | float | np.floating) or not -1 <= r <= 1:
             raise InputError("correlations", " ".join(pair), r, "allowed: -1 to 1")
         bound = [block for block in blocks if block & set(pair)]
         blocks = [block for block in blocks if block not in bound]

@@ -94,7 +94,8 @@ class Model:
             raise InputError("model", "raises", None, " ".join(said.split())) from fault
         named = given if isinstance(given, Mapping) else {RESULT: given}
         if not named or (self.outputs and tuple(named) != self.outputs):
-            raise InputError("model", "outputs", list(named), f"allowed: {list(self.outputs)}")
+            allowed = f"allowed: {', '.join(self.outputs)}" if self.outputs else ONE
+            raise InputError("model", "outputs", list(named), allowed)
         return {name: self._numbers(name, values, shape) for name, values in named.items()}
 
     def _numbers(self, name: str, given: Any, shape: tuple[int, ...]) -> Array:

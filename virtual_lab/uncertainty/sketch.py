@@ -32,7 +32,8 @@ class Sketch:
         """Return an empty sketch for numbers like these, and their interval of a probability."""
         tail = (1 - probability) / 2
         low, middle, high = np.quantile(values, [tail, 0.5, 1 - tail])
-        return cls(float(middle), float(high - low) / 2 or 1.0, np.zeros(BINS, np.int64))
+        size = float(high - low) / 2 or float(np.ptp(values)) or 1e-6 * abs(float(middle)) or 1.0
+        return cls(float(middle), size, np.zeros(BINS, np.int64))
 
     def add(self, values: Array) -> None:
         """Count the numbers in."""
@@ -48,13 +49,14 @@ class Sketch:
         return Sketch(self.middle, self.width, self.counts + other.counts)
 
     def distribution(self) -> tuple[Array, Array]:
-        """Return the distribution function at the edges of the bins that hold numbers, and these.
+        """Return the distribution function at both edges of the bins that hold numbers, and these.
 
         A quantile is ``np.interp(q, below, edges)``, linear within a bin.
         """
         held = np.flatnonzero(self.counts)
-        below = np.concatenate([[0], np.cumsum(self.counts[held])]) / self.counts.sum()
-        first = np.concatenate([held[:1], held + 1])
+        above = np.cumsum(self.counts[held]) / self.counts.sum()
+        below = np.stack([np.concatenate([[0.0], above[:-1]]), above], axis=1).ravel()
+        first = np.stack([held, held + 1], axis=1).ravel()
         return below, self.middle + self.width * np.sinh(REACH * (2 * first / BINS - 1))
 
 
