@@ -68,7 +68,7 @@ BREACHES = [
     ],
     [
         ("records.session", "certificate.tables", FLOORS),
-        ("video.clips.clip", "video.track.legs", FLOORS),
+        ("video.clips.clip", "video.follow.joint", FLOORS),
         ("lab.laboratory", "rigs.bench", "virtual_lab never imports rigs"),
     ],
 ]

@@ -28,7 +28,7 @@ def main(folder: Path) -> None:
     import cv2
 
     from tests.benchmarks.memory import _status
-    from tests.video.track.test_tracking import track_hit
+    from tests.video.follow.test_sharp_clips import track_hit
     from virtual_lab.video.clips.calibration_file import ClipCalibration
 
     cv2.setNumThreads(1)
@@ -37,8 +37,9 @@ def main(folder: Path) -> None:
     subprocess.run(command, check=True)
     known = ClipCalibration(frames_per_second=RATE, metres_per_pixel=1e-3, exposure_s=1e-5)
     begun = time.process_time()
-    _, tracked = track_hit(path, known)
-    assert len(tracked.frames) > COUNT // 2
+    found = track_hit(path, known)
+    assert found.sharp is not None
+    assert len(found.sharp.frames) > COUNT // 2
     print(_status("VmHWM"), COUNT, time.process_time() - begun)
 
 

@@ -55,7 +55,7 @@ def test_everything_a_user_gets(folder: Path) -> None:
     assert len(rows) == 44
     x, _ = FILM.places()
     np.testing.assert_allclose([float(row["x_px"]) for row in rows], x, atol=0.05)
-    assert {row["flight"] for row in rows} == {"in", "out"}
+    assert {row["flight"] for row in rows} == {"1", "2"}
     for name, least in (("track.png", 600), ("sheet.png", 1200)):
         picture = cv2.imread(str(out / name))
         assert picture is not None
@@ -198,7 +198,7 @@ def test_a_track_comes_back_corrected(thrown: tuple[Path, Path, dict[str, Any]])
             row["y_px"] = str(float(row["y_px"]) * 1.1)
     moved = again("moved", rows)
     assert moved["flights"][1]["acceleration_mps2"]["value"] == pytest.approx(
-        1.1 * same["flights"][1]["acceleration_mps2"]["value"], rel=0.02
+        1.1 * same["flights"][1]["acceleration_mps2"]["value"], rel=0.04
     )
 
 

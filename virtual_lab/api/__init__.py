@@ -691,7 +691,7 @@ class Track:
 
     @property
     def motion(self) -> str:
-        """Return flights, free-fall, pendulum, rolling, carried or none."""
+        """Return flights or none."""
         return str(self.document["motion"])
 
     @cached_property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,11 @@ from virtual_lab.fidelity.camera_errors import BEYOND
 from virtual_lab.fidelity.drawing import PictureState
 from virtual_lab.streams import Streams
 from virtual_lab.units import Array
-from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.find.blobs import BLOB
 from virtual_lab.video.follow.flights import flights_of
+from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
-from virtual_lab.video.track.legs import fit_flight
 
 ERRORS = (0.002, 0.02, 0.1, 0.5)  # px, of a place
 
@@ -46,20 +46,14 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
         seen = (
             places[kept] + error * draws.normal(f"{name}: places", (kept.size, 2), np.array([k]))[0]
         )
-        followed, lost = _followed(seen)
-        said[k] = bool(lost) or len(followed) != 2
-        first_flight = followed[0]
-        speed = fit_flight(
-            first_flight.t,
-            first_flight.xy,
-            np.full(len(first_flight.t), error),
-            0.0,
-            ClipCalibration(),
-            float(first_flight.t[-1]),
-        )
+        followed, scene = _followed(seen)
+        said[k] = bool(scene.lost(followed)) or len(followed) != 2
+        first_flight = replace(followed[0], u=np.full(len(followed[0].t), error))
+        still = replace(scene, pull=np.zeros(2), drag=(0.0, 0.0))
+        speed = estimate_of(_last_speed, fit_flights(still, [first_flight]))
         true = float(np.hypot(speed_in, 0.1))
-        off[k] = speed.speed / true - 1
-        beyond[k] = abs(speed.speed - true) > BEYOND * speed.speed_u
+        off[k] = speed.value / true - 1
+        beyond[k] = abs(speed.value - true) > BEYOND * speed.u
     rms = float(np.sqrt(np.mean(off**2)))
     unsaid = int((beyond & ~said).sum())
     if unsaid:
@@ -82,8 +76,12 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
     }
 
 
-def _followed(places: Array) -> tuple[list[Piece], dict[int, int]]:
-    """Return the flights that places are followed as, one a frame, and frames that are missing."""
+def _last_speed(fit: Fit) -> float:
+    return float(np.hypot(*fit.states[0, 2:]))
+
+
+def _followed(places: Array) -> tuple[list[Piece], FlightScene]:
+    """Follow places, one a frame: their flights and the scene."""
     found = np.zeros(len(places), BLOB)
     found["frame"] = np.arange(len(places))
     for names, values in ((("x", "picture_x"), places[:, 0]), (("y", "picture_y"), places[:, 1])):
@@ -93,4 +91,4 @@ def _followed(places: Array) -> tuple[list[Piece], dict[int, int]]:
     time = np.arange(len(places), dtype=float)
     scene = FlightScene(found=found, time=time, stamped=time, size=(1280, 800), exposure=0.0)
     flights, _ = flights_of(scene, pieces(found, time))
-    return flights, scene.lost(flights)
+    return flights, scene

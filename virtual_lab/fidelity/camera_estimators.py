@@ -17,7 +17,7 @@ from scipy.special import ndtr
 from virtual_lab.fidelity.camera_scenes import EstimatorInput
 from virtual_lab.video.locate.edge_fit import fit_edge
 from virtual_lab.video.locate.located import Located, PlaceFlag
-from virtual_lab.video.locate.sharp import Sharp
+from virtual_lab.video.locate.sharp import sharp_places
 
 Image = NDArray[np.float32]
 Place = tuple[float, float]
@@ -195,8 +195,8 @@ def _edge(given: EstimatorInput) -> Located:
 
 
 def _learnt(given: EstimatorInput) -> Located:
-    """Do as the tracker does, which learns noise and lens from the pictures themselves."""
-    return Sharp()(given.clip, given.seen, given.start)
+    """Do as the tracker does, which finds noise and lens in the pictures themselves."""
+    return sharp_places(given.clip, given.seen, given.start)
 
 
 EDGE = "edge fit"

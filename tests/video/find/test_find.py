@@ -11,11 +11,10 @@ from tests.video.scenery.filming import moved, pictures
 from tests.video.scenery.scenes import SCENES, UNSEEN
 from tests.video.scenes import Film, matte
 from virtual_lab.video.find.blobs import BLOB, blobs
-from virtual_lab.video.find.circles import circles
 from virtual_lab.video.find.drift import edges_of, matrix_of, onward, upon
 from virtual_lab.video.find.still import still_of
 from virtual_lab.video.find.watching import Watched, repeated, repeats
-from virtual_lab.video.track.tracking import middle_of, uncovered_mean
+from virtual_lab.video.follow.sharpening import middle_of, uncovered_mean
 
 NONE = np.zeros(4)
 
@@ -211,7 +210,7 @@ def test_a_light_of_another_colour_is_no_blob_and_leaves_the_ball_its_ring() -> 
         assert len(blobs(0, lit, lit, NONE, still)) == 0
         lit = np.clip(ball * gains, 0, 255).astype(np.uint8)
         (found,) = blobs(0, lit, lit, NONE, still)
-        assert (found["x"], found["y"]) == pytest.approx((150.0, 90.0), abs=0.3)
+        assert (found["x"], found["y"]) == pytest.approx((150.0, 90.0), abs=0.4)
         assert found["radius"] == pytest.approx(14.0, rel=0.05)
         assert found["dirty"] < 0.05
 
@@ -245,40 +244,6 @@ def test_a_ball_with_dark_patches_before_a_light_wall_is_one() -> None:
     (best,) = found[found["radius"] > 8]
     assert (best["x"], best["y"]) == pytest.approx((150.3, 90.8), abs=1.0)
     assert best["radius"] == pytest.approx(20.0, rel=0.05)
-
-
-@pytest.mark.parametrize("light", [90.0, 220.0])
-@pytest.mark.parametrize("before", ["hand", "two walls"])
-def test_a_ball_that_is_no_blob_shows_by_its_rim(before: str, light: float) -> None:
-    """As bright as half of what is behind it, or beside fingers: no blob lies where it is."""
-    behind = np.full((200, 320), 150.0)
-    if before == "two walls":
-        behind[:, 150:] = light
-    share = matte(behind.shape, 150.3, 90.8, 14.0)
-    shown = np.array(behind)
-    if before == "hand":
-        shown[85:97, 160:] = light
-    noise = np.random.default_rng(4).normal(0, 1.0, behind.shape)
-    frame = np.round(shown * (1 - share) + light * share + noise).astype(np.uint8)
-    still = still_of([behind.astype(np.uint8)] * 4, 8, stands=True)
-    for each in blobs(0, frame, frame, NONE, still):
-        away = np.hypot(each["x"] - 150.3, each["y"] - 90.8)
-        assert away > 2.0 or abs(each["radius"] / 14.0 - 1) > 0.2
-    best = circles(0, frame, NONE, still, 14.0)[0]
-    assert (best["x"], best["y"]) == pytest.approx((150.3, 90.8), abs=1.0)
-    assert best["radius"] == 14.0
-    assert np.isinf(best["radius_u"])
-    assert not best["cut"]
-
-
-def test_where_nothing_round_moves_there_is_no_circle() -> None:
-    behind = np.full((200, 320), 150, np.uint8)
-    noise = np.random.default_rng(4).normal(0, 1.0, behind.shape)
-    arm = np.round(behind + noise)
-    arm[60:90] = 220
-    still = still_of([behind] * 4, 8, stands=True)
-    for frame in (behind, arm.astype(np.uint8)):
-        assert len(circles(0, frame, NONE, still, 10.0)) == 0
 
 
 def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from virtual_lab.video.clips.timing import uneven, usual_step
 from virtual_lab.video.find.blobs import BLOB, Blobs
 from virtual_lab.video.follow.flights import flights_of
-from virtual_lab.video.follow.kinds import swings
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
@@ -69,27 +68,6 @@ def test_a_toss_that_a_hand_leads_and_catches() -> None:
     (flight,) = flights_in(blobs_of(np.stack([np.full(len(y), 400.0), y], axis=1)))
     assert abs(flight.frames[0] - len(rise)) <= 3
     assert abs(flight.frames[-1] - (len(rise) + len(flown))) <= 3
-
-
-@pytest.mark.parametrize("circled", [False, True])
-def test_circles_alone_are_no_hop_in_a_hand(circled: bool) -> None:
-    """Ten places that gravity bends by a fifth of a radius: of whole blobs they are a flight."""
-    way, (hop, _) = hops([1.5, 6.0])
-    found = blobs_of(way, noise=0.05)
-    found["radius_u"][hop] = np.inf if circled else 0.5
-    first = flights_in(found)[0]
-    assert (first.frames[0] > hop[-1]) == circled
-
-
-@pytest.mark.parametrize("gap", [0, 1, 3])
-def test_a_circle_goes_on_with_a_flight_but_does_not_begin_it_again(gap: int) -> None:
-    way, (flight,) = hops([6.0])
-    found = blobs_of(way)
-    last = flight[-1]
-    found["radius_u"][last] = np.inf
-    found = found[(found["frame"] < last - gap) | (found["frame"] == last)]
-    (followed,) = flights_in(found)
-    assert (followed.frames[-1] == last) == (gap == 0)
 
 
 def test_a_shadow_that_a_low_sun_moves_across_the_ground_is_no_ball() -> None:
@@ -182,13 +160,3 @@ def test_a_hand_that_goes_with_the_ball_does_not_begin_a_flight() -> None:
     (flight,) = flights_in(found)
     assert flight.frames[0] == 3
     assert flight.frames[-1] == 29
-
-
-def test_a_few_places_of_a_pendulum_are_no_flight() -> None:
-    t = np.arange(120.0)
-    angle = 0.3 * np.cos(2 * np.pi * t / 80)
-    found = blobs_of(np.stack([480 + 500 * np.sin(angle), 500 * np.cos(angle)], axis=1), noise=0.05)
-    swing = Piece.of(found, np.arange(120), t)
-    assert swings([swing], [swing.part(slice(36, 44))])
-    assert not swings([swing], [swing])
-    assert not swings([swing], [])

@@ -47,7 +47,7 @@ def test_speeds_are_right_in_any_light(light: str, seen: Seen) -> None:
     assert found.scale is not None
     assert found.scale.source == "gravity"
     for said, true in zip(speeds_of(found), made.speeds, strict=True):
-        assert abs(said.value - true) < min(2 * said.u, 0.01 * true)
+        assert abs(said.value - true) < min(2 * said.u, 0.015 * true)
         assert said.u < 0.03 * true
     restitution = found.contacts[0].restitution
     assert restitution is not None
@@ -62,7 +62,7 @@ def test_the_u_of_the_ball_s_size_covers_its_shade(light: str, seen: Seen) -> No
     off = by_ball.scale.metres_per_pixel / made.metres_per_pixel - 1
     assert abs(off) < 3 * by_ball.scale.relative_u or "GRAVITY" in by_ball.flags
     assert (abs(off) > 0.2) == (light == "side")
-    assert (by_ball.scale.relative_u < 0.03) == (light == "flat")
+    assert (by_ball.scale.relative_u < 0.04) == (light == "flat")
     assert by_ball.gravity is not None
     if light != "side":
         assert abs(by_ball.gravity.value - made.gravity) < 3 * by_ball.gravity.u

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from tests.simulation.instruments.camera.scenes import camera_of, course_of, spec_of
+from tests.video.follow.test_sharp_clips import KNOWN, RATE, SCENES, hit, require
 from tests.video.stitched import LENS, scene
-from tests.video.track.test_tracking import KNOWN, RATE, SCENES, hit, require
 from virtual_lab.simulation.instruments.camera.film import whole_frames
 from virtual_lab.streams import Streams
 from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
 from virtual_lab.video.locate.located import Regions
 from virtual_lab.video.locate.noise import Noise
-from virtual_lab.video.locate.sharp import lens_of, noise_of_ball, on_the_limb, place
+from virtual_lab.video.locate.sharp import lens_of, on_the_limb, place
 
 ROUND = 0.0, 2e-4  # what is known of the outlines of balls squarely before a camera
 
@@ -74,7 +74,7 @@ def test_a_stitched_ball_that_spins_is_tracked(tmp_path: Path) -> None:
     shown = camera.frames(course, draws, "film", np.arange(3), whole=True)
     true = shown.outlines.middle[shown.shot == 0]
     tracked, said = hit(tmp_path / "clip.npy", known)
-    flying = np.logical_or(*tracked.legs.used)
+    flying = np.isin(tracked.frames, np.concatenate([way.frames for way in said.clip.ways]))
     located = tracked.located
     off = np.stack([located.x, located.y], axis=1) - true[tracked.frames]
     assert float(np.sqrt(np.mean(off[flying] ** 2))) < 0.03
@@ -97,18 +97,8 @@ def seen_of(regions: np.ndarray, behind: float) -> Regions:
 def test_the_lens_is_found(seams: float) -> None:
     """Its blur to 5 %, by a plain ball's edge and by a stitched one's."""
     seen = scene("soft", seams=seams, count=12)
-    found = lens_of(seen_of(seen.regions, 40.0), seen.start(), seen.noise, (44.0, 44.0))
+    found = lens_of(seen_of(seen.regions, 40.0), seen.start(), seen.noise)
     assert found == pytest.approx(LENS, rel=0.05)
-
-
-def test_pixels_that_are_not_alike_are_found() -> None:
-    """Gains that scatter by 2 %, on a stitched ball; none where there are none."""
-    plain = scene("soft", seams=0.0, count=40)
-    assert noise_of_ball(plain.noise, seen_of(plain.regions, 40.0), plain.start()).prnu < 0.005
-    seen = scene("soft", count=40)
-    response = 1 + 0.02 * np.random.default_rng(1).standard_normal(seen.regions.shape)
-    known = noise_of_ball(seen.noise, seen_of(seen.regions * response, 40.0), seen.start())
-    assert known.prnu == pytest.approx(0.02, rel=0.2)
 
 
 def test_half_a_rim_that_is_dark() -> None:
@@ -199,17 +189,6 @@ def test_noise_has_what_the_clip_gives() -> None:
         full_scale = 255.0
 
     assert noise_of_clip(Short()) == Noise(gain=0.0, read=1.0, full_scale=255.0)  # type: ignore[arg-type]
-
-
-def test_noise_of_a_shadow_is_the_darks() -> None:
-    """A bright background alone takes all noise for photons'; a shadow shows what else there is."""
-    seen = scene("back")
-    bright = float(seen.noise.variance(155.0))
-    alone = Noise(gain=bright / 155.0, read=1 / 12)
-    known = noise_of_ball(alone, seen_of(seen.regions, 155.0), seen.start())
-    assert known.prnu == 0
-    assert known.variance(4.0) == pytest.approx(seen.noise.variance(4.0), rel=0.1)
-    assert known.variance(155.0) == pytest.approx(bright, rel=0.2)
 
 
 def test_a_ball_lit_from_the_side_is_found_by_its_limb() -> None:

@@ -16,8 +16,8 @@ from tests.video.plain import located
 from tests.video.scenery.shots import KINDS, Kind, Shot, efficiency, empties, make_shot
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import Source
+from virtual_lab.video.locate import sharp
 from virtual_lab.video.locate.located import Regions
-from virtual_lab.video.locate.sharp import Sharp
 
 __all__ = ["hull_places", "rms_error", "sharp_places"]
 
@@ -67,7 +67,7 @@ def sharp_places(shot: Shot) -> Places:
         sampled=np.arange(EMPTY),
         warnings=(),
     )
-    found = Sharp(ball_radius=shot.kind.radius)(clip, seen, start)
+    found = sharp.sharp_places(clip, seen, start, ball_radius=shot.kind.radius)
     assert found.pattern_u is not None
     return np.where(found.flags == 0, found.x, np.nan), np.hypot(found.x_u, found.pattern_u)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,27 +16,26 @@ from numpy.typing import NDArray
 
 from virtual_lab.units import Array
 from virtual_lab.video.find.drift import matrix_of
-from virtual_lab.video.find.outline import BlobOutline, fit_outline
-from virtual_lab.video.find.still import Image, Still, difference_of, difference_of_light
+from virtual_lab.video.find.still import Image, Still, difference_of
 
 Blobs = NDArray[np.void]
 BlobRow = tuple[Any, ...]  # as of `BLOB`
+Hull = tuple[float, float, float, float]  # x, y, shorter and longer half axis [pixels]
 
 BLOB = np.dtype(
     [
         ("frame", np.int32),
         ("x", float),  # still frame [pixels]
         ("y", float),
-        ("radius", float),  # across the shorter axis of the outline
+        ("radius", float),  # half the shorter axis of the hull
         ("length", float),  # half the longer axis
-        ("radius_u", float),  # of its edge, where light ends and the ball begins; inf: unmeasured
+        ("edge", float),  # what the radius shrinks by from a low to a high contrast: blur and shade
         ("contrast", float),  # DN
         ("dirty", float),  # share of the ring that is no background
         ("cut", bool),  # touches the picture's edge
         ("picture_x", float),  # in the frame itself
         ("picture_y", float),
         ("colour", float, (3,)),
-        ("shade_u", float),  # of the radius, by the shade on the ball
     ]
 )
 
@@ -45,7 +44,7 @@ BLOB = np.dtype(
 class _Search:
     """What may be a ball; differences from the background in DN of 8 bits."""
 
-    thresholds: tuple[int, ...] = (10, 20, 40, 80)  # each once more: no single one decides
+    thresholds: tuple[int, ...] = (10, 40)
     faint: float = 5.0
     softened: float = 0.7  # pixels: codecs leave blocks
     least_area: float = 12.0  # pixels of the picture searched: a ball of two pixels' radius
@@ -59,11 +58,8 @@ class _Search:
     whole: float = 0.6  # of what differs: less may be a patch of a ball that has several
     # ratio of axes, by the second one: a hand or a head is longer, a ball with its shadow too
     round: tuple[float, float] = (1.3, 1.2)  # where the first shows nothing, and where it does
-    outline_level: float = 0.5  # of a blob's own contrast
     ring_level: float = 0.35  # of the contrast: what is brighter in the ring is not background
-    centre_room: float = 0.35  # radii between a hull's middle and an outline's
-    hull_u: float = 0.2  # of its radius, where no outline is fitted
-    sure_u: float = 0.15  # of the radius: such an outline needs no other threshold
+    edge_levels: tuple[float, float] = (0.3, 0.7)  # of the contrast, that show how wide an edge is
     coarse: int = 48  # pixels of a blob: one twice as large is made smaller first
     fine: float = 16.0  # pixels of radius at which an outline is not drawn larger
 
@@ -89,23 +85,22 @@ def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still)
     for box in _boxes(off, still.shrink):
         if any(_inside(box, each, still.origin) for each in found):
             continue
-        outlined = _outline(number, picture, drift, light, still, box)
-        if outlined is None:
+        blob = _blob(number, picture, drift, light, still, box)
+        if blob is None:
             continue
-        rivals = [each for each in found if _same(outlined, each)]
-        if all(_surer(outlined, each) for each in rivals):
+        rivals = [each for each in found if _same(blob, each)]
+        if all(_surer(blob, each) for each in rivals):
             found = [each for each in found if not any(each is other for other in rivals)]
-            found.append(outlined)
+            found.append(blob)
     return np.array(found, BLOB)
 
 
 def _inside(box: tuple[int, int, int, int], blob: BlobRow, origin: tuple[int, int]) -> bool:
-    """Return whether a box lies in a blob that is sure already."""
-    _, x, y, short, long, spread, _, dirty, *_ = blob
+    """Whether a box lies in a blob that stands free."""
+    _, x, y, _, long, _, _, dirty, *_ = blob
     left, top, wide, high = box[0] + origin[0], box[1] + origin[1], *box[2:]
-    sure = dirty < 0.1 and spread < _SEARCH.sure_u * short
     away = float(np.hypot(left + wide / 2 - x, top + high / 2 - y))
-    return bool(sure and away + max(wide, high) / 2 < 1.4 * long)
+    return bool(dirty < 0.1 and away + max(wide, high) / 2 < 1.4 * long)
 
 
 def _same(one: BlobRow, other: BlobRow) -> bool:
@@ -140,7 +135,7 @@ def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
                 yield shrink * left, shrink * top, shrink * wide, shrink * high
 
 
-def _outline(
+def _blob(
     number: int,
     picture: Image,
     drift: Array,
@@ -148,7 +143,7 @@ def _outline(
     still: Still,
     box: tuple[int, int, int, int],
 ) -> BlobRow | None:
-    """Return the outline at half of the contrast in a box as a row of `BLOB`, None: no ball's."""
+    """Row of `BLOB` for what a box holds; None where that is no ball."""
     left, top, wide, high = box
     rows, columns = still.background.shape[:2]
     room = max(6, round(0.6 * max(wide, high)))
@@ -163,7 +158,9 @@ def _outline(
             np.asarray(cv2.resize(each[cutting], smaller, interpolation=cv2.INTER_AREA), np.uint8)
             for each in (part, behind)
         )
-    off = _softened(difference_of(part, behind))
+    off = np.asarray(
+        cv2.GaussianBlur(difference_of(part, behind), (0, 0), _SEARCH.softened), np.float32
+    )
     inner = off[
         (top - y0) // fine : (top - y0 + high) // fine,
         (left - x0) // fine : (left - x0 + wide) // fine,
@@ -174,112 +171,61 @@ def _outline(
     chosen = _contrasted(off, bright)
     if chosen is None:
         return None
-    drawn, fitted, contrast, even = chosen
-    outline = fitted or BlobOutline(*drawn, _SEARCH.hull_u * drawn[2])
-    if fitted:
-        x, y, short, long, spread, shade_u = fitted
-        # a rim in shade takes the edge inward in light, a gamma does in grey values
-        luminous = _softened(difference_of_light(part, behind))
-        level = float(np.median(luminous[disc(luminous.shape, x, y, 0.6 * short)]))
-        luminous = luminous if even else np.minimum(luminous, np.float32(level))
-        other = fit_outline(luminous, x, y, (short + long) / 2, level, rounds=1)
-        if other is not None and abs(other.short - short) < _SEARCH.centre_room * short:
-            # the edge lies between the two, nobody knows where
-            spread = float(np.hypot(spread, (other.short - short) / np.sqrt(12)))
-            axes = (short + other.short) / 2, (long + other.long) / 2
-            outline = BlobOutline(x, y, *axes, spread, shade_u)
-    corner = (x0 + still.origin[0], y0 + still.origin[1])
-    return blob_of(number, outline, off, part, contrast, corner, fine, drift, still)
-
-
-def blob_of(
-    number: int,
-    outline: BlobOutline,
-    off: NDArray[np.float32],
-    part: Image,
-    contrast: float,
-    corner: tuple[int, int],
-    shrink: int,
-    drift: Array,
-    still: Still,
-) -> BlobRow:
-    """Return a row of `BLOB`.
-
-    Parameters
-    ----------
-    number
-        Of the frame.
-    outline
-        In a part of the picture, in its pixels.
-    off, part
-        How far that part is from the background [DN], and the part.
-    contrast
-        Of the ball [DN].
-    corner
-        x and y of the part's first pixel in the still frame.
-    shrink
-        Pixels of the still frame that one of the part is, each way.
-    drift
-        Of the picture from the still frame, (4,).
-    """
-    x, y, short, long, spread, shade_u = outline
-    ring = disc(off.shape, x, y, 1.5 * long + 3) & ~disc(off.shape, x, y, 1.25 * long + 1.5)
-    core = disc(off.shape, x, y, 0.6 * short)
-    colour = np.median(part[core].reshape(-1, 1 if part.ndim == 2 else 3), axis=0)
+    (x, y, short, long), contrast = chosen
+    ring = _disc(off.shape, x, y, 1.5 * long + 3) & ~_disc(off.shape, x, y, 1.25 * long + 1.5)
+    colour = np.median(
+        part[_disc(off.shape, x, y, 0.6 * short)].reshape(-1, 1 if part.ndim == 2 else 3), axis=0
+    )
     dirty = float((off[ring] > _SEARCH.ring_level * contrast).mean()) if ring.any() else 1.0
-    at = [shrink * (p + 0.5) - 0.5 + first for p, first in zip((x, y), corner, strict=True)]
-    short, long, spread, shade_u = (shrink * p for p in (short, long, spread, shade_u))
+    near = off[_disc(off.shape, x, y, 1.25 * long + 1.5)]
+    outer, inward = (
+        np.sqrt(float((near > level * contrast).sum()) / np.pi) for level in _SEARCH.edge_levels
+    )
+    corner = (x0 + still.origin[0], y0 + still.origin[1])
+    at = [fine * (p + 0.5) - 0.5 + first for p, first in zip((x, y), corner, strict=True)]
+    short, long, edge = (fine * p for p in (short, long, outer - inward))
     there = (matrix_of(drift, still.size) @ [*at, 1.0]).tolist()
     reach = long + 1
     cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
-    colours = np.broadcast_to(colour, 3)
-    return number, *at, short, long, spread, contrast, dirty, cut, *there, colours, shade_u
+    return number, *at, short, long, edge, contrast, dirty, cut, *there, np.broadcast_to(colour, 3)
 
 
-class _Contrasted(NamedTuple):
-    drawn: tuple[float, float, float, float]  # centre and half axes of the hull [pixels]
-    fitted: BlobOutline | None
-    contrast: float  # DN
-    even: bool  # else patches of it differ more, and count no more than the rest
+def _contrasted(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[Hull, float] | None:
+    """Hull at half of a contrast that fits, and that contrast [DN].
 
-
-def _contrasted(off: NDArray[np.float32], bright: NDArray[np.float32]) -> _Contrasted | None:
-    """Return the outline at half of a contrast that fits, of what differs and its bright pixels."""
+    Parameters
+    ----------
+    off
+        Difference from the background, (row, column) [DN].
+    bright
+        The values of it that stand out.
+    """
     chosen, least = None, 0.0
     for percentile, even in zip(_SEARCH.brightness, (True, False), strict=True):
         contrast = float(np.percentile(bright, percentile))
         if contrast < (2 if even else 4) * _SEARCH.faint:
             break
-        drawn = _shape(off, _SEARCH.outline_level * contrast)
-        if drawn is None:
+        hull = _hull(off, 0.5 * contrast)
+        if hull is None:
             continue
-        x, y, short, long = drawn
-        level = off if even else np.minimum(off, np.float32(contrast))
-        fitted = fit_outline(level, x, y, np.sqrt(short * long), contrast)
-        if fitted and np.hypot(fitted.x - x, fitted.y - y) >= _SEARCH.centre_room * short:
-            fitted = None
+        _, _, short, long = hull
         area = np.pi * short * long
-        ratio = max(long / short, fitted.long / fitted.short) if fitted else np.inf
-        if even or (ratio < _SEARCH.round[chosen is not None] and area > least):
-            chosen, least = _Contrasted(drawn, fitted, contrast, even), area / _SEARCH.whole
+        if even or (long / short < _SEARCH.round[chosen is not None] and area > least):
+            chosen, least = (hull, contrast), area / _SEARCH.whole
         if area > _SEARCH.whole * bright.size:
             break
     return chosen
 
 
-def _softened(off: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.asarray(cv2.GaussianBlur(off, (0, 0), _SEARCH.softened), np.float32)
-
-
-def disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
+def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
     """Return which pixels (row, column) lie nearer to a place than a radius [pixels]."""
     row = np.arange(shape[0])[:, None] - y
     column = np.arange(shape[1]) - x
     return np.asarray(row**2 + column**2 < radius**2)
 
 
-def _shape(off: NDArray[np.float32], level: float) -> tuple[float, float, float, float] | None:
-    """Return centre and half axes of the largest thing above a level, None: it is no ball."""
+def _hull(off: NDArray[np.float32], level: float) -> Hull | None:
+    """Hull of the largest thing above a level; None where it is no ball."""
     fine = 1
     area = int((off > level).sum())
     if area < _SEARCH.least_area:

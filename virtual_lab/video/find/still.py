@@ -29,6 +29,7 @@ class _StillSettings:
 
     searched: float = 4e5  # pixels of the picture that is searched: larger ones are made smaller
     no_drift: float = 0.15  # pixels over a clip: a camera on a stand
+    hand_drift: float = 0.02  # of the longer side a second, each way: 0.005 to 0.03 in real clips
     held: float = 3.0  # pixels a frame of a camera held in a hand
     no_shift: float = 0.05  # pixels searched: pictures laid upon one another as they are
     swung: float = 0.025  # of the picture's longer side a frame: a camera turned after the ball
@@ -84,6 +85,10 @@ class Still:
     def drifts(self) -> bool:
         """Whether the camera does."""
         return bool(self.sampled.any())
+
+    def unseen_drift(self, step: float) -> float:
+        """Drift, each way, that the picture does not show [px/frame]; `step`: seconds a frame."""
+        return 0.0 if self.shows_drift else _STILL.hand_drift * max(self.size) * step
 
     @property
     def turns(self) -> bool:
@@ -168,17 +173,6 @@ class Still:
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
     """Return how far a picture is from another, by the channel that differs most [DN]."""
     return _strongest(cv2.absdiff(part, behind)).astype(np.float32)
-
-
-def difference_of_light(part: Image, behind: Image) -> NDArray[np.float32]:
-    """Return the same of light, 0 to 255: where grey values have a gamma, as colour pictures do.
-
-    In light a pixel that the ball covers by half lies half way (sRGB, IEC 61966-2-1).
-    """
-    if part.ndim == 2:
-        return difference_of(part, behind)
-    light = (255 * (np.arange(256) / 255) ** 2.2).astype(np.float32)
-    return _strongest(cv2.absdiff(cv2.LUT(part, light), cv2.LUT(behind, light)))
 
 
 def still_of(

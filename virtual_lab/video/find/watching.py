@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
-from virtual_lab.video.find.circles import circles
 from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 
 # off where the frames before lead: no hand moves a camera by more pixels, or turns it by more of
@@ -30,14 +29,8 @@ class Watched:
     change: Array  # (frame,) greatest from the frame before [DN]; NaN: not looked at
     # frames before which the background leaps off the way it went, and by how far [pixels]
     leaps: Mapping[int, float] = field(default_factory=dict)
-    # JPEG of 30 kB each, as searched, and their drifts (4,); of 4000 frames at most
+    # JPEG of 30 kB each, as searched, of 4000 frames at most
     thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
-    drifts: Mapping[int, Array] = field(default_factory=dict)
-
-    def again(self, number: int, radius: float) -> Blobs:
-        """Return where the rim of a ball of a radius [pixels] shows in a frame."""
-        small = cv2.imdecode(self.thumbs[number], cv2.IMREAD_UNCHANGED)
-        return circles(number, np.asarray(small), self.drifts[number], self.still, radius)
 
 
 def watch(
@@ -71,7 +64,6 @@ def watch(
     before: Image | None = None
     leaps: dict[int, float] = {}
     thumbs: dict[int, NDArray[np.uint8]] = {}
-    drifts: dict[int, Array] = {}
     kept = clip.count <= 4000
     for number, frame in enumerate(clip.pictures()):
         if number > last:
@@ -99,7 +91,6 @@ def watch(
         before = small
         if kept:
             thumbs[number] = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
-            drifts[number] = drift
         found.append(blobs(number, picture, small, drift, still))
     return Watched(
         still=still,
@@ -107,7 +98,6 @@ def watch(
         change=change,
         leaps=leaps,
         thumbs=thumbs,
-        drifts=drifts,
     )
 
 

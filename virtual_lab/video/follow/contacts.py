@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,10 +12,12 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, Array
 from virtual_lab.video.follow.flights import FLIGHTS, meetings
 from virtual_lab.video.follow.joint import Fit, estimate_of
+from virtual_lab.video.follow.known import Note
+from virtual_lab.video.follow.models import FittedFlights
 from virtual_lab.video.follow.pieces import Piece
+from virtual_lab.video.follow.ruler import Ruler
 from virtual_lab.video.follow.scene import FlightScene
-
-Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and a sentence
+from virtual_lab.video.follow.sharpening import SharpBall
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +28,7 @@ class ContactSettings:
     off_normal: float = 35 * DEGREE  # that a change of velocity may be, to be along it
     slant_u: float = 0.5 * DEGREE  # of a floor or a wall off g, and of g as the camera sees it
     turned_back: float = 0.2  # of the speed into it, along a floor or wall: it was struck twice
-    least_u: float = 0.001  # of a restitution: no clip shows more
+    least_u: float = 0.001  # of a restitution: no places of a hull show more
     vague_u: float = 0.25  # of a restitution that says nothing
     coverage: float = 2.0  # u: what lies beyond is no chance
 
@@ -52,41 +55,44 @@ class Contact:
 def contacts_of(
     scene: FlightScene,
     ways: list[Piece],
-    fit: Fit,
-    others: Sequence[tuple[Fit, float]],
+    model: FittedFlights,
     step: float,
-    unit: float,
+    scale: Ruler,
+    sharp: SharpBall | None,
 ) -> tuple[list[Contact], list[Note]]:
-    """Return the contacts, and what speaks against them.
-
-    Parameters
-    ----------
-    fit
-        Of flights that share g and drag.
-    others
-        By other models (parabolas, each on its own; with a perspective or without), and what share
-        of a difference is u.
-    step
-        Seconds of a step of time.
-    unit
-        Metres of a pixel.
-    """
+    """Contacts, and what speaks against them; `step`: seconds of a step of time."""
     notes: list[Note] = []
     found = []
-    for k, t in meetings(ways, fit):
+    fit, others = model.fit, [*model.parabolas, *model.rest, *model.near]
+    for k, near in meetings(ways, fit):
+        t = _closest(fit, k, near)[0]
         one, other = ways[k], ways[k + 1]
         into, out = fit.at(k, t)[0, 2:], fit.at(k + 1, t)[0, 2:]
         if np.hypot(*(out - into)) < CONTACTS.least_change * np.hypot(*into):
             continue
-        normal, kind = _normal(fit.pull[0], out - into, ways)
-        frame, place = _frame(scene, one, other, t), fit.pictured(k, t) + fit.pictured(k + 1, t)
         late = fit.readout * float(np.median(scene.late(one.blobs[-2:])))
-        time = estimate_of(lambda f: _closest(f, k, t)[0], fit, unit=step)  # noqa: B023
+        time = estimate_of(lambda f: _closest(f, k, t)[0], fit, others, unit=step)  # noqa: B023
+        # it lies between the last place of the flight in and the first of the flight out
+        room = CONTACTS.coverage * time.u / step + (scene.exposure or 1.0) / 2
+        if not one.t[-1] + late - room <= t <= other.t[0] + late + room:
+            notes.append(_outside(ways, k, t, step))
+            continue
+        normal, kind = _normal(scene, fit.pull[0], out - into, ways)
+        frame, place = _frame(scene, one, other, t), (fit.at(k, t) + fit.at(k + 1, t))[0, :2] / 2
         ratio = None
-        if min(len(one.t), len(other.t)) >= FLIGHTS.side_places and kind != "other":
-            ratio, flag, why = _restitution(fit, others, k, t, normal, kind)
+        if (
+            min(len(one.t), len(other.t)) >= (3 if sharp else FLIGHTS.side_places)
+            and kind != "other"
+        ):
+            ratio, flag, why = _restitution(fit, others, k, t, normal, kind, sharp is not None)
             if flag:
                 notes.append((flag, f"contact at frame {frame:.1f}: {why}"))
+        shown = fit.pictured(k, t) + fit.pictured(k + 1, t)
+        metres: Array = np.asarray(
+            sharp.metres(place) if sharp else scale.metres_per_pixel * shown[0] / 2
+        )
+        ends = [estimate_of(partial(_place, axis, k, t), fit, others).u for axis in (0, 1)]
+        place_u = scale.metres_per_pixel * float(np.sqrt(np.mean(np.square(ends))))
         found.append(
             Contact(
                 before=k,
@@ -96,16 +102,35 @@ def contacts_of(
                 time=replace(time, value=step * (t - late)),
                 kind="struck" if kind == "other" else kind,
                 restitution=ratio,
-                place=place[0] / 2,
-                metres=unit * place[0] / 2,
-                metres_u=unit * fit.spread,
+                place=np.asarray(sharp.pictured(place, frame) if sharp else shown[0] / 2),
+                metres=metres,
+                metres_u=float(np.hypot(place_u, scale.relative_u * np.hypot(*metres))),
             )
         )
+    if sharp and len(ways) > 1 and not found and not notes:
+        start = (ways[0].t[-1] + ways[1].t[0]) / 2
+        notes.append(_outside(ways, 0, _closest(fit, 0, start, np.inf)[0], step))
     return found, notes
 
 
+def _outside(ways: Sequence[Piece], k: int, t: float, step: float) -> Note:
+    end, start = 1e3 * step * ways[k].t[-1], 1e3 * step * ways[k + 1].t[0]
+    words = (
+        f"flights {k + 1} and {k + 2} are nearest to each other at {1e3 * step * t:.4g} ms, not "
+        f"between {end:.4g} and {start:.4g} ms where "
+        "one ends and the other begins: they are not those of one contact; none is given"
+    )
+    return "CONTACT_OUTSIDE", words
+
+
+def _place(axis: int, first: int, t: float, fit: Fit) -> float:
+    """Place where two flights are nearest to each other near a time, along an axis [pixels]."""
+    met = _closest(fit, first, t)[0]
+    return float((fit.at(first, met) + fit.at(first + 1, met))[0, axis]) / 2
+
+
 def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
-    """Return the frame of a time between two flights, between stored ones; repeats do not count."""
+    """Frame of a time between two flights, between stored ones; repeats do not count."""
     between = np.arange(one.frames[-1], other.frames[0] + 1)
     between = between[np.isfinite(scene.time[between])]
     times = scene.time[between] + one.t[-1] - scene.time[one.frames[-1]]
@@ -113,25 +138,29 @@ def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
     return float(np.interp(t, times, between))
 
 
-def _normal(pull: Array, change: Array, ways: list[Piece]) -> tuple[Array | None, str]:
-    """Return the normal of what was struck, None where speeds are all there is, and its kind."""
+def _normal(
+    scene: FlightScene, pull: Array, change: Array, ways: list[Piece]
+) -> tuple[Array | None, str]:
+    """Find the normal (2,) of what was struck, None where speeds are all there is, and its kind."""
     along, size = change / np.hypot(*change), float(np.hypot(*pull))
     longest = max(float(np.ptp(each.t)) for each in ways)
-    if size * longest**2 / 8 < FLIGHTS.sag * ways[0].radius:
+    bends = size * longest**2 / 8 >= FLIGHTS.sag * ways[0].radius
+    if size == 0 or not (bends or scene.pull is not None):
         return None, "struck"
     up = -pull / size
     side = np.array([-up[1], up[0]])
     for normal, kind in ((up, "floor"), (side, "wall"), (-side, "wall")):
         if along @ normal > np.cos(CONTACTS.off_normal):
             return normal, kind
-    return None, "other"
+    # of a hit the speeds are asked for, whichever way it goes
+    return None, "other" if scene.pull is None else "struck"
 
 
-def _closest(fit: Fit, first: int, t: float) -> tuple[float, Array, Array]:
-    """Return when two flights are nearest to each other, near a time, and their velocities."""
+def _closest(fit: Fit, first: int, t: float, room: float = 1.0) -> tuple[float, Array, Array]:
+    """Time at which two flights are nearest, not far from another, and their velocities."""
     before, after = fit.at(first, t)[0], fit.at(first + 1, t)[0]
     apart, change = (after - before)[:2], (after - before)[2:]
-    late = float(np.clip(-(apart @ change) / max(float(change @ change), 1e-12), -1, 1))
+    late = float(np.clip(-(apart @ change) / max(float(change @ change), 1e-12), -room, room))
     return (
         t + late,
         before[2:] + late * fit.pull[first],
@@ -146,8 +175,9 @@ def _restitution(
     t: float,
     normal: Array | None,
     kind: str,
+    sharp: bool,
 ) -> tuple[Estimate | None, str, str]:
-    """Return the restitution, or None with a flag and why."""
+    """Restitution, or None with a flag and why."""
 
     def ratio_of(some: Fit) -> float:
         _, before, after = _closest(some, first, t)
@@ -155,7 +185,7 @@ def _restitution(
             return float(np.hypot(*after) / np.hypot(*before))
         return float(-(after @ normal) / (before @ normal))
 
-    ratio = estimate_of(ratio_of, fit, others, relative_u=CONTACTS.least_u)
+    ratio = estimate_of(ratio_of, fit, others, relative_u=0.0 if sharp else CONTACTS.least_u)
     if normal is not None:  # a floor is level, a wall upright, but for so much
         _, before, after = _closest(fit, first, t)
         side = np.array([-normal[1], normal[0]])
@@ -164,21 +194,16 @@ def _restitution(
             why = f"the ball turns back along the {kind}, too: it met two; no restitution is given"
             return None, "CONTACT_UNCLEAR", why
         slope = float((after + ratio.value * before) @ side / (before @ normal))
-        ratio = replace(ratio, u=float(np.hypot(ratio.u, CONTACTS.slant_u * slope)))
-    if why := excessive(ratio):
+        if not sharp:
+            ratio = replace(ratio, u=float(np.hypot(ratio.u, CONTACTS.slant_u * slope)))
+    if ratio.value - CONTACTS.coverage * ratio.u > 1:
+        why = (
+            f"the speeds have the ratio {ratio.value:.3g}, and nothing at rest gives back more "
+            "than it takes: it moved, or something else was followed; no restitution is given"
+        )
         return None, "ABOVE_ONE", why
     if ratio.value <= 0:
         return None, "CONTACT_UNCLEAR", f"the ball goes on through the {kind}; none is given"
     if ratio.u > CONTACTS.vague_u:
         return None, "CONTACT_UNCLEAR", "the flights say too little of it; no restitution is given"
     return ratio, "", ""
-
-
-def excessive(ratio: Estimate) -> str:
-    """Return what speaks against a ratio of speeds as a restitution, "" where nothing does."""
-    if ratio.value - CONTACTS.coverage * ratio.u <= 1:
-        return ""
-    return (
-        f"the speeds have the ratio {ratio.value:.3g}, and nothing at rest gives back more than it "
-        "takes: it moved, or something else was followed; no restitution is given"
-    )

@@ -54,7 +54,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     if np.isnan(radius).all():
         raise InputError(str(path), "radius_px", None, "at least one place needs it")
     found["radius"] = np.where(np.isnan(radius), np.nanmedian(radius), radius)
-    found["length"], found["radius_u"] = found["radius"], 0.03 * found["radius"]
+    found["length"], found["edge"] = found["radius"], 0.1 * found["radius"]
     times = _column(path, rows, "time_s", np.nan) / usual_step(clip.times)
     order = np.argsort(frames)
     found, t = found[order], np.where(np.isnan(times), frames, times)[order]

@@ -1,4 +1,4 @@
-"""What a clip's rulers say against each other: lengths, gravity and the frame rate."""
+"""What speaks against a clip's flights: its rulers, frames, camera, and what else moves."""
 
 from __future__ import annotations
 
@@ -9,15 +9,22 @@ import numpy as np
 
 from virtual_lab.errors import InputError
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.video.follow.contacts import Note
-from virtual_lab.video.follow.known import BALL, GIVEN, ClipKnowledge
+from virtual_lab.video.find.watching import Watched
+from virtual_lab.video.follow.contacts import Contact
+from virtual_lab.video.follow.flights import beside
+from virtual_lab.video.follow.known import BALL, GIVEN, ClipKnowledge, Note
+from virtual_lab.video.follow.models import FittedFlights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import SAID, Ruler, off_u
+from virtual_lab.video.follow.scene import FlightScene
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoubtSettings:
     """How far off g, or one ruler off another, is no chance: u of it, and a share of it."""
+
+    moved: float = 0.1  # radii a frame: a ball that moves less may well look the same
+    drift_matters: float = 0.002  # of a flight's speed
 
     apart: tuple[float, float] = (3.0, 0.04)  # all flights together
     apart_alone: tuple[float, float] = (5.0, 0.1)  # one flight
@@ -25,7 +32,7 @@ class DoubtSettings:
     bent: float = 0.05  # radii that no gravity bends a short way by
 
 
-DOUBTS = DoubtSettings()
+FALLS = DoubtSettings()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,12 +47,12 @@ class Falls:
     step: float  # seconds of a frame
 
     def sag(self, way: Piece) -> float:
-        """Return by how many radii 1 m/s² bends a flight."""
+        """Radii by which 1 m/s² bends a flight."""
         length = self.scale.metres_per_pixel * way.radius
         return float((self.step * np.ptp(way.t)) ** 2 / 8 / length)
 
     def shown(self, way: Piece, pull: Estimate) -> bool:
-        """Return whether gravity, or what a flight falls with, bends it by more than a radius."""
+        """Whether gravity, or what a flight falls with, bends it by more than a radius."""
         return self.sag(way) * max(self.known.gravity, pull.value) > 1
 
     @property
@@ -55,8 +62,8 @@ class Falls:
 
     def require_rate(self, where: str) -> None:
         """Raise `InputError` where balls fall so fast that the frame rate must be another."""
-        least = self.shared.value - DOUBTS.apart[0] * self.shared.u
-        if least < DOUBTS.absurd * self.known.gravity:
+        least = self.shared.value - FALLS.apart[0] * self.shared.u
+        if least < FALLS.absurd * self.known.gravity:
             return
         if any(self.shown(way, self.shared) for way in self.ways):
             allowed = (
@@ -66,13 +73,13 @@ class Falls:
             raise InputError(where, "frames per second", f"{self.known.rate:.6g}", allowed)
 
     def against(self) -> list[Note]:
-        """Return what speaks against length and frame rate."""
+        """Say what speaks against length and frame rate."""
         g, judged = self.known.gravity, []
         for way, pull in zip(self.ways, self.pulls, strict=True):
-            if self.shown(way, pull) or self.sag(way) * abs(pull.value - g) > DOUBTS.bent:
-                judged.append((pull, *DOUBTS.apart_alone))
+            if self.shown(way, pull) or self.sag(way) * abs(pull.value - g) > FALLS.bent:
+                judged.append((pull, *FALLS.apart_alone))
         if judged:
-            judged.append((self.shared, *DOUBTS.apart))
+            judged.append((self.shared, *FALLS.apart))
         for each, coverage, share in judged:
             if abs(each.value - g) > max(coverage * each.u, share * g):
                 words = (
@@ -85,13 +92,13 @@ class Falls:
 
 
 def against_size(rulers: Sequence[Ruler]) -> list[Note]:
-    """Return what speaks against a ball's size where another length is given."""
+    """Say what speaks against a ball's size where another length is given."""
     by = {each.source: each for each in rulers}
     if not {GIVEN, BALL} <= set(by):
         return []
     given, ball = by[GIVEN], by[BALL]
     ratio, apart = given.metres_per_pixel / ball.metres_per_pixel, abs(off_u(given, ball))
-    coverage, share = DOUBTS.apart
+    coverage, share = FALLS.apart
     if apart < coverage or abs(ratio - 1) < share:
         return []
     words = (
@@ -99,3 +106,86 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
         "standard uncertainties off): one of the two is wrong"
     )
     return [("BALL_SIZE", words)]
+
+
+def against_flights(
+    scene: FlightScene, watched: Watched, found: Sequence[Piece], ways: Sequence[Piece]
+) -> list[Note]:
+    """Tell of a second ball, a background that leaps while one flies, and frames left out."""
+    if not ways:
+        return []
+    notes = []
+    if more := beside(scene, ways, found):
+        first = min(int(each.frames[0]) for each in more)
+        words = (
+            f"another ball flies beside the one followed, from frame {first} on: --ball-at says "
+            "which is meant; where they are alike flights may be mixed up"
+        )
+        notes.append(("SECOND_BALL", words))
+    frames = np.concatenate([way.frames for way in ways])
+    leaps = {k: by for k, by in watched.leaps.items() if frames.min() < k <= frames.max()}
+    if leaps:
+        words = (
+            f"the background leaps by {max(leaps.values()):.2g} pixels (before frame "
+            f"{min(leaps)}): the camera's drift was lost there, and flights about it may be "
+            "bent or broken; --tripod says that the camera stands"
+        )
+        notes.append(("DRIFT_LEAPS", words))
+    if lost := scene.lost(ways):
+        where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
+        words = f"frames are missing though time stamps are even ({where}): time was mended"
+        notes.append(("LOST_FRAMES", words))
+    return notes
+
+
+def without_flight(found: Sequence[Piece]) -> str:
+    """Why there is no flight, and what to try."""
+    if not found:
+        return (
+            "nothing round was seen to move smoothly through five frames: --ball-at X,Y@FRAME "
+            "points at the ball, --frames and --region leave out what else moves"
+        )
+    places = sum(len(each.t) for each in found)
+    return (
+        f"nothing falls as gravity lets a ball: what moves ({places} places) is carried, hangs, "
+        "rolls, or is no ball; --ball-at X,Y@FRAME points at it, and the rate (--fps) must be true"
+    )
+
+
+def of_camera(model: FittedFlights, drift: float) -> list[Note]:
+    """Tell what the flights show of the camera; `drift`: that nothing shows [px/frame]."""
+    notes, fit = [], model.fit
+    if model.tilted:
+        words = (
+            "the acceleration changes over the picture as before a camera that looks up or down by "
+            "ten degrees or more: scale and speeds are those of its middle, by a fitted perspective"
+        )
+        notes.append(("TILTED", words))
+    if fit.readout and model.longest:
+        words = (
+            f"the shutter rolls: the flights fit a readout of about {fit.readout:.2g} of a "
+            "frame, and the speeds' u covers any up to a frame; --readout says how long it is"
+        )
+        notes.append(("ROLLING_SHUTTER", words))
+    if drift > FALLS.drift_matters * np.hypot(*fit.states[:, 2:].T).min():
+        words = (
+            "the background has too few edges to show whether the camera moves: the u of "
+            "speeds and restitutions covers a hand's usual drift; --tripod says that the "
+            "camera stands"
+        )
+        notes.append(("DRIFT_UNSEEN", words))
+    return notes
+
+
+def of_readout(contacts: Sequence[Contact], rolled: Sequence[Contact]) -> Note:
+    """Note of a readout nobody speaks of, by contacts found with half a frame's."""
+    by = {each.before: each.restitution for each in rolled}
+    pairs = [(each.restitution, by.get(each.before)) for each in contacts]
+    most = max((abs(one.value - other.value) for one, other in pairs if one and other), default=0.0)
+    words = (
+        "neither --readout nor --global-shutter is given: a shutter may roll for up to a "
+        "frame, and the speeds' u covers that"
+    )
+    if any(one for one, _ in pairs):
+        words += f"; a restitution's does not: half a frame would change one by {most:.2g}"
+    return "READOUT_UNKNOWN", words

@@ -53,13 +53,9 @@ class FlightSearch:
     # a second ball
     second_travel: float = 4.0  # radii
     second_contrast: float = 0.5  # of the ball's: what has less is its shadow or mirror image
-    tilted_misfit: float = 0.6  # what a perspective shrinks it to, to be believed
-    # of places by circles alone; such a flight must be bent by so many radii: a hand has circles
-    circled: float = 0.5
-    circled_sag: float = 1.0
     # a readout that is not known
     readouts: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)  # frames, tried
-    good_spread: float = 0.015  # radii, that no other readout or perspective need mend
+    good_spread: float = 0.015  # radii, that no other readout need mend
     stated_readout: float = 4.0  # factor that the misfit shrinks by with another one: to say so,
     used_readout: float = 1.5  # and to decide which places belong
 
@@ -73,46 +69,28 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     flights = _of_one_gravity(scene, long)
     if not flights:
         return [], None
-    fitted = partial(_fitted, scene, readout=readout_of(scene, flights, FLIGHTS.used_readout))
+    fit_of = partial(fit_flights, scene, readout=readout_of(scene, flights, FLIGHTS.used_readout))
     for _ in range(FLIGHTS.rounds):
-        flights = _merged(scene, flights, fitted(flights))
-        flights = _aligned(scene, flights, fitted(flights))
+        flights = _merged(scene, flights, fit_of(flights))
+        flights = _aligned(scene, flights, fit_of(flights))
         before = [each.frames.tolist() for each in flights]
-        flights = _parted(scene, _refilled(scene, flights, fitted(flights)))
+        flights = without_contacts(scene, _refilled(scene, flights, fit_of(flights)))
         flights = [each for each in flights if len(each.t) >= FLIGHTS.side_places]
         if not flights or [each.frames.tolist() for each in flights] == before:
             break
     flights = [each for each in flights if len(each.t) >= FLIGHTS.least_places]
     while flights:
         readout = readout_of(scene, flights, FLIGHTS.used_readout)
-        fit = _fitted(scene, flights, readout=readout)
+        fit = fit_flights(scene, flights, readout=readout)
         ended = _ended(scene, flights, fit)
         if [len(each.t) for each in ended] != [len(each.t) for each in flights]:
             flights = [each for each in ended if len(each.t) >= FLIGHTS.least_places]
             flights = [each for each in flights if _travel(each) >= GROWTH.hop * each.radius]
             continue
-        if not all(shown := [_shown(scene, each, fit) for each in flights]):
-            flights = [each for each, good in zip(flights, shown, strict=True) if good]
-            continue
         if _holds(scene, flights, fit):
             return flights, fit
         flights.pop(int(np.argmax([(left**2).mean() for left in fit.residuals])))
     return [], None
-
-
-def _fitted(scene: FlightScene, flights: Sequence[Piece], readout: float) -> Fit:
-    """Return the fit of flights, with a perspective where they fit that clearly better."""
-    flat = fit_flights(scene, flights, readout=readout)
-    if flat.spread < FLIGHTS.good_spread * float(np.median([each.radius for each in flights])):
-        return flat
-    tilted = fit_flights(scene, flights, readout=readout, tilt_u=FLIGHT_FIT.tilt_u)
-    return tilted if tilted.cost < FLIGHTS.tilted_misfit * flat.cost else flat
-
-
-def _shown(scene: FlightScene, flight: Piece, fit: Fit) -> bool:
-    """Return whether a flight is more than circles that a hand may have."""
-    bent = _sag(fit.pull[0], flight) > FLIGHTS.circled_sag * flight.radius
-    return bent or float(scene.circled(flight.blobs).mean()) < FLIGHTS.circled
 
 
 def _ended(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> list[Piece]:
@@ -199,7 +177,7 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
 
 
 def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
-    """Return where neighbouring flights meet: the number of the one in, and the time [frames]."""
+    """Where neighbouring flights meet: the number of the one in, and the time [frames]."""
     found = []
     for k, (one, other) in enumerate(pairwise(flights)):
         start, end = one.t[-1], other.t[0]
@@ -346,8 +324,6 @@ def _falls(scene: FlightScene, piece: Piece, pull: Array, u: float, rms: float) 
         return _may_fall(piece, pull)
     # gravity would show: is it there, or does a wrong frame rate make it look larger or less?
     ratio = size / expected
-    if scene.doubled and 0.125 < ratio < 0.5:
-        ratio *= 4  # stored twice, and played at the rate it was filmed with
     sharp = len(piece.t) >= 2 * FLIGHTS.least_places and rms < FLIGHTS.sharp_radii * radius
     sharp |= bent > FLIGHTS.deep_sag * radius and rms < FLIGHTS.sharp_share * bent
     sharp &= size > 8 * u and bent > FLIGHTS.sag * radius
@@ -486,7 +462,7 @@ def _nearest(
     return int(there[best]) if off[best] < min(room, 0.5 * piece.radius) else None
 
 
-def _parted(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
+def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
     """Return flights without places whose exposure spans a contact."""
     if len(flights) < 2:
         return flights

@@ -1,5 +1,11 @@
 """Flights fitted together: one g, one drag per length, a place and a velocity for each.
 
+The camera is taken to be level, so that its perspective is small; a scene may know g and drag.
+Places without u scatter as they do; those of a calibrated camera have u from noise, and from the
+ball's own pattern, which moves its apparent centre slowly, as it turns: neighbouring frames err
+alike, residuals hide it, and the speed takes it all. How large it is comes from the pictures; how
+slow, from residuals.
+
 Pixels and frames throughout. Drag takes k v² off the speed; for a sphere of radius r and density
 ρ_b k r = 3/8 C_d ρ/ρ_b: 0.0002 for a golf ball, 0.0025 for a table tennis ball, 0.01 for a ball
 blown up (20 kg/m³; C_d 0.45, ρ 1.2 kg/m³). That is all that is known of it before, and where the
@@ -29,7 +35,9 @@ class FlightFit:
 
     drag: float = 0.003  # k r before the clip says anything
     drag_u: float = 0.008
-    tilt_u: float = 0.5  # of a camera's perspective, of which nothing is known: 30 degrees
+    # of a perspective over the picture's longer side: tan(tilt) over the focal length by that side,
+    # 0.8 of a phone, of a camera level to 5 degrees; flights before a tilted one show more
+    level_u: float = 0.109
     runge_kutta_steps: int = 2  # from a flight's middle to a place: 1e-6 of the way
     rounds: int = 12
     settled_u: float = 0.02  # standard uncertainties that a parameter still moves by at the end
@@ -37,6 +45,8 @@ class FlightFit:
     outlier_radii: float = 0.05  # but none within so many radii
     least_spread: float = 0.02  # pixels
     correlation: float = 0.8  # of neighbouring residuals, at most
+    lags: tuple[float, float] = (0.02, 30.0)  # of a pattern, in times that the flight is seen
+    pattern_odds: float = 10.0  # residuals that show so much less than it should are still its own
 
 
 FLIGHT_FIT = FlightFit()
@@ -58,7 +68,6 @@ class Fit:
     spread: float  # robust standard deviation of a coordinate's residual
     cost: float  # sum of squares, far ones clipped
     readout: float  # [frames]
-    tilt_u: float  # of the perspective before, 0: there is none
 
     def with_vector(self, vector: Array) -> Fit:
         """Return the fit with other parameters."""
@@ -114,9 +123,9 @@ def fit_flights(
     readout: float | None = None,
     drag: bool = True,
     shared: bool = True,
-    tilt_u: float = 0.0,
+    tilt_u: float = FLIGHT_FIT.level_u,
 ) -> Fit:
-    """Return the joint fit of flights of four places or more each.
+    """Joint fit of flights of four places or more each, of three where g is known.
 
     Parameters
     ----------
@@ -125,35 +134,89 @@ def fit_flights(
     drag, shared
         Whether there is drag, and one g for all.
     tilt_u
-        Of the perspective before, over the picture's longer side; 0: there is none.
+        Of the perspective before, over the picture's longer side; 0, and for places of a calibrated
+        camera: there is none.
     """
     readout = (scene.readout or 0.0) if readout is None else readout
     times = [each.t + readout * scene.late(each.blobs) for each in flights]
     of = np.repeat(np.arange(len(flights)), [len(t) for t in times])
     middles = np.array([t.mean() for t in times])
-    xy = np.concatenate([each.xy for each in flights])
     radius = float(np.median([each.radius for each in flights]))
+    own = [np.ones(len(each.t)) if each.u is None else each.u for each in flights]
     model = _FlightModel(
         dt=np.concatenate(times) - middles[of],
         of=of,
+        xy=np.concatenate([each.xy for each in flights]),
+        own=np.concatenate(own),
+        sharp=flights[0].u is not None,
         centre=(np.array(scene.size) - 1) / 2,
         radius=radius,
     )
-    vector = model.start(xy, shared=shared)
-    k = len(vector) - 4 * len(flights) - 3  # drag's place in the vector, before the tilt's
-    before, u = np.zeros(len(vector)), np.full(len(vector), np.inf)
-    before[k], u[k] = FLIGHT_FIT.drag / radius, FLIGHT_FIT.drag_u / radius
-    u[k + 1 : k + 3] = tilt_u / max(scene.size)
-    parts = [k, 1, 2, 4 * len(flights)]
-    free = np.flatnonzero(np.repeat([True, drag, tilt_u > 0, True], parts))
-    vector[k] = before[k] if drag else 0.0
-    dragless = False
+    before = model.start(shared=shared, pull=scene.pull)
+    k = len(before) - 4 * len(flights) - 3  # drag's place in the vector, before the tilt's
+    u = np.full(len(before), np.inf)
+    u[:k] = np.inf if scene.pull is None else 0.0
+    said = scene.drag or (FLIGHT_FIT.drag / radius, FLIGHT_FIT.drag_u / radius)
+    before[k], u[k] = said if drag else (0.0, 0.0)
+    if model.sharp:  # a pattern would pass for drag
+        u[k] = 0.0
+    u[k + 1 : k + 3] = 0.0 if model.sharp else tilt_u / max(scene.size)
+    vector, inverse, room = _solved(model, before, u, k)
+    left = model.xy - model.places(vector)
+    off = np.hypot(*left.T) / model.own
+    clipped = np.minimum(off, room) ** 2
+    free = np.flatnonzero(u > 0)
+    scatter = float(np.sqrt(clipped.sum() / max(1.0, 2 * len(off) - len(free))))
+    scatter = max(FLIGHT_FIT.least_spread, scatter)
+    covariance = np.zeros((len(vector), len(vector)))
+    covariance[np.ix_(free, free)] = inverse
+    residuals = np.split(left, np.flatnonzero(np.diff(of)) + 1)
+    if model.sharp:
+        for n, (flight, rest) in enumerate(zip(flights, residuals, strict=True)):
+            added = _pattern(flight, rest, model.dt[of == n])
+            for axis in (0, 1):
+                at = k + 3 + 4 * n + np.array([axis, 2 + axis])
+                covariance[np.ix_(at, at)] += added
+    else:
+        covariance *= scatter**2 * _alike(left, of)
+        # a flight whose places scatter more than all do knows less of itself
+        wide = [float(np.median(off[of == n])) / 1.1774 / scatter for n in range(len(flights))]
+        grown = np.concatenate([np.ones(k + 3), np.repeat(np.maximum(wide, 1.0), 4)])
+        covariance *= np.outer(grown, grown)
+    return Fit(
+        **_parts(vector, len(flights)),
+        middles=middles,
+        centre=model.centre,
+        covariance=covariance,
+        vector=vector,
+        residuals=residuals,
+        spread=scatter * float(np.median(model.own)),
+        cost=float(clipped.sum()),
+        readout=readout,
+    )
+
+
+def _solved(model: _FlightModel, before: Array, u: Array, k: int) -> tuple[Array, Array, float]:
+    """Solve by Gauss and Newton: parameters, covariance by a scatter of 1, and room of a place.
+
+    Parameters
+    ----------
+    before, u
+        What is known of parameters, inf: nothing, 0: they stay.
+    k
+        The drag's place among them.
+    """
+    free, vector, dragless = np.flatnonzero(u > 0), before.copy(), False
     for _ in range(FLIGHT_FIT.rounds):
-        left = xy - model.places(vector)
+        left = (model.xy - model.places(vector)) / model.own[:, None]
         off = np.hypot(*left.T)
         spread = max(FLIGHT_FIT.least_spread, float(np.median(off)) / 1.1774)
-        room = max(FLIGHT_FIT.outlier_spreads * spread, FLIGHT_FIT.outlier_radii * radius)
-        jacobian = model.jacobian(vector, free)
+        if model.sharp:  # places have the u that they are said to have
+            room, spread = np.inf, 1.0
+        else:
+            room = FLIGHT_FIT.outlier_radii * model.radius
+            room = max(FLIGHT_FIT.outlier_spreads * spread, room)
+        jacobian = model.jacobian(vector, free) / model.own[:, None, None]
         weighted = jacobian * (1 / np.sqrt(1 + (off / room) ** 2))[:, None, None]
         normal = np.einsum("rci,rcj->ij", weighted, jacobian) / spread**2
         right = np.einsum("rci,rc->i", weighted, left) / spread**2
@@ -172,29 +235,46 @@ def fit_flights(
             vector[k], dragless = 0.0, True
         elif np.abs(step * scale).max() < FLIGHT_FIT.settled_u:
             break
-    left = xy - model.places(vector)
-    off = np.hypot(*left.T)
-    clipped = np.minimum(off, room) ** 2
-    scatter = float(np.sqrt(clipped.sum() / max(1.0, 2 * len(xy) - len(free))))
-    scatter = max(FLIGHT_FIT.least_spread, scatter)
-    covariance = np.zeros((len(vector), len(vector)))
-    covariance[np.ix_(free, free)] = inverse * ((scatter / spread) ** 2 * _alike(left, of))
-    # a flight whose places scatter more than all do knows less of itself
-    own = [float(np.median(off[of == n])) / 1.1774 / scatter for n in range(len(flights))]
-    grown = np.concatenate([np.ones(k + 3), np.repeat(np.maximum(own, 1.0), 4)])
-    covariance *= np.outer(grown, grown)
-    return Fit(
-        **_parts(vector, len(flights)),
-        middles=middles,
-        centre=model.centre,
-        covariance=covariance,
-        vector=vector,
-        residuals=np.split(left, np.flatnonzero(np.diff(of)) + 1),
-        spread=scatter,
-        cost=float(clipped.sum()),
-        readout=readout,
-        tilt_u=tilt_u,
-    )
+    return vector, inverse / spread**2, room
+
+
+def _pattern(flight: Piece, residuals: Array, late: Array) -> Array:
+    """Covariance of place and velocity along an axis that a ball's pattern adds to noise's, (2, 2).
+
+    `late` (place,) is from the flight's middle [frames].
+    """
+    t, u, pattern_u = flight.t, flight.u, flight.pattern_u
+    assert u is not None
+    design = np.stack([np.ones_like(late), late], axis=1)
+    solver = np.linalg.pinv(design / u[:, None]) / u
+    noise = (solver * u**2) @ solver.T
+    count, spare = len(t), len(t) - 2
+    if spare < 1:
+        return np.asarray(pattern_u**2 * solver @ solver.T)
+    excess = float(np.sum(residuals**2 - u[:, None] ** 2 * spare / count)) / (2 * spare)
+    if excess <= 0 and pattern_u == 0:
+        return np.zeros((2, 2))
+    shown, slow = [], []
+    for lag in np.geomspace(*FLIGHT_FIT.lags, 24) * float(np.ptp(t)):
+        like = np.exp(-0.5 * ((t[:, None] - t) / lag) ** 2)
+        moved = solver @ like
+        slow.append(moved @ solver.T)
+        # the trace of (1 - design solver) like (1 - design solver)^T
+        fitted = float(np.sum(design.T @ design * slow[-1])) - 2 * float(np.sum(moved * design.T))
+        shown.append((count + fitted) / spare)
+    # what the residuals show beyond noise the pattern may have made, or something unknown
+    power = max(pattern_u**2, excess / shown[0])
+    # a slow pattern shows little in the residuals of one flight, by chance still less
+    most = FLIGHT_FIT.pattern_odds * max(excess, float(np.mean(u**2)) / np.sqrt(spare))
+    possible = [each for each, part in zip(slow, shown, strict=True) if power * part <= most]
+    worst = max(possible or slow[:1], key=lambda each: float(each[1, 1]))
+    if excess <= pattern_u**2:
+        return np.asarray(power * worst)
+    # known by few residuals, and by nothing else
+    from scipy.special import stdtrit
+
+    wide = (float(stdtrit(2 * spare, 0.975)) / 1.959964) ** 2
+    return np.asarray(wide * (noise + power * worst) - noise)
 
 
 def _parts(vector: Array, flights: int) -> dict[str, Any]:
@@ -210,22 +290,29 @@ def _parts(vector: Array, flights: int) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FlightModel:
-    """The places that a vector of parameters gives."""
+    """Places seen, and those that a vector of parameters gives."""
 
     dt: Array  # (place,) from the middle of its flight [frames]
     of: Ints  # (place,) number of its flight
+    xy: Array  # (place, 2)
+    own: Array  # (place,) u, 1 where it is not known
+    sharp: bool  # it is
     centre: Array
     radius: float
 
-    def start(self, xy: Array, *, shared: bool) -> Array:
-        """Return the parameters of parabolas, without drag and tilt."""
-        solved, weights = [], []
+    def start(self, *, shared: bool, pull: Array | None) -> Array:
+        """Parameters of parabolas, without drag and tilt, by a pull (2,) that is known or not."""
+        solved, weights, xy = [], [], self.xy
+        if pull is not None:
+            xy = xy - pull * self.dt[:, None] ** 2 / 2
         for k in range(self.of[-1] + 1):
             own = self.of == k
-            solved.append(np.linalg.lstsq(np.vander(self.dt[own], 3), xy[own], rcond=None)[0])
+            powers = np.vander(self.dt[own], 3)[:, 0 if pull is None else 1 :]
+            solved.append(np.linalg.lstsq(powers, xy[own], rcond=None)[0])
             weights.append(max(own.sum() - 3, 0.1) ** 2.5)
-        half, velocity, place = np.moveaxis(np.array(solved), 1, 0)
-        pull = 2 * (np.average(half, axis=0, weights=weights) if shared else half)
+        *half, velocity, place = np.moveaxis(np.array(solved), 1, 0)
+        if pull is None:
+            pull = 2 * (np.average(half[0], axis=0, weights=weights) if shared else half[0])
         return np.concatenate([pull.ravel(), np.zeros(3), np.hstack([place, velocity]).ravel()])
 
     def places(self, vector: Array) -> Array:

@@ -13,6 +13,7 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import usual_step
 
 GIVEN, BALL, GRAVITY = "given", "ball", "gravity"  # rulers
+Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and a sentence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,6 +21,7 @@ class ClipKnowledge:
     """What a person knows of a clip, SI."""
 
     rate: float  # pictures stored in a true second, repeats counted
+    rate_u: float = 0.0  # relative
     ball: float | None = None  # diameter [m]
     ball_u: float = 0.0
     metres_per_pixel: float | None = None
@@ -34,10 +36,11 @@ class ClipKnowledge:
     frames: tuple[int, int] | None = None
     region: tuple[float, float, float, float] | None = None
     ball_at: tuple[float, float, int] | None = None  # x, y, frame
+    calibration: ClipCalibration | None = None  # of a camera by which the ball is located sharply
 
 
 def known_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
-    """Return what a calibration file says, as the following of any clip takes it.
+    """Knowledge of a clip by its calibration file.
 
     Whoever calibrates a camera is taken to have one that opens all its rows at once.
     """
@@ -54,4 +57,6 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
         gravity=float(np.hypot(*calibration.gravity_mps2)) or STANDARD_GRAVITY,
         readout=0.0,
         stands=True,
+        rate_u=calibration.frames_per_second_u / (calibration.frames_per_second or 1.0),
+        calibration=calibration,
     )

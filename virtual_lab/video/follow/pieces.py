@@ -83,6 +83,8 @@ class Piece:
     t: Array  # (place,) time in steps of a frame, lost ones counted
     xy: Array  # (place, 2) [pixels]
     radius: float
+    u: Array | None = None  # (place,) of x and y each, from noise [pixels]; None: by their scatter
+    pattern_u: float = 0.0  # the same from the ball's own pattern, alike in neighbouring frames
 
     @classmethod
     def of(cls, found: Blobs, blobs: Ints, t: Array) -> Piece:
@@ -97,9 +99,10 @@ class Piece:
         )
 
     def part(self, which: NDArray[np.bool_] | slice) -> Piece:
-        """Return some of the places."""
+        """Piece of some of the places."""
+        u = None if self.u is None else self.u[which]
         names = ("blobs", "frames", "t", "xy")
-        return replace(self, **{name: getattr(self, name)[which] for name in names})
+        return replace(self, u=u, **{name: getattr(self, name)[which] for name in names})
 
 
 def parabola(t: Array, xy: Array) -> tuple[Array, float, float]:

@@ -12,7 +12,7 @@ square to the flight, to θ = 5° (`LEVEL_U`), on air and on the place:
 
 * The perspective of a camera that looks up or down by θ, tan θ/f by its focal length, bends a
   flight as more or less g would: by 2 tan θ/f (v²/a + y) of it, some per cent at 5°. So the fit
-  has the perspective as a parameter, known to that before.
+  has the perspective as a parameter, known to that before (`follow.joint`).
 * Lengths along the tilt look shorter by cos θ, and so does g: a length across reads 1/cos θ - 1
   too long by it, .4 % at 5°. All of it is u.
 * Air bears the ball and is moved by it: it falls with g (1 - 3/2 ρ/ρ_b). Drag takes k v² with
@@ -51,14 +51,15 @@ class RulerSettings:
     """What u a ruler has beside its pictures', and when it is none."""
 
     roundest: float = 0.34  # of the places: those with the least blur show the ball's size
-    focal: float = 0.8  # length over the picture's longer side, of a phone: a shorter tilts more
-    steepest: float = 2.0  # LEVEL_U: a perspective that is fitted larger is no level camera's
+    # of the edge's width, and of what the axes differ by, as in a ball lit from the side: made-up
+    # clips in even, soft and hard light read 1 to 4, 5 to 7 and 30 to 40 % too small
+    edge_u: float = 0.12
+    oval_u: float = 0.6
     drag_coefficient: float = 0.45  # of a ball
     vague: float = 0.25  # of a length: more says nothing
 
 
 RULER = RulerSettings()
-TILT_U = float(np.tan(LEVEL_U)) / RULER.focal  # of a perspective over the picture's longer side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,122 +69,114 @@ class Ruler(PixelScale):
     fall: float | None = None  # g [m/frame²], of gravity's
     rest_u: float  # relative u beside what the fit's own parameters leave open
 
+    @classmethod
+    def of_plane(cls, plane: PixelScale, rate_u: float) -> Ruler:
+        """Ruler of a calibrated plane; `rate_u`: relative, of the frame rate."""
+        return cls(
+            metres_per_pixel=plane.metres_per_pixel,
+            relative_u=plane.relative_u,
+            source=plane.source,
+            rest_u=float(np.hypot(plane.relative_u, rate_u)),
+        )
+
     def unit(self, fit: Fit) -> float:
-        """Return the metres of a pixel by a fit."""
+        """Metres of a pixel by a fit."""
         if self.fall is None:
             return self.metres_per_pixel
         return self.fall / float(np.hypot(*fit.pull[0]))
 
 
 def off_u(one: PixelScale, other: PixelScale) -> float:
-    """Return how much larger another scale is, in the u of both: of their ratio's logarithm."""
+    """Logarithm of the ratio of another scale to one, in the u of both."""
     apart = float(np.log(other.metres_per_pixel / one.metres_per_pixel))
     return apart / float(np.hypot(one.relative_u, other.relative_u))
-
-
-def level_tilt(tilt: float) -> bool:
-    """Return whether a perspective over the picture's longer side is a level camera's."""
-    return tilt <= RULER.steepest * TILT_U
 
 
 def rulers_of(
     known: ClipKnowledge,
     blobs: Blobs,
-    fit: Fit | None,
-    level: FittedFlights | None,
+    model: FittedFlights | None,
     ways: Sequence[Piece],
-    longer_side: int,
     step: float,
     where: str,
-    *,
     mended: bool,
 ) -> list[Ruler]:
-    """Return the rulers that there are, first the one to be used.
+    """Rulers that there are, first the one to be used.
 
     Parameters
     ----------
     blobs
         The ball's, `find.blobs.BLOB`.
-    fit
-        Of its flights, None: it does not fly.
-    level
-        The same before a camera that is level to `LEVEL_U`.
-    longer_side
-        Of the picture [pixels].
+    model
+        Its flights fitted, None: it does not fly.
     step
         Seconds of a frame.
+    where
+        The clip, for an `InputError`: gravity was asked for, and shows nowhere.
     mended
         Whether lost frames were found by the motion itself: gravity, in which time enters squared,
         then comes after the ball's size.
-    where
-        The clip, for an `InputError`: gravity was asked for, and shows nowhere.
     """
-    given = ball = gravity = None
-    if known.metres_per_pixel:
-        relative = known.metres_per_pixel_u / known.metres_per_pixel
-        given = Ruler(
-            metres_per_pixel=known.metres_per_pixel,
-            relative_u=relative,
-            source=GIVEN,
-            rest_u=relative,
-        )
+    found = []
     if known.ball and len(blobs):
-        ball = _by_ball(blobs, known.ball, known.ball_u, fit)
-    if level and level_tilt(float(np.hypot(*level.fit.tilt)) * longer_side):
+        found.append(_by_ball(blobs, known.ball, known.ball_u, model.fit if model else None))
+    if model and not model.tilted:
         radius = float(np.median([each.radius for each in ways]))
-        gravity = _by_gravity(level, radius, known.gravity, known.gravity_u, step)
-    if known.ruler == GRAVITY and not gravity:
+        by_gravity = _by_gravity(model, radius, known.gravity, known.gravity_u, step)
+        found += [by_gravity] if by_gravity else []
+    if known.ruler == GRAVITY and not any(each.source == GRAVITY for each in found):
         allowed = (
             "no flight shows gravity to a quarter, or the camera is tilted by 10 degrees and more: "
             "give --ball or --scale"
         )
         raise InputError(where, "--ruler", GRAVITY, allowed)
-    found = sorted(
-        (each for each in (ball, gravity) if each),
-        key=lambda each: (mended and each is gravity, each.relative_u),
-    )
+    found.sort(key=lambda each: (mended and each.source == GRAVITY, each.relative_u))
     found.sort(key=lambda each: each.source != known.ruler)
-    return [*([given] if given else []), *found]
+    if known.metres_per_pixel:
+        relative = known.metres_per_pixel_u / known.metres_per_pixel
+        given = PixelScale(
+            metres_per_pixel=known.metres_per_pixel, relative_u=relative, source=GIVEN
+        )
+        found.insert(0, Ruler.of_plane(given, known.rate_u))
+    return found
 
 
-def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) -> Ruler | None:
-    """Return the ruler of a ball's size in its roundest pictures, None where none shows it.
+def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) -> Ruler:
+    """Ruler by a ball's size in its roundest pictures.
 
-    Blur draws an outline out by as much as it narrows it at half of the contrast, or little more:
-    the mean of the axes is not biased. A perspective makes balls larger or smaller than in the
+    Blur draws a hull out by as much as it narrows it at half of the contrast, or little more: the
+    mean of the axes is not biased. Shade makes the edge wide or the picture no circle, and the ball
+    then reads too small by a share of that. A perspective makes balls larger or smaller than in the
     middle of the picture, where the scale is taken.
     """
-    some = blobs[np.isfinite(blobs["radius_u"])]
-    if not len(some):
-        return None
-    ratio, size = some["length"] / some["radius"], (some["radius"] + some["length"]) / 2
+    ratio, size = blobs["length"] / blobs["radius"], (blobs["radius"] + blobs["length"]) / 2
     if fit:
-        size = size / (1 - (np.stack([some["x"], some["y"]], axis=1) - fit.centre) @ fit.tilt)
+        size = size / (1 - (np.stack([blobs["x"], blobs["y"]], axis=1) - fit.centre) @ fit.tilt)
     round_ = ratio <= np.quantile(ratio, RULER.roundest)
     radius = float(np.median(size[round_]))
     scatter = 1.4826 * float(np.median(np.abs(size[round_] - radius)))
-    edge, shade = (float(np.median(some[name][round_])) for name in ("radius_u", "shade_u"))
-    own = [diameter_u / diameter, edge / radius, shade / radius, 0.5 * scatter / radius]
-    relative = float(np.linalg.norm(own))
+    edge = RULER.edge_u * float(np.median(blobs["edge"][round_])) / radius
+    oval = RULER.oval_u * (float(np.median(ratio[round_])) - 1)
+    relative = float(np.linalg.norm([diameter_u / diameter, edge, oval, 0.5 * scatter / radius]))
     return Ruler(
         metres_per_pixel=diameter / (2 * radius), relative_u=relative, source=BALL, rest_u=relative
     )
 
 
 def _by_gravity(
-    level: FittedFlights, radius: float, gravity: float, gravity_u: float, step: float
+    model: FittedFlights, radius: float, gravity: float, gravity_u: float, step: float
 ) -> Ruler | None:
-    """Return gravity's ruler, None where flights show too little of it; `radius` in pixels."""
-    if not level.fit.pull.any():
+    """Ruler by gravity, None where flights show too little of it; `radius` in pixels."""
+    if not model.fit.pull.any():
         return None
-    air = 8 / 3 / RULER.drag_coefficient * level.fit.drag * radius  # its density over the ball's
+    air = 8 / 3 / RULER.drag_coefficient * model.fit.drag * radius  # its density over the ball's
     rest = [gravity_u / gravity, 1 / np.cos(LEVEL_U) - 1, 1.5 * air * EVEN_SHARE]
     rest_u = float(np.linalg.norm(rest))
     fall = gravity * step**2
     found = estimate_of(
         lambda f: fall / float(np.hypot(*f.pull[0])),
-        level.fit,
-        [*level.others, *level.longest],
+        model.fit,
+        [*model.dragless, *model.rest, *model.longest],
         relative_u=rest_u,
     )
     relative = found.u / found.value

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array, Mask
+from virtual_lab.units import Array
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.pieces import Piece
 
@@ -26,7 +26,8 @@ class FlightScene:
     fall: float | None = None  # g, in radii a frame² by the ball's size or in px/frame²
     fall_in_radii: bool = True
     readout: float | None = 0.0  # [frames]; None: unknown, up to one
-    doubled: bool = False  # every frame is stored twice
+    pull: Array | None = None  # (2,) g where it is known [px/frame²]
+    drag: tuple[float, float] | None = None  # the same of drag, with its u [1/px]
     readout_axis: tuple[int, int] = (1, 1)  # axis of the picture (0: x), and its sense
 
     def expected(self, radius: float) -> float | None:
@@ -50,12 +51,8 @@ class FlightScene:
         return float(other.t[0] - one.t[-1] - passed)
 
     def late(self, blobs: NDArray[np.intp]) -> Array:
-        """Return the share of the readout at which blobs were read."""
+        """Share of the readout at which blobs were read, (blob,)."""
         axis, sense = self.readout_axis
         at = self.found["picture_x" if axis == 0 else "picture_y"][blobs]
         share = np.clip(at / (self.size[axis] - 1), 0, 1)
         return np.asarray(share if sense > 0 else 1 - share)
-
-    def circled(self, blobs: NDArray[np.intp] | int) -> Mask:
-        """Return which blobs are circles of the ball's size alone."""
-        return np.asarray(np.isinf(self.found["radius_u"][blobs]))

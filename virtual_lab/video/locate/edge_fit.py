@@ -101,9 +101,8 @@ def fit_edge(
     """
     from virtual_lab.video.locate.edge_kernel import View
 
-    pixels, behind = (np.ascontiguousarray(e, float) for e in (seen.pixels, seen.background))
     ways = np.stack([start.blur_x, start.blur_y], axis=1)
-    p = np.zeros((len(pixels), len(AT)))
+    p = np.zeros((len(start.x), len(AT)))
     p[:, AT.x], p[:, AT.y] = (np.stack([start.x, start.y], axis=1) - seen.corners).T
     p[:, AT.radius] = start.radius
     p[:, [AT.oval_c, AT.oval_s]] = oval
@@ -112,7 +111,7 @@ def fit_edge(
     prior[[AT.level, AT.slope_x, AT.slope_y]] = 1e-12, *[1 / RIM_FIT.greatest_slope_dn**2] * 2
     none = np.full(3, np.nan)
     lost = Outline(p[0] * np.nan, np.diag(none), none, np.full(len(TALLY), np.nan), 0.0, 0.0)
-    found = [lost] * len(pixels)
+    found = [lost] * len(p)
     usable = np.isfinite(p).all(axis=1) & np.isfinite(ways).all(axis=1)
     if usable.any():
         width = sqrt(lens**2 + 1 / 12)  # a square pixel's variance is 1/12 along any direction
@@ -121,7 +120,10 @@ def fit_edge(
         rim = blurred_profiles(radius, width, RIM_FIT.depth_px, blur)
         sectors = int(np.clip(round(2 * pi * radius / RIM_FIT.sector_length_px), *RIM_FIT.sectors))
         for k in np.flatnonzero(usable):
-            view = View(pixels[k], behind[k], ways[k])
+            here, behind = (
+                np.ascontiguousarray(each[k], float) for each in (seen.pixels, seen.background)
+            )
+            view = View(here, behind, ways[k])
             with suppress(np.linalg.LinAlgError):
                 found[k] = _outline(view, rim, noise, prior, sectors, p[k])
     return _judged(found, start, seen)

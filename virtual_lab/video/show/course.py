@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,8 @@ from numpy.typing import NDArray
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.follow.following import FollowedClip
+from virtual_lab.video.follow.sharpening import SharpBall
 from virtual_lab.video.locate.located import PlaceFlag
-
-if TYPE_CHECKING:
-    from virtual_lab.video.track.tracking import Tracked
-
 
 COLUMNS = (
     *("frame", "time_s", "x_px", "y_px", "x_u_px", "y_u_px", "radius_px", "x_m", "y_m"),
@@ -43,6 +40,7 @@ class BallCourse:
     flight: list[str]  # name, "" outside of flights
     flags: list[str]
     residuals: Array  # (place, 2) off its flight, along and across [pixels]; NaN outside of flights
+    velocity: Array  # (place, 2) of its flight, right and up [m/s]; NaN outside of flights
     contacts: list[tuple[float, float, float]]  # time [s], x, y in the still frame
 
     @property
@@ -55,39 +53,10 @@ class BallCourse:
         return np.array([each == flight for each in self.flight], bool)
 
 
-def course_of_tracked(tracked: Tracked, found: FollowedClip) -> BallCourse:
-    """Return the course of a ball that was located sharply."""
-    located, legs = tracked.located, tracked.legs
-    scale = tracked.plane.metres_per_pixel
-    residuals = np.full((len(tracked.frames), 2), np.nan)
-    flight = np.full(len(tracked.frames), "", object)
-    for name, used, fitted in zip(("in", "out"), legs.used, legs.flights, strict=False):
-        residuals[used] = _turned(fitted.residuals, fitted.velocity) / scale
-        flight[used] = name
-    return BallCourse(
-        clip=tracked.clip,
-        frames=tracked.frames,
-        times=tracked.times,
-        xy=np.stack([located.x, located.y], axis=1),
-        drift=np.zeros((len(tracked.frames), 2)),
-        radius=located.radius,
-        reach=located.radius + np.hypot(located.blur_x, located.blur_y) / 2,
-        u=np.stack([located.x_u, located.y_u], axis=1),
-        metres=tracked.plane.places,
-        chi_square=located.chi_square,
-        flight=flight.tolist(),
-        flags=["|".join(str(e.name) for e in PlaceFlag(int(own))) for own in located.flags],
-        residuals=residuals,
-        contacts=_contacts(found),
-    )
-
-
-def _contacts(found: FollowedClip) -> list[tuple[float, float, float]]:
-    return [(e.time.value, float(e.place[0]), float(e.place[1])) for e in found.contacts]
-
-
-def course_of_followed(found: FollowedClip) -> BallCourse:
-    """Return the course of a ball that was followed: of its flights, else of all its pieces."""
+def course_of(found: FollowedClip) -> BallCourse:
+    """Course of a ball: of its flights, else of all its pieces."""
+    if found.sharp:
+        return _course_of_sharp(found, found.sharp)
     ways, clip = found.ways or found.pieces, found.clip
     if ways:
         frames = np.concatenate([way.frames for way in ways])
@@ -98,21 +67,10 @@ def course_of_followed(found: FollowedClip) -> BallCourse:
         names = ("x", "y", "picture_x", "picture_y", "radius", "length")
         some = np.full(len(frames), np.nan, [(name, float) for name in names])
         times = clip.times[frames]
-    flight = np.full(len(frames), "", object)
-    residuals, spread = np.full((len(frames), 2), np.nan), np.nan
-    if found.fit is not None:
-        spread = found.fit.spread
-        flight = np.repeat([str(k + 1) for k in range(len(ways))], [len(way.t) for way in ways])
-        residuals = np.concatenate(
-            [
-                _turned(left, found.fit.at(k, way.t.mean())[0, 2:])
-                for k, (left, way) in enumerate(zip(found.fit.residuals, ways, strict=True))
-            ]
-        )
     order = np.argsort(frames, kind="stable")
     frames, some, times = frames[order], some[order], times[order]
-    scale = found.scale.metres_per_pixel if found.scale else np.nan
     xy = np.stack([some["x"], some["y"]], axis=1)
+    spread = found.fit.spread if found.fit else np.nan
     return BallCourse(
         clip=clip,
         frames=frames,
@@ -122,13 +80,49 @@ def course_of_followed(found: FollowedClip) -> BallCourse:
         radius=(some["radius"] + some["length"]) / 2,  # as the scale takes it
         reach=np.array(some["length"]),
         u=np.full((len(frames), 2), spread),
-        metres=scale * xy,
+        metres=(found.scale.metres_per_pixel if found.scale else np.nan) * xy,
         chi_square=np.full(len(frames), np.nan),
-        flight=flight[order].tolist(),
         flags=[""] * len(frames),
-        residuals=residuals[order],
-        contacts=_contacts(found),
+        **_by_flight(found, frames),
     )
+
+
+def _course_of_sharp(found: FollowedClip, sharp: SharpBall) -> BallCourse:
+    located = sharp.located
+    return BallCourse(
+        clip=found.clip,
+        frames=sharp.frames,
+        times=found.clip.times[sharp.frames],
+        xy=np.stack([located.x, located.y], axis=1),
+        drift=np.zeros((len(sharp.frames), 2)),
+        radius=located.radius,
+        reach=located.radius + np.hypot(located.blur_x, located.blur_y) / 2,
+        u=np.stack([located.x_u, located.y_u], axis=1),
+        metres=sharp.plane.places,
+        chi_square=located.chi_square,
+        flags=["|".join(str(e.name) for e in PlaceFlag(int(own))) for own in located.flags],
+        **_by_flight(found, sharp.frames),
+    )
+
+
+def _by_flight(found: FollowedClip, frames: NDArray[np.intp]) -> dict[str, Any]:
+    """Names, residuals, speeds and contacts of flights, for a course of some frames."""
+    flight = np.full(len(frames), "", object)
+    residuals, speeds = np.full((2, len(frames), 2), np.nan)
+    for k, way in enumerate(found.ways if found.fit and found.scale else []):
+        assert found.fit is not None
+        assert found.scale is not None
+        own = np.searchsorted(frames, way.frames)
+        states = found.fit.at(k, way.t)
+        flight[own] = str(k + 1)
+        residuals[own] = _turned(found.fit.residuals[k], states[len(way.t) // 2, 2:])
+        speeds[own] = found.scale.metres_per_pixel / found.seconds * states[:, 2:] * [1, -1]
+    return {
+        "flight": flight.tolist(),
+        "residuals": residuals,
+        "velocity": speeds,
+        "contacts": [(e.time.value, float(e.place[0]), float(e.place[1])) for e in found.contacts],
+    }
 
 
 def rows_of(course: BallCourse) -> Iterator[tuple[Any, ...]]:

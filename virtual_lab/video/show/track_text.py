@@ -3,31 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from virtual_lab.output.rounding import decimals, with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, miles_per_hour
 from virtual_lab.video.calibration.plane import PixelScale
-from virtual_lab.video.follow.following import FollowedClip, MeasuredFlight
+from virtual_lab.video.follow.following import Flight, FollowedClip
 from virtual_lab.video.follow.ruler import SAID, off_u
 from virtual_lab.video.locate.located import PlaceFlag
-
-if TYPE_CHECKING:
-    from virtual_lab.video.track.tracking import Tracked
 
 RATIOS = {"floor": "speeds along the vertical", "wall": "speeds along the level"}
 
 
-def track_document(found: FollowedClip, tracked: Tracked | None = None) -> dict[str, Any]:
-    """Return the result; the keys of one contact are None where there is none, or several."""
-    before, after = _hit(found, tracked)
+def motion_of(found: FollowedClip) -> str:
+    """Motion that a clip shows: flights or none."""
+    return "flights" if found.flights else "none"
+
+
+def track_document(found: FollowedClip) -> dict[str, Any]:
+    """Write the result for JSON; keys of one contact are None where there is none or several."""
+    before, after = _hit(found)
     one = found.contacts[0] if len(found.contacts) == 1 else None
-    scale, motion = found.scale, found.motion
+    scale = found.scale
     return {
         "clip": found.clip.source.path.name,
-        "motion": motion.kind,
-        "period_s": _value_and_u(motion.period),
+        "motion": motion_of(found),
         "flights": [
             {
                 "first_frame": each.first_frame,
@@ -79,61 +82,67 @@ def track_document(found: FollowedClip, tracked: Tracked | None = None) -> dict[
                 for each in found.checks
             ],
         },
-        "exposure_s": tracked.exposure if tracked else found.known.exposure,
+        "exposure_s": found.sharp.exposure if found.sharp else found.known.exposure,
         "drag_per_m": found.drag_per_m,
         "counts": {
             "frames": found.clip.count,
-            "with_ball": _with_ball(found, tracked),
+            "with_ball": _with_ball(found),
             "in": before.places if before else 0,
             "out": after.places if after else 0,
-            "in_contact": int(tracked.legs.struck.sum()) if tracked else 0,
+            "in_contact": _in_contact(found),
             "lost": sum(found.lost.values()),
         },
         "flags": list(found.flags),
-        "frame_flags": _frame_flags(tracked) if tracked else {},
+        "frame_flags": _frame_flags(found),
         "warnings": list(found.warnings),
     }
 
 
-def _hit(
-    found: FollowedClip, tracked: Tracked | None
-) -> tuple[MeasuredFlight | None, MeasuredFlight | None]:
-    """Return the flights before and after one contact, or the only one."""
+def _hit(found: FollowedClip) -> tuple[Flight | None, Flight | None]:
+    """Flights before and after one contact, or the only one."""
     if len(found.contacts) == 1:
         return found.flights[found.contacts[0].before], found.flights[found.contacts[0].after]
     if len(found.flights) == 1:
         return found.flights[0], None
-    return (found.flights[0], found.flights[1]) if tracked else (None, None)
+    return (found.flights[0], found.flights[1]) if found.sharp else (None, None)
 
 
 def _value_and_u(result: Estimate | None, unit: float = 1.0) -> dict[str, float] | None:
     return {"value": result.value / unit, "u": result.u / unit} if result else None
 
 
-def _frame_flags(tracked: Tracked) -> dict[str, int]:
-    counts = {str(e.name): int(((tracked.located.flags & e) > 0).sum()) for e in PlaceFlag}
-    return {name: count for name, count in counts.items() if count}
+def _frame_flags(found: FollowedClip) -> dict[str, int]:
+    flags = found.sharp.located.flags if found.sharp else np.zeros(0, np.uint16)
+    return {str(e.name): count for e in PlaceFlag if (count := int(((flags & e) > 0).sum()))}
 
 
-def _with_ball(found: FollowedClip, tracked: Tracked | None) -> int:
-    """Return how many frames show the ball."""
-    if tracked:
-        return len(tracked.frames)
+def _in_contact(found: FollowedClip) -> int:
+    """Count of frames between the flights of a sharp hit, in which it is struck."""
+    if not found.sharp or not found.contacts:
+        return 0
+    before, after = found.flights[:2]
+    return after.first_frame - before.last_frame - 1
+
+
+def _with_ball(found: FollowedClip) -> int:
+    """Count of frames that show the ball."""
+    if found.sharp:
+        return len(found.sharp.frames)
     return sum([each.places for each in found.flights] or [len(each.t) for each in found.pieces])
 
 
-def track_text(found: FollowedClip, tracked: Tracked | None = None) -> str:
-    """Return the result in a few lines."""
-    motion, flights = found.motion, found.flights
+def track_text(found: FollowedClip) -> str:
+    """Write the result in a few lines."""
+    flights = found.flights
     lines = [
-        f"{found.clip.source.path.name}: {found.clip.count} frames, {motion.kind}, "
-        f"the ball in {_with_ball(found, tracked)}"
+        f"{found.clip.source.path.name}: {found.clip.count} frames, {motion_of(found)}, "
+        f"the ball in {_with_ball(found)}"
     ]
-    if motion.period:
-        lines.append(f"  period {_rounded(motion.period)} s")
     contacts = {each.before: each for each in found.contacts}
     for k, flight in enumerate(flights):
-        speeds = [flight.speed_in, flight.speed_out][: 2 - (flight.speed_in == flight.speed_out)]
+        speeds = [flight.speed_in, flight.speed_out]
+        if abs(speeds[0].value - speeds[1].value) < 0.1 * speeds[0].u:  # a hit's, by a calibration
+            speeds = speeds[:1]
         mph = " to ".join(f"{miles_per_hour(each.value):.2f}" for each in speeds)
         words = (
             f"  flight {k + 1}: frames {flight.first_frame} to {flight.last_frame}, "
@@ -179,7 +188,7 @@ def _scale_u(scale: PixelScale) -> float:
 
 def track_title(found: FollowedClip) -> str:
     """Return the result in a line."""
-    parts = [found.motion.kind]
+    parts = [motion_of(found)]
     ratios = [_plus_minus(each.restitution) for each in found.contacts if each.restitution]
     if ratios:
         parts.append(f"restitution {', '.join(ratios)} (k = 2)")

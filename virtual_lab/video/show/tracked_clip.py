@@ -25,12 +25,7 @@ from virtual_lab.video.clips.reading import Frame, open_source
 from virtual_lab.video.follow.correction import read_track
 from virtual_lab.video.follow.following import FollowedClip, follow, following
 from virtual_lab.video.follow.known import BALL, GRAVITY, ClipKnowledge, known_of
-from virtual_lab.video.show.course import (
-    BallCourse,
-    course_of_followed,
-    course_of_tracked,
-    write_table,
-)
+from virtual_lab.video.show.course import BallCourse, course_of, write_table
 from virtual_lab.video.show.track_text import track_document, track_text, track_title
 
 OPTIONS: dict[str, tuple[type | UnionType, str]] = {  # of an option's value, and an example
@@ -137,20 +132,13 @@ def track_clip(
     else:
         found = follow(clip, known, progress=progress)
     found = replace(found, notes=(*found.notes, *(("", words) for words in notes)))
-    tracked = None
-    if _wants_sharp(asked, found):
-        from virtual_lab.video.track.speeds import with_speeds
-        from virtual_lab.video.track.tracking import sharpened
-
-        tracked = sharpened(found, calibration, progress=progress)
-        found = with_speeds(found, tracked, calibration)
     # samples of a large clip take 50 MB, and have given what they can but how dark a picture is
     found = replace(found, clip=replace(clip, samples=clip.samples[:2].copy()))
     return TrackedClip(
         followed=found,
-        course=course_of_tracked(tracked, found) if tracked else course_of_followed(found),
-        document=track_document(found, tracked),
-        text=track_text(found, tracked),
+        course=course_of(found),
+        document=track_document(found),
+        text=track_text(found),
         title=track_title(found),
         progress=progress,
     )
@@ -227,6 +215,8 @@ def _for_clip(
         rate = clip.source.rate
         file = clip.source.path.is_file() and rate is not None and rate <= 480
         said["readout"] = None if file else 0.0
+    if asked.calibration is None or asked.corrected is not None:
+        said["calibration"] = None  # nothing by which to locate the ball sharply
     known, where = replace(known_of(clip, calibration), **said), str(clip.source.path)
     rows, columns = clip.shape
     if known.frames and known.frames[0] >= clip.count - 1:
@@ -239,12 +229,3 @@ def _for_clip(
         allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
         raise InputError(where, "--ball-at", asked.ball_at, allowed)
     return known
-
-
-def _wants_sharp(asked: Asked, found: FollowedClip) -> bool:
-    """Return whether the purpose needs more: a calibrated camera that stands, and one hit."""
-    if asked.calibration is None or asked.corrected is not None or found.watched.still.drifts:
-        return False
-    if asked.ruler == GRAVITY:
-        return False
-    return 0 < len(found.ways) <= 2 and not found.repeated.any()

@@ -1,0 +1,149 @@
+"""The flights of a clip that was watched, by each way that its time may be read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from virtual_lab.units import Mask
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.timing import uneven, usual_step
+from virtual_lab.video.find.watching import Watched
+from virtual_lab.video.follow.flights import flights_of
+from virtual_lab.video.follow.joint import Fit
+from virtual_lab.video.follow.known import ClipKnowledge
+from virtual_lab.video.follow.pieces import Piece, pieces
+from virtual_lab.video.follow.scene import FlightScene
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeSettings:
+    """How a clip's time is read."""
+
+    rounds: int = 4  # that pieces grow in, each knowing the gravity that the last one found
+    same_pull: float = 0.01  # of gravity: nothing new will be found by it
+    least_repeats: int = 2  # among the frames of flights, to ask whether they stand for time
+    every_other: float = 0.4  # of the frames that are repeats: every frame was stored twice
+    thinned_periods: range = range(3, 11)  # frames, of those left out of 30 a second to make 25
+
+
+TIME = TimeSettings()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightsFound:
+    """What was found by one reading of the clip's time."""
+
+    scene: FlightScene
+    support: float = -1.0
+    pieces: list[Piece] = field(default_factory=list)
+    ways: list[Piece] = field(default_factory=list)  # of the flights
+
+
+def search(clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask) -> FlightsFound:
+    """Flights by the time stamps, or by a count without the repeats `same` (frame,).
+
+    Where every frame is stored twice a count is all there is: one stored three times takes no time.
+    """
+    readings = [False, True] if same.sum() >= TIME.least_repeats else [False]
+    if float(same.mean()) > TIME.every_other:
+        readings = [True]
+    scenes = (clip_scene(clip, watched, known, same, squeezed=each) for each in readings)
+    return max((_searched(watched, known, each) for each in scenes), key=lambda each: each.support)
+
+
+def clip_scene(
+    clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask, *, squeezed: bool
+) -> FlightScene:
+    """Scene before the search; squeezed: a repeat takes no time."""
+    stamped = np.arange(clip.count, dtype=float)
+    if uneven(clip.times):
+        stamped = (clip.times - clip.times[0]) / usual_step(clip.times)
+    length = known.metres_per_pixel or (known.ball and known.ball / 2)
+    # pictures that a step of time takes, about
+    step = 1 / (1 - same.mean()) if squeezed else 1.0
+    return FlightScene(
+        found=watched.found,
+        time=np.where(same, np.nan, stamped - np.cumsum(same) if squeezed else stamped),
+        stamped=stamped,
+        size=(clip.shape[1], clip.shape[0]),
+        exposure=known.exposure and known.exposure * known.rate,
+        fall=known.gravity / length * (step / known.rate) ** 2 if length else None,
+        fall_in_radii=known.metres_per_pixel is None,
+        readout=known.readout and known.readout * known.rate,
+        readout_axis=known.readout_axis,
+    )
+
+
+def _searched(watched: Watched, known: ClipKnowledge, scene: FlightScene) -> FlightsFound:
+    best, pull = FlightsFound(scene=scene), None
+    for _ in range(TIME.rounds):  # where gravity is known also through frames that are missing
+        found = pieces(watched.found, scene.time, pull)
+        found = [p for p in found if not known.ball_at or _passes(watched, p, known.ball_at)]
+        ways, fit = flights_of(scene, found)
+        support = _support(scene, ways, fit) if fit else 0.0
+        before, pull = pull, fit.pull[0] if fit else None
+        if support > best.support:
+            best = FlightsFound(scene=scene, support=support, pieces=found, ways=ways)
+        if pull is None:
+            break
+        if before is not None and np.hypot(*(pull - before)) < TIME.same_pull * np.hypot(*pull):
+            break
+    return best
+
+
+def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> bool:
+    """Whether a piece is of the ball that is pointed at: it passes there or looks alike."""
+    x, y, frame = at
+    here = piece.frames == frame
+    if here.any():
+        return bool(np.hypot(*(piece.xy[here][0] - (x, y))) < 1.5 * piece.radius)
+    some = watched.found[watched.found["frame"] == frame]
+    if not len(some):
+        return True
+    one = some[int(np.argmin(np.hypot(some["x"] - x, some["y"] - y)))]
+    colour = np.median(watched.found["colour"][piece.blobs], axis=0) - one["colour"]
+    return bool(0.6 < piece.radius / one["radius"] < 1.6 and np.abs(colour).max() < 60)
+
+
+def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
+    """Support for flights: places beyond what was free to choose, over their scatter."""
+    radius = float(np.median([each.radius for each in ways]))
+    spare = sum(len(each.t) for each in ways) - 4 * len(ways) - len(scene.lost(ways))
+    return spare / (0.02 + fit.spread / radius)
+
+
+def step_of(known: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
+    """Seconds of a step of time: more than a picture's where repeats take no time.
+
+    How many pictures are repeats shows where the ball flies; where nothing moves it does not.
+    """
+    counted = np.flatnonzero(np.isfinite(scene.time))
+    if ways:
+        counted = np.sort(np.concatenate([way.frames for way in ways]))
+    if len(counted) < 2:
+        return 1 / known.rate
+    first, last = counted[0], counted[-1]
+    steps = (scene.stamped[last] - scene.stamped[first]) / (scene.time[last] - scene.time[first])
+    return float(steps * _thinned(scene, ways) / known.rate)
+
+
+def _thinned(scene: FlightScene, ways: Sequence[Piece]) -> float:
+    """Share of a stored picture's time that a step of time takes.
+
+    Where every so manieth frame was left out the file's rate is that of what is left: a step is
+    shorter. Frames that are lost here and there leave the rate as it was.
+    """
+    if sum(scene.lost(ways).values()) < TIME.least_repeats:
+        return 1.0
+    first = np.concatenate([way.frames[:-1] for way in ways])
+    last = np.concatenate([way.frames[1:] for way in ways])
+    lost = np.concatenate([np.diff(w.t) - np.diff(scene.time[w.frames]) for w in ways])
+    for period in TIME.thinned_periods:
+        for phase in range(period):
+            left_out = (last - phase) // period - (first - phase) // period
+            if (left_out == np.rint(lost)).all():
+                return period / (period + 1)
+    return 1.0

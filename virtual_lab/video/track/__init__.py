@@ -1,1 +1,0 @@
-"""The ball of a calibrated camera: located sharply, its two flights, their speeds."""
