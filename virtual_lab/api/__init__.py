@@ -746,7 +746,7 @@ def track(
         Called with what goes on.
     known
         fps, gravity as numbers; exposure, frames, region, ball_at, scale, readout, ruler as on
-        the command line; global_shutter, tripod.
+        the command line; global_shutter, tripod, phone.
 
     Raises
     ------

@@ -68,6 +68,12 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     is_flag=True,
     help="No rolling shutter: all rows are exposed at once.",
 )
+@click.option(
+    "--phone",
+    is_flag=True,
+    help="An ordinary phone's clip: its frame rate is true, its shutter may roll, and the ball's "
+    "size is known to 1 %. Nothing more is then said of these.",
+)
 @click.option("--tripod", is_flag=True, help="The camera stands still.")
 @click.option(
     "--track",

@@ -28,16 +28,19 @@ CIHX = """<cih><fileInfo><date>-</date></fileInfo>
 """
 
 
-def write_cine(path: Path, frames: list[NDArray[np.uint16]], rate: float) -> Path:
+def write_cine(
+    path: Path, frames: list[NDArray[np.uint16]], rate: float, blocks: bytes = b""
+) -> Path:
     """Write grey of 12 bits in 16, bottom row first, as Phantom's format has it."""
-    head = bytearray(11000)
+    head = bytearray(11000 + len(blocks))
+    head[11000:] = blocks
     offsets = len(head)
     size = frames[0].nbytes
     first = offsets + 8 * len(frames)
     struct.pack_into("<2sHHHiIiI", head, 0, b"CI", 44, 0, 1, 0, len(frames), 0, len(frames))
     struct.pack_into("<III", head, 24, 44, SETUP, offsets)
     struct.pack_into("<IiiHHII", head, 44, 40, SHAPE[1], SHAPE[0], 1, 16, 0, size)
-    struct.pack_into("<2sH", head, 224, b"ST", offsets - SETUP)
+    struct.pack_into("<2sH", head, 224, b"ST", 11000 - SETUP)
     struct.pack_into("<I", head, 980, 12)  # bits that are real
     struct.pack_into("<f", head, 10472, 1.0)  # one frame of each is kept
     struct.pack_into("<d", head, 10484, rate)
@@ -71,6 +74,22 @@ def test_a_cine_file(tmp_path: Path) -> None:
         np.testing.assert_array_equal(frame, true)
     clip = open_clip(tmp_path / "a.cine", ClipCalibration())
     assert np.diff(clip.times) == pytest.approx(1 / 12000)
+
+
+def test_time_stamps_and_exposure_of_a_cine_file(tmp_path: Path) -> None:
+    """Of 2^-32 s, since 1970: a double of that many seconds would be .2 us off."""
+    times = np.array([0, 1, 2, 4, 5, 6, 7]) / 12000  # one is missing
+    ticks = np.round((times + 0.25) * 2**32).astype("<u8") + (np.uint64(1_700_000_000) << 32)
+    exposures = np.full(7, round(20e-6 * 2**32), "<u4")
+    blocks = b"".join(
+        struct.pack("<IHH", 8 + len(data), kind, 0) + data
+        for kind, data in ((1002, ticks.tobytes()), (1003, exposures.tobytes()))
+    )
+    write_cine(tmp_path / "a.cine", FRAMES, 12000.0, blocks)
+    clip = open_clip(tmp_path / "a.cine", ClipCalibration())
+    assert clip.times == pytest.approx(times, abs=1e-9)
+    assert clip.source.exposure == pytest.approx(20e-6, rel=1e-5)
+    assert clip.warnings == ()
 
 
 @pytest.mark.parametrize("bits", [8, 12, 16])

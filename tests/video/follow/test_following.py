@@ -150,6 +150,53 @@ def test_a_background_that_leaps_is_said(leap: int) -> None:
     assert ("DRIFT_LEAPS" in found.flags) == bool(leap)
 
 
+def _thrown(shift: float = 0.0) -> NDArray[np.uint8]:
+    """Return pictures of a ball before a plain wall with a shelf, the last so far [px] aside."""
+    noise, late = np.random.default_rng(8), np.arange(60)
+    way = np.stack([30 + 5.6 * late, 200 - 7.5 * late + 0.125 * late**2], axis=1)
+    wall = np.full((240, 420), 60.0)
+    for column, row in ((20, 20), (20, 80), (120, 20), (120, 80)):
+        wall[row : row + 24, column : column + 24] = 140.0
+    frames = np.zeros((len(late), 240, 400), np.uint8)
+    for k, (x, y) in enumerate(way):
+        off = np.array([[1.0, 0.0, shift * k / 59], [0.0, 1.0, 0.0]])
+        behind = cv2.warpAffine(cv2.GaussianBlur(wall, (0, 0), 1.0), off, (420, 240))[:, :400]
+        share = matte((240, 400), x, y, 12.0)
+        grey = behind * (1 - share) + 200.0 * share + noise.normal(0, 1.0, behind.shape)
+        frames[k] = np.clip(np.rint(grey), 0, 255)
+    return frames
+
+
+KNOWN = ClipKnowledge(rate=60.0, ball=0.0953, ball_u=1e-3, stands=True, readout=0.0)
+
+
+def test_a_frame_stored_three_times_among_doubled_ones_costs_no_flight() -> None:
+    """A hundred and twenty a second, of which every second is a copy, and one a copy of that."""
+    late = np.insert(np.repeat(np.arange(60), 2), 61, 30)
+    found = follow(_clip(_thrown()[late]), replace(KNOWN, rate=120.0))
+    (flight,) = found.flights
+    assert flight.places >= 55
+    assert "REPEATED_FRAMES" in found.flags
+
+
+def test_rows_of_two_moments_are_refused() -> None:
+    """Sixty fields a second woven into thirty frames."""
+    frames = _thrown()
+    woven = frames[::2].copy()
+    woven[:, 1::2] = frames[1::2, 1::2]
+    with pytest.raises(InputError, match="interlaced.*each holds two fields"):
+        follow(_clip(woven), replace(KNOWN, rate=30.0))
+    assert follow(_clip(frames[::2]), replace(KNOWN, rate=30.0)).flights
+
+
+def test_a_few_edges_show_that_the_camera_stands() -> None:
+    """To a hundredth of a pixel a frame: a hand's 2 % of the picture a second are 8 pixels."""
+    found = follow(_clip(_thrown()), replace(KNOWN, stands=False))
+    assert not found.watched.still.shows_drift
+    assert found.watched.still.unseen_drift(1 / 60) < 0.01
+    assert "DRIFT_UNSEEN" not in found.flags
+
+
 def _clip(frames: NDArray[np.uint8]) -> Clip:
     """Return a stack of frames as a clip of 60 a second."""
     late = np.arange(len(frames))
@@ -164,7 +211,7 @@ def _clip(frames: NDArray[np.uint8]) -> Clip:
             sampled=late[::3],
             full_scale=255,
             pictures=lambda: iter(frames),
-            source=SimpleNamespace(path="clip"),
+            source=SimpleNamespace(path="clip", exposure=None),
         ),
     )
 

@@ -5,6 +5,7 @@ Their headers are read by cinereader and pyMRAW, the extra ``highspeed``.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -18,16 +19,21 @@ from virtual_lab.errors import InputError, with_extra
 from virtual_lab.video.clips.picture_size import require_size
 
 HIGHSPEED = (".cine", ".mraw", ".cihx", ".cih")
-Header = tuple[int, float | None, Any]  # frames, rate [1/s], what yields them
+# frames, rate [1/s], exposure [s], what yields them
+Header = tuple[int, float | None, float | None, Any]
+CINE_SETUP, CINE_SETUP_LENGTH = 28, 142  # B, of the setup's offset in the file, its length in it
+CINE_TIMES, CINE_EXPOSURES = 1002, 1003  # blocks of 64 and 32 bits an image, of 2^-32 s
 
 
 def cine(path: Path) -> Header:
-    """Return the frames of a .cine file: 8 to 16 bits, grey, P10 and P12L too."""
+    """Read a .cine file: 8 to 16 bits, grey, P10 and P12L too, with time stamps and exposure."""
     reader = _reader("cinereader", path, ".cine")
     try:
         head = reader.read_metadata(str(path))
         count, first = int(head.ImageCount), int(head.FirstImageNo)
-        rate = float(head.FrameRate)
+        rate, blocks = float(head.FrameRate), _cine_blocks(path)
+        ticks = np.frombuffer(blocks.get(CINE_TIMES, b""), "<u8")
+        opened = np.frombuffer(blocks.get(CINE_EXPOSURES, b""), "<u4")
     except Exception as fault:
         raise _unreadable(path, ".cine", fault) from fault
 
@@ -37,13 +43,31 @@ def cine(path: Path) -> Header:
                 image = np.asarray(reader.read_image(head, str(path), number))
             except Exception as fault:
                 raise _unreadable(path, ".cine", fault) from fault
-            yield np.ascontiguousarray(image), np.nan
+            stamp = (ticks[number - first] - ticks[0]) / 2**32 if len(ticks) == count else np.nan
+            yield np.ascontiguousarray(image), float(stamp)
 
-    return count, _sane(rate), read
+    exposure = float(np.median(opened)) / 2**32 if len(opened) == count else None
+    return count, _sane(rate), exposure, read
+
+
+def _cine_blocks(path: Path) -> dict[int, bytes]:
+    """Read what stands between a .cine file's setup and its images, by the kind of block."""
+    found = {}
+    with path.open("rb") as file:
+        setup, images = struct.unpack_from("<II", file.read(44), CINE_SETUP)
+        file.seek(setup + CINE_SETUP_LENGTH)
+        at = setup + struct.unpack("<H", file.read(2))[0]
+        while at + 8 <= images:
+            file.seek(at)
+            size, kind, _ = struct.unpack("<IHH", file.read(8))
+            if not 8 < size <= images - at:
+                break
+            found[kind], at = file.read(size - 8), at + size
+    return found
 
 
 def mraw(path: Path) -> Header:
-    """Return the frames of a .mraw file (8, 12 or 16 bits, grey) by the header beside it."""
+    """Read the frames of a .mraw file (8, 12 or 16 bits, grey) by the header beside it."""
     reader = _reader("pyMRAW", path, ".mraw")
     data = path.with_suffix(".mraw")
     headers = [data.with_suffix(each) for each in (".cihx", ".cih")]
@@ -71,7 +95,7 @@ def mraw(path: Path) -> Header:
                     return
                 yield _grey(raw, bits).reshape(rows, columns), np.nan
 
-    return count, _sane(rate), read
+    return count, _sane(rate), None, read
 
 
 def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:

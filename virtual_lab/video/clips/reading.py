@@ -36,6 +36,7 @@ class Source:
     declared: int  # frames the file says it holds
     estimated: bool = False  # estimated from the duration, not counted
     rate: float | None = None  # frames a second the file says
+    exposure: float | None = None  # of a frame [s], that the file says
     rotation: int = 0  # degrees clockwise that frames were turned as the file asks for
     # every so manieth picture at least, others may be None; each with its time [s], NaN: none
     read: Callable[[int], Iterator[tuple[Frame | None, float]]]
@@ -93,8 +94,8 @@ def open_source(path: Path | Frame) -> Source:
         return _array(path)
     if path.suffix.lower() in HIGHSPEED:
         read = cine if path.suffix.lower() == ".cine" else mraw
-        count, rate, frames = read(path)
-        return Source(path=path, declared=count, rate=rate, read=frames)
+        count, rate, exposure, frames = read(path)
+        return Source(path=path, declared=count, rate=rate, exposure=exposure, read=frames)
     return _stack(path) if path.suffix.lower() in (".tif", ".tiff") else _video(path)
 
 

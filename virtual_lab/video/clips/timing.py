@@ -11,7 +11,10 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import read_text
 from virtual_lab.units import Array
 from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.clips.highspeed import HIGHSPEED
 from virtual_lab.video.clips.reading import Source
+
+UNSURE_RATE = "the frame rate is the file's own"
 
 
 def frame_times(
@@ -57,10 +60,11 @@ def frame_times(
     if source.rate is None:
         allowed = "the clip says nothing of time: give --fps, frames_per_second or timestamps"
         raise InputError(str(source.path), "frames_per_second", None, allowed)
-    warnings.append(
-        f"the frame rate is the file's own, {source.rate:.6g} a second: a slow-motion file "
-        "declares the rate it plays at"
-    )
+    if kind not in HIGHSPEED:  # whose cameras write the rate they film with
+        warnings.append(
+            f"{UNSURE_RATE}, {source.rate:.6g} a second: a slow-motion file declares the rate it "
+            "plays at"
+        )
     if rounded or not (np.isfinite(stamps).all() and (np.diff(stamps) > 0).all()):
         return np.arange(count) / source.rate, tuple(warnings)
     return stamps, tuple(warnings)

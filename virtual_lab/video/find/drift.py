@@ -12,7 +12,7 @@ about the picture's middle. A hand turns a phone by a degree in a clip, and its 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -90,6 +90,13 @@ class Edges:
             shown = each[axis, count >= _ALIGN.part_pixels]
             found[axis] = (np.ptp(shown) + 1) / _ALIGN.parts if shown.size else 0.0
         return found
+
+    def steeper(self, slope: float) -> Edges:
+        """Edges so steep at full size [DN/px], alone."""
+        level = self.levels[-1]
+        kept = level.slope > slope
+        names = ("x", "y", "value", "design", "slope")
+        return Edges(levels=[replace(level, **{n: getattr(level, n)[kept] for n in names})])
 
     def shifted(self, grey: Image, guess: Array, before: Array | None = None) -> Array:
         """Return how a picture lies upon this one, (4,), shifted alone, found from near a guess.

@@ -80,6 +80,9 @@ class Still:
     sampled: Array
     shows_drift: bool  # edges that no codec keeps in place reach over the picture
     shows_turn: Mask  # which ways, x and y, those do that are steep that way
+    # how far it may drift each way by the few edges there are [pixels a frame], None: there are
+    # none, or enough
+    stands_to: float | None = None
 
     @property
     def drifts(self) -> bool:
@@ -88,6 +91,8 @@ class Still:
 
     def unseen_drift(self, step: float) -> float:
         """Drift, each way, that the picture does not show [px/frame]; `step`: seconds a frame."""
+        if self.stands_to is not None:
+            return self.stands_to
         return 0.0 if self.shows_drift else _STILL.hand_drift * max(self.size) * step
 
     @property
@@ -220,6 +225,10 @@ def still_of(
         _strongest(cv2.absdiff(moved_back(each, drift / full, first, behind), behind))
         for each, drift in zip(small, drifts, strict=True)
     ]
+    shows_drift = bool(_shown(edges, behind, own=False).any())
+    stands_to = None
+    if not (shows_drift or drifts.any() or len(greys) < 3):
+        stands_to = _stands_to(edges, behind.shape, greys)
     return Still(
         background=background,
         origin=(int(origin[0]), int(origin[1])),
@@ -229,7 +238,8 @@ def still_of(
         shrink=shrink,
         edges=edges,
         sampled=_usual(drifts),
-        shows_drift=bool(_shown(edges, behind, own=False).any()),
+        shows_drift=shows_drift,
+        stands_to=None if stands_to is None else stands_to * shrink / apart,
         shows_turn=_shown(edges, behind, own=True),
     )
 
@@ -307,6 +317,23 @@ def _shown(edges: Edges, grey: Image, *, own: bool) -> Mask:
     """Return which ways edges that no codec keeps in place reach over so much of a picture."""
     shown = edges.spans(grey.shape, _STILL.coded_still, own=own) >= _STILL.span[own]
     return shown & (not own or edges.parts(grey.shape, _STILL.coded_still) >= _STILL.turn_parts)
+
+
+def _stands_to(edges: Edges, shape: tuple[int, ...], greys: Sequence[Image]) -> float | None:
+    """Drift from one picture to the next that edges too few to follow leave open [pixels].
+
+    Twice the slope of their shifts, or twice its standard uncertainty. None: nearly all are of one
+    thing, which may move on its own.
+    """
+    if edges.parts(shape, _STILL.coded_still) < _STILL.turn_parts:
+        return None
+    steep, none = edges.steeper(_STILL.coded_still), np.zeros(4)
+    shifts = np.array([steep.shifted(each, none, none)[:2] for each in greys])
+    t = np.arange(len(greys)) - (len(greys) - 1) / 2
+    slope = t @ shifts / (t @ t)
+    rest = shifts - shifts.mean(axis=0) - t[:, None] * slope
+    u = np.sqrt((rest**2).sum(axis=0) / (len(t) - 2) / (t @ t))
+    return float(2 * np.maximum(np.abs(slope), u).max())
 
 
 def _misfits(edges: Sequence[Edges], whole: Edges, greys: Sequence[Image], drifts: Array) -> Array:

@@ -9,14 +9,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.errors import InputError
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
 from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 
 # off where the frames before lead: no hand moves a camera by more pixels, or turns it by more of
 # what it turns it by at most
 LEAP_PX, LEAP_SHARE = 3.0, 0.2
+# of second differences of neighbouring rows to those of every other row, in so many blobs about
+# which so much may be no background: of combs 1.5 to 3, of whole frames 0.4 to 1
+COMB_RATIO, COMB_BLOBS, COMB_DIRTY = 1.25, 3, 0.5
 NEAR_FRAMES = 12  # between samples: they lead better than the picture before
 
 
@@ -92,13 +97,45 @@ def watch(
         if kept:
             thumbs[number] = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
         found.append(blobs(number, picture, small, drift, still))
+    whole = in_region(np.concatenate(found), region)
+    if _combed(clip, whole):
+        allowed = (
+            "each holds two fields of other moments: deinterlace it to one frame a field, e.g. "
+            "ffmpeg -i CLIP -vf bwdif=1 NEW, and give twice the rate"
+        )
+        raise InputError(str(clip.source.path), "frames", "interlaced", allowed)
     return Watched(
         still=still,
-        found=in_region(np.concatenate(found), region),
+        found=whole,
         change=change,
         leaps=leaps,
         thumbs=thumbs,
     )
+
+
+def _combed(clip: Clip, found: Blobs) -> bool:
+    """Whether rows of what moves belong in turn to two moments.
+
+    Then a row differs more from its neighbours than from the rows next to them; of a whole frame
+    it differs less, or as much where there is noise alone.
+    """
+    combed = []
+    free = found[(found["dirty"] < COMB_DIRTY) & ~found["cut"]]
+    for number, sample in zip(clip.sampled, clip.samples, strict=True):
+        for blob in free[free["frame"] == number]:
+            reach = blob["length"] + 3
+            x, y = blob["picture_x"], blob["picture_y"]
+            cut = np.s_[
+                max(0, int(y - reach)) : int(y + reach) + 2,
+                max(0, int(x - reach)) : int(x + reach) + 2,
+            ]
+            part = grey_of(sample[cut]).astype(float)
+            if len(part) > 8:
+                near, far = (
+                    np.abs(2 * part[k:-k] - part[: -2 * k] - part[2 * k :]).mean() for k in (1, 2)
+                )
+                combed.append(near / max(far, 1.0))
+    return len(combed) >= COMB_BLOBS and float(np.median(combed)) > COMB_RATIO
 
 
 def in_region(found: Blobs, region: tuple[float, float, float, float] | None) -> Blobs:

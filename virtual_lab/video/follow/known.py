@@ -53,7 +53,7 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
         ball_u=calibration.ball_diameter_m_u,
         metres_per_pixel=scale,
         metres_per_pixel_u=calibration.metres_per_pixel_u,
-        exposure=calibration.exposure_s,
+        exposure=calibration.exposure_s or clip.source.exposure,
         gravity=float(np.hypot(*calibration.gravity_mps2)) or STANDARD_GRAVITY,
         readout=0.0,
         stands=True,

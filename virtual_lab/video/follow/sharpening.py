@@ -140,7 +140,7 @@ def sharpened(
     coarse = fit_flights(scene, ways)
     velocity = np.concatenate([coarse.at(k, way.t)[:, 2:] for k, way in enumerate(ways)])
     background = _bare(clip, watched.found)
-    start, exposure = _start(clip, background, blobs, velocity / step, calibration.exposure_s)
+    start, exposure = _start(clip, background, blobs, velocity / step, known.exposure)
     progress(f"locating the ball in {len(frames)} frames (its loops are compiled at the first use)")
     cuts = squares(start, clip.shape)
     seen = Regions(  # copies: a view would keep its whole frame

@@ -22,6 +22,7 @@ from virtual_lab.video.clips import options
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.reading import Frame, open_source
+from virtual_lab.video.clips.timing import UNSURE_RATE
 from virtual_lab.video.follow.correction import read_track
 from virtual_lab.video.follow.following import FollowedClip, follow, following
 from virtual_lab.video.follow.known import BALL, GRAVITY, ClipKnowledge, known_of
@@ -41,10 +42,13 @@ OPTIONS: dict[str, tuple[type | UnionType, str]] = {  # of an option's value, an
     "ruler": (str, '"gravity"'),
     "readout": (str, '"16ms"'),
     "global_shutter": (bool, "True"),
+    "phone": (bool, "True"),
     "tripod": (bool, "True"),
     "corrected": (str | Path, '"clip-track/track.csv"'),
 }
 FILES = ("calibration", "corrected")
+UNSURE_BALL = "no u of the ball's diameter is given"
+STANDING = (UNSURE_BALL, UNSURE_RATE)  # what most clips of phones have in common
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +67,7 @@ class Asked:
     ruler: str | None = None
     readout: str | None = None
     global_shutter: bool = False
+    phone: bool = False
     tripod: bool = False
     corrected: Path | None = None  # track.csv of an earlier run
 
@@ -131,7 +136,10 @@ def track_clip(
         found = following(clip, watched, known, ways)
     else:
         found = follow(clip, known, progress=progress)
-    found = replace(found, notes=(*found.notes, *(("", words) for words in notes)))
+    told = (*found.notes, *(("", words) for words in notes))
+    if asked.phone:  # says these at once
+        told = tuple(e for e in told if e[0] != "READOUT_UNKNOWN" and not e[1].startswith(STANDING))
+    found = replace(found, notes=told)
     # samples of a large clip take 50 MB, and have given what they can but how dark a picture is
     found = replace(found, clip=replace(clip, samples=clip.samples[:2].copy()))
     return TrackedClip(
@@ -183,7 +191,7 @@ def _known(asked: Asked) -> tuple[ClipCalibration, dict[str, Any], list[str]]:
     said["ruler"] = _ruler(calibration, asked)
     if assumed and not (calibration.metres_per_pixel or calibration.camera):
         diameter_u = 1e3 * calibration.ball_diameter_m_u
-        notes = [f"no u of the ball's diameter is given: {diameter_u:.2g} mm was assumed"]
+        notes = [f"{UNSURE_BALL}: {diameter_u:.2g} mm was assumed"]
     return calibration, said, notes
 
 
