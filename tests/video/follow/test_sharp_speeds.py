@@ -48,7 +48,11 @@ def told(
     count, numbers = len(t), np.arange(len(t))
     pixels = places / SCALE + np.array([SIZE[1] - 1, SIZE[0] - 1]) / 2
     clip: Any = SimpleNamespace(
-        shape=SIZE, times=t, count=count, warnings=(), source=SimpleNamespace(path="clip")
+        shape=SIZE,
+        times=t,
+        count=count,
+        warnings=(),
+        source=SimpleNamespace(path="clip", exposure=None),
     )
     found = np.zeros(count, BLOB)
     found["frame"], found["radius"] = numbers, 15.0

@@ -181,7 +181,7 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
     found = []
     for k, (one, other) in enumerate(pairwise(flights)):
         start, end = one.t[-1], other.t[0]
-        if end - start > FLIGHTS.contact_frames:
+        if end - start > FLIGHTS.contact_frames and one.u is None:
             continue
         t = np.linspace(start - 1, end + 1, 401)
         change = fit.at(k + 1, t) - fit.at(k, t)

@@ -21,6 +21,7 @@ class SharpSettings:
     lens_regions: int = 4  # in which lenses are tried
     # pixels, a third apart: one that is wrong by a third loses every ball, by a sixth none
     lenses_px: tuple[float, ...] = (0.45, 0.6, 0.8, 1.1, 1.5, 2.0, 2.7)
+    usual_lens_px: float = 0.8
     lens_step: float = 0.07  # relative, between those tried about the best: it is found to 3 %
     worst_score: float = 50.0  # of a lens by which a ball is lost
     lit_share: float = 0.93  # of the ball's radius: less of it is light, the rest in the dark
@@ -49,6 +50,13 @@ def lens_of(seen: Regions, start: Located, noise: Noise) -> float:
     """
     some = np.unique(np.linspace(0, len(start.x) - 1, SHARP.lens_regions).astype(int))
     regions, begin = part_of(seen, some), part_of(start, some)
+    # a hull may be too large or small by some pixels, which a lens must not explain
+    for _ in range(SHARP.rounds):
+        near = fit_edge(regions, begin, noise=noise, lens=SHARP.usual_lens_px)
+        radius = np.where(np.isfinite(near.radius), near.radius, begin.radius)
+        moved, begin = np.abs(radius - begin.radius).max(), replace(begin, radius=radius)
+        if moved < SHARP.refit_shift_px:
+            break
 
     def misfit(lens: float) -> float:
         found = fit_edge(regions, begin, noise=noise, lens=lens)
