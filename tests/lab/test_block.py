@@ -147,6 +147,37 @@ def test_nothing_depends_on_the_neighbours(procedure: str) -> None:
         assert part.certified.verdicts == whole.certified.verdicts[own]
 
 
+class BrokenError(Exception):
+    """A function that both should have called."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "simulation.cannon_station.blows_of",
+        "lab.test_day.wall_plan",
+        "lab.test_day.prepare_block",
+        "lab.test_day.next_shots",
+        "lab.test_day.reduce_shots",
+        "measurement.session_reduction.shot_results",
+        "measurement.certification.check",
+        "lab.test_day.measurands",
+    ],
+)
+def test_one_laboratory_and_many_run_the_same_functions(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shared = round_robin("astm-f1881", "r161")
+
+    def broken(*_given: object, **_named: object) -> object:
+        raise BrokenError
+
+    monkeypatch.setattr(f"virtual_lab.{name}", broken)
+    for number in (0, np.arange(3)):
+        with pytest.raises(BrokenError):
+            lab.certify_block(replace(shared.setup, seed=SEED, number=number))
+
+
 def test_a_block_of_another_day_is_the_second_tests_of_its_laboratories() -> None:
     """The loop's tests of branch 1: rigs as on the first day, other balls, readings and hits."""
     shared = round_robin("astm-f1881", "r161")
