@@ -9,7 +9,7 @@ import pytest
 import virtual_lab as vl
 from virtual_lab.output.progress import quiet
 
-LABORATORIES = 60
+LABORATORIES = 40
 TIGHT = vl.procedure("astm-f1881").with_(attempts=6)  # one rejected hit makes a test INVALID
 
 
