@@ -305,14 +305,13 @@ def test_variants_of_a_sheet_in_one_sweep_are_the_tests_alone() -> None:
 
 def test_critique_keeps_variants_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """A test that gives the hits its rules ask for: each variant ran as itself, in its own row."""
-    from virtual_lab import catalog
-    from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.studies import critique
 
-    def hits(_bat: str, procedure: str, **_known: object) -> float:
-        return float(catalog.load("procedures", procedure, Procedure).spec.valid_hits)
+    def hits(tested: lab.BlockTest) -> np.ndarray:
+        setup = tested.laboratories.setup
+        return np.full(setup.count, float(setup.rules.spec.valid_hits))
 
-    monkeypatch.setattr(critique, "_result", hits)
+    monkeypatch.setattr(critique, "_metrics", hits)
     variants = [vl.procedure("astm-f1881").with_(valid_hits=hits) for hits in (6, 12)]
     found = vl.critique(["r161", "ea70"], procedures=variants, laboratories=2)
     assert {row.procedure: row.mean for row in found.metrics} == {

@@ -57,7 +57,7 @@ def impact_plan(setup: TestSetup, asked: NextShots, before: BeforeShots) -> Shot
     """Return the order to fire one ball at each place asked for, the balls in turn."""
     owner = asked.owner
     turn, many = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)
-    slot = before.fired[owner] + _counted(owner)
+    slot = before.fired[owner] + shot_numbers(owner)
     exact = setup.reality is Reality.IDEAL
     return ShotPlan(
         slot=slot,
@@ -71,7 +71,7 @@ def impact_plan(setup: TestSetup, asked: NextShots, before: BeforeShots) -> Shot
     )
 
 
-def _counted(owner: NDArray[np.intp]) -> NDArray[np.intp]:
+def shot_numbers(owner: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return the number of each shot among those of its laboratory; the owners are sorted."""
     _, first, back = np.unique(owner, return_index=True, return_inverse=True)
     return np.asarray(np.arange(owner.size) - first[back])

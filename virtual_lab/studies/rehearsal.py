@@ -14,18 +14,20 @@ from math import sqrt
 from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from virtual_lab.lab import Laboratory
 from virtual_lab.lab.measurand import true_curve
+from virtual_lab.lab.plans import shot_numbers
 from virtual_lab.lab.true_metric import Visits, results_of_curves
 from virtual_lab.measurement.procedure import (
     Curve,
     Procedure,
     Sought,
     metric_of,
-    next_places,
-    outcome_of,
+    next_shots,
+    outcomes_of,
     shortfalls,
     sought_of,
     to_set,
@@ -115,33 +117,41 @@ class Rehearsal:
         axis = self.bat.length - self.procedure.pivot_from_knob
         return np.asarray(self.turn_rate * (axis - place))
 
-    def error(self, straying: HitScatter, draws: Draws, number: int) -> float:
-        """Return the error of the result of rehearsal `number`."""
-        rules = self.procedure
-        beside, noise = draws.normal("rehearsal", (2, rules.attempts), np.array([number]))[0]
-        place, metric, valid = np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)
-        sought = self._sought(place, metric)
-        while (asked := next_places(rules, self.percussion, place, valid, sought.value)).size:
-            more = slice(place.size, place.size + asked.size)
-            places = to_set(asked, exact=False)
-            seen = self.metric(places, straying.along * beside[more])
-            place = np.append(place, places)
-            metric = np.append(metric, seen + straying.scatter * noise[more])
-            sought = self._sought(place, metric)
-            valid = np.ones(place.size, dtype=bool)
-        found = float(metric @ outcome_of(rules, place, valid, metric, sought).weights)
-        alone = np.zeros(place.size, dtype=np.intp)
-        found += float(shortfalls(rules, 1, alone, place, valid, metric).mean[0])
+    def errors(self, straying: HitScatter, draws: Draws, numbers: NDArray[np.intp]) -> Array:
+        """Return the errors of the results of rehearsals by their numbers, (rehearsal,).
+
+        NaN of one without a result.
+        """
+        rules, many = self.procedure, numbers.size
+        drawn = draws.normal("rehearsal", (2, rules.attempts), numbers)
+        owner, place, metric = np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0)
+        percussion, fired = np.full(many, self.percussion), np.zeros(many, dtype=np.intp)
+        while True:
+            sought, valid = self._sought(place, metric), np.ones(place.size, dtype=bool)
+            asked = next_shots(rules, percussion, owner, place, valid, sought.value)
+            if not asked.owner.size:
+                break
+            places = to_set(asked.place, exact=False)
+            shot = fired[asked.owner] + shot_numbers(asked.owner)
+            beside, noise = drawn[asked.owner, :, shot].T
+            seen = self.metric(places, straying.along * beside) + straying.scatter * noise
+            fired = fired + np.bincount(asked.owner, minlength=many)
+            owner = np.append(owner, asked.owner)
+            place, metric = np.append(place, places), np.append(metric, seen)
+        weights = outcomes_of(rules, many, owner, place, valid, metric, sought).weights
+        found = np.bincount(owner, metric * weights, many)
+        found += shortfalls(rules, many, owner, place, valid, metric).mean
         exact = self.metric(place)
         looked = self._sought(place, exact).value
-        true = results_of_curves(rules, 1, Visits(alone, place, valid), looked, exact)
-        return found - float(true[0])
+        return found - results_of_curves(rules, many, Visits(owner, place, valid), looked, exact)
 
     def _sought(self, place: Array, metric: Array) -> Sought:
         return sought_of(self.procedure, metric, place, self.bat)
 
     def bias(self, straying: HitScatter, draws: Draws, times: int) -> tuple[float, float]:
         """Return the mean error over a number of rehearsals, and its standard error."""
-        errors = np.array([self.error(straying, draws, number) for number in range(times)])
+        few = 4096  # at a time, which bounds the memory
+        parts = [np.arange(first, min(first + few, times)) for first in range(0, times, few)]
+        errors = np.concatenate([self.errors(straying, draws, part) for part in parts])
         errors = errors[np.isfinite(errors)]
         return float(errors.mean()), float(errors.std(ddof=1)) / sqrt(errors.size)

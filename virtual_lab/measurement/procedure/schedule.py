@@ -48,11 +48,8 @@ def next_places(
     place, valid, sought
         Of the shots fired so far, in order, (shot,).
     """
-    if procedure.scan is None:
-        missing = np.full(max(procedure.valid_hits - int(valid.sum()), 0), percussion)
-    else:
-        missing = _scan(procedure, procedure.scan, place, valid, sought)
-    return missing[: max(procedure.attempts - len(place), 0)]
+    alone = np.zeros(place.size, dtype=np.intp)
+    return next_shots(procedure, np.array([percussion]), alone, place, valid, sought).place
 
 
 class NextShots(NamedTuple):
@@ -102,14 +99,6 @@ def in_turn_of(
     """Return shots laboratory after laboratory, in the order fired, and where each one's begin."""
     fired = np.bincount(owner, minlength=laboratories)
     return np.argsort(owner, kind="stable"), np.append(0, np.cumsum(fired))
-
-
-def _scan(procedure: Procedure, scan: Scan, place: Array, valid: Mask, sought: Array) -> Array:
-    from virtual_lab.measurement.procedure.scan_kernel import most_asked, next_hits
-
-    rules = scan_rules(procedure, scan)
-    out = np.empty(most_asked(rules))
-    return out[: next_hits(place, valid, sought, rules, out)]
 
 
 def scan_rules(procedure: Procedure, scan: Scan) -> ScanRules:
