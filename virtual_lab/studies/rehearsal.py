@@ -139,8 +139,8 @@ class Rehearsal:
             owner = np.append(owner, asked.owner)
             place, metric = np.append(place, places), np.append(metric, seen)
         weights = outcomes_of(rules, many, owner, place, valid, metric, sought).weights
-        found = np.bincount(owner, metric * weights, many)
-        found += shortfalls(rules, many, owner, place, valid, metric).mean
+        lost = shortfalls(rules, many, owner, place, valid, metric).mean
+        found = np.bincount(owner, metric * weights, many) + lost
         exact = self.metric(place)
         looked = self._sought(place, exact).value
         return found - results_of_curves(rules, many, Visits(owner, place, valid), looked, exact)
