@@ -207,6 +207,9 @@ def test_errors_shared_by_groups_nested_and_crossed() -> None:
     assert found.u**2 == pytest.approx(sum(squares))
     # one scatter of four degrees of freedom behind both days, not eight
     assert found.dof == pytest.approx(4 * (sum(squares) / squares[1]) ** 2)
+    limits = vl.propagate(mean, inputs | {"day": vl.Input(low=-0.1, high=0.3, by=day)})
+    assert limits.value == pytest.approx(2.1)
+    assert limits.u**2 == pytest.approx(squares[0] + 0.04 / 3 / 2 + squares[2])
     crossed = vl.propagate(mean, inputs | {"ball": vl.Input(u=0.1, by=np.array(ball))})
     assert crossed.u**2 == pytest.approx(sum(squares[:2]) + 0.01 * (4**2 + 2**2) / 36)
     # a difference of two hits of a day does not know the day
@@ -231,6 +234,8 @@ def test_readings_count_by_their_scatter() -> None:
     assert found.interval == pytest.approx(
         stats.t.interval(0.95, 3, 2 * np.mean(readings), 2 * stats.sem(readings))
     )
+    budget = vl.propagate(lambda x, y: x + y, {"x": readings, "y": vl.Input(low=0, high=1)}).budget
+    assert budget.set_index("component")["evaluation"].to_dict() == {"x": "A", "y": "B"}
     wide = vl.propagate(lambda x: x, {"x": readings}, probability=0.99)
     assert wide.interval == pytest.approx(
         stats.t.interval(0.99, 3, np.mean(readings), stats.sem(readings))
@@ -289,6 +294,7 @@ WRONG = {
         r"eigenvalue -0\.8, most of it by . and .",
     ),
     "above 1": (plain, GOOD, {"correlations": {("a", "b"): 1.5}}, "a b = 1.5; allowed: -1 to 1"),
+    "twice": (plain, GOOD, {"correlations": {("a", "b"): 0.5, ("b", "a"): 0.4}}, "given twice"),
     "unknown": (plain, GOOD, {"correlations": {("a", "z"): 0.5}}, "allowed: two of a, b"),
     "limits": (plain, GOOD | {"b": vl.Input(low=3, high=1)}, {}, "b: high = 1.0; .*above low = 3"),
     "limits of a normal": (
@@ -301,6 +307,8 @@ WRONG = {
     "law": (plain, GOOD | {"b": vl.Input(2, 1, distribution="norml")}, {}, "did you mean normal"),
     "negative": (plain, GOOD | {"b": vl.Input(2, -1)}, {}, "b: u = -1.0; allowed: at least 0"),
     "dof": (plain, GOOD | {"b": vl.Input(2, 1, dof=0)}, {}, "b: dof = 0; allowed: above 0"),
+    "text for dof": (plain, GOOD | {"b": vl.Input(2, 1, dof="9")}, {}, "b: dof = '9'; .*above 0"),
+    "texts": (plain, {("a", "b"): "many"}, {}, "allowed: vl.Input, a number, readings"),
     "inexact": (plain, GOOD | {"b": vl.Input(low=1, high=2, inexact=0.6)}, {}, "half the distance"),
     "equal": (plain, GOOD | {"b": [3.0, 3.0, 3.0]}, {}, r"b: readings = 3.0; all are equal.*√12"),
     "one reading": (plain, GOOD | {"b": [3.0]}, {}, "at least 2"),

@@ -8,9 +8,9 @@ inputs form a block, which is a linear map of independent ones.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite, nan, sqrt
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +49,8 @@ class Input:
         Labels (n,) of n observations: the error is one a label. Several rows of labels nest:
         ``by=(days, balls)`` gives each ball of each day an error of its own. Groups that cross
         are two inputs.
+    evaluation
+        ``A`` if u comes from the scatter of readings, else ``B``: what a budget shows.
     """
 
     value: ArrayLike | None = None
@@ -59,6 +61,7 @@ class Input:
     high: float | None = None
     inexact: float = 0.0
     by: Sequence[Any] = ()
+    evaluation: Literal["A", "B"] = "B"
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,15 +154,19 @@ def _input(name: str, given: Any) -> Input:
     if isinstance(given, Input):
         return given
     if isinstance(given, Estimate):
-        return Input(given.value, given.u, given.dof)
-    try:
-        readings = np.asarray(given, float)
-    except (TypeError, ValueError) as fault:
-        raise InputError(name, "input", given, "allowed: vl.Input, a number, readings") from fault
+        return Input(given.value, given.u, given.dof, evaluation=given.evaluation)
+    readings = _numbers(name, given)
     if readings.ndim == 0:
         return Input(float(readings), 0.0)
     mean, u = _readings(name, readings)
-    return Input(mean, u, readings.size - 1.0, "t")
+    return Input(mean, u, readings.size - 1.0, "t", evaluation="A")
+
+
+def _numbers(name: str, given: Any) -> Array:
+    try:
+        return np.asarray(given, float)
+    except (TypeError, ValueError) as fault:
+        raise InputError(name, "input", given, "allowed: vl.Input, a number, readings") from fault
 
 
 def _readings(name: str, readings: Array) -> tuple[float, float]:
@@ -198,7 +205,7 @@ def _source(name: str, given: Input) -> InputSource | float:
             raise refuse(key, value, "a finite number")
         return found
 
-    if not given.dof > 0:
+    if not isinstance(given.dof, int | float | np.number) or not given.dof > 0:
         raise refuse("dof", given.dof, "above 0")
     limits = given.low is not None or given.high is not None
     if limits and (given.value is not None or given.u is not None):
@@ -247,7 +254,7 @@ def _scaled(value: float, half: float, kind: str, given: Input, refuse: Any) -> 
         kind, shape = "trapezoid", inexactness(dof)
         if shape > 1:
             raise refuse("dof", dof, "at least .5 of limits")
-    estimate = Estimate(value=value, u=u, dof=dof, evaluation="A" if given.u is None else "B")
+    estimate = Estimate(value=value, u=u, dof=dof, evaluation=given.evaluation)
     return InputSource(estimate, LAWS[kind], half, shape)
 
 
@@ -266,18 +273,13 @@ def _grouped(
     if given.value is not None:
         try:
             base = base + np.asarray(given.value, float)
-        except ValueError as fault:
+        except (TypeError, ValueError) as fault:
             allowed = f"allowed: a number, or {len(labels)} of them, one a label"
             raise InputError(name, "value", given.value, allowed) from fault
-    middle = 0.0 if given.low is None or given.high is None else (given.low + given.high) / 2
-    one = Input(
-        *(None if given.low is not None else 0.0, given.u, given.dof, given.distribution),
-        *(given.low, given.high, given.inexact),
-    )
-    source = source_of(name, one)
+    # the value lies in the base, an error about it in the sources
+    source = source_of(name, replace(given, value=None if given.low is not None else 0.0))
     parts = tuple(f"{name}[{'/'.join(map(str, label))}]" for label in order)
-    estimate = Estimate(value=middle, u=source.estimate.u, dof=source.estimate.dof, pool=name)
-    own = InputSource(estimate, source.law, source.scale, source.shape)
+    own = replace(source, estimate=replace(source.estimate, pool=name))
     which = np.array([order[label] for label in labels])
     return (base, parts, which), dict.fromkeys(parts, own)
 
@@ -291,7 +293,7 @@ def _require_once(names: Sequence[str]) -> None:
 def _together(names: tuple[str, ...], given: Any) -> tuple[dict[str, InputSource], Joint]:
     """Return sources and block of readings taken together, (n, m)."""
     where = ", ".join(names)
-    readings = np.asarray(given, float)
+    readings = _numbers(where, given)
     if readings.ndim != 2 or readings.shape[1] != len(names) or len(names) < 2:
         allowed = f"allowed: a column each of two inputs and more, (n, {len(names)})"
         raise InputError(where, "readings", f"shape {readings.shape}", allowed)
@@ -323,6 +325,8 @@ def _correlated(
             if name in taken:
                 allowed = "allowed: none with inputs observed together, whose own are known"
                 raise InputError("correlations", "pair", pair, allowed)
+        if pair[::-1] in correlations:
+            raise InputError("correlations", " ".join(pair), r, "is given twice; allowed: once")
         if not isinstance(r, int | float | np.floating) or not -1 <= r <= 1:
             raise InputError("correlations", " ".join(pair), r, "allowed: -1 to 1")
         bound = [block for block in blocks if block & set(pair)]
