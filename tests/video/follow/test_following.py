@@ -186,7 +186,7 @@ def test_rows_of_two_moments_are_refused() -> None:
     frames = _thrown()
     woven = frames[::2].copy()
     woven[:, 1::2] = frames[1::2, 1::2]
-    with pytest.raises(InputError, match="interlaced.*each holds two fields"):
+    with pytest.raises(InputError, match=r"interlaced.*each holds two fields"):
         follow(_clip(woven), replace(KNOWN, rate=30.0))
     assert follow(_clip(frames[::2]), replace(KNOWN, rate=30.0)).flights
 
