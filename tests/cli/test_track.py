@@ -49,13 +49,21 @@ def test_everything_a_user_gets(folder: Path) -> None:
         "frames": 44, "with_ball": 44, "in": 19, "out": 25, "in_contact": 0, "lost": 0,
     }  # fmt: skip
     assert sorted(path.name for path in out.iterdir()) == [
-        "result.json", "sheet.png", "track.csv", "track.png", "track.webp",
+        "result.json", "sheet.png", "speeds.csv", "track.csv", "track.png", "track.webp",
     ]  # fmt: skip
     rows = list(csv.DictReader((out / "track.csv").read_text().splitlines()))
     assert len(rows) == 44
     x, _ = FILM.places()
     np.testing.assert_allclose([float(row["x_px"]) for row in rows], x, atol=0.05)
     assert {row["flight"] for row in rows} == {"1", "2"}
+    fast = [np.hypot(float(row["right_mps"]), float(row["up_mps"])) for row in rows]
+    assert fast[0] == pytest.approx(true, rel=0.01)
+    flights = list(csv.DictReader((out / "speeds.csv").read_text().splitlines()))
+    assert float(flights[0]["speed_out_mps"]) == pytest.approx(speed["value"], rel=1e-5)
+    assert float(flights[0]["restitution"]) == pytest.approx(
+        found["restitution"]["value"], rel=1e-5
+    )
+    assert flights[1]["contact_after"] == ""
     for name, least in (("track.png", 600), ("sheet.png", 1200)):
         picture = cv2.imread(str(out / name))
         assert picture is not None

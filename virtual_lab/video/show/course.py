@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array, Mask
+from virtual_lab.units import DEGREE, Array, Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.follow.sharpening import SharpBall
@@ -19,7 +19,12 @@ from virtual_lab.video.locate.located import PlaceFlag
 
 COLUMNS = (
     *("frame", "time_s", "x_px", "y_px", "x_u_px", "y_u_px", "radius_px", "x_m", "y_m"),
-    *("chi_square", "flight", "flags", "drift_x_px", "drift_y_px"),
+    *("chi_square", "flight", "flags", "drift_x_px", "drift_y_px", "right_mps", "up_mps"),
+)
+FLIGHT_COLUMNS = (
+    *("flight", "first_frame", "last_frame", "places", "speed_in_mps", "speed_in_u_mps"),
+    *("speed_out_mps", "speed_out_u_mps", "angle_in_deg", "angle_in_u_deg", "angle_out_deg"),
+    *("angle_out_u_deg", "contact_after", "contact_s", "restitution", "restitution_u"),
 )
 
 
@@ -41,6 +46,7 @@ class BallCourse:
     flags: list[str]
     residuals: Array  # (place, 2) off its flight, along and across [pixels]; NaN outside of flights
     velocity: Array  # (place, 2) of its flight, right and up [m/s]; NaN outside of flights
+    up: float  # of the second of its metres: -1 where it runs down the picture
     contacts: list[tuple[float, float, float]]  # time [s], x, y in the still frame
 
     @property
@@ -83,6 +89,7 @@ def course_of(found: FollowedClip) -> BallCourse:
         metres=(found.scale.metres_per_pixel if found.scale else np.nan) * xy,
         chi_square=np.full(len(frames), np.nan),
         flags=[""] * len(frames),
+        up=-1.0,
         **_by_flight(found, frames),
     )
 
@@ -101,6 +108,7 @@ def _course_of_sharp(found: FollowedClip, sharp: SharpBall) -> BallCourse:
         metres=sharp.plane.places,
         chi_square=located.chi_square,
         flags=["|".join(str(e.name) for e in PlaceFlag(int(own))) for own in located.flags],
+        up=-sharp.plane.sense,
         **_by_flight(found, sharp.frames),
     )
 
@@ -132,7 +140,14 @@ def rows_of(course: BallCourse) -> Iterator[tuple[Any, ...]]:
             continue
         places = (*course.xy[k], *course.u[k], course.radius[k], *course.metres[k])
         numbers = map(float, (course.times[k], *places, course.chi_square[k]))
-        yield (int(frame), *numbers, course.flight[k], course.flags[k], *course.drift[k])
+        yield (
+            int(frame),
+            *numbers,
+            course.flight[k],
+            course.flags[k],
+            *course.drift[k],
+            *course.velocity[k],
+        )
 
 
 def write_table(course: BallCourse, path: Path) -> None:
@@ -143,6 +158,29 @@ def write_table(course: BallCourse, path: Path) -> None:
         for frame, time, *cells in rows_of(course):
             words = [e if isinstance(e, str) else "" if np.isnan(e) else f"{e:.7g}" for e in cells]
             writer.writerow([frame, repr(time), *words])
+
+
+def write_speeds(found: FollowedClip, path: Path) -> None:
+    """Write the flights as CSV, a row each, with the contact that ends it; u: one standard one."""
+    contacts = {each.before: each for each in found.contacts}
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(FLIGHT_COLUMNS)
+        for k, flight in enumerate(found.flights):
+            speeds, angles = (
+                [f"{each / unit:.6g}" for one in pair for each in (one.value, one.u)]
+                for pair, unit in (
+                    ((flight.speed_in, flight.speed_out), 1.0),
+                    ((flight.angle_in, flight.angle_out), DEGREE),
+                )
+            )
+            ended = ["", "", "", ""]
+            if met := contacts.get(k):
+                ratio = met.restitution
+                ended = [met.kind, f"{met.time.value:.7g}"]
+                ended += [f"{ratio.value:.6g}", f"{ratio.u:.3g}"] if ratio else ["", ""]
+            frames = (flight.first_frame, flight.last_frame, flight.places)
+            writer.writerow([k + 1, *frames, *speeds, *angles, *ended])
 
 
 def _turned(left: Array, velocity: Array) -> Array:

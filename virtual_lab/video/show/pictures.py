@@ -186,11 +186,14 @@ def draw_track(course: BallCourse, pictures: Pictures, title: str, path: Path) -
     with style.context(STYLE, after_reset=True):
         rows, columns = course.clip.shape
         high = min(6.0, 7.2 * rows / columns)
-        figure = Figure(figsize=(7.6, high + 3.4), dpi=150, layout="constrained")
-        picture, along, across = figure.subplots(3, 1, height_ratios=(high, 1.3, 1.3))
+        figure = Figure(figsize=(7.6, high + 5.6), dpi=150, layout="constrained")
+        heights = (high, 1.3, 1.3, 0.9, 0.9)
+        picture, place, speed, along, across = figure.subplots(5, 1, height_ratios=heights)
         _picture(picture, course, pictures)
+        _motion(place, speed, course)
         _residuals(along, across, course)
-        figure.suptitle(as_drawn(fill(title, LAYOUT.title_letters)), fontsize=9)
+        wrapped = "\n".join(fill(line, LAYOUT.title_letters) for line in title.splitlines())
+        figure.suptitle(as_drawn(wrapped), fontsize=9)
         figure.savefig(path, pil_kwargs={"compress_level": 3})
 
 
@@ -245,6 +248,25 @@ def _picture(axes: Axes, course: BallCourse, pictures: Pictures) -> None:
         ncols=5 if columns > rows else 1,
         markerscale=1.5,
     )
+
+
+def _motion(place: Axes, speed: Axes, course: BallCourse) -> None:
+    """Draw places and speeds over the clip's time, of an axis to the right and one up."""
+    start = course.metres[np.isfinite(course.metres).all(axis=1)][:1]
+    for k, name in enumerate(course.flights):
+        used, colour = course.of(name), COLOURS[k % len(COLOURS)]
+        t, off = course.times[used], (course.metres[used] - start) * [1, course.up]
+        place.plot(t, off[:, 0], "--", t, off[:, 1], "-", color=colour, linewidth=1.0)
+        speed.plot(t, np.hypot(*course.velocity[used].T), color=colour, linewidth=1.0)
+    place.set_ylabel("place, m\n(- -: right, —: up)")
+    speed.set_ylabel("speed\nalong the fit, m/s")
+    speed.set_ylim(bottom=0.0)
+    speed.set_xlabel("time, s")
+    place.tick_params(labelbottom=False)
+    for axes in (place, speed):
+        axes.grid(True, linewidth=0.3)
+        for time, _, _ in course.contacts:
+            axes.axvline(time, color="k", linewidth=0.8, zorder=0)
 
 
 def _residuals(along: Axes, across: Axes, course: BallCourse) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.output.rounding import decimals, with_uncertainty
+from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, miles_per_hour
 from virtual_lab.video.calibration.plane import PixelScale
@@ -187,18 +187,11 @@ def _scale_u(scale: PixelScale) -> float:
 
 
 def track_title(found: FollowedClip) -> str:
-    """Return the result in a line."""
-    parts = [motion_of(found)]
-    ratios = [_plus_minus(each.restitution) for each in found.contacts if each.restitution]
-    if ratios:
-        parts.append(f"restitution {', '.join(ratios)} (k = 2)")
-    return f"{found.clip.source.path.name}: {'; '.join(parts)}"
-
-
-def _plus_minus(ratio: Estimate) -> str:
-    """Return ``0.9470 ± 0.0096``, with twice the standard uncertainty."""
-    places = decimals(2 * ratio.u)
-    return f"{ratio.value:.{places}f} ± {2 * ratio.u:.{places}f}"
+    """Write the result in a line, and the flags."""
+    ratios = [_rounded(each.restitution) for each in found.contacts if each.restitution]
+    parts = [motion_of(found), *([f"restitution {', '.join(ratios)}"] if ratios else [])]
+    title = f"{found.clip.source.path.name}: {'; '.join(parts)}"
+    return f"{title}\nflags: {', '.join(found.flags)}" if found.flags else title
 
 
 def _rounded(result: Estimate) -> str:

@@ -26,7 +26,7 @@ from virtual_lab.video.clips.timing import UNSURE_RATE
 from virtual_lab.video.follow.correction import read_track
 from virtual_lab.video.follow.following import FollowedClip, follow, following
 from virtual_lab.video.follow.known import BALL, GRAVITY, ClipKnowledge, known_of
-from virtual_lab.video.show.course import BallCourse, course_of, write_table
+from virtual_lab.video.show.course import BallCourse, course_of, write_speeds, write_table
 from virtual_lab.video.show.track_text import track_document, track_text, track_title
 
 OPTIONS: dict[str, tuple[type | UnionType, str]] = {  # of an option's value, and an example
@@ -101,7 +101,7 @@ class TrackedClip:
     progress: Callable[[str], None] = field(default=lambda _: None)
 
     def save(self, folder: Path) -> None:
-        """Write track.csv, result.json, track.png, sheet.png and track.webp into a new folder.
+        """Write track.csv, speeds.csv, result.json, track.png, sheet.png, track.webp into a folder.
 
         Raises `InputError` where the folder is not empty or cannot be written.
         """
@@ -112,6 +112,7 @@ class TrackedClip:
         with new_folder(folder) as draft, ThreadPoolExecutor(1) as beside:
             film = beside.submit(drawn.write_film, self.course, pictures, draft / "track.webp")
             write_table(self.course, draft / "track.csv")
+            write_speeds(self.followed, draft / "speeds.csv")
             text = json.dumps(self.document, indent=2, allow_nan=False)
             (draft / "result.json").write_text(text + "\n", encoding="utf-8")
             drawn.draw_track(self.course, pictures, self.title, draft / "track.png")
