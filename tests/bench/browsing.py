@@ -16,11 +16,11 @@ from unittest import mock
 
 import pytest
 
-from virtual_lab.bench import web
-from virtual_lab.bench.exam import Hall
-from virtual_lab.bench.scenario import Scenario, load_scenario
+from virtual_lab.bench.day.scenario import Scenario, load_scenario
 from virtual_lab.bench.serving import ServedDay
-from virtual_lab.bench.web import application
+from virtual_lab.bench.web import server as web
+from virtual_lab.bench.web.exam import Hall
+from virtual_lab.bench.web.server import application
 from virtual_lab.catalog import Entry
 
 __all__ = ["FOCUSED", "SEED", "chromium", "enter", "faults_of", "free_port", "opened", "served"]

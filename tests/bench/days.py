@@ -4,13 +4,13 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any
 
-from virtual_lab.bench.actions import Action, action_of
-from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.day import Day
-from virtual_lab.bench.keeping import laboratory_of, played
-from virtual_lab.bench.operators import PREPARATION, Look, Operator
-from virtual_lab.bench.scenario import Scenario
-from virtual_lab.bench.table import MAKE_READY, fault_sheets
+from virtual_lab.bench.day.actions import Action, action_of
+from virtual_lab.bench.day.day import Day
+from virtual_lab.bench.day.operators import PREPARATION, Look, Operator
+from virtual_lab.bench.day.scenario import Scenario
+from virtual_lab.bench.day.table import MAKE_READY, fault_sheets
+from virtual_lab.bench.machines.apparatus import Apparatus
+from virtual_lab.bench.machines.keeping import laboratory_of, played
 
 __all__ = [
     "PLAIN",

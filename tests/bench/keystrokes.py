@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from tests.bench.browsing import FOCUSED
-from virtual_lab.bench.operators import PREPARATION
+from virtual_lab.bench.day.operators import PREPARATION
+from virtual_lab.bench.day.table import action_table
 from virtual_lab.bench.serving import ServedDay
-from virtual_lab.bench.table import action_table
 
 __all__ = ["K", "Keyboard", "M", "by_enter", "by_list"]
 

@@ -13,14 +13,14 @@ from itertools import cycle, islice
 
 import numpy as np
 
-from virtual_lab.bench.actions import Action, action_of
-from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.day import Day
-from virtual_lab.bench.debrief import debrief
-from virtual_lab.bench.keeping import laboratory_of, taken
-from virtual_lab.bench.operators import Look, Operator, operator_of
-from virtual_lab.bench.scenario import SCORES, load_scenario
-from virtual_lab.bench.table import MAKE_READY
+from virtual_lab.bench.day.actions import Action, action_of
+from virtual_lab.bench.day.day import Day
+from virtual_lab.bench.day.operators import Look, Operator, operator_of
+from virtual_lab.bench.day.scenario import SCORES, load_scenario
+from virtual_lab.bench.day.table import MAKE_READY
+from virtual_lab.bench.machines.apparatus import Apparatus
+from virtual_lab.bench.machines.keeping import laboratory_of, taken
+from virtual_lab.bench.scoring.debrief import debrief
 
 RATE = 0.1
 LISTED = (

@@ -23,16 +23,16 @@ import numpy as np
 from tests.bench.days import detector
 from tests.bench.test_web import Browser
 from virtual_lab import catalog
-from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.day import Day
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.keeping import laboratory_of, taken
-from virtual_lab.bench.operators import HABITS, PREPARATION, operator_of
-from virtual_lab.bench.protocol import left_out
-from virtual_lab.bench.readings import doubts
-from virtual_lab.bench.scenario import Scenario, load_scenario
+from virtual_lab.bench.day.day import Day
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.operators import HABITS, PREPARATION, operator_of
+from virtual_lab.bench.day.protocol import left_out
+from virtual_lab.bench.day.readings import doubts
+from virtual_lab.bench.day.scenario import Scenario, load_scenario
+from virtual_lab.bench.day.table import detectable
+from virtual_lab.bench.machines.apparatus import Apparatus
+from virtual_lab.bench.machines.keeping import laboratory_of, taken
 from virtual_lab.bench.serving import ServedDay
-from virtual_lab.bench.table import detectable
 
 SOUND, DECOY = "plain-day", "monday"  # a decoy says that something may be wrong, and nothing is
 CHECKS = ("weigh-check-mass", "tap-bat", "fire-check-ball", "gauge-gates", "fire-check-cylinder")

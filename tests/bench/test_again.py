@@ -9,13 +9,13 @@ import pytest
 
 from tests.bench.days import PLAIN, apparatus, asked, day_of, scenario
 from tests.bench.test_web import Browser
-from virtual_lab.bench.actions import Action, action_of
-from virtual_lab.bench.debrief import debrief, debrief_page
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.keeping import KeptDay, played
-from virtual_lab.bench.operators import operator_of
+from virtual_lab.bench.day.actions import Action, action_of
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.operators import operator_of
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.machines.keeping import KeptDay, played
 from virtual_lab.bench.reviewing import summary, trends
-from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.scoring.debrief import debrief, debrief_page
 from virtual_lab.bench.serving import ServedDay
 from virtual_lab.errors import InputError
 

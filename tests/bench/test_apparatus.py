@@ -8,10 +8,10 @@ import pytest
 from tests.bench.days import PLAIN, apparatus, asked, day_of, with_change, without
 from tests.lab.test_test_day import same
 from tests.laboratories import certified
-from virtual_lab.bench.day import Day
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.keeping import played
-from virtual_lab.bench.table import MAKE_READY
+from virtual_lab.bench.day.day import Day
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.table import MAKE_READY
+from virtual_lab.bench.machines.keeping import played
 from virtual_lab.errors import InputError
 
 DEGREE = pi / 180

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from tests.bench.days import PLAIN, asked
-from virtual_lab.bench.actions import ARGUMENTS, action_of
-from virtual_lab.bench.keeping import SECRET, KeptDay
-from virtual_lab.bench.log import LOG, DayLog, SequenceError
-from virtual_lab.bench.scenario import load_scenario
-from virtual_lab.bench.table import action_table
+from virtual_lab.bench.day.actions import ARGUMENTS, action_of
+from virtual_lab.bench.day.log import LOG, DayLog, SequenceError
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.day.table import action_table
+from virtual_lab.bench.machines.keeping import SECRET, KeptDay
 from virtual_lab.errors import InputError
 
 
@@ -90,8 +90,8 @@ def test_a_killed_process_loses_no_answered_entry(tmp_path: Path) -> None:
     code = f"""
 import os, sys
 from pathlib import Path
-from virtual_lab.bench.day import DayEvent
-from virtual_lab.bench.log import DayLog
+from virtual_lab.bench.day.day import DayEvent
+from virtual_lab.bench.day.log import DayLog
 log = DayLog.create(Path({str(tmp_path / "log")!r}), {{}})
 for number in range(1, 100000):
     log.append(DayEvent(number=number, action="tare", arguments={{}}, seconds=1.0))

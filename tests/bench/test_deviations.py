@@ -3,10 +3,17 @@
 import pytest
 
 from tests.bench.days import PLAIN, Asked, apparatus, asked, day_of, scenario, without
-from virtual_lab.bench.debrief import debrief, debrief_page
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.deviations import DENIED, JUSTIFIED, OPEN, Deviation, deviations, oddity
-from virtual_lab.bench.keeping import played
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.machines.keeping import played
+from virtual_lab.bench.scoring.debrief import debrief, debrief_page
+from virtual_lab.bench.scoring.deviations import (
+    DENIED,
+    JUSTIFIED,
+    OPEN,
+    Deviation,
+    deviations,
+    oddity,
+)
 
 END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
 

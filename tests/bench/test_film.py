@@ -10,10 +10,10 @@ from tests.bench.days import scenario
 from tests.bench.test_web import Browser
 from tests.bench.test_web import served as served_day
 from virtual_lab import lab
-from virtual_lab.bench.actions import action_of
-from virtual_lab.bench.day import DayEvent
-from virtual_lab.bench.keeping import laboratory_of
-from virtual_lab.bench.sketching import film_as_seen
+from virtual_lab.bench.day.actions import action_of
+from virtual_lab.bench.day.day import DayEvent
+from virtual_lab.bench.machines.keeping import laboratory_of
+from virtual_lab.bench.machines.sketching import film_as_seen
 
 FILMED = {"procedure": "bbcor", "rig": "filmed-cannon"}
 HEIGHT, WIDTH = 202, 322  # of a frame in the picture, with its edge

@@ -20,11 +20,11 @@ import pytest
 
 from tests.bench.browsing import SEED, free_port
 from tests.bench.days import PLAIN, Asked, day_of
-from virtual_lab.bench.keeping import LOG
-from virtual_lab.bench.log import DayLog
-from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.day.log import DayLog
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.machines.keeping import LOG
 from virtual_lab.bench.serving import ServedDay
-from virtual_lab.bench.web import application
+from virtual_lab.bench.web.server import application
 
 FEW, MANY = 4, 100
 LONGEST = 0.35  # s until a server is killed

@@ -15,9 +15,9 @@ import pytest
 
 from tests.bench.days import PLAIN, asked
 from tests.bench.test_web import Browser
-from virtual_lab.bench.actions import action_of
-from virtual_lab.bench.keeping import LOG, SECRET
-from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.day.actions import action_of
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.machines.keeping import LOG, SECRET
 from virtual_lab.bench.serving import ServedDay
 
 PAGES = (

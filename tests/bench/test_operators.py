@@ -11,15 +11,15 @@ from click.testing import CliRunner
 import virtual_lab as vl
 from tests.bench.days import PLAIN, SALT, SEED, apparatus, asked, scenario
 from virtual_lab import catalog
-from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.day import Day
-from virtual_lab.bench.debrief import Debrief, debrief, debrief_page
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.keeping import laboratory_of, played, taken
-from virtual_lab.bench.operators import by_script, operator_of
-from virtual_lab.bench.readings import doubts
-from virtual_lab.bench.scenario import load_scenario
-from virtual_lab.bench.table import detectable, known_doubts
+from virtual_lab.bench.day.day import Day
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.operators import by_script, operator_of
+from virtual_lab.bench.day.readings import doubts
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.day.table import detectable, known_doubts
+from virtual_lab.bench.machines.apparatus import Apparatus
+from virtual_lab.bench.machines.keeping import laboratory_of, played, taken
+from virtual_lab.bench.scoring.debrief import Debrief, debrief, debrief_page
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 

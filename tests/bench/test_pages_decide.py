@@ -8,14 +8,14 @@ from dataclasses import replace
 import pytest
 
 from tests.bench.inspector import faults_on, margins
-from virtual_lab.bench.actions import Action, action_of
-from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.keeping import laboratory_of, taken
-from virtual_lab.bench.operators import PREPARATION, Look
-from virtual_lab.bench.page import day_page
-from virtual_lab.bench.scenario import load_scenario
-from virtual_lab.bench.table import MAKE_READY, detectable
+from virtual_lab.bench.day.actions import Action, action_of
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.operators import PREPARATION, Look
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.day.table import MAKE_READY, detectable
+from virtual_lab.bench.machines.apparatus import Apparatus
+from virtual_lab.bench.machines.keeping import laboratory_of, taken
+from virtual_lab.bench.pages.page import day_page
 from virtual_lab.errors import InputError
 
 CHECKS = (

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import pytest
 
 from tests.bench.days import PLACE_MM, PLAIN, apparatus, asked
-from virtual_lab.bench.actions import Action, action_of
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.keeping import played, taken
-from virtual_lab.bench.operators import PREPARATION, Look, Operator, operator_of
-from virtual_lab.bench.readings import doubts
-from virtual_lab.bench.table import MAKE_READY, action_table, detectable, remedy_of, repairs
+from virtual_lab.bench.day.actions import Action, action_of
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.operators import PREPARATION, Look, Operator, operator_of
+from virtual_lab.bench.day.readings import doubts
+from virtual_lab.bench.day.table import MAKE_READY, action_table, detectable, remedy_of, repairs
+from virtual_lab.bench.machines.keeping import played, taken
 
 NO_REMEDY = {"bat-cracked"}
 FEW = ("scale-not-tared", "encoder-slip", "gate-misses", "aim-along")

@@ -8,14 +8,14 @@ from click.testing import CliRunner
 
 from tests.bench.days import PLAIN, asked
 from virtual_lab import catalog
-from virtual_lab.bench.actions import action_of
-from virtual_lab.bench.debrief import debriefed
-from virtual_lab.bench.keeping import LOG, SECRET, KeptDay
-from virtual_lab.bench.operators import operator_of
-from virtual_lab.bench.page import wall_page
-from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.day.actions import action_of
+from virtual_lab.bench.day.operators import operator_of
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.day.table import fault_sheets
+from virtual_lab.bench.machines.keeping import LOG, SECRET, KeptDay
+from virtual_lab.bench.pages.page import wall_page
+from virtual_lab.bench.scoring.debrief import debriefed
 from virtual_lab.bench.serving import ServedDay
-from virtual_lab.bench.table import fault_sheets
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 
@@ -142,7 +142,7 @@ def test_a_crash_while_a_day_begins_leaves_a_folder_to_begin_in(
     """The sealed file is on disk, the log is not yet."""
     folder, scenario = tmp_path / "day", load_scenario("plain-day")
     with monkeypatch.context() as broken:
-        broken.setattr("virtual_lab.bench.keeping.DayLog.create", lambda *_: 1 / 0)
+        broken.setattr("virtual_lab.bench.machines.keeping.DayLog.create", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             KeptDay.begin(folder, scenario, 3)
     day = KeptDay.begin(folder, scenario, 3)

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from tests.bench.days import Asked, asked, scenario
-from virtual_lab.bench import debrief as debriefing
-from virtual_lab.bench.day import Day, DayEvent, replayed
-from virtual_lab.bench.debrief import Debrief, debrief
-from virtual_lab.bench.desk import OwnResult
-from virtual_lab.bench.deviations import DENIED, JUSTIFIED, OPEN, Deviation
+from virtual_lab.bench.day.day import Day, DayEvent, replayed
+from virtual_lab.bench.day.desk import OwnResult
+from virtual_lab.bench.scoring import debrief as debriefing
+from virtual_lab.bench.scoring.debrief import Debrief, debrief
+from virtual_lab.bench.scoring.deviations import DENIED, JUSTIFIED, OPEN, Deviation
 from virtual_lab.errors import InputError
 
 TRUTH, LIMIT, U = 0.95, 1.0, 0.01  # of the metric; U = 2 u = .02

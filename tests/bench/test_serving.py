@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.serving import serve
 from virtual_lab.errors import InputError
 

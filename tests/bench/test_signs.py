@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from virtual_lab.bench import readings
-from virtual_lab.bench.day import DayEvent
-from virtual_lab.bench.readings import CheckRow, rows_of
-from virtual_lab.bench.table import detectable
-from virtual_lab.bench.tally import in_units
+from virtual_lab.bench.day import readings
+from virtual_lab.bench.day.day import DayEvent
+from virtual_lab.bench.day.readings import CheckRow, rows_of
+from virtual_lab.bench.day.table import detectable
+from virtual_lab.bench.pages.tally import in_units
 from virtual_lab.uncertainty.estimate import Estimate
 
 MM = 1e-3

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from tests.bench.days import PLAIN, apparatus, day_of, scenario
-from virtual_lab.bench.day import Day, DayEvent, replayed
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.firing import Firing, ShotConditions
-from virtual_lab.bench.page import day_page
-from virtual_lab.bench.sketching import blurred, scene_of_shot, sketch_of, true_motion
-from virtual_lab.bench.slow_motion import contact_words, sketched, slow_motion
+from virtual_lab.bench.day.day import Day, DayEvent, replayed
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.machines.firing import Firing, ShotConditions
+from virtual_lab.bench.machines.sketching import blurred, scene_of_shot, sketch_of, true_motion
+from virtual_lab.bench.pages.page import day_page
+from virtual_lab.bench.pages.slow_motion import contact_words, sketched, slow_motion
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.streams import Streams
 

@@ -13,11 +13,11 @@ from urllib.parse import urlencode
 import pytest
 
 from tests.bench.days import PLAIN, asked
-from virtual_lab.bench.actions import ARGUMENTS
-from virtual_lab.bench.page import day_page
-from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.day.actions import ARGUMENTS
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.pages.page import day_page
 from virtual_lab.bench.serving import ServedDay
-from virtual_lab.bench.web import application
+from virtual_lab.bench.web.server import application
 from virtual_lab.output.tables import quoted
 
 SOUND = {"number": "1", "whole": "1", "text": "so", "doubt": "none"}  # by kind of argument

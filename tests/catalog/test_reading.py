@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from tests.test_units import DEFINED
 from virtual_lab import catalog
-from virtual_lab.bench.scenario import load_scenario
-from virtual_lab.bench.table import action_table
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.day.table import action_table
 from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.catalog.specs import BallSpec, Dimension, HoopMode, Spec
 from virtual_lab.errors import InputError

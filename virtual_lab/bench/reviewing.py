@@ -8,15 +8,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from virtual_lab.bench.actions import Action
-from virtual_lab.bench.day import evolve
-from virtual_lab.bench.debrief import debriefed
-from virtual_lab.bench.keeping import KeptDay, done
-from virtual_lab.bench.log import LOG, DayLog
-from virtual_lab.bench.operators import operator_of
+from virtual_lab.bench.day.actions import Action
+from virtual_lab.bench.day.day import evolve
+from virtual_lab.bench.day.log import LOG, DayLog
+from virtual_lab.bench.day.operators import operator_of
+from virtual_lab.bench.day.scenario import SCORES, Scenario, load_scenario
+from virtual_lab.bench.day.table import action_table
+from virtual_lab.bench.machines.keeping import KeptDay, done
 from virtual_lab.bench.running import save_debrief
-from virtual_lab.bench.scenario import SCORES, Scenario, load_scenario
-from virtual_lab.bench.table import action_table
+from virtual_lab.bench.scoring.debrief import debriefed
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_json
 from virtual_lab.output.result import Rows

@@ -9,12 +9,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from virtual_lab.bench.debrief import Debrief, debrief_page, debriefed
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.keeping import SECRET, KeptDay
-from virtual_lab.bench.log import LOG
-from virtual_lab.bench.operators import Operator, by_script, operator_of
-from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.log import LOG
+from virtual_lab.bench.day.operators import Operator, by_script, operator_of
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.machines.keeping import SECRET, KeptDay
+from virtual_lab.bench.scoring.debrief import Debrief, debrief_page, debriefed
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.files import new_folder, read_json

@@ -20,13 +20,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab import catalog
-from virtual_lab.bench.actions import Action
-from virtual_lab.bench.day import Day, DayEvent, replayed
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.exam import Hall
-from virtual_lab.bench.log import LOG, DayLog
-from virtual_lab.bench.scenario import Scenario
-from virtual_lab.bench.slow_motion import Motion
+from virtual_lab.bench.day.actions import Action
+from virtual_lab.bench.day.day import Day, DayEvent, replayed
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.log import LOG, DayLog
+from virtual_lab.bench.day.scenario import Scenario
+from virtual_lab.bench.pages.slow_motion import Motion
+from virtual_lab.bench.web.exam import Hall
 from virtual_lab.catalog import Entry
 from virtual_lab.errors import InputError
 from virtual_lab.files import first_free
@@ -35,8 +35,8 @@ from virtual_lab.records.origin import Simulated
 from virtual_lab.records.session import Session
 
 if TYPE_CHECKING:
-    from virtual_lab.bench.debrief import Debrief
-    from virtual_lab.bench.keeping import KeptDay
+    from virtual_lab.bench.machines.keeping import KeptDay
+    from virtual_lab.bench.scoring.debrief import Debrief
 
 LOOPBACK = "127.0.0.1"
 MOST_TRAINEES = 50
@@ -64,7 +64,7 @@ class ServedDay:
         """Set the laboratory up; `InputError` where scenario or folder are unfit."""
         if self._begun:
             _ = self._first.missing  # first what the first page is made of, then the machines
-        from virtual_lab.bench.keeping import KeptDay
+        from virtual_lab.bench.machines.keeping import KeptDay
 
         if self._begun or self.scenario is None:
             kept = KeptDay(self.folder)
@@ -142,7 +142,7 @@ class ServedDay:
             return self._films[shot, true]
 
     def _filmed(self, shot: int, true: bool) -> bytes:
-        from virtual_lab.bench.sketching import before_shot, film_as_seen, true_film
+        from virtual_lab.bench.machines.sketching import before_shot, film_as_seen, true_film
 
         day, machines = self.kept.day, self.kept.apparatus
         if true:
@@ -157,7 +157,7 @@ class ServedDay:
         """
         if not (self._opened.done() and self.open_book):
             return None
-        from virtual_lab.bench.sketching import before_shot, true_motion
+        from virtual_lab.bench.machines.sketching import before_shot, true_motion
 
         kept = self.kept
         machines = kept.apparatus.at(before_shot(kept.day, shot))
@@ -177,8 +177,8 @@ class ServedDay:
 
     def debrief(self) -> str:
         """Open the truth of a day that was handed in, and keep the debrief beside its log."""
-        from virtual_lab.bench.debrief import debrief_page, debriefed
         from virtual_lab.bench.running import save_debrief
+        from virtual_lab.bench.scoring.debrief import debrief_page, debriefed
 
         kept = self.kept
         if kept.day.exam and self.scenario:
@@ -193,7 +193,7 @@ class ServedDay:
 
         Raises `InputError` as `KeptDay.branch`.
         """
-        from virtual_lab.bench.keeping import KeptDay
+        from virtual_lab.bench.machines.keeping import KeptDay
 
         target = first_free(self.folder.with_name(f"{self.folder.name}-from-{entry}"))
         KeptDay.branch(self.folder, entry, target)
@@ -241,7 +241,7 @@ def serve(
     """
     import uvicorn
 
-    from virtual_lab.bench.web import application
+    from virtual_lab.bench.web.server import application
 
     _require(host, tls, len(folders))
     days = {name: ServedDay(folder, scenario, seed) for name, folder in folders.items()}
@@ -323,8 +323,8 @@ def _listening(host: str, port: int) -> socket.socket:
 
 def _warm(scenario: Scenario) -> None:
     """Load what is compiled, on another laboratory's day, while the first readings are made."""
-    from virtual_lab.bench.apparatus import Apparatus
-    from virtual_lab.bench.keeping import laboratory_of, taken
-    from virtual_lab.bench.operators import operator_of
+    from virtual_lab.bench.day.operators import operator_of
+    from virtual_lab.bench.machines.apparatus import Apparatus
+    from virtual_lab.bench.machines.keeping import laboratory_of, taken
 
     taken(Apparatus(laboratory_of(scenario, 0, b"")), operator_of("book"))

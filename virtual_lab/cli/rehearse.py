@@ -145,7 +145,7 @@ def day_command(
         return _served(scenario, day, names, seed=seed, **served)
     if trainees > 1:
         usage("--exam names the trainees, --trainees counts them")
-    from virtual_lab.bench.exam import load_class
+    from virtual_lab.bench.web.exam import load_class
 
     found = load_class(exam)
     return _served(found.scenario, day, found.trainees, seed=seed, exam=found.title, **served)
@@ -162,7 +162,7 @@ def _served(
 
     if not (find_spec("starlette") and find_spec("uvicorn")):
         raise InputError("", "the page needs the extra 'bench'", None, with_extra("bench"))
-    from virtual_lab.bench.scenario import load_scenario
+    from virtual_lab.bench.day.scenario import load_scenario
     from virtual_lab.bench.serving import serve
 
     target = folder or first_free(Path("out") / Path(scenario or "").stem)
@@ -200,7 +200,7 @@ def trends(folder: Path) -> StudyResult:
 @click.argument("folder", type=click.Path(path_type=Path))
 def branch(day: Path, entry: int, folder: Path) -> Answer:
     """Take a DAY that was handed in again from an ENTRY, as practice in FOLDER."""
-    from virtual_lab.bench.keeping import KeptDay
+    from virtual_lab.bench.machines.keeping import KeptDay
 
     KeptDay.branch(day, entry, folder)
     return Answer(

@@ -22,9 +22,9 @@ from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 from virtual_lab import catalog
-from virtual_lab.bench.keeping import KeptDay
-from virtual_lab.bench.operators import HABITS, operator_of
-from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.day.operators import HABITS, operator_of
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.machines.keeping import KeptDay
 from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.lab import Laboratory, RoundRobin, TestSetup, by_the_book, certify_bat
 from virtual_lab.measurement.certification import Certification

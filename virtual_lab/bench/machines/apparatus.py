@@ -16,15 +16,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from virtual_lab.bench.actions import LENGTHS, MASSES, Action
-from virtual_lab.bench.checks import CheckStandards, opened_again, speed_ratio
-from virtual_lab.bench.day import Day, DayEvent, Shown, evolve
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.entries import entry_of_record
-from virtual_lab.bench.firing import Firing, altered, specimen_at
-from virtual_lab.bench.protocol import checklist
-from virtual_lab.bench.sketching import sketch_of
-from virtual_lab.bench.table import CHANNELS, Consequences, action_table, repairs
+from virtual_lab.bench.day.actions import LENGTHS, MASSES, Action
+from virtual_lab.bench.day.day import Day, DayEvent, Shown, evolve
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.entries import entry_of_record
+from virtual_lab.bench.day.protocol import checklist
+from virtual_lab.bench.day.table import CHANNELS, Consequences, action_table, repairs
+from virtual_lab.bench.machines.checks import CheckStandards, opened_again, speed_ratio
+from virtual_lab.bench.machines.firing import Firing, altered, specimen_at
+from virtual_lab.bench.machines.sketching import sketch_of
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest, Laboratory, TestDay
 from virtual_lab.measurement.session_reduction import BlockReduction

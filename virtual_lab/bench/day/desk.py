@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from virtual_lab.bench.actions import OWN_RESULTS
-from virtual_lab.bench.day import Day, DayEvent, evolve
-from virtual_lab.bench.entries import record_of
-from virtual_lab.bench.table import action_table, repairs
+from virtual_lab.bench.day.actions import OWN_RESULTS
+from virtual_lab.bench.day.day import Day, DayEvent, evolve
+from virtual_lab.bench.day.entries import record_of
+from virtual_lab.bench.day.table import action_table, repairs
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Judgement, Procedure, next_places, outcome_of, to_set
@@ -24,7 +24,7 @@ from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
 
 if TYPE_CHECKING:  # the reduction takes a second to load, and a first page must not wait for it
-    from virtual_lab.bench.readings import CheckRow
+    from virtual_lab.bench.day.readings import CheckRow
     from virtual_lab.measurement.certification import Certification
     from virtual_lab.measurement.reduction.shot_algebra import ShotResults
     from virtual_lab.measurement.session_reduction import Preparation, SessionReduction
@@ -143,7 +143,7 @@ class Desk:
     @cached_property
     def rows(self) -> tuple[CheckRow, ...]:
         """Every reading so far that may decide on a fault, beside its limits."""
-        from virtual_lab.bench.readings import rows_of
+        from virtual_lab.bench.day.readings import rows_of
 
         return tuple(rows_of(self))
 

@@ -8,13 +8,13 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from virtual_lab import catalog
-from virtual_lab.bench.table import action_table, fault_sheets, remedy_of, repairs
+from virtual_lab.bench.day.table import action_table, fault_sheets, remedy_of, repairs
 from virtual_lab.errors import InputError
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.units import DEGREE, DIMENSIONS
 
 if TYPE_CHECKING:
-    from virtual_lab.bench.desk import Desk
+    from virtual_lab.bench.day.desk import Desk
     from virtual_lab.uncertainty.estimate import Estimate
 
 SCALES = {"mm": 1e3, "ppm": 1e6, "deg": 1 / DEGREE, "kg mm²": 1e6, "kg mm": 1e3, "g": 1e3}

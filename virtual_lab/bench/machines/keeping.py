@@ -21,16 +21,16 @@ from typing import Any, Self
 import numpy as np
 
 from virtual_lab import catalog
-from virtual_lab.bench.actions import Action
-from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.day import Day, DayEvent, decide, evolve, replayed
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.entries import entry_of_session
-from virtual_lab.bench.log import LOG, DayLog, SequenceError
-from virtual_lab.bench.operators import Operator, operator_of
-from virtual_lab.bench.protocol import remarks
-from virtual_lab.bench.scenario import Scenario
-from virtual_lab.bench.sketching import has_camera
+from virtual_lab.bench.day.actions import Action
+from virtual_lab.bench.day.day import Day, DayEvent, decide, evolve, replayed
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.entries import entry_of_session
+from virtual_lab.bench.day.log import LOG, DayLog, SequenceError
+from virtual_lab.bench.day.operators import Operator, operator_of
+from virtual_lab.bench.day.protocol import remarks
+from virtual_lab.bench.day.scenario import Scenario
+from virtual_lab.bench.machines.apparatus import Apparatus
+from virtual_lab.bench.machines.sketching import has_camera
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_bytes, read_json

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
-from virtual_lab.bench.entries import record_of
-from virtual_lab.bench.readings import passages
-from virtual_lab.bench.scenario import UNITS
+from virtual_lab.bench.day.entries import record_of
+from virtual_lab.bench.day.readings import passages
+from virtual_lab.bench.day.scenario import UNITS
 from virtual_lab.output.svg import Panel, figure
 from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, PendulumRecord
 from virtual_lab.units import DEGREE, INCH, MPH, Array
 
 if TYPE_CHECKING:
-    from virtual_lab.bench.desk import Desk
+    from virtual_lab.bench.day.desk import Desk
 
 Units = tuple[tuple[str, float], tuple[str, float]]  # of a length and a speed in print
 SETTLED = 3e-3  # s after the contact: ball gone

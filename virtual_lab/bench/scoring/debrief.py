@@ -14,17 +14,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from virtual_lab.bench.actions import ARGUMENTS, OWN_RESULTS, Action
-from virtual_lab.bench.apparatus import Apparatus
-from virtual_lab.bench.day import Day, Decision
-from virtual_lab.bench.desk import DecidedHit, Desk, OwnResult
-from virtual_lab.bench.deviations import DENIED, JUSTIFIED, Deviation, deviations, needless_seconds
-from virtual_lab.bench.keeping import KeptDay, laboratory_of, played, taken
-from virtual_lab.bench.operators import operator_of
-from virtual_lab.bench.protocol import StepDue, excused, left_out, steps_due
-from virtual_lab.bench.readings import doubts
-from virtual_lab.bench.scenario import SCORES, UNITS, Scenario
-from virtual_lab.bench.table import (
+from virtual_lab.bench.day.actions import ARGUMENTS, OWN_RESULTS, Action
+from virtual_lab.bench.day.day import Day, Decision
+from virtual_lab.bench.day.desk import DecidedHit, Desk, OwnResult
+from virtual_lab.bench.day.operators import operator_of
+from virtual_lab.bench.day.protocol import StepDue, excused, left_out, steps_due
+from virtual_lab.bench.day.readings import doubts
+from virtual_lab.bench.day.scenario import SCORES, UNITS, Scenario
+from virtual_lab.bench.day.table import (
     PREPARING,
     action_table,
     detectable,
@@ -33,7 +30,16 @@ from virtual_lab.bench.table import (
     remedy_of,
     repairs,
 )
-from virtual_lab.bench.tally import run_chart
+from virtual_lab.bench.machines.apparatus import Apparatus
+from virtual_lab.bench.machines.keeping import KeptDay, laboratory_of, played, taken
+from virtual_lab.bench.pages.tally import run_chart
+from virtual_lab.bench.scoring.deviations import (
+    DENIED,
+    JUSTIFIED,
+    Deviation,
+    deviations,
+    needless_seconds,
+)
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import not_met, verdict
 from virtual_lab.output.metrics import METRICS
@@ -738,7 +744,7 @@ def _entries(day: Day) -> Iterator[tuple[int, float, str, str]]:
 
 def debrief_page(told: Debrief, *, linked: bool = False) -> str:
     """Return the debrief as one HTML page that needs nothing else, or `linked` to a replay."""
-    return page_template("virtual_lab.bench", "debrief.html").render(
+    return page_template("virtual_lab.bench.pages", "debrief.html").render(
         told=told,
         linked=linked,
         sheets=action_table().actions,

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from virtual_lab.bench.entries import record_of
-from virtual_lab.bench.protocol import left_out
-from virtual_lab.bench.table import action_table, detectable, repairs
+from virtual_lab.bench.day.entries import record_of
+from virtual_lab.bench.day.protocol import left_out
+from virtual_lab.bench.day.table import action_table, detectable, repairs
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.records import BoardRecord, GateRecord, PendulumRecord, Record
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
 if TYPE_CHECKING:
-    from virtual_lab.bench.day import DayEvent
-    from virtual_lab.bench.desk import Desk
+    from virtual_lab.bench.day.day import DayEvent
+    from virtual_lab.bench.day.desk import Desk
 
 CLOCK = "clock of the gates, fast"  # as compare-clock shows it
 SCRAPS = 0.2  # share of the balls that scraps are ahead of at the most, at boards; and 2 of few

@@ -21,7 +21,7 @@ from virtual_lab.catalog.specs import BatSpec
 from virtual_lab.errors import InputError
 
 if TYPE_CHECKING:
-    from virtual_lab.bench.day import Day, DayEvent
+    from virtual_lab.bench.day.day import Day, DayEvent
     from virtual_lab.measurement.procedure import Procedure
 
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from virtual_lab.bench.day import Day
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.table import action_table
+from virtual_lab.bench.day.day import Day
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.table import action_table
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory
 from virtual_lab.records import EncoderRecord, GateRecord

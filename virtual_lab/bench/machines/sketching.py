@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.bench.day import Day, DayEvent
-from virtual_lab.bench.firing import Firing, ShotConditions
-from virtual_lab.bench.slow_motion import FILM, Motion, clear_rebound, contact_words
+from virtual_lab.bench.day.day import Day, DayEvent
+from virtual_lab.bench.machines.firing import Firing, ShotConditions
+from virtual_lab.bench.pages.slow_motion import FILM, Motion, clear_rebound, contact_words
 from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.simulation.cannon_station import RestingBatStation
 from virtual_lab.simulation.collision.ladder import Ladder, StruckBat, probing_scenes

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.bench.actions import Action, action_of
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.protocol import excused, left_out
-from virtual_lab.bench.readings import doubts
-from virtual_lab.bench.table import MAKE_READY, action_table, detectable, remedy_of
+from virtual_lab.bench.day.actions import Action, action_of
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.protocol import excused, left_out
+from virtual_lab.bench.day.readings import doubts
+from virtual_lab.bench.day.table import MAKE_READY, action_table, detectable, remedy_of
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.streams import Streams
 

@@ -9,8 +9,8 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Literal
 
-from virtual_lab.bench.scenario import SCORES
-from virtual_lab.bench.table import MAKE_READY, PREPARING, action_table, known_doubts
+from virtual_lab.bench.day.scenario import SCORES
+from virtual_lab.bench.day.table import MAKE_READY, PREPARING, action_table, known_doubts
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.units import DIMENSIONS, INCH, OUNCE
 

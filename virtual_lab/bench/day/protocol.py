@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from virtual_lab.bench.day import Day, Shown
-from virtual_lab.bench.table import MAKE_READY, PREPARING, action_table
+from virtual_lab.bench.day.day import Day, Shown
+from virtual_lab.bench.day.table import MAKE_READY, PREPARING, action_table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,11 +12,11 @@ from math import tau
 
 import numpy as np
 
-from virtual_lab.bench.day import DayEvent
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.protocol import left_out
-from virtual_lab.bench.readings import CheckRow, doubts, rows_of_edges
-from virtual_lab.bench.table import PREPARING, action_table, detectable
+from virtual_lab.bench.day.day import DayEvent
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.protocol import left_out
+from virtual_lab.bench.day.readings import CheckRow, doubts, rows_of_edges
+from virtual_lab.bench.day.table import PREPARING, action_table, detectable
 from virtual_lab.records import BoardRecord, GateRecord
 
 JUSTIFIED, DENIED, OPEN = "justified", "not borne out", "for the trainer to judge"

@@ -25,9 +25,11 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from virtual_lab.bench.actions import Action, action_of
-from virtual_lab.bench.day import DayEvent
-from virtual_lab.bench.page import (
+from virtual_lab.bench.day.actions import Action, action_of
+from virtual_lab.bench.day.day import DayEvent
+from virtual_lab.bench.day.scenario import UNITS
+from virtual_lab.bench.day.table import MAKE_READY, in_buttons
+from virtual_lab.bench.pages.page import (
     Refusal,
     day_page,
     hall_page,
@@ -37,14 +39,12 @@ from virtual_lab.bench.page import (
     replay_page,
     wall_page,
 )
-from virtual_lab.bench.scenario import UNITS
-from virtual_lab.bench.slow_motion import Motion
-from virtual_lab.bench.table import MAKE_READY, in_buttons
+from virtual_lab.bench.pages.slow_motion import Motion
 from virtual_lab.errors import InputError
 
 if TYPE_CHECKING:
-    from virtual_lab.bench.desk import Desk
-    from virtual_lab.bench.exam import Hall
+    from virtual_lab.bench.day.desk import Desk
+    from virtual_lab.bench.web.exam import Hall
 
 LARGEST_BODY = 64 * 1024  # B
 MOST_A_SECOND = 20  # requests of a session
@@ -155,7 +155,7 @@ def application(
         return RedirectResponse("/", status_code=303)
 
     def static(name: str, kind: str) -> Route:
-        content = files("virtual_lab.bench").joinpath("templates", name).read_bytes()
+        content = files("virtual_lab.bench.pages").joinpath("templates", name).read_bytes()
         return Route(f"/{name}", lambda _: Response(content, media_type=kind, headers=KEPT))
 
     routes = [

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import Any
 
-from virtual_lab.bench.actions import Action
-from virtual_lab.bench.table import MAKE_READY, action_table, repairs
+from virtual_lab.bench.day.actions import Action
+from virtual_lab.bench.day.table import MAKE_READY, action_table, repairs
 from virtual_lab.errors import InputError
 from virtual_lab.records.session import Session
 

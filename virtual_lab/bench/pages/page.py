@@ -9,24 +9,24 @@ from io import StringIO
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.bench.actions import ARGUMENTS, Argument
-from virtual_lab.bench.day import Day, DayEvent, offered
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.operators import PREPARATION
-from virtual_lab.bench.papers import paper
-from virtual_lab.bench.scenario import UNITS
-from virtual_lab.bench.slow_motion import Motion, SlowMotion, sketched, slow_motion
-from virtual_lab.bench.table import MAKE_READY, action_table, in_buttons, known_doubts
-from virtual_lab.bench.tally import in_units, residual_chart, run_chart, swings, tally
-from virtual_lab.bench.traces import traces_of
+from virtual_lab.bench.day.actions import ARGUMENTS, Argument
+from virtual_lab.bench.day.day import Day, DayEvent, offered
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.operators import PREPARATION
+from virtual_lab.bench.day.scenario import UNITS
+from virtual_lab.bench.day.table import MAKE_READY, action_table, in_buttons, known_doubts
+from virtual_lab.bench.pages.papers import paper
+from virtual_lab.bench.pages.slow_motion import Motion, SlowMotion, sketched, slow_motion
+from virtual_lab.bench.pages.tally import in_units, residual_chart, run_chart, swings, tally
+from virtual_lab.bench.pages.traces import traces_of
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.tables import quoted
 from virtual_lab.output.template import page_template
 
 if TYPE_CHECKING:
-    from virtual_lab.bench.exam import Hall
+    from virtual_lab.bench.web.exam import Hall
 
-PACKAGE = "virtual_lab.bench"
+PACKAGE = "virtual_lab.bench.pages"
 PARTS = {
     "bench": "Bench",
     "wall": "Wall rig",

@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from virtual_lab import catalog
-from virtual_lab.bench.day import Shown
-from virtual_lab.bench.readings import CLOCK
-from virtual_lab.bench.table import action_table
+from virtual_lab.bench.day.day import Shown
+from virtual_lab.bench.day.readings import CLOCK
+from virtual_lab.bench.day.table import action_table
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.lab import Laboratory
 from virtual_lab.lab.laboratory import collision_of

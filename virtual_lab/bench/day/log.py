@@ -14,8 +14,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from virtual_lab.bench.day import Day, DayEvent
-from virtual_lab.bench.entries import session_of_entry
+from virtual_lab.bench.day.day import Day, DayEvent
+from virtual_lab.bench.day.entries import session_of_entry
 from virtual_lab.catalog import read
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure

@@ -11,8 +11,8 @@ from typing import Annotated, Protocol
 
 from annotated_types import Len
 
-from virtual_lab.bench.desk import Desk
-from virtual_lab.bench.scenario import load_scenario
+from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.catalog import read
 from virtual_lab.catalog.specs import Name, Spec, Title
 from virtual_lab.errors import InputError

@@ -1,0 +1,1 @@
+"""The server of the pages: who may come in, what a form does."""
