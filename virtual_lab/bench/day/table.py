@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le
 
 from virtual_lab import catalog
+from virtual_lab.bench.day.arguments import Argument
 from virtual_lab.catalog.faults import FaultSheet, FoundBy
 from virtual_lab.catalog.specs import Dimension, Spec, Title, YesNo
 
@@ -50,6 +51,7 @@ class ActionSheet(Spec):
     in_book: YesNo  # whether the procedure asks for it
     minutes: Time  # [s], printed in minutes
     mends: tuple[str, ...] = ()  # faults that are over once it is done
+    takes: tuple[Argument, ...] = ()  # what it is told
     again: tuple[str, ...] = ()  # actions whose readings it makes old
 
 

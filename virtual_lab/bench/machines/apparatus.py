@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from virtual_lab.bench.day.actions import LENGTHS, MASSES, Action
+from virtual_lab.bench.day.actions import Action
+from virtual_lab.bench.day.arguments import LENGTHS, MASSES
 from virtual_lab.bench.day.day import Day, DayEvent, Shown, evolve
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.entries import entry_of_record

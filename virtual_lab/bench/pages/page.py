@@ -9,7 +9,8 @@ from io import StringIO
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.bench.day.actions import ARGUMENTS, Argument
+from virtual_lab.bench.day.actions import ARGUMENTS
+from virtual_lab.bench.day.arguments import Argument
 from virtual_lab.bench.day.day import Day, DayEvent, offered
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.operators import PREPARATION

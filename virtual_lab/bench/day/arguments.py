@@ -1,0 +1,102 @@
+"""What an action is told: its arguments, as a row of the table of actions has them, and read."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from math import isfinite
+from types import MappingProxyType
+from typing import Literal
+
+from virtual_lab.catalog.specs import Real, Spec
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.units import DIMENSIONS, INCH, OUNCE
+
+Value = str | float | int
+LENGTHS = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "in": INCH})
+MASSES = MappingProxyType({"g": 1e-3, "oz": OUNCE})
+TYPED = re.compile(r"([^a-zA-Z%]+?(?:[eE][+-]?\d+)?)\s*([a-zA-Z%/]+)")  # a number with its unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Argument(Spec):
+    """One thing that an action is told."""
+
+    name: str
+    title: str
+    kind: Literal["number", "whole", "choice", "text", "doubt"]
+    unit: str = ""  # of a number
+    default: Value | None = None  # None: it must be given
+    low: Real = -1e6
+    high: Real = 1e6
+    choices: tuple[str, ...] = ()
+
+    def read(self, raw: object, action: str, length: str = "mm") -> Value:
+        """Return the value that was typed or sent; `InputError` where it is none.
+
+        A bare number of a length is in the unit `length`.
+        """
+        if raw is None or (isinstance(raw, str) and not raw.strip()):
+            if self.default is None:
+                raise InputError(action, self.name, None, f"is missing: {self.title}")
+            return self.default
+        if self.kind == "text":
+            text = str(raw).strip()
+            if len(text) > 300 or not text.isprintable():
+                allowed = "allowed: a line of up to 300 characters"
+                raise InputError(action, self.name, text, allowed)
+            return text
+        if self.kind == "doubt":
+            return doubt_of(str(raw).strip(), action, self.name)
+        if self.kind == "choice":
+            if raw not in self.choices:
+                allowed = f"{nearest(raw, self.choices)}allowed: {', '.join(self.choices)}"
+                raise InputError(action, self.name, raw, allowed)
+            return str(raw)
+        return self._number(raw, action, length)
+
+    def _number(self, raw: object, action: str, length: str) -> Value:
+        text = str(raw).strip()
+        factor = self._factor(length) if self.unit == "mm" else 1.0
+        if (typed := TYPED.fullmatch(text)) and self.unit:
+            text, factor = typed[1], self._factor(typed[2])
+        if re.fullmatch(r"[+-]?\d+,\d+", text):  # a decimal comma; 1,200,000 is none
+            text = text.replace(",", ".")
+        try:
+            number = factor * float(text) if not isinstance(raw, bool) else float("nan")
+        except ValueError:
+            number = float("nan")
+        whole = self.kind == "whole"
+        fits = isfinite(number) and self.low <= number <= self.high
+        if not fits or (whole and number != int(number)):
+            kind = "whole numbers" if whole else "numbers"
+            allowed = f"allowed: {kind} from {self.low:g} to {self.high:g} {self.unit}".rstrip()
+            raise InputError(action, self.name, raw, allowed)
+        return int(number) if whole else number
+
+    def _factor(self, unit: str) -> float:
+        """Return how many of the argument's own unit a unit is; NaN where it is another kind."""
+        for units in DIMENSIONS.values():
+            if {unit, self.unit} <= units.keys():
+                return units[unit] / units[self.unit]
+        return float("nan")
+
+
+def doubt_of(words: str, action: str, key: str) -> str:
+    """Return the fault of a title; `InputError` asks back where the words are nearly one.
+
+    Words of one's own begin with “other:”, and name no fault.
+    """
+    from virtual_lab.bench.day.table import known_doubts  # whose actions take arguments
+
+    known = known_doubts()
+    by_title = {title.lower(): name for name, title in known.items()}
+    if words in {*known, "none", "no result"}:
+        return words
+    if words.lower() in by_title:
+        return by_title[words.lower()]
+    if words.lower().startswith("other:") and len(words) <= 300 and words.isprintable():
+        return words
+    near = nearest(words, known.values())
+    allowed = f"{near}allowed: a title of the list, none, or your own words after “other:”"
+    raise InputError(action, key, words, allowed)
