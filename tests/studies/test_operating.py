@@ -58,6 +58,13 @@ def test_more_hits_make_it_steeper(found) -> None:
     assert "conditional" in found.text
 
 
+def test_its_picture(found, tmp_path: Path) -> None:
+    found.save(tmp_path / "out")
+    assert (tmp_path / "out" / "operating.png").read_bytes().startswith(b"\x89PNG")
+    assert len(found.table) == 80
+    assert list(found.limits.values()) == [1.2, 1.2]
+
+
 def test_a_procedure_without_a_limit() -> None:
     with pytest.raises(vl.InputError, match="it has no limit"):
         vl.operating("r161", procedures=["proposed"], laboratories=1, progress=quiet)

@@ -82,7 +82,7 @@ def coverage(
     return api.coverage(bat, progress=progress, **asked)
 
 
-@command("operating", keeps=True, table=True)
+@command("operating", keeps=True, table=True, picture=True)
 @click.argument("bat", default="r161", shell_complete=names("bats"))
 @click.option(
     "--procedure",

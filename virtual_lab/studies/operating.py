@@ -8,8 +8,10 @@ laboratory tests three times: balls, hits and readings are new, its calibration 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from scipy.stats import binomtest
@@ -19,6 +21,7 @@ from virtual_lab.lab import RoundRobin
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
+from virtual_lab.output.style import INTERVAL_GREY, PAGE_WIDTH_IN, STYLE, as_drawn
 from virtual_lab.output.tables import column
 from virtual_lab.units import Array, Mask
 
@@ -51,6 +54,39 @@ class OperatingPoint:
     high_if_valid: float = column("  at most", form=".1%")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class OperatingCurves(Rows[OperatingPoint]):
+    """The chance to pass over the true metric, of each procedure by one test and the best of 3."""
+
+    limits: Mapping[str, float]  # by procedure, in the metric's unit
+
+    def draw(self, path: Path) -> None:
+        """Draw PASS with its interval, one panel a procedure."""
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure
+
+        with rc_context(cast("Any", STYLE)):
+            size = (PAGE_WIDTH_IN, 2.6 * len(self.limits))
+            figure = Figure(figsize=size, dpi=150, layout="constrained")
+            panels = figure.subplots(len(self.limits), 1, squeeze=False).ravel()
+            for axes, (procedure, limit) in zip(panels, self.limits.items(), strict=True):
+                for best_of, line in zip(TESTS, ("-", "--"), strict=True):
+                    own = [r for r in self.rows if (r.procedure, r.best_of) == (procedure, best_of)]
+                    true, passes, low, high = np.array(
+                        [(row.true, row.passes, row.low, row.high) for row in own]
+                    ).T
+                    axes.fill_between(true, low, high, color=INTERVAL_GREY, linewidth=0)
+                    words = "one test" if best_of == 1 else f"best of {best_of}"
+                    axes.plot(true, passes, line, color="black", label=words)
+                axes.axvline(limit, color="0.5", linewidth=0.6)
+                axes.set_title(f"{own[0].bat} by {as_drawn(procedure)}, line: limit")
+                axes.set(
+                    xlabel=f"true {own[0].metric} {own[0].unit}".rstrip(), ylabel="P(PASS | x)"
+                )
+                axes.legend()
+            figure.savefig(path)
+
+
 def operating(
     bat: str,
     *,
@@ -58,7 +94,7 @@ def operating(
     laboratories: int = 1000,
     seed: int = 0,
     progress: Progress = quiet,
-) -> Rows[OperatingPoint]:
+) -> OperatingCurves:
     """Return the chance to pass of bats like this one, over their true metric.
 
     Parameters
@@ -83,6 +119,7 @@ def operating(
     if laboratories < 1:
         raise InputError("", "laboratories", laboratories, "allowed: 1 and more")
     rows: list[OperatingPoint] = []
+    limits: dict[str, float] = {}
     for at, name in enumerate(procedures):
         round_robin = RoundRobin.of(bat, name)
         rules = round_robin.setup.rules.spec
@@ -95,6 +132,7 @@ def operating(
             progress("tests", at * max(TESTS) + test + 1, len(procedures) * max(TESTS))
         errors, valid = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
         printed = METRICS[rules.metric]
+        limits[rules.name] = rules.metric_limit / printed.unit_si
         reach = REACH * float(errors[valid].std()) * np.linspace(-1, 1, POINTS)
         for best_of in TESTS:
             for x in rules.metric_limit + reach:
@@ -119,7 +157,9 @@ def operating(
                         high_if_valid=given[2],
                     )
                 )
-    return Rows(name="operating", title="the chance to pass", rows=rows, words=WORDS)
+    return OperatingCurves(
+        name="operating", title="the chance to pass", rows=rows, words=WORDS, limits=limits
+    )
 
 
 def _errors(round_robin: RoundRobin, laboratories: int, seed: int) -> tuple[Array, Mask]:

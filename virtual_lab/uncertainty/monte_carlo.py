@@ -15,6 +15,7 @@ import numpy as np
 from virtual_lab.errors import InputError
 from virtual_lab.streams import generator
 from virtual_lab.uncertainty.inputs import Inputs
+from virtual_lab.uncertainty.laws import LAWS
 from virtual_lab.uncertainty.models import Model, Outputs
 from virtual_lab.uncertainty.propagated import (
     Convergence,
@@ -151,8 +152,8 @@ def _goals(batches: Batches, infinite: bool) -> Array:
 def stein(batches: Batches, infinite: bool) -> Array:
     """Draw in two stages: the scatter of the first tells how many the second must have.
 
-    Stein (1945), as Wübbeler, Harris and Cox (Metrologia 47, 2010) take it to JCGM 101. All
-    numbers of all outputs meet their tolerance with 95 % (Bonferroni). Returns the tolerances.
+    Stein (1945), as Wübbeler et al. (Metrologia 47, 2010, 317) take it to JCGM 101. All numbers
+    of all outputs meet their tolerance with 95 % (Bonferroni). Returns the tolerances.
     """
     from scipy.special import stdtrit
 
@@ -236,7 +237,7 @@ def _draw_dof(inputs: Inputs) -> Iterator[float]:
     joined = inputs.joined
     yield from (joint.draw_dof for joint in inputs.joints)
     for name, source in inputs.sources.items():
-        if name not in joined and not source.law.limited and source.shape == source.shape:
+        if name not in joined and source.law is LAWS["t"]:
             yield source.shape
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from virtual_lab.uncertainty.models import Model
 from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO, RULES, Drawing, monte_carlo
 from virtual_lab.uncertainty.propagated import Outcome, Propagated, correlation_of
 from virtual_lab.uncertainty.second_order import SecondOrder
-
-if TYPE_CHECKING:
-    pass
 
 FIRST, SECOND = "first-order", "second-order"
 
