@@ -529,7 +529,7 @@ def test_the_cameras_numbers_stand_on_page_and_text_each_in_its_column() -> None
     assert "gates and video for 5 hits, 2 more not seen well:" in text
     assert (
         "e    gates 0.5100 (u 0.0011), video 0.5200 (u 0.0014), joined 0.5300 (u 0.0017); "
-        "DISAGREE, difference -0.0123 (u 0.0045)"
+        "DISAGREE, difference −0.0123 (u 0.0045)"
     ) in text
     assert re.search(r"BPF .*joined 0\.9300 \(u 0\.0017\); agree, difference", text)
 

@@ -100,7 +100,7 @@ def test_it_says_what_the_page_says(document: CertificateDocument, pdf: bytes) -
 
     hidden = {"", NONE, printed["swung"]}  # no bat is swung by astm
     for text in set(texts(printed)) - hidden:
-        assert text in shown, text
+        assert text in shown or text.replace("_", "") in shown, text  # an index is set as one
     assert document.conditional_on in shown
     assert "Limit of BPF 1.200; 6 valid hits." in shown
 

@@ -11,7 +11,7 @@ from virtual_lab import catalog
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.simulation.rig import Reality
 
-SUFFIX = re.compile(r"_(mph|in|kg|m|kg_m2|hz|per_s|percent|ms|deg)$")
+SUFFIX = re.compile(r"_(mph|in|kg|m|kg_m2|kg_per_m3|hz|per_s|percent|ms|deg)$")
 RATIOS = {
     "ball",
     "ball_restitution",

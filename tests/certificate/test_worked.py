@@ -287,6 +287,7 @@ def test_the_pages_bat_is_the_documents_in_both_units(case: str) -> None:
 def test_the_pages_quantities_are_the_documents(case: str) -> None:
     told = document(case)
     keys = {
+        "Bat performance factor": ("BPF", "bat_performance_factor"),
         "Collision efficiency": ("eA", "collision_efficiency"),
         "Restitution of ball and bat": ("e", "restitution"),
         "Restitution, ball on a wall": ("e0", "ball_restitution"),
@@ -465,14 +466,15 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
     metric = told["metric"]
     size = MPH if metric["name"] == "batted_speed" else 1.0
     (found,) = re.findall(
-        r"^  \S+ +([\d.]+) \(u ([\d.]+)\).*95 % interval ([\d.]+) to ([\d.]+), "
+        r"^  \S+ +([\d.]+) ± ([\d.]+).* \(u ([\d.]+)\).*95 % interval ([\d.]+) to ([\d.]+), "
         r"(?:no limit|limit ([\d.]+))",
         text,
         re.MULTILINE,
     )
-    expected = [metric["value"], metric["u"], *metric["interval_95"]]
+    half = metric["interval_95"][1] - metric["value"]
+    expected = [metric["value"], half, metric["u"], *metric["interval_95"]]
     assert all(map(agrees, found, [each / size for each in expected]))
-    assert found[4] == "" if metric["limit"] is None else agrees(found[4], metric["limit"] / size)
+    assert found[5] == "" if metric["limit"] is None else agrees(found[5], metric["limit"] / size)
     symbols = {"BPF": "bat_performance_factor", "e_A": "collision_efficiency", "e": "restitution"}
     for symbol, key in (symbols | {"r": "recoil_factor", "e0": "ball_restitution"}).items():
         if key in told:

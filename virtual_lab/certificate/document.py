@@ -373,6 +373,7 @@ class CertificateDocument(Spec):
     bat: BatAsMeasured
     ball: BallsUsed
     rigs: dict[str, str]
+    air_density_kg_per_m3: Stated | None  # of the hall, on the day; null: not measured
     laboratory: str  # that supplied the records; empty of a simulated test
     customer: str
     date: str

@@ -89,6 +89,7 @@ def certificate(
     }
     origin = session.origin
     supplied = origin if isinstance(origin, Supplied) else None
+    air = session.calibration.get("hall.air.density")
     return CertificateDocument(
         schema=SCHEMA,
         origin="supplied" if supplied else "simulated",
@@ -114,6 +115,7 @@ def certificate(
             set_aside=tuple(BallSetAside(**asdict(each)) for each in certification.set_aside),
         ),
         rigs=dict(session.rigs),
+        air_density_kg_per_m3=Stated(value=air.value, u=air.u) if air else None,
         laboratory=supplied.laboratory if supplied else "",
         customer=supplied.customer if supplied else "",
         date=session.date,

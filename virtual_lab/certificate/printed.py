@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping
 from itertools import compress
 from math import isfinite, sqrt
+from typing import Any
 
 from virtual_lab.certificate.columns import SHOTS
 from virtual_lab.certificate.document import (
@@ -75,7 +76,7 @@ VERDICTS = {
 }
 
 
-def printed_values(document: CertificateDocument) -> dict[str, object]:
+def printed_values(document: CertificateDocument) -> dict[str, Any]:
     """Return the values in print by name, in tables of texts."""
     rings = document.ring.frequencies_hz if document.ring else ()
     return {
@@ -126,11 +127,13 @@ def _identification(document: CertificateDocument) -> list[list[str]]:
     simulated, particulars = document.simulation is not None, document.particulars
     rigs = ", ".join(f"{rig} ({stage})" for stage, rig in document.rigs.items())
     day = document.date or "no date in the records"
+    air = document.air_density_kg_per_m3 and _with_u(document.air_density_kg_per_m3)
     return [
         ["Bat", document.bat.name],
         ["Balls", document.ball.name],
         ["Procedure", f"{document.procedure.name}: {document.procedure.edition}"],
         ["Rigs", rigs],
+        *([["Air in the hall", f"{air['value']} kg/m³ (u = {air['u']})"]] if air else []),
         ["Computed by", f"Virtual laboratory{'' if simulated else ', from the records supplied'}"],
         *([] if particulars.test.begun else [["Tested", day]]),
         *map(list, particulars.printed(simulated=simulated)),
@@ -265,15 +268,16 @@ def _stated(metric: MetricStated, unit_si: float) -> dict[str, object]:
 
 def _quantities(document: CertificateDocument) -> list[dict[str, str]]:
     rows = [
-        ("Collision efficiency", "e", "A", "collision_efficiency"),
-        ("Restitution of ball and bat", "e", "", "restitution"),
-        (f"Recoil factor, {document.recoil.which} bat", "r", "", "recoil_factor"),
-        ("Restitution, ball on a wall", "e", "0", "ball_restitution"),
+        ("Bat performance factor", "BPF", "bat_performance_factor"),
+        ("Collision efficiency", "e_A", "collision_efficiency"),
+        ("Restitution of ball and bat", "e", "restitution"),
+        (f"Recoil factor, {document.recoil.which} bat", "r", "recoil_factor"),
+        ("Restitution, ball on a wall", "e_0", "ball_restitution"),
     ]
     found = document.quantities
     return [
-        {"words": words, "letter": letter, "index": index, **_with_u(found[name])}
-        for words, letter, index, name in rows
+        {"words": words, "symbol": symbol, **_with_u(found[name])}
+        for words, symbol, name in rows
         if name in found and found[name].value is not None
     ]
 

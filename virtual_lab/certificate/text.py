@@ -1,51 +1,25 @@
-"""A certificate as plain text for a terminal, from its document."""
+"""A certificate as plain text for a terminal: the values in print, a line for each."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
+from typing import Any
 
-from virtual_lab.certificate.document import (
-    CameraWord,
-    CertificateDocument,
-    ComparedResult,
-    CorrectionStated,
-    MetricStated,
-    Stated,
-    SwingRow,
-    WidthStated,
-)
-from virtual_lab.certificate.printed import SYMBOLS
-from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.rounding import with_uncertainty
+from virtual_lab.certificate.document import CertificateDocument
+from virtual_lab.certificate.printed import printed_values
 from virtual_lab.output.tables import table_text
 from virtual_lab.records.particulars import Particulars
-from virtual_lab.units import INCH
 
 
 def certificate_text(document: CertificateDocument) -> str:
     """Return the certificate as text of about a dozen lines."""
-    metric, procedure = document.metric, document.procedure
+    procedure, told = document.procedure, printed_values(document)
     marginal = ", marginal: the limit lies within the 95 % interval" if document.marginal else ""
     said = f": {'; '.join(document.reasons)}" if document.verdict == "FAIL" else ""
-    lines = [
-        f"{document.bat.name} by {procedure.name} ({procedure.edition})",
-        f"  {document.verdict}{said}{marginal}",
-    ]
+    lines = [f"{document.bat.name} by {procedure.name} ({procedure.edition})"]
+    lines.append(f"  {document.verdict}{said}{marginal}")
     if document.states_result:
-        lines.append("  " + _metric_line(metric))
-        lines += [
-            f"  {SYMBOLS[name]:4} {_with_u(stated)}"
-            f"{'   ' + document.recoil.which if name == 'recoil_factor' else ''}"
-            for name, stated in document.quantities.items()
-        ]
-        lines.append(
-            f"  at {document.v_rel_mph:.2f} mph, {document.impact_position_in:.2f} in from the tip"
-        )
-        lines += _choice_lines(document)
-        lines += _width_lines(document.width_m)
-        lines += _swing_lines(metric, document.swing_range)
-        lines += _control_lines(document.ball_correction)
-        lines += _camera_lines(document.second_witness)
+        lines += [f"  {line}" for line in _result(document, told)]
     if document.verdict == "INVALID":
         lines += [f"  invalid: {reason}" for reason in document.reasons]
     lines += [
@@ -61,25 +35,65 @@ def certificate_text(document: CertificateDocument) -> str:
         f"  ball {each.ball + 1} set aside: {each.reason}" for each in document.ball.set_aside
     ]
     lines += _particulars_lines(document.particulars, simulated=document.simulation is not None)
-    lines.append(f"  {document.conditional_on}")
-    lines.append(f"  {document.statement}")
+    lines += [f"  {document.conditional_on}", f"  {document.statement}"]
     if document.simulation:
         lines.append(f"  {document.simulation.sealing}")
     return "\n".join(lines)
 
 
-def _metric_line(metric: MetricStated) -> str:
-    printed = METRICS[metric.name]
-    assert metric.value is not None
-    assert metric.u is not None
-    assert metric.interval_95 is not None
-    low, high = (bound / printed.unit_si for bound in metric.interval_95)
-    unit = f" {printed.unit}" if printed.unit else ""
-    most = "no limit" if metric.limit is None else f"limit {printed.limit(metric.limit)}"
-    places = printed.places + 1
-    value = with_uncertainty(metric.value / printed.unit_si, metric.u / printed.unit_si)
-    interval = f"95 % interval {low:.{places}f} to {high:.{places}f}"
-    return f"{printed.symbol:4} {value}{unit}   {interval}, {most}"
+def _result(document: CertificateDocument, told: dict[str, Any]) -> Iterator[str]:
+    """Yield the result, and all that was measured beside it."""
+    result, at = told["result"], told["conditions"]
+    most = "no limit" if result["limit"] == "none" else f"limit {result['limit']}"
+    value = f"{result['value']} ± {result['expanded']}{result['unit']} (u {result['u']})"
+    interval = f"95 % interval {result['low']} to {result['high']}"
+    yield f"{result['symbol']:4} {value}   {interval}, {most}"
+    for row in told["quantities"]:
+        symbol = row["symbol"].replace("_0", "0")
+        which = f"   {document.recoil.which}" if symbol == "r" else ""
+        yield f"{symbol:4} {row['value']} (u {row['u']}){which}"
+    yield f"at {at['relative']} mph, {at['place']} in from the tip"
+    if told["choice"]:
+        yield f"raised by {told['choice']}: mean shortfall of the chosen place against the best one"
+    if width := told["width"]:
+        along = f"{width['value']} (u {width['u']})" if width["u"] else f"at least {width['value']}"
+        where = f"{width['low']} to {width['high']} in from the tip"
+        yield f"{along} in of barrel within {width['drop']} of the curve's maximum, {where}"
+    if told["swings"]:
+        yield "for other exponents n of the swing law:"
+        shown = f"{result['symbol']},{result['unit']}"
+        rows = [
+            {
+                "n": row["exponent"],
+                shown: f"{row['value']} (u {row['u']})",
+                "best place, in": row["place"],
+            }
+            for row in told["swings"]
+        ]
+        yield from (f"  {line}" for line in table_text(rows).splitlines())
+    if told["correction"]:
+        yield told["correction"]
+    yield from _camera(document, told["camera"])
+
+
+def _camera(document: CertificateDocument, rows: list[dict[str, str]]) -> Iterator[str]:
+    """Yield the results of the camera for the same hits."""
+    camera = document.second_witness
+    if camera is None:
+        return
+    if not camera.hits:
+        yield "the camera saw no valid hit well enough"
+        return
+    missed = f", {camera.missed} more not seen well" if camera.missed else ""
+    yield f"gates and video for {camera.hits} hits{missed}:"
+    for row in rows:
+        by = ", ".join(f"{way} {row[way]} (u {row[f'{way}_u']})" for way in WAYS)
+        agreed = "agree" if row["agree"] == "agree" else "DISAGREE"
+        off = f"difference {row['difference']} (u {row['difference_u']})"
+        yield f"  {row['symbol']:4} {by}; {agreed}, {off}"
+
+
+WAYS = ("gates", "video", "joined")
 
 
 def _particulars_lines(particulars: Particulars, *, simulated: bool) -> list[str]:
@@ -89,72 +103,3 @@ def _particulars_lines(particulars: Particulars, *, simulated: bool) -> list[str
         lines.append(f"  Not stated: {', '.join(particulars.not_stated)}")
     used = [f"{name} {each.identity}" for name, each in particulars.instruments.items()]
     return [*lines, f"  Instruments: {', '.join(used)}"] if used else lines
-
-
-def _choice_lines(document: CertificateDocument) -> list[str]:
-    if document.choice is None:
-        return []
-    raised = document.choice.correction / METRICS[document.metric.name].unit_si
-    return [f"  raised by {raised:.2g}: mean shortfall of the chosen place against the best one"]
-
-
-def _width_lines(width: WidthStated | None) -> list[str]:
-    if width is None:
-        return []
-    along = width.value / INCH
-    stated = f"at least {along:.2f}" if width.u is None else with_uncertainty(along, width.u / INCH)
-    where = f"{width.from_in:.2f} to {width.to_in:.2f} in from the tip"
-    return [f"  {stated} in of barrel within {width.drop:g} of the curve's maximum, {where}"]
-
-
-def _swing_lines(metric: MetricStated, results: Sequence[SwingRow]) -> list[str]:
-    if not results:
-        return []
-    printed = METRICS[metric.name]
-    rows = [
-        {
-            "n": f"{row.exponent:g}",
-            f"{printed.symbol}, {printed.unit}": with_uncertainty(
-                row.value / printed.unit_si, row.u / printed.unit_si
-            ),
-            "best place, in": f"{row.place_in:.2f}",
-        }
-        for row in results
-    ]
-    return ["  for other exponents n of the swing law:"] + [
-        f"    {line}" for line in table_text(rows).splitlines()
-    ]
-
-
-def _control_lines(correction: CorrectionStated | None) -> list[str]:
-    if correction is None or correction.control is None:
-        return []
-    control = correction.control
-    ratio = with_uncertainty(control.value, control.u)
-    return [f"  divided by {ratio}, from the control bat with these balls ({control.source})"]
-
-
-def _camera_lines(camera: CameraWord | None) -> list[str]:
-    """Return the results of the camera for the same hits."""
-    if camera is None:
-        return []
-    if not camera.hits:
-        return ["  the camera saw no valid hit well enough"]
-    missed = f", {camera.missed} more not seen well" if camera.missed else ""
-    lines = [f"  gates and video for {camera.hits} hits{missed}:"]
-    for name in ("collision_efficiency", "restitution", "bat_performance_factor"):
-        compared: ComparedResult | None = getattr(camera, name)
-        if compared is None:
-            continue
-        ways = ("gates", compared.gates), ("video", compared.video), ("joined", compared.joined)
-        values = ", ".join(f"{way} {_with_u(stated)}" for way, stated in ways)
-        agreed = "agree" if compared.agree else "DISAGREE"
-        off = _with_u(compared.difference)
-        lines.append(f"    {SYMBOLS[name]:4} {values}; {agreed}, difference {off}")
-    return lines
-
-
-def _with_u(stated: Stated) -> str:
-    assert stated.value is not None
-    assert stated.u is not None
-    return with_uncertainty(stated.value, stated.u)

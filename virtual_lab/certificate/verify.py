@@ -313,11 +313,13 @@ def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
 
     `InputError` where that cannot be told here.
     """
-    found, wanted = read_bytes(path), [certificate_pdf(document, paper) for paper in PAPERS]
-    if found in wanted:
-        return
+    found, wanted = read_bytes(path), b""
+    for paper in PAPERS:
+        wanted = certificate_pdf(document, paper)
+        if found == wanted:
+            return
     producer = re.compile(rb"Typst [\d.]+")
-    theirs, ours = producer.findall(found), producer.findall(wanted[0])
+    theirs, ours = producer.findall(found), producer.findall(wanted)
     if theirs and theirs != ours:
         raise InputError("", "Typst", theirs[0].decode(), f"here it is {ours[0].decode()}")
     yield Mismatch(file=path.name, key="", stated="", found="another file than the records give")
