@@ -169,7 +169,7 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     speed = np.where(some, readings.nominal_speed, 0.0)
     nominal = speed.sum(axis=-1, keepdims=True) / some.sum(axis=-1, keepdims=True)
     sets = _sets_of(x, AT_WALL, ADDED)
-    own = {name: sets.chosen(value) for name, value in x.items()}
+    own = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_WALL)}
     drag = of_ball(drag_of(own, sets.chosen(mass)), np.maximum(readings.ball, 0))
     seen = readings.seen.flights(own, drag)
     given = np.where(some, seen.speed_out / seen.speed_in, 0.0)
@@ -354,7 +354,7 @@ def shot_results(
 def _flights(x: Constants, readings: ImpactReadings, mass: Array) -> Flights:
     """Return the flights, computed for those sets alone that differ in what a flight knows of."""
     sets = _sets_of(x, AT_BAT, HELD)
-    own = {name: sets.chosen(value) for name, value in x.items()}
+    own = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_BAT)}
     seen = readings.seen.flights(own, drag_of(own, sets.chosen(mass)))
     if sets.rows is None:
         return seen
