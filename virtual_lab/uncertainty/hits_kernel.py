@@ -45,7 +45,7 @@ def scatter_u(
     """
     count = hits.shape[1]
     place, many = np.empty(count, np.int64), np.empty(count, np.int64)
-    seen, explained, one, square = np.empty((4, count))
+    seen, explained, one, square, means = np.empty((5, count))
     for laboratory in range(len(hits)):
         weight = weights[laboratory]
         places_hit = _grouped(weight, places[laboratory], place, many)
@@ -53,9 +53,9 @@ def scatter_u(
         for hit in range(count):
             if weight[hit] != 0.0:
                 square[place[hit]] += weight[hit] ** 2
-        _variance(hits[laboratory], weight, place, many[:places_hit], seen)
+        _variance(hits[laboratory], weight, place, many[:places_hit], means, seen)
         for constant in range(effects.shape[1]):
-            _variance(effects[laboratory, constant], weight, place, many[:places_hit], one)
+            _variance(effects[laboratory, constant], weight, place, many[:places_hit], means, one)
             for at in range(places_hit):
                 explained[at] += one[at]
         total, uncertain = 0.0, 0.0
@@ -88,9 +88,14 @@ def _grouped(weight: Array, places: Array, place: Whole, many: Whole) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def _variance(values: Array, weight: Array, place: Whole, many: Whole, out: Array) -> None:
-    """Fill in the variance of values within each place; of a single one that of the others."""
-    means = np.zeros(many.size)
+def _variance(
+    values: Array, weight: Array, place: Whole, many: Whole, means: Array, out: Array
+) -> None:
+    """Fill in the variance of values within each place; of a single one that of the others.
+
+    `means` are overwritten.
+    """
+    means[: many.size] = 0.0
     for hit in range(values.size):
         if weight[hit] != 0.0:
             means[place[hit]] += values[hit]
