@@ -23,14 +23,7 @@ from tests.video.scenery.scene import BallTruth, Made, Scene
 from tests.video.scenery.scenes import SCENES, UNSEEN
 from virtual_lab.video.follow.following import FollowedClip
 
-KINDS = {
-    "carried": "carried",
-    "pendulum": "pendulum",
-    "free-fall": "free-fall",
-    "pictures": "free-fall",
-    "rolling": "rolling",
-    "empty": "none",
-}
+NO_FLIGHT = {"carried", "pendulum", "rolling", "empty"}
 SEEN = 8  # readable frames of a flight that nobody overlooks
 READ = 6  # of one that should be read
 MUCH = 0.5  # of a flight's readable frames: it was found
@@ -71,7 +64,8 @@ def phone_of(scene: Scene, seed: int) -> Scene:
 
 def score_of(made: Made, found: FollowedClip) -> Score:
     """Return what a followed clip is worth; of several balls that one which was followed."""
-    motion = "" if found.motion.kind == _kind(made.scene) else found.motion.kind
+    flown = bool(found.flights)
+    motion = "" if flown == (made.scene.name not in NO_FLIGHT) else "flights" if flown else "none"
     if not made.truths:
         return Score(
             kind=motion,
@@ -118,10 +112,6 @@ def score_of(made: Made, found: FollowedClip) -> Score:
         what=what,
         flags=found.flags,
     )
-
-
-def _kind(scene: Scene) -> str:
-    return KINDS.get(scene.name, "flights")
 
 
 def _placed(truth: BallTruth, found: FollowedClip) -> tuple[int, int, tuple[str, ...]]:
