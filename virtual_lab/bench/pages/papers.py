@@ -131,7 +131,7 @@ def _quantity(datum: catalog.Datum, units: str) -> str:
         if datum.unit in known and (printed := wall()["units"][units].get(dimension)):
             unit, factor = printed, known[datum.unit] / known[printed]
     values = datum.value if isinstance(datum.value, list) else [datum.value]
-    numbers = ", ".join(f"{float(value) * factor:.6g}" for value in values)
+    numbers = ", ".join(f"{float(value) * factor:.5g}" for value in values)
     return f"{numbers} {unit if unit != '1' else ''}".strip().replace("^2", "²")
 
 
