@@ -105,8 +105,8 @@ def numbers_passed(first: int, many: int, folder: Path) -> set[str]:
 
 
 def test_some_honest_results_are_whole(tmp_path: Path) -> None:
-    """One for each way of handing it on."""
-    assert len(numbers_passed(0, len(WAYS), tmp_path)) == len(WAYS)
+    """Of the first three ways of handing one on."""
+    assert len(numbers_passed(0, 3, tmp_path)) == 3
 
 
 @pytest.mark.long
