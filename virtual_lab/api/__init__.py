@@ -709,9 +709,9 @@ class Track:
         """One row per position, as in ``track.csv``."""
         import pandas as pd
 
-        from virtual_lab.video.show.course import COLUMNS, rows_of
+        from virtual_lab.video.show.course import COLUMNS, course_rows
 
-        return pd.DataFrame(list(rows_of(self.clip.course)), columns=list(COLUMNS))
+        return pd.DataFrame(list(course_rows(self.clip.course)), columns=list(COLUMNS))
 
     def save(self, folder: str | Path) -> Path:
         """Write track, result, plot, contact sheet and film into a new folder."""

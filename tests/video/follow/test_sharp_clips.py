@@ -17,11 +17,9 @@ from virtual_lab.video.clips.calibration_file import (
     read_calibration,
 )
 from virtual_lab.video.clips.clip import open_clip
-from virtual_lab.video.follow.following import FollowedClip, follow, measure
+from virtual_lab.video.follow.following import FollowedClip, follow
 from virtual_lab.video.follow.known import known_of
-from virtual_lab.video.follow.pieces import Piece
-from virtual_lab.video.follow.searching import FlightsFound
-from virtual_lab.video.follow.sharpening import SharpBall, settle
+from virtual_lab.video.follow.sharpening import SharpBall
 from virtual_lab.video.show.track_text import track_document, track_text
 
 RATE = 5000.0
@@ -115,22 +113,6 @@ def test_speeds_are_right_to_their_uncertainty(scene: str, flown: Flown) -> None
     places, sides = np.stack(film.places()), np.array(film.shape[::-1])[:, None]
     inside = ((places > film.radius + 2) & (places < sides - film.radius - 2)).all(axis=0)
     assert set(np.flatnonzero(inside)) <= set(tracked.frames.tolist())
-
-
-def test_places_are_right_to_their_uncertainty(tmp_path: Path) -> None:
-    """Mean square of error over u is 1 where u is right; 80 degrees of freedom bound it."""
-    film = Film(count=40)
-    tracked, _ = run(film.frames(), tmp_path)
-    x, y = film.places()
-    located = tracked.located
-    scaled = np.concatenate(
-        [
-            (located.x - x[tracked.frames]) / located.x_u,
-            (located.y - y[tracked.frames]) / located.y_u,
-        ]
-    )
-    assert 0.5 < np.mean(scaled**2) < 2.0
-    np.testing.assert_allclose(located.radius, film.radius, atol=0.05)
 
 
 def test_sixteen_bits_and_an_unknown_exposure(tmp_path: Path) -> None:
@@ -339,41 +321,3 @@ def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
     assert seen.angle_out.value == pytest.approx(flat.angle_out.value, abs=1e-6)
     true = np.arctan2(-film.velocity_in[1], film.velocity_in[0])
     assert seen.angle_in.value == pytest.approx(true, abs=5 * seen.angle_in.u)
-
-
-def test_a_ball_that_leaves_the_plane_is_told_by_its_size(flown: Flown) -> None:
-    """Radius f r / Z, place f X / Z: nearer at w m/s, the picture gains X w / Z m/s."""
-    film = Film()
-    tracked, flat = flown(film)
-    assert "OFF_PLANE" not in flat.flags
-    out, rate = np.isin(tracked.frames, flat.clip.ways[1].frames), 3.0  # w / Z [1/s]
-    since = (tracked.t - tracked.t[out].mean()) / RATE
-    size = np.where(out, 1 / (1 - rate * since), 1.0) * np.median(tracked.located.radius)
-    nearer = replace(tracked, located=replace(tracked.located, radius=size))
-    clip, known = flat.clip.clip, flat.clip.known
-    scene, ways, ball = settle(flat.clip.scene, _coarse(flat.clip), nearer, known, clip.shape)
-    found = Hit(
-        measure(clip, flat.clip.watched, known, FlightsFound(scene=scene, ways=ways), sharp=ball)
-    )
-    assert found.flags == (*flat.flags, "OFF_PLANE")
-    assert flat.speed_out is not None
-    assert found.speed_out is not None
-    assert found.speed_in == flat.speed_in
-    assert found.speed_out.value == flat.speed_out.value
-    rows, columns = clip.shape
-    along = np.array(film.velocity_out) / np.hypot(*film.velocity_out)
-    away = SCALE * (np.mean(tracked.located.x[out]) - (columns - 1) / 2)
-    below = SCALE * (np.mean(tracked.located.y[out]) - (rows - 1) / 2)
-    gained = np.sqrt(found.speed_out.u**2 - flat.speed_out.u**2)
-    assert gained == pytest.approx(abs(rate * (away * along[0] + below * along[1])), rel=0.02)
-
-
-def _coarse(found: FollowedClip) -> list[Piece]:
-    """Return the flights of a sharp clip as they were before, a place for each frame."""
-    assert found.sharp is not None
-    numbers = np.arange(len(found.sharp.frames))
-    blobs = np.concatenate([way.blobs for way in found.ways])
-    assert len(blobs) == len(numbers)
-    whole = Piece.of(found.watched.found, blobs, found.sharp.t)
-    ends = np.cumsum([len(way.t) for way in found.ways])[:-1]
-    return [whole.part(np.isin(numbers, some)) for some in np.split(numbers, ends)]

@@ -14,7 +14,6 @@ from virtual_lab.simulation.instruments.camera.film import whole_frames
 from virtual_lab.streams import Streams
 from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
 from virtual_lab.video.locate.located import Regions
-from virtual_lab.video.locate.noise import Noise
 from virtual_lab.video.locate.sharp import lens_of, on_the_limb, place
 
 ROUND = 0.0, 2e-4  # what is known of the outlines of balls squarely before a camera
@@ -178,17 +177,6 @@ def test_a_shadow_needs_no_pattern() -> None:
     assert found.pattern_u is not None
     assert found.pattern_u.max() < 0.002
     assert np.sqrt(np.mean((found.x - seen.x) ** 2)) < 0.005
-
-
-def test_noise_has_what_the_clip_gives() -> None:
-    """A clip of one frame has no noise to measure; a figure stands in."""
-    from virtual_lab.video.locate.sharp import noise_of_clip
-
-    class Short:
-        samples = np.full((1, 8, 8), 40, np.uint8)
-        full_scale = 255.0
-
-    assert noise_of_clip(Short()) == Noise(gain=0.0, read=1.0, full_scale=255.0)  # type: ignore[arg-type]
 
 
 def test_a_ball_lit_from_the_side_is_found_by_its_limb() -> None:

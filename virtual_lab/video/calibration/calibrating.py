@@ -158,7 +158,7 @@ def _found(
 
 
 def _plane_view(looked: list[tuple[str, BoardView | None]], plan: Plan) -> int:
-    """Return which of the pictures with a board gives the plane; never another one unasked."""
+    """Find the number of the plane view among pictures with a board; never another unasked."""
     names = [name for name, _ in looked]
     wanted = [n for n, name in enumerate(names) if plan.plane in (None, name, Path(name).name)]
     if not wanted:
@@ -309,7 +309,7 @@ def _solved(corners: Array, seen: list[BoardView], size: tuple[int, int], plane:
 def _fit(
     corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int, bent: int = 5
 ) -> Solved:
-    """Return what fits; a sixth power of the radius of less than 3 u is left out."""
+    """Fit lens and poses; a sixth power of the radius of less than 3 u is left out."""
     from scipy.linalg import block_diag
 
     flags = cv2.CALIB_FIX_K3 if bent == 4 else 0

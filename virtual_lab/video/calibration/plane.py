@@ -77,7 +77,7 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
 
 
 def distance_of(camera: CameraModel) -> float:
-    """Return how far the camera is from the ball's plane [m]."""
+    """Distance of the camera from the ball's plane [m]."""
     return abs(float(_pose(camera)[1][2]) - camera.plane_height_m)
 
 
@@ -93,7 +93,7 @@ def relative_u_of(camera: CameraModel) -> float:
 
 
 def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Array:
-    """Return where the rays of pixels meet the ball's plane, (n, 2) [m].
+    """Places at which the rays of pixels meet the ball's plane, (n, 2) [m].
 
     A sphere's picture is an ellipse whose centre lies farther out than the centre's own picture,
     by 1 / (1 - r²/Z²): with the diameter known this is undone.
@@ -118,7 +118,7 @@ def _rays(pixels: Array, camera: CameraModel) -> Array:
 
 
 def _sizes(pixels: Array, places: Array, camera: CameraModel) -> Array:
-    """Return how large a small sphere in the plane looks at pixels, relative to the median.
+    """Apparent size of a small sphere in the plane at pixels, relative to the median, (n,).
 
     Its radius is r / (D cos^1.5 b √J) for a sphere at the distance D, seen at b off the axis,
     where a pixel covers J of the plane z = 1: wider off the axis, and as the lens bends.

@@ -51,7 +51,7 @@ def region_of(text: str) -> tuple[float, float, float, float]:
 
 
 def place_of(text: str) -> tuple[float, float, int]:
-    """Return where a person sees the ball: `x,y@frame`."""
+    """Place and frame at which a person sees the ball: `x,y@frame`."""
     place, sign, frame = text.partition("@")
     if not sign or not frame.strip().isdecimal() or len(frame) > 9:
         raise InputError("", "--ball-at", text, "expected x,y@frame, e.g. 210,85@17")

@@ -228,7 +228,7 @@ def _video(path: Path) -> Source:
 
 
 def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture) -> bool:
-    """Return whether OpenCV's own reader, which decodes only what is asked for, shows the same."""
+    """Whether OpenCV's own reader shows the same: it decodes only the pictures asked for."""
     import cv2
 
     if int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") != b"MJPG":

@@ -79,7 +79,7 @@ def usual_step(times: Array) -> float:
 
 
 def uneven(times: Array) -> bool:
-    """Return whether time stamps (frame,) [s] say more than a count of frames.
+    """Whether time stamps (frame,) [s] say more than a count of frames.
 
     A step of 1.3 usual ones stands for frames left out; eight together that are a tenth longer or
     shorter, for a phone that films on more slowly in the dark: single ones are rounded.

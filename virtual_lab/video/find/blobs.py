@@ -68,7 +68,7 @@ _SEARCH = _Search()
 
 
 def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still) -> Blobs:
-    """Return what in a picture may be a ball, an array of `BLOB`.
+    """Find what in a picture may be a ball, an array of `BLOB`.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def _contrasted(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[
 
 
 def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
-    """Return which pixels (row, column) lie nearer to a place than a radius [pixels]."""
+    """Pixels (row, column) nearer to a place than a radius [pixels]."""
     row = np.arange(shape[0])[:, None] - y
     column = np.arange(shape[1]) - x
     return np.asarray(row**2 + column**2 < radius**2)

@@ -99,7 +99,7 @@ class Edges:
         return Edges(levels=[replace(level, **{n: getattr(level, n)[kept] for n in names})])
 
     def shifted(self, grey: Image, guess: Array, before: Array | None = None) -> Array:
-        """Return how a picture lies upon this one, (4,), shifted alone, found from near a guess.
+        """Find the drift (4,) of a picture from this one: a shift alone, near a guess.
 
         `before`: how the picture before does, or those about it, if that is known; so does this one
         where none fits better, and far from there one must fit far better.
@@ -124,7 +124,7 @@ class Edges:
         return tried[int(np.argmin(costs))]
 
     def turned(self, grey: Image, drift: Array) -> Array:
-        """Return how a picture lies upon this one, (4,), shifted, grown and turned a little more.
+        """Find the drift (4,) of a picture from this one: shift, growth and turn, near a drift.
 
         The drift itself where that fits clearly better: what is beside a hand shows little.
         """
@@ -134,19 +134,22 @@ class Edges:
         return other if costs[0] < _ALIGN.turned * costs[1] else drift
 
     def lie_in(self, grey: Image, drift: Array) -> bool:
-        """Return whether enough of them lie in a drifted picture to show how it does."""
+        """Whether enough of them lie in a drifted picture to show its drift."""
         inside = _inside(self.levels[-1], grey, drift)
         return bool(inside.sum() > _ALIGN.least_shown * inside.size)
 
     def cost(self, grey: Image, drift: Array) -> float:
-        """Return how far they lie from where a drift puts them in a picture, a mean [pixels].
+        """Mean distance of the edges in a picture from where a drift puts them [pixels].
 
         What moves on its own is clipped.
         """
         return _cost(self.levels[-1], _pyramid(grey, 1)[0], drift)
 
     def costs(self, grey: Image, drift: Array, steeper: float) -> Array:
-        """Return the same of each part of the picture with edges so steep [DN/px], else NaN."""
+        """Mean distance as by `cost` [pixels] in each part of the picture, (part,).
+
+        Edges steeper than `steeper` [DN/px] count; NaN in a part that has too few.
+        """
         level = self.levels[-1]
         inside, off = _off(level, _pyramid(grey, 1)[0], drift)
         used = inside & (level.slope > steeper)
@@ -155,7 +158,7 @@ class Edges:
         return np.where(count >= _ALIGN.part_pixels, total / np.maximum(count, 1), np.nan)
 
     def parts(self, shape: tuple[int, ...], steeper: float) -> int:
-        """Return how many parts of a picture have edges so steep [DN/px], but for one thing's.
+        """Count of the parts of a picture with edges so steep [DN/px], but for one thing's.
 
         What moves on its own is the largest group that reaches over less than half of the picture.
         """
@@ -199,27 +202,27 @@ def edges_of(
 
 
 def matrix_of(drift: Array, size: tuple[int, int]) -> Array:
-    """Return what takes places to where they lie in a drifted picture of that size, (2, 3)."""
+    """Matrix (2, 3) that takes places to where they lie in a drifted picture of that size."""
     grown, turn, middle = 1 + drift[2], drift[3], _middle(size)
     linear = np.array([[grown, -turn], [turn, grown]])
     return np.column_stack([linear, middle + drift[:2] - linear @ middle])
 
 
 def upon(drift: Array, first: Array) -> Array:
-    """Return how a picture (4,) lies upon one that lies so itself, (4,)."""
+    """Drift (4,) of a picture from another one, by the drifts of both."""
     (turn, shift), (first_turn, first_shift) = _turn_and_shift(drift), _turn_and_shift(first)
     left = turn / first_turn
     return _drift(left, shift - left * first_shift)
 
 
 def onward(drift: Array, step: Array) -> Array:
-    """Return how a picture lies that lies so, by `step`, upon one of a drift, (4,)."""
+    """Drift (4,) of a picture that drifts by `step` from one of a drift."""
     (turn, shift), (next_turn, next_shift) = _turn_and_shift(drift), _turn_and_shift(step)
     return _drift(next_turn * turn, next_shift + next_turn * shift)
 
 
 def _turn_and_shift(drift: Array) -> tuple[complex, complex]:
-    """Return what places are multiplied by about the middle, as x + iy, and what is added."""
+    """Complex factor of places about the middle, as x + iy, and what is added."""
     return complex(1 + drift[2], drift[3]), complex(drift[0], drift[1])
 
 
@@ -228,7 +231,7 @@ def _drift(turn: complex, shift: complex) -> Array:
 
 
 def at_rim(size: tuple[int, int]) -> Array:
-    """Return what a drift's four are multiplied by to be pixels at the middle of a side, (4,)."""
+    """Factors (4,) that make a drift's numbers pixels at the middle of a side."""
     far = float(_middle(size).max())
     return np.array([1.0, 1.0, far, far])
 
@@ -309,7 +312,7 @@ def _part(level: _Level, shape: tuple[int, ...]) -> NDArray[np.intp]:
 
 
 def _at(level: _Level, drift: Array) -> tuple[Array, Array]:
-    """Return where edges lie in a drifted picture, x and y."""
+    """Places of edges in a drifted picture, x and y [pixels]."""
     right, down, grown, turn = drift
     if not (grown or turn):
         return level.x + right, level.y + down
@@ -324,7 +327,7 @@ def _inside(level: _Level, picture: Image | NDArray[np.float32], drift: Array) -
 
 
 def _cost(level: _Level, picture: NDArray[np.float32], drift: Array) -> float:
-    """Return how far edges lie from where they should, what moves on its own clipped [pixels]."""
+    """Mean distance of edges from where they should lie, each clipped [pixels]."""
     inside, off = _off(level, picture, drift)
     if inside.sum() <= _ALIGN.least_shown * inside.size:
         return _ALIGN.clipped
@@ -335,7 +338,7 @@ def _cost(level: _Level, picture: NDArray[np.float32], drift: Array) -> float:
 def _off(
     level: _Level, picture: NDArray[np.float32], drift: Array
 ) -> tuple[NDArray[np.bool_], Array]:
-    """Return which edges lie in a picture, and how far each is off there, clipped [pixels]."""
+    """Edges that lie in a picture, and the distance of each, clipped [pixels]."""
     inside = _inside(level, picture, drift)
     if not inside.any():
         return inside, np.full(inside.shape, _ALIGN.clipped)

@@ -106,7 +106,7 @@ class Still:
         return np.where(self.shows_turn, _STILL.swung * max(self.size), _STILL.held)
 
     def drift(self, small: Image, guess: Array, before: Array) -> Array:
-        """Return how a small picture lies upon the still frame, (4,) as in `find.drift` [full px].
+        """Drift of a small picture from the still frame, (4,) as in `find.drift` [full px].
 
         `before`: how the picture before does, or the samples about it do.
         """
@@ -125,7 +125,7 @@ class Still:
         return _shrunk(picture, self.shrink)
 
     def light(self, small: Image, drift: Array) -> Array:
-        """Return how much brighter than the background a small picture is, (channel,).
+        """Brightness of a small picture over the background's, (channel,).
 
         1.0 within half a percent, and where no pixel is bright enough to measure it.
         """
@@ -142,7 +142,7 @@ class Still:
         return gains
 
     def difference(self, small: Image, drift: Array, light: Array) -> Image:
-        """Return how far a small picture is from the background, (row, column) [DN].
+        """Difference of a small picture from the background, (row, column) [DN].
 
         The channel that differs most counts, less what the pixel does without a ball.
         """
@@ -176,7 +176,7 @@ class Still:
 
 
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
-    """Return how far a picture is from another, by the channel that differs most [DN]."""
+    """Difference of two pictures in the channel that differs most, (row, column) [DN]."""
     return _strongest(cv2.absdiff(part, behind)).astype(np.float32)
 
 
@@ -314,7 +314,7 @@ def _sharper(greys: Sequence[Image], one: tuple[Edges, Array], other: tuple[Edge
 
 
 def _shown(edges: Edges, grey: Image, *, own: bool) -> Mask:
-    """Return which ways edges that no codec keeps in place reach over so much of a picture."""
+    """Whether edges that no codec keeps in place span enough of a picture, by axis, (2,)."""
     shown = edges.spans(grey.shape, _STILL.coded_still, own=own) >= _STILL.span[own]
     return shown & (not own or edges.parts(grey.shape, _STILL.coded_still) >= _STILL.turn_parts)
 
@@ -337,7 +337,7 @@ def _stands_to(edges: Edges, shape: tuple[int, ...], greys: Sequence[Image]) -> 
 
 
 def _misfits(edges: Sequence[Edges], whole: Edges, greys: Sequence[Image], drifts: Array) -> Array:
-    """Return how far edges lie off: those of pictures in the next ones, those of all in each, (2,).
+    """Mean shift of edges [pixels], (2,): of each picture in the next one, of all in each.
 
     A turning camera shows in the former alone, one that drifts before a plain wall in the latter.
     """

@@ -46,7 +46,7 @@ def watch(
     stands: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Watched:
-    """Return what moves in a clip, of frames and of a region of the still frame alone.
+    """Find what moves in a clip, in some frames and in a region of the still frame.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def in_region(found: Blobs, region: tuple[float, float, float, float] | None) ->
 
 
 def repeated(watched: Watched) -> Mask:
-    """Return which frames show the same as the one before, (frame,): nothing round moves in them.
+    """Frames that show the same as the one before, (frame,): nothing round moves in them.
 
     A ball at the top of a low hop hardly changes a picture, but for where it is.
     """
@@ -167,7 +167,7 @@ def repeated(watched: Watched) -> Mask:
 
 
 def repeats(change: Array) -> Mask:
-    """Return which frames show the same as the one before, (frame,), by `change` around them [DN].
+    """Frames that show the same as the one before, (frame,), by `change` around them [DN].
 
     Both sides must show more change: a key frame or the end of a motion is on one side only.
     """

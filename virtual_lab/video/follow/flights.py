@@ -127,18 +127,18 @@ def inner(flights: Sequence[Piece]) -> list[Piece]:
 
 
 def outer_places(places: int) -> int:
-    """Return how many places of a flight are taken for its end."""
+    """Count of the places of a flight that are taken for its end."""
     return int(np.ceil(FLIGHTS.outer_share * places))
 
 
 def _free(flights: Sequence[Piece]) -> Mask:
-    """Return which ends are at no contact: the start of each flight, and the end of the last."""
+    """Find the ends at no contact: each flight's start and the last one's end, (flight + 1,)."""
     gaps = [np.inf, *(two.t[0] - one.t[-1] for one, two in pairwise(flights)), np.inf]
     return np.asarray(np.array(gaps) > FLIGHTS.contact_frames)
 
 
 def _holds(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> bool:
-    """Return whether flights fitted together still fall as gravity lets them."""
+    """Whether flights fitted together still fall as gravity lets them."""
     longest = max(flights, key=lambda each: len(each.t))
     own = 1.0 if len(flights) > 1 else FLIGHTS.sharp_radii / FLIGHTS.smooth_radii
     u = float(np.sqrt(fit.covariance[0, 0]))
@@ -283,7 +283,7 @@ def _chance(piece: Piece, u: float) -> float:
 
 
 def _adjoins(one: Piece, other: Piece) -> bool:
-    """Return whether one piece begins where and when the other ends."""
+    """Whether one piece begins where and when the other ends."""
     first, last = (one, other) if one.frames[0] < other.frames[0] else (other, one)
     later = float(last.frames[0] - first.frames[-1])
     steps = [np.hypot(*(each.xy[1] - each.xy[0])) for each in (first.part(np.s_[-2:]), last)]
@@ -297,12 +297,12 @@ def _fast(piece: Piece) -> float:
 
 
 def _travel(piece: Piece) -> float:
-    """Return how far a piece goes right or down [pixels]."""
+    """Distance that a piece goes right or down, the greater one [pixels]."""
     return float(np.ptp(piece.xy, axis=0).max())
 
 
 def _sag(pull: Array, piece: Piece) -> float:
-    """Return how far an acceleration bends a piece off its chord [pixels]."""
+    """Distance by which an acceleration bends a piece off its chord [pixels]."""
     return float(np.hypot(*pull) * np.ptp(piece.t) ** 2 / 8)
 
 
@@ -316,7 +316,7 @@ def _bent(scene: FlightScene, piece: Piece) -> tuple[Array, float, float]:
 
 
 def _falls(scene: FlightScene, piece: Piece, pull: Array, u: float, rms: float) -> bool:
-    """Return whether an acceleration may be gravity's, as far as scale and direction show."""
+    """Whether an acceleration may be gravity's, as far as scale and direction show."""
     size, radius, bent = float(np.hypot(*pull)), piece.radius, _sag(pull, piece)
     expected = scene.expected(radius)
     least = max(FLIGHTS.shown_sag * radius, 6 * rms)
@@ -335,7 +335,7 @@ def _upright(pull: Array) -> bool:
 
 
 def _may_fall(piece: Piece, pull: Array) -> bool:
-    """Return whether a piece's acceleration is gravity's by its direction, if it shows any."""
+    """Whether a piece's acceleration is gravity's by its direction, if it shows any."""
     return _upright(pull) or _sag(pull, piece) < FLIGHTS.sag * piece.radius
 
 
@@ -374,14 +374,14 @@ def _merged(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def _away(scene: FlightScene, fit: Fit, first: int, before: Piece, after: Piece) -> bool:
-    """Return whether a flight's way lies outside of the picture between two parts of it."""
+    """Whether a flight's way lies outside of the picture between two parts of it."""
     t = np.arange(before.t[-1] + 1, after.t[0])
     at, room = fit.pictured(first, t), before.radius
     return bool(((at < room) | (at > np.array(scene.size) - room)).any(axis=1).all())
 
 
 def _one_way(fit: Fit, first: int, before: Piece, after: Piece) -> int | None:
-    """Return how many frames are left out between parts of one flight, None: they are two.
+    """Count of frames left out between two parts of one flight; None: they are two flights.
 
     Their velocities agree in the middle between them, and their places do; or the places of the
     shorter one, which another ball may have drawn aside, lie by the way of the longer one.

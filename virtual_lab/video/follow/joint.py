@@ -87,7 +87,7 @@ class Fit:
         return _flown(states, self.pull[flight], self.drag, dt)
 
     def pictured(self, flight: int, t: Array | float) -> Array:
-        """Return the same as the picture shows it: places alone, (time, 2)."""
+        """Places of a flight as the picture shows them, (time, 2) [pixels]."""
         return _pictured(self.at(flight, t)[:, :2], self.tilt, self.centre)
 
 
@@ -99,7 +99,7 @@ def estimate_of(
     unit: float = 1.0,
     relative_u: float = 0.0,
 ) -> Estimate:
-    """Return what follows from a fit, in units with a relative u.
+    """Estimate a quantity of a fit, in units with a relative u.
 
     The fit is moved by one standard uncertainty either way along each axis of its covariance, and
     the greater change counts: drag cannot fall below 0. Of the difference to each other fit its
@@ -278,7 +278,7 @@ def _pattern(flight: Piece, residuals: Array, late: Array) -> Array:
 
 
 def _parts(vector: Array, flights: int) -> dict[str, Any]:
-    """Return what vectors (…, parameter) consist of, by the names of `Fit`."""
+    """Parts of vectors (…, parameter), by the names of `Fit`."""
     some, k = vector.shape[:-1], vector.shape[-1] - 4 * flights - 3
     return {
         "pull": np.broadcast_to(vector[..., :k].reshape(*some, -1, 2), (*some, flights, 2)),
@@ -352,7 +352,7 @@ class _FlightModel:
 
 
 def _alike(left: Array, of: Ints) -> float:
-    """Return by how much neighbours that err alike make the variance larger than chance would."""
+    """Factor of the variance for neighbouring places whose errors are correlated."""
     same = of[1:] == of[:-1]
     power = float((left**2).mean())
     if power == 0:
@@ -384,7 +384,7 @@ def _flown(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
 
 
 def _pictured(places: Array, tilt: Array, centre: Array) -> Array:
-    """Return where a tilted camera shows places of the plane."""
+    """Places of the plane as a tilted camera shows them, (place, 2) [pixels]."""
     if not tilt.any():
         return places
     off = places - centre

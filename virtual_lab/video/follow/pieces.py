@@ -182,7 +182,7 @@ class _Growth:
         return found
 
     def _hop(self, piece: Piece) -> Piece | None:
-        """Return what goes less far than noise may, but as gravity bends its way; None: nothing."""
+        """Cut a piece to a low hop, bent as gravity bends it; None: there is none."""
         pull = self.pull
         if pull is None:
             return None

@@ -35,7 +35,7 @@ class FlightScene:
         return self.fall and self.fall * (radius if self.fall_in_radii else 1.0)
 
     def lost(self, flights: Sequence[Piece]) -> dict[int, int]:
-        """Return how many frames were left out before some frames of flights."""
+        """Count of frames left out, by the number of the frame of a flight that follows them."""
         found: dict[int, int] = {}
         for each in flights:
             more = np.diff(each.t) - np.diff(self.time[each.frames])
@@ -46,7 +46,7 @@ class FlightScene:
         return found
 
     def ahead(self, one: Piece, other: Piece) -> float:
-        """Return how many frames were left out between two flights."""
+        """Count of frames left out between two flights."""
         passed = self.time[other.frames[0]] - self.time[one.frames[-1]]
         return float(other.t[0] - one.t[-1] - passed)
 

@@ -291,12 +291,12 @@ def _folded(count: int, n: int) -> tuple[Places, tuple[Places, Places], tuple[Pl
 
 
 def _next(values: NDArray[Any]) -> NDArray[Any]:
-    """Return what each sector's next one has."""
+    """Values of the sector after each one."""
     return np.concatenate((values[1:], values[:1]))
 
 
 def _before(values: NDArray[Any]) -> NDArray[Any]:
-    """Return what the sector before each has."""
+    """Values of the sector before each one."""
     return np.concatenate((values[-1:], values[:-1]))
 
 
@@ -315,7 +315,7 @@ def _brightness(region: Array, p: Array, noise: Noise) -> float:
 
 
 def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> float:
-    """Return how far the place would be off were the pattern taken for the outline [pixel]."""
+    """Shift of the place if the pattern were taken for the outline [pixel]."""
     contrast = max(abs(light - p[AT.level] * view.background.mean()), 1.0)
     turn = np.exp(2j * pi * np.arange(len(pattern)) / len(pattern))
     return float(2.0 * abs(turn @ (pattern @ hides)) / (len(pattern) * contrast))
@@ -342,7 +342,7 @@ def covered(view: View, p: Array, noise: Noise) -> float:
 
 
 def _judged(found: list[Outline], start: Located, seen: Regions) -> Located:
-    """Return what was found, with what is to be said against it."""
+    """Ball in each region, flagged where the fit is not to be trusted."""
     p, covariance, shifts, tally, sway, hidden = map(np.array, zip(*found, strict=True))
     pixels, near, around, shown, full, stray = tally.T
     misfit = near / np.maximum(around - len(AT), 1.0)

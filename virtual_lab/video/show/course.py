@@ -55,7 +55,7 @@ class BallCourse:
         return [each for each in dict.fromkeys(self.flight) if each]
 
     def of(self, flight: str) -> Mask:
-        """Return which places belong to a flight; "": to none."""
+        """Places that belong to a flight, (place,); "": to none."""
         return np.array([each == flight for each in self.flight], bool)
 
 
@@ -133,7 +133,7 @@ def _by_flight(found: FollowedClip, frames: NDArray[np.intp]) -> dict[str, Any]:
     }
 
 
-def rows_of(course: BallCourse) -> Iterator[tuple[Any, ...]]:
+def course_rows(course: BallCourse) -> Iterator[tuple[Any, ...]]:
     """Yield a row a place, in the order of `COLUMNS`; NaN: not known."""
     for k, frame in enumerate(course.frames):
         if np.isnan(course.xy[k]).all() and not course.flags[k]:
@@ -155,7 +155,7 @@ def write_table(course: BallCourse, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
-        for frame, time, *cells in rows_of(course):
+        for frame, time, *cells in course_rows(course):
             words = [e if isinstance(e, str) else "" if np.isnan(e) else f"{e:.7g}" for e in cells]
             writer.writerow([frame, repr(time), *words])
 

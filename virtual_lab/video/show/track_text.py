@@ -168,7 +168,7 @@ def track_text(found: FollowedClip) -> str:
 
 
 def _scale_said(scale: PixelScale, checks: Sequence[PixelScale]) -> str:
-    """Return which ruler sets the scale, its u, and how far others are off."""
+    """Say which ruler sets the scale, its u, and how far others are off."""
     said = (
         f"scale {with_uncertainty(1e3 * scale.metres_per_pixel, 1e3 * _scale_u(scale))} mm a pixel "
         f"by {SAID[scale.source]} ({100 * scale.relative_u:.2g} %)"

@@ -197,7 +197,7 @@ def _known(asked: Asked) -> tuple[ClipCalibration, dict[str, Any], list[str]]:
 
 
 def _ruler(calibration: ClipCalibration, asked: Asked) -> str | None:
-    """Return what sets the scale where no length in the picture does, None: what is surer.
+    """Choose the ruler where no length in the picture is one; None: the surer one.
 
     Sharp places, of a calibrated camera, know the ball's size better than gravity.
     """
@@ -215,7 +215,7 @@ def _ruler(calibration: ClipCalibration, asked: Asked) -> str | None:
 def _for_clip(
     clip: Clip, calibration: ClipCalibration, said: dict[str, Any], asked: Asked
 ) -> ClipKnowledge:
-    """Return what is known of a clip that has been opened."""
+    """Gather what is known of a clip that has been opened."""
     axes = {90: (0, -1), 180: (1, -1), 270: (0, 1)}
     said = {"readout_axis": axes.get(clip.source.rotation, (1, 1))} | said
     said["stands"] = asked.tripod or asked.calibration is not None
