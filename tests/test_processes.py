@@ -58,8 +58,11 @@ def test_workers_share_calls_and_end_with_the_context() -> None:
         answers = [submit(pow, number, 2) for number in range(20)]
         assert [each.result() for each in answers] == [number**2 for number in range(20)]
         numbers = {submit(os.getpid).result() for _ in range(2)}
-        late = submit(time.sleep, 60)
-    assert late.exception() is not None or late.cancelled()
+        late, later = [submit(time.sleep, 60) for _ in range(2)], submit(time.sleep, 60)
+        while not all(each.running() for each in late):
+            time.sleep(0.01)
+    assert all(isinstance(each.exception(), WorkerLostError) for each in late)
+    assert later.cancelled()
     for number in numbers:
         with pytest.raises(ProcessLookupError):
             os.kill(number, 0)

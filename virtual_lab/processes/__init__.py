@@ -86,6 +86,9 @@ def workers(count: int, words: str = "") -> Iterator[Submit]:
         try:
             yield lambda function, *arguments: pool.submit(call, function, *arguments)
         finally:
+            pool.shutdown(wait=False, cancel_futures=True)
             for each in own:
                 each.end()
-            pool.shutdown(cancel_futures=True)
+            pool.shutdown()
+            for each in own:
+                each.end()  # one that a call had just started
