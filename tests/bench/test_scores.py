@@ -14,6 +14,7 @@ import pytest
 from tests.bench.days import Asked, asked, scenario
 from virtual_lab.bench.day.day import Day, DayEvent, replayed
 from virtual_lab.bench.day.desk import OwnResult
+from virtual_lab.bench.scoring import costs
 from virtual_lab.bench.scoring import debrief as debriefing
 from virtual_lab.bench.scoring.debrief import Debrief, debrief
 from virtual_lab.bench.scoring.deviations import DENIED, JUSTIFIED, OPEN, Deviation
@@ -80,7 +81,7 @@ def debriefed(monkeypatch: pytest.MonkeyPatch) -> Any:
     for name, instead in {
         "taken": lambda *_: SimpleNamespace(seconds=60 * MINUTES, fired=((0, 0.0),) * SHOTS),
         "_expert": lambda *_, **__: None,
-        "_costly": lambda *_: (),
+        "costly": lambda *_: (),
         "_fault_reviews": lambda *_: (),
         "_visible": lambda _: seen,
         "run_chart": lambda *_: "",
@@ -343,5 +344,5 @@ def test_the_u_of_a_cost_is_that_of_the_hits_by_which_two_days_differ() -> None:
             )
         )
 
-    found = debriefing._scatter(desk([1 / 4] * 4 + [0]), desk([0, *[1 / 3] * 3, 0]))
+    found = costs._scatter(desk([1 / 4] * 4 + [0]), desk([0, *[1 / 3] * 3, 0]))
     assert found == pytest.approx(sqrt(5 / 36), rel=1e-12)

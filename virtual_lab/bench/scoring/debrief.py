@@ -8,17 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from itertools import islice, zip_longest
-from math import sqrt
-from typing import Any, NamedTuple
+from itertools import zip_longest
+from typing import Any
 
-import numpy as np
-
-from virtual_lab.bench.day.actions import ARGUMENTS, OWN_RESULTS, Action
-from virtual_lab.bench.day.day import Day, Decision
+from virtual_lab.bench.day.actions import OWN_RESULTS, Action
+from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import DecidedHit, Desk, OwnResult
 from virtual_lab.bench.day.operators import operator_of
-from virtual_lab.bench.day.protocol import StepDue, excused, left_out, steps_due
+from virtual_lab.bench.day.protocol import StepDue, excused, steps_due
 from virtual_lab.bench.day.readings import doubts
 from virtual_lab.bench.day.scenario import SCORES, UNITS, Scenario
 from virtual_lab.bench.day.table import (
@@ -31,25 +28,29 @@ from virtual_lab.bench.day.table import (
     repairs,
 )
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.keeping import KeptDay, laboratory_of, played, taken
+from virtual_lab.bench.machines.keeping import KeptDay, laboratory_of, taken
 from virtual_lab.bench.pages.tally import run_chart
+from virtual_lab.bench.scoring.costs import CostlyDecision, costly, played_again
 from virtual_lab.bench.scoring.deviations import (
-    DENIED,
-    JUSTIFIED,
     Deviation,
     deviations,
     needless_seconds,
 )
+from virtual_lab.bench.scoring.scores import (
+    Outcome,
+    before_repair,
+    detection_score,
+    economy_score,
+    is_named,
+    justly_rejected,
+    protocol_score,
+    record_score,
+    result_score,
+    right_verdict,
+)
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.procedure import not_met, verdict
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
-
-SLIPS = {  # argument: why its default is right
-    "entered_as": "the display's own unit",
-    "end": "from the tip",
-    "clock": "by the photogate",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,17 +61,6 @@ class DayScore:
     value: float
     weight: float
     because: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CostlyDecision:
-    """A decision, and by how much the result is farther from the truth for it."""
-
-    entry: int  # of the notebook; 0: something left out
-    what: str
-    cost: float | None  # of the metric; None: without it there is a result, or there is none
-    u: float  # standard uncertainty of the cost, from the scatter of the hits
-    word: str  # cost, luck, or no result
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,10 +202,10 @@ def debrief(
     faults, rates = scenario.faults or (), scenario.may_go_wrong
     visible = _visible(day) if faults or day.verdict == "INVALID" else {}
     left = tuple(name for name in faults if name not in day.mended)
-    right = _right_verdict(apparatus, desk, value, u, spoilt=bool(left))
-    likely = {name for name in named if _is_named(name, named, rates)}
+    right = right_verdict(apparatus, desk, value, u, spoilt=bool(left))
+    likely = {name for name in named if is_named(name, named, rates)}
     exhausted = len(day.fired) >= desk.rules.spec.attempts and value is None
-    outcome = _Outcome(
+    outcome = Outcome(
         value=value,
         u=u,
         right=right,
@@ -227,17 +217,17 @@ def debrief(
     confidence = float(given.arguments["confidence"]) / 100
     brier = (confidence - (day.verdict == right.word or refused)) ** 2
     departed = list(deviations(desk))
-    odd = _justly_rejected(day, departed) | _before_repair(day, faults)
+    odd = justly_rejected(day, departed) | before_repair(day, faults)
     morning = day.until(day.came_with)
     theirs = Desk(beside or taken(apparatus, operator_of("expert"), morning))
-    result = _result_score(outcome)
+    result = result_score(outcome)
     needless = needless_seconds(departed, desk)
     values = (
         result,
-        _detection_score(named, faults, rates),
-        _protocol_score(day, departed),
-        _record_score(desk, own, odd),
-        _economy_score(day, theirs.day, needless, result[0]),
+        detection_score(named, faults, rates),
+        protocol_score(day, departed),
+        record_score(desk, own, odd),
+        economy_score(day, theirs.day, needless, result[0]),
     )
     scores = tuple(
         DayScore(name=name, value=score, weight=scenario.weights.get(name, 1.0), because=why)
@@ -269,7 +259,7 @@ def debrief(
         scores=scores,
         keep=keep,
         change=change,
-        costly=_costly(apparatus, desk, right.truth, own, odd) if beside is None else (),
+        costly=costly(apparatus, desk, right.truth, own, odd) if beside is None else (),
         steps=tuple(_steps(day)),
         deviations=tuple(departed),
         own=own,
@@ -320,16 +310,6 @@ def _visible(day: Day) -> dict[str, int]:
             for doubt in doubts(desk):
                 visible.setdefault(doubt.fault, event.number)
     return visible
-
-
-def _before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:
-    """Return the shots that were fired before a repair that mended something."""
-    fired = before = 0
-    for event in day.events:
-        fired += event.action == "fire"
-        if event.action in repairs() and set(repairs()[event.action].mends) & set(faults):
-            before = fired
-    return set(range(before))
 
 
 def _fault_reviews(
@@ -385,7 +365,7 @@ def _moved(apparatus: Apparatus, scenario: Scenario, desk: Desk, fault: str) -> 
     sound = Apparatus(laboratory_of(replace(scenario, faults=left), mine.seed, mine.salt))
     actions = [Action(name=event.action, arguments=event.arguments) for event in desk.day.events]
     try:
-        other = _played_again(sound, actions, set()).result
+        other = played_again(sound, actions, set()).result
     except InputError:
         return None
     return desk.result[0] - other[0] if other else None
@@ -434,7 +414,7 @@ def _expert(
     )
     value, u = beside.result or (None, None)
     spoilt = bool(set(faults) - theirs.mended)
-    own = _right_verdict(apparatus, beside, value, u, spoilt=spoilt).word
+    own = right_verdict(apparatus, beside, value, u, spoilt=spoilt).word
     return ExpertDay(
         verdict=theirs.verdict,
         confidence=float(given.arguments["confidence"]) / 100,
@@ -480,258 +460,6 @@ def _apart(right: str, own: str, beside: Desk, desk: Desk) -> str:
             f"the expert{how}, so {given} is right of the expert's"
         )
     return f"Both hold: {right} is right of what you measured, {given} of what the expert measured"
-
-
-class _RightVerdict(NamedTuple):
-    """The verdict of who knows the truth."""
-
-    word: str
-    because: str
-    truth: float | None
-
-
-def _right_verdict(
-    apparatus: Apparatus, desk: Desk, value: float | None, u: float | None, *, spoilt: bool
-) -> _RightVerdict:
-    """Return the verdict by the truth: INVALID where a fault put x beyond U."""
-    truth = None
-    if value is not None:
-        truth = apparatus.finish(desk.day).sealed.measurand.get("metric")
-    if value is None or u is None or truth is None:
-        return _RightVerdict("INVALID" if spoilt else "MEASURED", "the day gave no result", None)
-    if spoilt and abs(value - truth) > 2 * u:
-        return _RightVerdict("INVALID", "a fault put the result beyond its U", truth)
-    rules = desk.rules.spec
-    unmet = not_met(rules, desk.certification.findings, truth)
-    word = verdict(rules, sound=True, met=not unmet).value
-    return _RightVerdict(word, "; ".join(unmet), truth)
-
-
-MENDABLE = 0.6  # the result of a day that was rightly refused, and could have been put right
-
-
-class _Outcome(NamedTuple):
-    """What the result is scored by."""
-
-    value: float | None
-    u: float | None
-    right: _RightVerdict
-    verdict: str
-    reason: bool  # whether the records bear a reason out to refuse the day
-    mendable: bool  # whether everything that was wrong has a remedy
-
-
-def _result_score(day: _Outcome) -> tuple[float, str]:
-    """Score |x - truth| / U with U = 2 u, and nothing for a false pass or a false fail.
-
-    Who has a reason that the records bear out may refuse to judge; where the day could have been
-    put right that is worth less than a right verdict. Without a reason it is worth nothing.
-    """
-    right = day.right.word
-    if {day.verdict, right} == {"PASS", "FAIL"}:
-        return 0.0, f"a false {day.verdict}: the bat is a {right}"
-    if day.verdict == "INVALID":
-        return _refused(day)
-    if right == "INVALID":
-        return 0.2, "judged on a faulty day, the result beyond its U"
-    if day.value is None or day.u is None or day.right.truth is None:
-        return 0.0, "no result, of a bat that could be judged"
-    off = day.value - day.right.truth
-    normalised = abs(off) / (2 * day.u)
-    fits = 1.0 if normalised <= 1 else 1 / normalised
-    why = f"off by {off:+.4f}, which is {normalised:.2f} of U = {2 * day.u:.4f}"
-    return (fits, why) if day.verdict == right else (fits / 2, f"{why}; the verdict is not {right}")
-
-
-def _refused(day: _Outcome) -> tuple[float, str]:
-    if not day.reason:
-        return 0.0, "INVALID without a reason that the records bear out"
-    if day.mendable:
-        return MENDABLE, "rightly not judged, but the day could have been put right"
-    return 1.0, "rightly not judged: nothing could put the day right"
-
-
-def _detection_score(
-    named: Mapping[str, float], faults: tuple[str, ...], rates: Mapping[str, float]
-) -> tuple[float, str]:
-    """Score 1 - Σ (p - o)² over the list, an unnamed fault at its rate; not below 0."""
-    said = dict.fromkeys(faults, 0.0) | dict(rates) | dict(named)
-    lost = sum((p - (name in faults)) ** 2 for name, p in said.items())
-    found = sum(_is_named(name, named, rates) for name in faults)
-    alarms = sum(_is_named(name, named, rates) for name in named if name not in faults)
-    words = f"{found} of {len(faults)} faults named, {alarms} false alarms; sum of squares "
-    return max(0.0, 1 - lost), words + f"{lost:.2f} over {len(said)} that may go wrong"
-
-
-def _is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
-    """Return whether a fault was said to be likelier than it is on any day."""
-    return named.get(fault, 0.0) > rates.get(fault, 0.0)
-
-
-def _protocol_score(day: Day, departed: list[Deviation]) -> tuple[float, str]:
-    """Score the share of the steps of the book that were done in time, or left out with reason.
-
-    A reason counts unless what was to be seen speaks against it; of each step the last one noted.
-    """
-    due = len(list(steps_due(day)))
-    reasons = {each.step: each.judged != DENIED for each in departed if each.step}
-    missed = [each.step for each in left_out(day) if not reasons.get(each.step, False)]
-    words = f"{due - len(missed)} of {due} steps done in time, or left out with a reason noted"
-    if missed:
-        words += "; left out: " + ", ".join(sorted(set(missed)))
-    return ((due - len(missed)) / due if due else 0.0), words
-
-
-def _justly_rejected(day: Day, departed: list[Deviation]) -> set[int]:
-    """Return the shots rejected for what was odd about them, though the windows have nothing."""
-    just = {each.entry for each in departed if each.judged == JUSTIFIED}
-    shots = {
-        int(event.arguments["shot"]) - 1
-        for event in day.events
-        if event.action == "reject" and event.number in just
-    }
-    return {shot for shot in shots if not day.decisions[shot].accepted}
-
-
-def _record_score(desk: Desk, own: tuple[OwnResult, ...], odd: set[int]) -> tuple[float, str]:
-    """Score the share of hits decided as the windows have it, and of own results that agree.
-
-    An odd hit may be rejected though it is within them.
-    """
-    reasons = desk.reasons if not desk.missing else ()
-    if not reasons:
-        return 0.0, "no hit to decide on"
-    given = desk.day.decisions
-    right = sum(
-        shot in given and (given[shot].accepted == (not why) or shot in odd)
-        for shot, why in enumerate(reasons)
-    )
-    words = f"{right} of {len(reasons)} hits decided as the windows have it"
-    words += f", {len(odd)} of them rejected as odd" if odd else ""
-    agree = sum(each.agrees for each in own)
-    if own:
-        words += f", {agree} of {len(own)} own results agree with the records"
-    return (right + agree) / (len(reasons) + len(own)), words
-
-
-def _economy_score(day: Day, expert: Day, needless: float, result: float) -> tuple[float, str]:
-    """Score the expert's minutes and shots on this day over the trainee's, times the result."""
-    minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
-    theirs, fired = expert.seconds / 60, max(len(expert.fired), 1)
-    share = min(1.0, theirs / minutes) * min(1.0, fired / shots)
-    words = f"{minutes:.0f} min and {len(day.fired)} shots"
-    if needless:
-        words += f", {needless / 60:.0f} min of checks that a sign asked for not counted"
-    words += f"; the expert took {theirs:.0f} and {len(expert.fired)}; times the result"
-    return share * result, words
-
-
-def _costly(
-    apparatus: Apparatus, desk: Desk, truth: float | None, own: tuple[OwnResult, ...], odd: set[int]
-) -> tuple[CostlyDecision, ...]:
-    """Return the decisions that cost most, each mended alone; an `odd` hit was rejected rightly."""
-    found: list[CostlyDecision] = []
-    value = desk.result[0] if desk.result else None
-    entered = desk.last("enter-result")
-    for each in own:
-        if OWN_RESULTS[each.name] == desk.rules.spec.metric and value is not None and entered:
-            found += _cost(entered.number, f"{each.name} entered", each.entered, value, truth, 0.0)
-    for entry, what, actions, by_windows in islice(_mended(desk, odd), 12):
-        try:
-            mended = _played_again(apparatus, actions, by_windows)
-        except InputError:
-            continue
-        other = mended.result[0] if mended.result else None
-        u = _scatter(desk, mended) if value is not None and other is not None else 0.0
-        found += _cost(entry, what, value, other, truth, u)
-    found.sort(key=lambda each: -(abs(each.cost) if each.cost is not None else np.inf))
-    return tuple(found[:3])
-
-
-def _cost(
-    entry: int, what: str, value: float | None, other: float | None, truth: float | None, u: float
-) -> Iterator[CostlyDecision]:
-    """Yield what a decision cost that gave `value` where its mend gives `other`, if anything."""
-    if value is None and other is None:
-        return
-    if value is None or other is None or truth is None:
-        word = "no result without it" if other is None else "no result because of it"
-        yield CostlyDecision(entry=entry, what=what, cost=None, u=0.0, word=word)
-        return
-    cost = abs(value - truth) - abs(other - truth)
-    if abs(cost) >= 1e-9:
-        word = "cost" if cost > 0 else "luck: the mistake moved the result toward the truth"
-        yield CostlyDecision(entry=entry, what=what, cost=cost, u=u, word=word)
-
-
-def _scatter(one: Desk, other: Desk) -> float:
-    """Return the standard uncertainty of the difference of two results from other hits counted."""
-    first, second = (desk.reduced for desk in (one, other))
-    differ = first.outcome.weights - second.outcome.weights
-    metric = first.shot_metric[first.judgement.valid]
-    if metric.size < 2 or not np.isfinite(differ).all():
-        return 0.0
-    return float(np.std(metric, ddof=1)) * sqrt(float(np.sum(differ**2)))
-
-
-def _played_again(apparatus: Apparatus, actions: list[Action], by_windows: set[int]) -> Desk:
-    """Return the desk of a day of other actions, some hits decided by the windows."""
-    result = ("reduce", "enter-result", "give-verdict", "hand-in", "dispute-score")
-    until = [a for a in actions if a.name not in result]
-    day = played(apparatus, until)
-    reasons = Desk(day).reasons
-    decided = {
-        shot: Decision(accepted=not reasons[shot], because=reasons[shot]) for shot in by_windows
-    }
-    return Desk(replace(day, decisions={**day.decisions, **decided}))
-
-
-def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action], set[int]]]:
-    """Yield days with one decision mended: its entry, what it was, and the day's actions.
-
-    With them the hits that are decided by the windows there: those that were so on the day.
-    """
-    day = desk.day
-    actions = [Action(name=event.action, arguments=event.arguments) for event in day.events]
-    reasons = desk.reasons if day.fired and not desk.missing else ()
-    sheets = action_table().actions
-    own = {
-        shot
-        for shot, chosen in day.decisions.items()
-        if shot < len(reasons) and chosen.accepted == (not reasons[shot])
-    }
-    by_step: dict[str, list[int]] = {}
-    for each in left_out(day):
-        if each.step != "load-ball":  # which ball it would have been nobody knows
-            by_step.setdefault(each.step, []).append(each.before)
-    for step, places in by_step.items():
-        with_step = list(actions)
-        for at in reversed(places):
-            with_step.insert(at, Action(name=step, arguments=_defaults(step)))
-        times = f", {len(places)} times" if len(places) > 1 else ""
-        yield 0, f"left out: {sheets[step].title.lower()}{times}", with_step, own
-    for number, action in enumerate(actions, 1):
-        for key in SLIPS.keys() & action.arguments.keys():
-            right = _defaults(action.name)[key]
-            if action.arguments[key] != right:
-                mended = Action(name=action.name, arguments={**action.arguments, key: right})
-                what = f"{sheets[action.name].title.lower()}: {action.arguments[key]}"
-                others = [*actions[: number - 1], mended, *actions[number:]]
-                yield number, f"{what}, not {SLIPS[key]}", others, own
-    for shot in sorted(day.decisions.keys() - own - odd):
-        if shot < len(reasons):
-            word = day.decisions[shot].word
-            why = reasons[shot] or "the windows have nothing against it"
-            number = max(
-                event.number
-                for event in day.events
-                if event.action in {"accept", "reject"} and event.arguments["shot"] == shot + 1
-            )
-            yield number, f"hit {shot + 1} {word}: {why}", actions, own | {shot}
-
-
-def _defaults(action: str) -> dict[str, Any]:
-    return {argument.name: argument.default for argument in ARGUMENTS.get(action, ())}
 
 
 def _entries(day: Day) -> Iterator[tuple[int, float, str, str]]:

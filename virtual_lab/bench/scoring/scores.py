@@ -1,0 +1,173 @@
+"""The five scores: result, detection, protocol, record, economy, each of what a day shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from virtual_lab.bench.day.day import Day
+from virtual_lab.bench.day.desk import Desk, OwnResult
+from virtual_lab.bench.day.protocol import left_out, steps_due
+from virtual_lab.bench.day.table import (
+    repairs,
+)
+from virtual_lab.bench.machines.apparatus import Apparatus
+from virtual_lab.bench.scoring.deviations import (
+    DENIED,
+    JUSTIFIED,
+    Deviation,
+)
+from virtual_lab.measurement.procedure import not_met, verdict
+
+MENDABLE = 0.6  # the result of a day that was rightly refused, and could have been put right
+
+
+class Outcome(NamedTuple):
+    """What the result is scored by."""
+
+    value: float | None
+    u: float | None
+    right: RightVerdict
+    verdict: str
+    reason: bool  # whether the records bear a reason out to refuse the day
+    mendable: bool  # whether everything that was wrong has a remedy
+
+
+class RightVerdict(NamedTuple):
+    """The verdict of who knows the truth."""
+
+    word: str
+    because: str
+    truth: float | None
+
+
+def right_verdict(
+    apparatus: Apparatus, desk: Desk, value: float | None, u: float | None, *, spoilt: bool
+) -> RightVerdict:
+    """Return the verdict by the truth: INVALID where a fault put x beyond U."""
+    truth = None
+    if value is not None:
+        truth = apparatus.finish(desk.day).sealed.measurand.get("metric")
+    if value is None or u is None or truth is None:
+        return RightVerdict("INVALID" if spoilt else "MEASURED", "the day gave no result", None)
+    if spoilt and abs(value - truth) > 2 * u:
+        return RightVerdict("INVALID", "a fault put the result beyond its U", truth)
+    rules = desk.rules.spec
+    unmet = not_met(rules, desk.certification.findings, truth)
+    word = verdict(rules, sound=True, met=not unmet).value
+    return RightVerdict(word, "; ".join(unmet), truth)
+
+
+def result_score(day: Outcome) -> tuple[float, str]:
+    """Score |x - truth| / U with U = 2 u, and nothing for a false pass or a false fail.
+
+    Who has a reason that the records bear out may refuse to judge; where the day could have been
+    put right that is worth less than a right verdict. Without a reason it is worth nothing.
+    """
+    right = day.right.word
+    if {day.verdict, right} == {"PASS", "FAIL"}:
+        return 0.0, f"a false {day.verdict}: the bat is a {right}"
+    if day.verdict == "INVALID":
+        return _refused(day)
+    if right == "INVALID":
+        return 0.2, "judged on a faulty day, the result beyond its U"
+    if day.value is None or day.u is None or day.right.truth is None:
+        return 0.0, "no result, of a bat that could be judged"
+    off = day.value - day.right.truth
+    normalised = abs(off) / (2 * day.u)
+    fits = 1.0 if normalised <= 1 else 1 / normalised
+    why = f"off by {off:+.4f}, which is {normalised:.2f} of U = {2 * day.u:.4f}"
+    return (fits, why) if day.verdict == right else (fits / 2, f"{why}; the verdict is not {right}")
+
+
+def _refused(day: Outcome) -> tuple[float, str]:
+    if not day.reason:
+        return 0.0, "INVALID without a reason that the records bear out"
+    if day.mendable:
+        return MENDABLE, "rightly not judged, but the day could have been put right"
+    return 1.0, "rightly not judged: nothing could put the day right"
+
+
+def detection_score(
+    named: Mapping[str, float], faults: tuple[str, ...], rates: Mapping[str, float]
+) -> tuple[float, str]:
+    """Score 1 - Σ (p - o)² over the list, an unnamed fault at its rate; not below 0."""
+    said = dict.fromkeys(faults, 0.0) | dict(rates) | dict(named)
+    lost = sum((p - (name in faults)) ** 2 for name, p in said.items())
+    found = sum(is_named(name, named, rates) for name in faults)
+    alarms = sum(is_named(name, named, rates) for name in named if name not in faults)
+    words = f"{found} of {len(faults)} faults named, {alarms} false alarms; sum of squares "
+    return max(0.0, 1 - lost), words + f"{lost:.2f} over {len(said)} that may go wrong"
+
+
+def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
+    """Return whether a fault was said to be likelier than it is on any day."""
+    return named.get(fault, 0.0) > rates.get(fault, 0.0)
+
+
+def protocol_score(day: Day, departed: list[Deviation]) -> tuple[float, str]:
+    """Score the share of the steps of the book that were done in time, or left out with reason.
+
+    A reason counts unless what was to be seen speaks against it; of each step the last one noted.
+    """
+    due = len(list(steps_due(day)))
+    reasons = {each.step: each.judged != DENIED for each in departed if each.step}
+    missed = [each.step for each in left_out(day) if not reasons.get(each.step, False)]
+    words = f"{due - len(missed)} of {due} steps done in time, or left out with a reason noted"
+    if missed:
+        words += "; left out: " + ", ".join(sorted(set(missed)))
+    return ((due - len(missed)) / due if due else 0.0), words
+
+
+def justly_rejected(day: Day, departed: list[Deviation]) -> set[int]:
+    """Return the shots rejected for what was odd about them, though the windows have nothing."""
+    just = {each.entry for each in departed if each.judged == JUSTIFIED}
+    shots = {
+        int(event.arguments["shot"]) - 1
+        for event in day.events
+        if event.action == "reject" and event.number in just
+    }
+    return {shot for shot in shots if not day.decisions[shot].accepted}
+
+
+def record_score(desk: Desk, own: tuple[OwnResult, ...], odd: set[int]) -> tuple[float, str]:
+    """Score the share of hits decided as the windows have it, and of own results that agree.
+
+    An odd hit may be rejected though it is within them.
+    """
+    reasons = desk.reasons if not desk.missing else ()
+    if not reasons:
+        return 0.0, "no hit to decide on"
+    given = desk.day.decisions
+    right = sum(
+        shot in given and (given[shot].accepted == (not why) or shot in odd)
+        for shot, why in enumerate(reasons)
+    )
+    words = f"{right} of {len(reasons)} hits decided as the windows have it"
+    words += f", {len(odd)} of them rejected as odd" if odd else ""
+    agree = sum(each.agrees for each in own)
+    if own:
+        words += f", {agree} of {len(own)} own results agree with the records"
+    return (right + agree) / (len(reasons) + len(own)), words
+
+
+def economy_score(day: Day, expert: Day, needless: float, result: float) -> tuple[float, str]:
+    """Score the expert's minutes and shots on this day over the trainee's, times the result."""
+    minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
+    theirs, fired = expert.seconds / 60, max(len(expert.fired), 1)
+    share = min(1.0, theirs / minutes) * min(1.0, fired / shots)
+    words = f"{minutes:.0f} min and {len(day.fired)} shots"
+    if needless:
+        words += f", {needless / 60:.0f} min of checks that a sign asked for not counted"
+    words += f"; the expert took {theirs:.0f} and {len(expert.fired)}; times the result"
+    return share * result, words
+
+
+def before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:
+    """Return the shots that were fired before a repair that mended something."""
+    fired = before = 0
+    for event in day.events:
+        fired += event.action == "fire"
+        if event.action in repairs() and set(repairs()[event.action].mends) & set(faults):
+            before = fired
+    return set(range(before))
