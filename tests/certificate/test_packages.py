@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import frictionless
@@ -17,6 +19,14 @@ from virtual_lab.records.dictionary import MEANINGS, UNITS, unit_of
 from virtual_lab.units import DIMENSIONS
 
 HERE = Path(__file__).parents[1]
+CELL = 131_072  # characters that Python reads of a cell, before frictionless asks for more
+csv.field_size_limit(CELL)
+
+
+@pytest.fixture(autouse=True)
+def _cells_of_others() -> Iterator[None]:
+    yield
+    csv.field_size_limit(CELL)
 
 
 @pytest.fixture(scope="module")
