@@ -324,6 +324,8 @@ def _falls(scene: FlightScene, piece: Piece, pull: Array, u: float, rms: float) 
         return _may_fall(piece, pull)
     # gravity would show: is it there, or does a wrong frame rate make it look larger or less?
     ratio = size / expected
+    if scene.doubled and 0.125 < ratio < 0.5:
+        ratio *= 4  # stored twice, and played at the rate it was filmed with
     sharp = len(piece.t) >= 2 * FLIGHTS.least_places and rms < FLIGHTS.sharp_radii * radius
     sharp |= bent > FLIGHTS.deep_sag * radius and rms < FLIGHTS.sharp_share * bent
     sharp &= size > 8 * u and bent > FLIGHTS.sag * radius

@@ -25,6 +25,7 @@ class FlightScene:
     exposure: float | None  # [frames]
     fall: float | None = None  # g, in radii a frame² by the ball's size or in px/frame²
     fall_in_radii: bool = True
+    doubled: bool = False  # every frame is stored twice
     readout: float | None = 0.0  # [frames]; None: unknown, up to one
     pull: Array | None = None  # (2,) g where it is known [px/frame²]
     drag: tuple[float, float] | None = None  # the same of drag, with its u [1/px]

@@ -72,6 +72,7 @@ def clip_scene(
         exposure=known.exposure and known.exposure * known.rate,
         fall=known.gravity / length * (step / known.rate) ** 2 if length else None,
         fall_in_radii=known.metres_per_pixel is None,
+        doubled=float(same.mean()) > TIME.every_other,
         readout=known.readout and known.readout * known.rate,
         readout_axis=known.readout_axis,
     )
