@@ -58,7 +58,7 @@ BREACHES = [
         ("rigs.bench", "measurement.reduction.gates", NEVER_REDUCED),
         ("simulation.faults.catalogue", "measurement.reduction.gates", NEVER_REDUCED),
         ("simulation.instruments.indicator", "video.clips.clip", NEVER_REDUCED),
-        ("bench.desk", "bench.firing", AT_THE_BENCH),
+        ("bench.day.desk", "bench.machines.firing", AT_THE_BENCH),
         ("simulation.physics.ball", "simulation.collision.scene", FLOORS),
     ],
     [

@@ -129,7 +129,7 @@ def test_every_rig_file_is_read_by_its_rig(name: str) -> None:
 
 def _sources(document: Any) -> Iterator[str]:
     if isinstance(document, dict):
-        if "unit" in document:
+        if {"value", "unit"} <= document.keys():
             yield document["source"]
         for item in document.values():
             yield from _sources(item)
