@@ -6,9 +6,10 @@ from typing import Any
 
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import Day
+from virtual_lab.bench.day.doubts import fault_sheets
 from virtual_lab.bench.day.operators import PREPARATION, Look, Operator
 from virtual_lab.bench.day.scenario import Scenario
-from virtual_lab.bench.day.table import MAKE_READY, fault_sheets
+from virtual_lab.bench.day.table import MAKE_READY
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import laboratory_of, played
 

@@ -13,10 +13,11 @@ from tests.bench.days import PLAIN, SALT, SEED, apparatus, asked, scenario
 from virtual_lab import catalog
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.doubts import known_doubts
 from virtual_lab.bench.day.operators import by_script, operator_of
 from virtual_lab.bench.day.readings import doubts
 from virtual_lab.bench.day.scenario import load_scenario
-from virtual_lab.bench.day.table import detectable, known_doubts
+from virtual_lab.bench.day.table import detectable
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import laboratory_of, played, taken
 from virtual_lab.bench.scoring.debrief import Debrief, debrief, debrief_page

@@ -10,8 +10,9 @@ from tests.bench.days import apparatus, day_of, detector
 from virtual_lab import catalog
 from virtual_lab.bench.day.actions import action_of
 from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.doubts import fault_sheets
 from virtual_lab.bench.day.readings import CLOCK, doubts
-from virtual_lab.bench.day.table import action_table, detectable, fault_sheets
+from virtual_lab.bench.day.table import action_table, detectable
 from virtual_lab.bench.machines.checks import _charted
 from virtual_lab.bench.machines.keeping import played, taken
 from virtual_lab.errors import InputError

@@ -9,9 +9,9 @@ from click.testing import CliRunner
 from tests.bench.days import PLAIN, asked
 from virtual_lab import catalog
 from virtual_lab.bench.day.actions import action_of
+from virtual_lab.bench.day.doubts import fault_sheets
 from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.scenario import load_scenario
-from virtual_lab.bench.day.table import fault_sheets
 from virtual_lab.bench.machines.keeping import LOG, SECRET, KeptDay
 from virtual_lab.bench.pages.page import wall_page
 from virtual_lab.bench.scoring.debrief import debriefed

@@ -8,6 +8,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Literal
 
+from virtual_lab.bench.day.doubts import doubt_of
 from virtual_lab.catalog.specs import Real, Spec
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.units import DIMENSIONS, INCH, OUNCE
@@ -80,23 +81,3 @@ class Argument(Spec):
             if {unit, self.unit} <= units.keys():
                 return units[unit] / units[self.unit]
         return float("nan")
-
-
-def doubt_of(words: str, action: str, key: str) -> str:
-    """Return the fault of a title; `InputError` asks back where the words are nearly one.
-
-    Words of one's own begin with “other:”, and name no fault.
-    """
-    from virtual_lab.bench.day.table import known_doubts  # whose actions take arguments
-
-    known = known_doubts()
-    by_title = {title.lower(): name for name, title in known.items()}
-    if words in {*known, "none", "no result"}:
-        return words
-    if words.lower() in by_title:
-        return by_title[words.lower()]
-    if words.lower().startswith("other:") and len(words) <= 300 and words.isprintable():
-        return words
-    near = nearest(words, known.values())
-    allowed = f"{near}allowed: a title of the list, none, or your own words after “other:”"
-    raise InputError(action, key, words, allowed)

@@ -24,7 +24,6 @@ from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
 
 if TYPE_CHECKING:  # the reduction takes a second to load, and a first page must not wait for it
-    from virtual_lab.bench.day.readings import CheckRow
     from virtual_lab.measurement.certification import Certification
     from virtual_lab.measurement.reduction.shot_algebra import ShotResults
     from virtual_lab.measurement.session_reduction import Preparation, SessionReduction
@@ -139,13 +138,6 @@ class Desk:
         from virtual_lab.measurement.certification import evaluate
 
         return evaluate(self.session, self.reduced)
-
-    @cached_property
-    def rows(self) -> tuple[CheckRow, ...]:
-        """Every reading so far that may decide on a fault, beside its limits."""
-        from virtual_lab.bench.day.readings import rows_of
-
-        return tuple(rows_of(self))
 
     @property
     def result(self) -> tuple[float, float] | None:

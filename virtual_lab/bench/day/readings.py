@@ -108,7 +108,7 @@ class PrintedRow(NamedTuple):
 def doubts(desk: Desk) -> Iterator[CheckRow]:
     """Yield the rows beyond their limits, one of each fault that another does not explain."""
     found: dict[str, CheckRow] = {}
-    for row in desk.rows:
+    for row in rows_of(desk):
         if not row.within:
             found.setdefault(row.fault, row)
     for name, row in found.items():
@@ -362,7 +362,7 @@ def shots_before_repair(desk: Desk) -> int:
     return before
 
 
-def passages(record: Record) -> Array:
+def beam_passages(record: Record) -> Array:
     """Return how long each ball that comes in breaks each gate, (shot, gate) [s]; NaN: unseen."""
     assert isinstance(record, GateRecord | BoardRecord)
     broke, cleared = record.times[:, 0, ..., 0], record.times[:, 0, ..., 1]
@@ -374,7 +374,7 @@ def passages(record: Record) -> Array:
 
 def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[CheckRow]:
     """Hold how long each ball breaks the first gate and the last against each other."""
-    long = passages(record)[shots.start : shots.stop]
+    long = beam_passages(record)[shots.start : shots.stop]
     ratio = long[:, 0] / long[:, -1]
     early = ratio > 1 + _beyond("sabot-trip")
     if isinstance(record, BoardRecord):  # whose sabots shed scraps now and then on any day

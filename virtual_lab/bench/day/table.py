@@ -13,7 +13,8 @@ from annotated_types import Ge, Gt, Le
 
 from virtual_lab import catalog
 from virtual_lab.bench.day.arguments import Argument
-from virtual_lab.catalog.faults import FaultSheet, FoundBy
+from virtual_lab.bench.day.doubts import fault_sheets
+from virtual_lab.catalog.faults import FoundBy
 from virtual_lab.catalog.specs import Dimension, Spec, Title, YesNo
 
 PREPARING = {"tare": "weigh-bat", "level-stand": "measure-balance", "fit-clamp": "swing"}
@@ -126,19 +127,6 @@ def in_buttons(sentence: str) -> str:
 def action_table() -> ActionTable:
     """Return the table as it ships."""
     return catalog.load("bench", "actions", ActionTable).spec
-
-
-@cache
-def fault_sheets() -> Mapping[str, FaultSheet]:
-    """Return what is known of all that can go wrong in a laboratory."""
-    return MappingProxyType(
-        {name: catalog.load("faults", name, FaultSheet).spec for name in catalog.names("faults")}
-    )
-
-
-def known_doubts() -> dict[str, str]:
-    """Return the faults one may name, and their titles."""
-    return {name: sheet.title for name, sheet in fault_sheets().items()}
 
 
 @cache

@@ -13,10 +13,12 @@ from virtual_lab.bench.day.actions import ARGUMENTS
 from virtual_lab.bench.day.arguments import Argument
 from virtual_lab.bench.day.day import Day, DayEvent, offered
 from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.doubts import known_doubts
 from virtual_lab.bench.day.operators import PREPARATION
+from virtual_lab.bench.day.readings import rows_of
 from virtual_lab.bench.day.scenario import UNITS
-from virtual_lab.bench.day.table import MAKE_READY, action_table, in_buttons, known_doubts
-from virtual_lab.bench.pages.papers import paper
+from virtual_lab.bench.day.table import MAKE_READY, action_table, in_buttons
+from virtual_lab.bench.pages.papers import wall_pages
 from virtual_lab.bench.pages.slow_motion import Motion, SlowMotion, sketched, slow_motion
 from virtual_lab.bench.pages.tally import in_units, residual_chart, run_chart, swings, tally
 from virtual_lab.bench.pages.traces import traces_of
@@ -130,7 +132,7 @@ def day_page(
         focus=focus,
         open_part=_part_of(focus) if focus else "bench",
         deciding=hits[-1] if _last_undecided(desk, hits) else None,
-        rows=desk.rows,
+        rows=tuple(rows_of(desk)),
         swings=swings(desk),
         tally=tally(desk, briefing["units"]),
         run_chart=run_chart(desk, UNITS[briefing["units"]]),
@@ -187,7 +189,7 @@ def _shown(
         "traces": traces_of(shown, fired[shown - 1].records) if shown else None,
         "motion": _motion(desk, shown, fired, true_motion) if shown else None,
         "residual": residual_chart(desk, shown) if shown else "",
-        "rows_now": [row for row in desk.rows if last and row.entry == last.number],
+        "rows_now": [row for row in rows_of(desk) if last and row.entry == last.number],
         "swings_now": swings(desk) if last and last.action == "swing" else [],
         "place_set": _length(day.place, briefing) if day.place is not None else "",
     }
@@ -267,7 +269,7 @@ def _last_undecided(desk: Desk, hits: list[HitShown]) -> bool:
 def wall_page(desk: Desk, briefing: Mapping[str, Any], name: str) -> str:
     """Return what hangs on the wall: the rules, or the instruments' certificates."""
     return page_template(PACKAGE, f"{name}.html").render(
-        briefing=briefing, metric=METRICS[desk.rules.spec.metric], **paper(desk, briefing)
+        briefing=briefing, metric=METRICS[desk.rules.spec.metric], **wall_pages(desk, briefing)
     )
 
 

@@ -8,7 +8,8 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from virtual_lab import catalog
-from virtual_lab.bench.day.table import action_table, fault_sheets, remedy_of, repairs
+from virtual_lab.bench.day.doubts import fault_sheets
+from virtual_lab.bench.day.table import action_table, remedy_of, repairs
 from virtual_lab.errors import InputError
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.units import DEGREE, DIMENSIONS
@@ -145,7 +146,7 @@ def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
     return found
 
 
-def paper(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
+def wall_pages(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the pages of the wall are made of."""
     return {
         "rules": desk.rules.spec,

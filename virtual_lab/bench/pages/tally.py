@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from virtual_lab.bench.day.entries import record_of
-from virtual_lab.bench.day.readings import passages
+from virtual_lab.bench.day.readings import beam_passages
 from virtual_lab.bench.day.scenario import UNITS
 from virtual_lab.output.svg import Panel, figure
 from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, PendulumRecord
@@ -134,7 +134,7 @@ def _seen(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
         missed = [str(gate + 1) for gate in np.flatnonzero(~one)]
         return "all" if not missed else f"missed gate {', '.join(missed)}"
 
-    long = passages(record)
+    long = beam_passages(record)
     return (
         [words(each) for each in seen[:, 0]],
         [words(each) for each in seen[:, 1]],

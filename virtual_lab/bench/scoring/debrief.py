@@ -14,19 +14,12 @@ from typing import Any
 from virtual_lab.bench.day.actions import OWN_RESULTS, Action
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import DecidedHit, Desk, OwnResult
+from virtual_lab.bench.day.doubts import fault_sheets, known_doubts
 from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.protocol import StepDue, excused, steps_due
 from virtual_lab.bench.day.readings import doubts
 from virtual_lab.bench.day.scenario import SCORES, UNITS, Scenario
-from virtual_lab.bench.day.table import (
-    PREPARING,
-    action_table,
-    detectable,
-    fault_sheets,
-    known_doubts,
-    remedy_of,
-    repairs,
-)
+from virtual_lab.bench.day.table import PREPARING, action_table, detectable, remedy_of, repairs
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import KeptDay, laboratory_of, taken
 from virtual_lab.bench.pages.tally import run_chart
@@ -37,7 +30,7 @@ from virtual_lab.bench.scoring.deviations import (
     needless_seconds,
 )
 from virtual_lab.bench.scoring.scores import (
-    Outcome,
+    ScoredResult,
     before_repair,
     detection_score,
     economy_score,
@@ -205,7 +198,7 @@ def debrief(
     right = right_verdict(apparatus, desk, value, u, spoilt=bool(left))
     likely = {name for name in named if is_named(name, named, rates)}
     exhausted = len(day.fired) >= desk.rules.spec.attempts and value is None
-    outcome = Outcome(
+    outcome = ScoredResult(
         value=value,
         u=u,
         right=right,

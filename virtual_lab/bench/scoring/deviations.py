@@ -15,7 +15,7 @@ import numpy as np
 from virtual_lab.bench.day.day import DayEvent
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.protocol import left_out
-from virtual_lab.bench.day.readings import CheckRow, doubts, rows_of_edges
+from virtual_lab.bench.day.readings import CheckRow, doubts, rows_of, rows_of_edges
 from virtual_lab.bench.day.table import PREPARING, action_table, detectable
 from virtual_lab.records import BoardRecord, GateRecord
 
@@ -145,7 +145,7 @@ def _again(desk: Desk, step: str) -> bool:
 
 
 def _zero(desk: Desk) -> Evidence:
-    for row in desk.rows:
+    for row in rows_of(desk):
         if row.fault == "scale-not-tared" and row.certificate is not None:
             zeroed = abs(row.reading - row.certificate) < 2.0 * row.u
             return (True if zeroed else None if row.within else False), row.why

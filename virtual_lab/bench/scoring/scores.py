@@ -22,7 +22,7 @@ from virtual_lab.measurement.procedure import not_met, verdict
 MENDABLE = 0.6  # the result of a day that was rightly refused, and could have been put right
 
 
-class Outcome(NamedTuple):
+class ScoredResult(NamedTuple):
     """What the result is scored by."""
 
     value: float | None
@@ -58,7 +58,7 @@ def right_verdict(
     return RightVerdict(word, "; ".join(unmet), truth)
 
 
-def result_score(day: Outcome) -> tuple[float, str]:
+def result_score(day: ScoredResult) -> tuple[float, str]:
     """Score |x - truth| / U with U = 2 u, and nothing for a false pass or a false fail.
 
     Who has a reason that the records bear out may refuse to judge; where the day could have been
@@ -80,7 +80,7 @@ def result_score(day: Outcome) -> tuple[float, str]:
     return (fits, why) if day.verdict == right else (fits / 2, f"{why}; the verdict is not {right}")
 
 
-def _refused(day: Outcome) -> tuple[float, str]:
+def _refused(day: ScoredResult) -> tuple[float, str]:
     if not day.reason:
         return 0.0, "INVALID without a reason that the records bear out"
     if day.mendable:

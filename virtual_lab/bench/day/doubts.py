@@ -1,0 +1,42 @@
+"""What can go wrong in a laboratory, and what somebody may doubt: faults by name and title."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+
+from virtual_lab import catalog
+from virtual_lab.catalog.faults import FaultSheet
+from virtual_lab.errors import InputError, nearest
+
+
+@cache
+def fault_sheets() -> Mapping[str, FaultSheet]:
+    """Return what is known of all that can go wrong in a laboratory."""
+    return MappingProxyType(
+        {name: catalog.load("faults", name, FaultSheet).spec for name in catalog.names("faults")}
+    )
+
+
+def known_doubts() -> dict[str, str]:
+    """Return the faults one may name, and their titles."""
+    return {name: sheet.title for name, sheet in fault_sheets().items()}
+
+
+def doubt_of(words: str, action: str, key: str) -> str:
+    """Return the fault of a title; `InputError` asks back where the words are nearly one.
+
+    Words of one's own begin with “other:”, and name no fault.
+    """
+    known = known_doubts()
+    by_title = {title.lower(): name for name, title in known.items()}
+    if words in {*known, "none", "no result"}:
+        return words
+    if words.lower() in by_title:
+        return by_title[words.lower()]
+    if words.lower().startswith("other:") and len(words) <= 300 and words.isprintable():
+        return words
+    near = nearest(words, known.values())
+    allowed = f"{near}allowed: a title of the list, none, or your own words after “other:”"
+    raise InputError(action, key, words, allowed)
