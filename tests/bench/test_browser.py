@@ -132,6 +132,7 @@ def test_rules_and_instruments_are_a_key_away(visit: Visit) -> None:
     assert names(day) == []
 
 
+@pytest.mark.long
 def test_a_careless_day_is_kept_whole(visit: Visit) -> None:
     """Double clicks, the way back, two tabs, a shot before anything is measured: no entry twice."""
     day, page = visit()

@@ -19,6 +19,7 @@ def played(days: int) -> Scores:
     return scores_of(days)
 
 
+@pytest.mark.long
 def test_who_looks_leads_on_a_few_days() -> None:
     """On 2 + 2 days no other player comes near in sum, or is ahead in detection."""
     scores = played(2)

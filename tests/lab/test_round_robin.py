@@ -71,6 +71,7 @@ def test_a_laboratory_is_the_same_alone_and_among_37_or_64() -> None:
         assert played("astm-f1881", [number]) == {number: of_64()[number]}
 
 
+@pytest.mark.long
 def test_two_processes_give_what_one_gives() -> None:
     """Started by the test, half of the laboratories each, one of them backward."""
     halves = range(1, 4), range(6, 3, -1)

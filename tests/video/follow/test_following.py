@@ -97,7 +97,9 @@ def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
     assert abs(restitution.value - true) < 4 * restitution.u < 0.1
 
 
-@pytest.mark.parametrize(("seed", "crf"), [(729, 29), (720, 30)])
+@pytest.mark.parametrize(
+    ("seed", "crf"), [(729, 29), pytest.param(720, 30, marks=pytest.mark.long)]
+)
 def test_a_hand_s_drift_that_a_codec_nearly_hides(seed: int, crf: int, tmp_path: Path) -> None:
     """H.264 leaves little of a plain wall: a shift far off fits it nearly as well."""
     scene = UNSEEN["into-a-corner"]

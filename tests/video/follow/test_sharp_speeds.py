@@ -106,6 +106,7 @@ def repeated(draw: Callable[[np.random.Generator], FollowedClip], clips: int = 2
     return [draw(np.random.default_rng([seed, 71])) for seed in range(clips)]
 
 
+@pytest.mark.long
 def test_u_of_a_hit_by_repetition() -> None:
     """30 frames before the contact and 5 after it: errors over u, of time, speeds and restitution.
 

@@ -119,6 +119,7 @@ def test_half_a_rim_that_is_dark() -> None:
         assert np.sqrt(np.mean((off / np.hypot(u, found.pattern_u)) ** 2)) < 1.3
 
 
+@pytest.mark.long
 def test_what_hides_at_the_rim_is_reckoned_with() -> None:
     """A seam that runs along the rim looks like the outline; hardly a place is off by 5 of its u.
 
