@@ -122,8 +122,8 @@ def scores_of(count: int) -> Scores:
         for name, player in PLAYERS.items():
             day = taken(apparatus, player(seed), listed=today.may_go_wrong)
             beside = beside or day  # the expert's, who comes first
-            told = debrief(apparatus, day, today, beside=beside)
-            found[name].append([score.value for score in told.scores])
+            closing = debrief(apparatus, day, today, beside=beside)
+            found[name].append([score.value for score in closing.scores])
     return {name: np.array(rows) for name, rows in found.items()}
 
 

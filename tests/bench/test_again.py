@@ -1,4 +1,4 @@
-"""What teaches after a day: what a fault moved the result by, when it showed, a day taken again."""
+"""The debrief: shift of the result by each fault, its time line, a day taken again."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ LOOKED = (*PLAIN[:11], ("gauge-gates", {}), ("tap-bat", {}), *PLAIN[11:])
 
 def test_what_a_fault_moved_the_result_by_is_the_day_without_it() -> None:
     """Against the same actions really taken in a sound laboratory."""
-    told = debrief(
+    closing = debrief(
         apparatus("gate-moved"), day_of([*PLAIN, *END], "gate-moved"), scenario(("gate-moved",))
     )
     with_it, without = (Desk(day_of(PLAIN, *faults)).result for faults in (("gate-moved",), ()))
     assert with_it
     assert without
-    (review,) = told.fault_reviews
+    (review,) = closing.fault_reviews
     assert review.moved == pytest.approx(with_it[0] - without[0], rel=1e-9)
     assert review.moved_u == pytest.approx(review.moved / with_it[1], rel=1e-9)
     assert abs(review.moved) > 1e-3
-    assert f"{review.moved:+.4f}" in debrief_page(told)
+    assert f"{review.moved:+.4f}" in debrief_page(closing)
 
 
 def test_a_time_line_has_minutes_and_shots() -> None:
@@ -43,8 +43,8 @@ def test_a_time_line_has_minutes_and_shots() -> None:
     noted = ("note-doubt", {"doubt": "gate-moved", "confidence": 90})
     days = [*LOOKED[:20], noted, ("gauge-gates", {"use": "gauge"}), *LOOKED[20:], *END]
     day = day_of(days, "gate-moved")
-    told = debrief(apparatus("gate-moved"), day, scenario(("gate-moved",)))
-    (review,) = told.fault_reviews
+    closing = debrief(apparatus("gate-moved"), day, scenario(("gate-moved",)))
+    (review,) = closing.fault_reviews
     seen, named, acted = review.yours.seen, review.yours.named, review.yours.acted
     assert seen
     assert named
@@ -54,9 +54,9 @@ def test_a_time_line_has_minutes_and_shots() -> None:
     assert (named.entry, named.shots, acted.entry) == (21, 1, 22)
     assert review.expert.seen
     assert "1 shots later" in review.yours.between
-    page = debrief_page(told, linked=True)
+    page = debrief_page(closing, linked=True)
     assert '<a href="/replay?entry=12">entry 12</a>' in page
-    assert "/replay" not in debrief_page(told)
+    assert "/replay" not in debrief_page(closing)
 
 
 @pytest.fixture(scope="module")

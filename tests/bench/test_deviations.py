@@ -85,10 +85,12 @@ def test_a_step_made_good_is_justified_once_it_is() -> None:
 def test_what_is_justified_is_not_marked_down_and_what_is_denied_is() -> None:
     def protocol(step: str, *more: Asked) -> float:
         day = played(apparatus(), asked([*without(step), *more, *END]))
-        told = debrief(apparatus(), day, scenario())
-        assert len(told.deviations) == len(more)
-        assert not more or f"<strong>{told.deviations[0].judged}</strong>" in debrief_page(told)
-        return {score.name: score.value for score in told.scores}["protocol"]
+        closing = debrief(apparatus(), day, scenario())
+        assert len(closing.deviations) == len(more)
+        assert not more or f"<strong>{closing.deviations[0].judged}</strong>" in debrief_page(
+            closing
+        )
+        return {score.name: score.value for score in closing.scores}["protocol"]
 
     assert protocol("zero-encoder") < 1 == protocol("zero-encoder", note("zero-encoder"))
     assert protocol("wait-rest", note("wait-rest")) == protocol("wait-rest") < 1
@@ -103,10 +105,10 @@ def test_an_odd_hit_may_be_rejected_and_a_sound_one_not() -> None:
         shot = next((s for s in shots if oddity(desk, s)), shots[0])
         reject = ("reject", {"shot": shot + 1, "because": "look at the trace"})
         day = played(apparatus(*faults), asked([*PLAIN, reject, *END]))
-        told = debrief(apparatus(*faults), day, scenario(faults))
-        assert told.deviations[-1].judged == (JUSTIFIED if faults else DENIED)
-        wrong = [each.what for each in told.costly if each.what.startswith(f"hit {shot + 1} ")]
-        scores.append(({each.name: each.value for each in told.scores}["record"], bool(wrong)))
+        closing = debrief(apparatus(*faults), day, scenario(faults))
+        assert closing.deviations[-1].judged == (JUSTIFIED if faults else DENIED)
+        wrong = [each.what for each in closing.costly if each.what.startswith(f"hit {shot + 1} ")]
+        scores.append(({each.name: each.value for each in closing.scores}["record"], bool(wrong)))
     assert scores[0] == (pytest.approx(6 / 7), True)
     assert scores[1][1] is False
 
@@ -115,7 +117,7 @@ def test_a_check_that_a_sign_asked_for_costs_nothing() -> None:
     twice = [("gauge-gates", {}), ("gauge-gates", {"use": "gauge"})]
     for faults in ((), ("gate-moved",)):
         day = played(apparatus(*faults), asked([*twice, *PLAIN, *END]))
-        told = debrief(apparatus(*faults), day, scenario(faults))
-        assert [each.entry for each in told.deviations] == ([2] if faults else [])
-        words = {each.name: each.because for each in told.scores}["economy"]
+        closing = debrief(apparatus(*faults), day, scenario(faults))
+        assert [each.entry for each in closing.deviations] == ([2] if faults else [])
+        words = {each.name: each.because for each in closing.scores}["economy"]
         assert ("3 min of checks that a sign asked for not counted" in words) == bool(faults)

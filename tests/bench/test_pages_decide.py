@@ -1,4 +1,4 @@
-"""What decides is on the page: who is given its text alone finds each fault, and nothing else."""
+"""Faults are found from the text of the pages alone, and none is found on a sound day."""
 
 from __future__ import annotations
 

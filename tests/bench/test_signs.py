@@ -77,7 +77,7 @@ def row_of(fault: str, *events: tuple[str, dict[str, float], dict[str, Any]]) ->
 
 @pytest.fixture
 def number(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return how many u the reading of a fault is off in what some actions showed."""
+    """Deviation of the reading that decides on a fault, in u, after some actions."""
     table = SimpleNamespace(consequences=CONSEQUENCES)
     monkeypatch.setattr(readings, "action_table", lambda: table)
 

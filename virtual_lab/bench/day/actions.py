@@ -1,4 +1,4 @@
-"""What can be asked for at the bench: actions by name, and the arguments that each takes."""
+"""Actions at the bench by name, each with its arguments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an action is told: its arguments, as a row of the table of actions has them, and read."""
+"""Arguments of an action: their rows in the table of actions, and how a typed one is read."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Argument(Spec):
         return int(number) if whole else number
 
     def _factor(self, unit: str) -> float:
-        """Return how many of the argument's own unit a unit is; NaN where it is another kind."""
+        """Size of a unit in the unit of the argument; NaN for a unit of another quantity."""
         for units in DIMENSIONS.values():
             if {unit, self.unit} <= units.keys():
                 return units[unit] / units[self.unit]

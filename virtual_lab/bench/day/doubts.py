@@ -1,4 +1,4 @@
-"""What can go wrong in a laboratory, and what somebody may doubt: faults by name and title."""
+"""Faults that may befall a laboratory, by name and by the title a trainee knows them by."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from virtual_lab.errors import InputError, nearest
 
 @cache
 def fault_sheets() -> Mapping[str, FaultSheet]:
-    """Return what is known of all that can go wrong in a laboratory."""
+    """Sheets of all faults in the catalog, by name."""
     return MappingProxyType(
         {name: catalog.load("faults", name, FaultSheet).spec for name in catalog.names("faults")}
     )
