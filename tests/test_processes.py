@@ -68,6 +68,20 @@ def test_workers_share_calls_and_end_with_the_context() -> None:
             os.kill(number, 0)
 
 
+def test_a_worker_dismissed_between_two_calls_or_before_one_is_lost(worker: Worker) -> None:
+    """A context may end when a call has begun and not yet written what it asks."""
+    assert worker.call(abs, -1) == 1
+    assert worker.process is not None
+    assert worker.process.stdin is not None
+    worker.process.stdin.close()
+    with pytest.raises(WorkerLostError):
+        worker.call(abs, -2)
+    worker.dismiss()
+    with pytest.raises(WorkerLostError, match="dismissed"):
+        worker.call(abs, -3)
+    assert worker.process is None
+
+
 def test_a_script_without_a_guard_shares_its_work(tmp_path: Path) -> None:
     """Python's own pools import the script again in each process; these do not."""
     script = tmp_path / "script.py"

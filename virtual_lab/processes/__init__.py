@@ -13,6 +13,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from queue import SimpleQueue
 from subprocess import PIPE, Popen
+from threading import Lock
 from typing import Any, Protocol, TypeVar, cast
 
 Answer = TypeVar("Answer")
@@ -37,34 +38,48 @@ class Worker:
         """Prepare one whose command line has these words, by which it can be told."""
         self.command = [sys.executable, "-m", "virtual_lab.processes.worker", words]
         self.process: Popen[bytes] | None = None
+        self.dismissed = False
+        self.starting = Lock()  # a call starts a process while another thread may dismiss
 
     def call(self, function: Callable[..., Answer], *arguments: Any) -> Answer:
         """Return what a function answers, or raise what it raises.
 
-        `WorkerLostError` where the process ended meanwhile.
+        `WorkerLostError` where the process ended meanwhile, or the worker is dismissed.
         """
-        if self.process is None:
-            self.process = Popen(self.command, env=os.environ | ONE_THREAD, stdin=PIPE, stdout=PIPE)
-        asked, answers = cast("Any", self.process.stdin), cast("Any", self.process.stdout)
         call = pickle.dumps((function, arguments))
+        with self.starting:
+            if self.dismissed:
+                raise WorkerLostError("its worker was dismissed")
+            if self.process is None:
+                self.process = Popen(
+                    self.command, env=os.environ | ONE_THREAD, stdin=PIPE, stdout=PIPE
+                )
+            asked, answers = cast("Any", self.process.stdin), cast("Any", self.process.stdout)
         try:
             asked.write(len(call).to_bytes(8, "big") + call)
             asked.flush()
             answer, fault = pickle.load(answers)
-        except (OSError, EOFError, pickle.UnpicklingError):
+        except (OSError, EOFError, ValueError, pickle.UnpicklingError):  # ValueError: a closed pipe
             raise WorkerLostError(f"its worker ended with {self.end()}") from None
         if fault is not None:
             raise fault
         return cast("Answer", answer)
 
     def end(self) -> int | None:
-        """End the process, whatever it is about."""
-        process, self.process = self.process, None
+        """End the process, whatever it is about; the next call starts another."""
+        with self.starting:
+            process, self.process = self.process, None
         if process is None:
             return None
         with process, suppress(OSError):
             cast("Any", process.stdin).close()  # which ends it
         return process.returncode
+
+    def dismiss(self) -> None:
+        """End the process, whatever it is about, and answer no more calls."""
+        with self.starting:
+            self.dismissed = True
+        self.end()
 
 
 @contextmanager
@@ -88,7 +103,5 @@ def workers(count: int, words: str = "") -> Iterator[Submit]:
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
             for each in own:
-                each.end()
+                each.dismiss()
             pool.shutdown()
-            for each in own:
-                each.end()  # one that a call had just started
