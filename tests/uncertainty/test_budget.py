@@ -12,7 +12,6 @@ from virtual_lab.uncertainty.budget import (
     Component,
     Variants,
     combine,
-    effective_dof,
     interval_95,
     mean_of_hits,
     propagate,
@@ -78,7 +77,7 @@ def test_welch_satterthwaite_is_welchs_own() -> None:
         )
         for name, values in (("a", a), ("b", b))
     ]
-    assert effective_dof(parts) == pytest.approx(expected, rel=1e-12)
+    assert combine(0.0, parts).dof == pytest.approx(expected, rel=1e-12)
 
 
 @given(

@@ -43,7 +43,11 @@ from virtual_lab.measurement.procedure import (
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
 from virtual_lab.measurement.reduction.flights import numbered
 from virtual_lab.measurement.reduction.observations import ImpactReadings
-from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
+from virtual_lab.measurement.reduction.shot_algebra import (
+    BatProperties,
+    ShotResults,
+    bat_properties,
+)
 from virtual_lab.measurement.session_reduction import (
     BlockReduction,
     SessionReduction,
@@ -302,12 +306,13 @@ def _results(
         readings=readings.part(hits[:, None]),
     )
     variants = propagator({name: known.part(some) for name, known in reduced.constants.items()})
-    moved = model.shots(variants.columns)
+    bat = bat_properties(variants.columns)
+    moved = model.shots(variants.columns, bat)
     results = {
         name: means_of_hits(
             variants, values, weights, places, effects if name == "metric" else weights
         )
-        for name, values in model.quantities(variants.columns, moved).items()
+        for name, values in model.quantities(variants.columns, bat, moved).items()
     }
     return results, moved.recoil_efficiency - moved.rebound_efficiency
 

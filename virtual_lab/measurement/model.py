@@ -9,6 +9,7 @@ from virtual_lab.measurement.procedure import Curve, Procedure, metric_of
 from virtual_lab.measurement.reduction.flights import FlightModel
 from virtual_lab.measurement.reduction.observations import BallReadings, ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import (
+    BatProperties,
     ShotResults,
     bat_properties,
     measured_balls,
@@ -43,30 +44,31 @@ class MeasurementModel:
 
     def __call__(self, constants: Mapping[str, Array]) -> dict[str, Array]:
         """Return the quantities of a certificate and ``metric``, each (..., shot)."""
-        return self.quantities(constants, self.shots(constants))
+        bat = bat_properties(constants)
+        return self.quantities(constants, bat, self.shots(constants, bat))
 
-    def quantities(self, constants: Mapping[str, Array], shots: ShotResults) -> dict[str, Array]:
-        """Return the same of the shots' results for these constants."""
+    def quantities(
+        self, constants: Mapping[str, Array], bat: BatProperties, shots: ShotResults
+    ) -> dict[str, Array]:
+        """Return the same of the bat and the shots' results for these constants."""
         found = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
-        return found | {"metric": self.metric(constants, shots)}
+        control = constants[CONTROL] if self.rules.controlled else 1.0
+        metric = metric_of(self.rules, control=control)
+        return found | {"metric": metric(Curve.measured(shots), bat)}
 
     def shots(
-        self, constants: Mapping[str, Array], flown: FlightModel | None = None
+        self,
+        constants: Mapping[str, Array],
+        bat: BatProperties,
+        flown: FlightModel | None = None,
     ) -> ShotResults:
         """Return the results of the shots, with flights from the readings or from `flown`."""
         return shot_results(
             constants,
-            bat_properties(constants),
+            bat,
             measured_balls(constants, self.balls),
             self.readings,
             self.rules.reduction_settings,
             flown,
             self.used,
-        )
-
-    def metric(self, constants: Mapping[str, Array], shots: ShotResults) -> Array:
-        """Return the procedure's metric for each shot."""
-        control = constants[CONTROL] if self.rules.controlled else 1.0
-        return metric_of(self.rules, control=control)(
-            Curve.measured(shots), bat_properties(constants)
         )

@@ -43,8 +43,8 @@ def swing_range(
         return ()
 
     variants = propagator(reduced.constants)
-    moved = Curve.measured(reduced.model.shots(variants.columns))
     bat = bat_properties(variants.columns)
+    moved = Curve.measured(reduced.model.shots(variants.columns, bat))
     found = []
     for exponent, (other, outcome) in others.items():
         used = outcome.used

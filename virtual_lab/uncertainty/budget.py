@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from math import inf, sqrt
 from typing import Any, Protocol, Self
 
@@ -143,19 +144,15 @@ class Components:
 
     def lines(self) -> tuple[Array, Array]:
         """Return variance and degrees of freedom of lines, (laboratory, line): a pool is one."""
-        # rows in a row: the order of a sum must not depend on the number of laboratories
-        square, dof = np.ascontiguousarray(self.effect**2), np.ascontiguousarray(self.dof)
-        if not any(self.pools):
-            return square, dof
-        alone = [at for at, pool in enumerate(self.pools) if not pool]
-        pools = dict.fromkeys(pool for pool in self.pools if pool)
-        squares, freedoms = [square[:, alone]], [dof[:, alone]]
-        for pool in pools:
-            parts = [at for at, own in enumerate(self.pools) if own == pool]
-            squares.append(np.ascontiguousarray(square[:, parts]).sum(axis=1, keepdims=True))
-            freedoms.append(dof[:, parts[:1]])
-        joined = (np.concatenate(each, axis=1) for each in (squares, freedoms))
-        square, dof = map(np.ascontiguousarray, joined)
+        from virtual_lab.uncertainty.budget_kernel import add_lines
+
+        alone, pools = count(), dict.fromkeys(pool for pool in self.pools if pool)
+        first = self.pools.count("")
+        number = {pool: at for at, pool in enumerate(pools, first)}
+        line = np.array([number[pool] if pool else next(alone) for pool in self.pools], np.int64)
+        square, dof = np.zeros((2, len(self.effect), first + len(pools)))
+        effect, own = np.ascontiguousarray(self.effect), np.ascontiguousarray(self.dof)
+        add_lines(effect, own, line, square, dof)
         return square, dof
 
 
@@ -342,14 +339,12 @@ def combine(value: float, components: Sequence[Component]) -> Budget:
 
 def combined(value: Array, components: Components) -> Budgets:
     """Return the budgets of results (laboratory,); the components of a pool become one line."""
-    square, dof = components.lines()
-    variance = square.sum(axis=1)
-    return Budgets(
-        value=value,
-        u=np.sqrt(variance),
-        dof=_effective_dof(square, dof, variance),
-        components=components,
-    )
+    from virtual_lab.uncertainty.budget_kernel import welch_satterthwaite
+
+    square, freedom = components.lines()
+    u, dof = np.empty((2, len(square)))
+    welch_satterthwaite(square, freedom, u, dof)
+    return Budgets(value=value, u=u, dof=dof, components=components)
 
 
 def mean_of_hits(
@@ -390,7 +385,7 @@ def means_of_hits(
 
 def weighed(hits: Array, weights: Array) -> Array:
     """Return the weighted sums of hits (laboratory, k, hit), (laboratory, k)."""
-    from virtual_lab.uncertainty.hits_kernel import weigh
+    from virtual_lab.uncertainty.budget_kernel import weigh
 
     out = np.empty(hits.shape[:2])
     weigh(np.ascontiguousarray(hits), np.ascontiguousarray(weights, float), out)
@@ -449,7 +444,7 @@ def scatter(hits: Array, weights: Array, groups: Array, effects: Array | None = 
 
 def scatters(hits: Array, weights: Array, groups: Array, effects: Array) -> Components:
     """Return the type A components of a block, as `scatter`, each array with a laboratory axis."""
-    from virtual_lab.uncertainty.hits_kernel import scatter_u
+    from virtual_lab.uncertainty.budget_kernel import scatter_u
 
     u, dof = np.empty((2, len(hits)))
     own = [np.ascontiguousarray(each, float) for each in (hits, weights, groups, effects)]
@@ -483,20 +478,6 @@ def types_a(name: str, value: Array, u: Array, dof: Array | float = inf) -> Comp
         effect=u[:, None],
         shift=np.zeros(column),
     )
-
-
-def effective_dof(components: Sequence[Component]) -> float:
-    """Return the Welch–Satterthwaite degrees of freedom (GUM G.2b)."""
-    square = np.array([[part.contribution**2 for part in components]])
-    dof = np.array([[part.dof for part in components]])
-    return float(_effective_dof(square, dof, square.sum(axis=1))[0])
-
-
-def _effective_dof(square: Array, dof: Array, variance: Array) -> Array:
-    """Return the degrees of freedom of sums of variances, (laboratory, line) to (laboratory,)."""
-    fourth = np.sum(square**2 / dof, axis=1)
-    some = fourth > 0
-    return np.where(some, variance**2 / np.where(some, fourth, 1.0), inf)
 
 
 def interval_95(value: float, u: float, dof: float) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from virtual_lab.measurement.camera.filmed import CameraResults, FramesU, filmed
 from virtual_lab.measurement.camera.windows import Sightings, sight
 from virtual_lab.measurement.reduction.flights import FlightModel
 from virtual_lab.measurement.reduction.gates import GateReadings, heights_moved
-from virtual_lab.measurement.reduction.shot_algebra import ShotResults, drag_of
+from virtual_lab.measurement.reduction.shot_algebra import ShotResults, bat_properties, drag_of
 from virtual_lab.measurement.session_reduction import SessionReduction, best_values, constants_known
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.records.session import Session
@@ -152,10 +152,11 @@ class _Both:
 def _by_both(
     reduced: SessionReduction, seen: Sightings, x: Mapping[str, Array], by_gates: FlightModel
 ) -> _Both:
-    gates = reduced.model.shots(x, by_gates)
+    bat = bat_properties(x)
+    gates = reduced.model.shots(x, bat, by_gates)
     drag = drag_of(x, gates.ball_mass)
     found = filmed(x, "impact", seen, drag, by_gates(x, drag))
-    video = reduced.model.shots(x, lambda *_: found.flights)
+    video = reduced.model.shots(x, bat, lambda *_: found.flights)
     return _Both(gates=gates, video=video, filmed=found)
 
 

@@ -13,6 +13,7 @@ from virtual_lab.measurement.diagnostics.evidence import FEWEST_SHOTS, Evidence
 from virtual_lab.measurement.diagnostics.flag import Pairs, Raised, pairs
 from virtual_lab.measurement.reduction.flights import numbered
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
+from virtual_lab.measurement.reduction.shot_algebra import bat_properties
 from virtual_lab.records import AimMarks
 from virtual_lab.uncertainty.budget import Components, Variants, types_a, weighed
 from virtual_lab.uncertainty.estimate import Known
@@ -195,7 +196,7 @@ def _by_rate(seen: Evidence, which: str) -> Array:
     def metric(factor: float) -> Array:
         turned = replace(fit, rate=fit.rate * factor)
         moved = replace(model, readings=replace(model.readings, **{which: turned}))
-        return moved.metric(seen.best, moved.shots(seen.best))
+        return moved(seen.best)["metric"]
 
     every = numbered(seen.owner, np.ones(seen.owner.size, dtype=bool), seen.laboratories)
     found = np.empty(seen.owner.size)
@@ -240,7 +241,8 @@ def _moved_apart(seen: Evidence, both: Mask) -> tuple[NDArray[np.intp], Array]:
     if np.isin(hits[hits >= 0], seen.hits).all():
         return seen.hits, seen.apart
     model = replace(seen.model, readings=seen.readings.part(hits[:, None]))
-    found = model.shots(seen.variants.columns)
+    columns = seen.variants.columns
+    found = model.shots(columns, bat_properties(columns))
     return hits, found.recoil_efficiency - found.rebound_efficiency
 
 

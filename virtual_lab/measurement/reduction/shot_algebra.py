@@ -16,13 +16,9 @@ from numpy.typing import NDArray
 
 from virtual_lab.measurement.reduction.flights import FlightModel, Flights
 from virtual_lab.measurement.reduction.kinematics import (
-    bat_performance_factor,
-    efficiency_from_restitution,
     parallel_axis,
-    rebound_speed_from_recoil,
     recoil_factor_free,
     recoil_factor_pivoted,
-    restitution_from_efficiency,
 )
 from virtual_lab.measurement.reduction.observations import (
     SLOPE_REPEATABILITY,
@@ -144,15 +140,15 @@ def bat_properties(x: Constants) -> BatProperties:
 def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
     """Return the inertia about the centre of mass, from the period of bat and clamp together."""
     lever = length - x["bench.pendulum.pivot_from_knob"] - z_cm
-    first, last = x["bat.first_amplitude"], x["bat.last_amplitude"]
-    swings = int(x["bat.swings"].flat[0])
-    offset = x["bench.pendulum.amplitude_offset"]
-    period = (
-        x["bat.period"]
-        / x["bench.pendulum.clock"]
-        * mean_amplitude_factor(first, last, swings)
-        / mean_amplitude_factor(first - offset, last - offset, swings)
+    sets = _sets_of(x, ("bench.pendulum.amplitude_offset", "bat.first", "bat.last"), ())
+    first, last, offset = (
+        sets.chosen(x[name])
+        for name in ("bat.first_amplitude", "bat.last_amplitude", "bench.pendulum.amplitude_offset")
     )
+    swings = int(x["bat.swings"].flat[0])
+    longer = mean_amplitude_factor(first, last, swings)
+    longer = longer / mean_amplitude_factor(first - offset, last - offset, swings)
+    period = x["bat.period"] / x["bench.pendulum.clock"] * sets.spread(longer)
     moment = mass * lever + x["bench.pendulum.clamp_moment"]
     both = inertia_from_period(period, moment, x["hall.gravity"])
     return both - x["bench.pendulum.clamp_inertia"] - parallel_axis(0.0, mass, lever)
@@ -164,28 +160,29 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     Most sets of constants differ in what no hit at the wall knows of, so the hits are reduced for
     those sets alone that differ in what one does.
     """
+    from virtual_lab.measurement.reduction.shot_kernel import balls_of_sets
+
     mass = (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
-    some, share = readings.ball >= 0, readings.share
-    speed = np.where(some, readings.nominal_speed, 0.0)
-    nominal = speed.sum(axis=-1, keepdims=True) / some.sum(axis=-1, keepdims=True)
     sets = _sets_of(x, AT_WALL, ADDED)
     own = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_WALL)}
     drag = of_ball(drag_of(own, sets.chosen(mass)), np.maximum(readings.ball, 0))
     seen = readings.seen.flights(own, drag)
-    given = np.where(some, seen.speed_out / seen.speed_in, 0.0)
-    faster = np.where(some, seen.speed_in - nominal, 0.0)
-    slope = x["ball.restitution_slope"]
+    with np.errstate(all="ignore"):  # one nominal speed has no slope
+        means, faster, nominal, slope = balls_of_sets(
+            readings.mass, readings.ball, readings.nominal_speed, seen.speed_in, seen.speed_out
+        )
+    speed = nominal[..., :1, None] if nominal.ndim else nominal
+    given = x["ball.restitution_slope"]
     if SLOPE_REPEATABILITY in x:
-        slope = sets.spread(_slope(readings, given, speed)) + x[SLOPE_REPEATABILITY]
+        given = sets.spread(slope[..., None]) + x[SLOPE_REPEATABILITY]
     errors = (np.atleast_1d(x[error]) for error in restitution_names(mass.shape[-1]))
     scattered = np.concatenate(np.broadcast_arrays(*errors), axis=-1)
-    means, off = (sets.spread(_means(each, share)) for each in (given, faster))
-    restitution = means - slope * off + scattered
+    restitution = sets.spread(means) - given * sets.spread(faster) + scattered
     return MeasuredBalls(
         mass=np.broadcast_to(mass, restitution.shape),
         restitution=restitution,
-        speed=nominal,
-        slope=np.asarray(slope),
+        speed=speed,
+        slope=np.asarray(given),
     )
 
 
@@ -199,11 +196,18 @@ class Sets(NamedTuple):
         """Return the values for some sets, (..., k, n)."""
         if self.rows is None or np.ndim(values) < 2:
             return values
-        return values[..., self.rows, :]
+        if is_certain(values):
+            return values[..., : self.rows.size, :]
+        return np.take(values, self.rows, axis=-2)
 
     def spread(self, values: Array) -> Array:
         """Return the values for all the sets from those for some."""
-        return values if self.rows is None else values[..., self.back, :]
+        return values if self.rows is None else np.take(values, self.back, axis=-2)
+
+
+def is_certain(values: Array) -> bool:
+    """Return whether all sets (..., k, 1) hold one number, not copies of it."""
+    return values.strides[-2] == 0
 
 
 def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> Sets:
@@ -218,6 +222,8 @@ def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> S
         return Sets(None, every)
     moved = np.zeros(max(value.shape[-2] for value in known), dtype=bool)
     for value in known:
+        if is_certain(value):
+            continue
         differs = value != value[..., :1, :]
         moved |= differs.any(axis=(*range(value.ndim - 2), value.ndim - 1))
     rows = np.flatnonzero(moved)
@@ -236,26 +242,6 @@ def of_ball(values: Array, ball: NDArray[np.intp]) -> Array:
     return np.take_along_axis(values, wide, axis=-1)
 
 
-def _means(hits: Array, share: Array) -> Array:
-    """Return the mean of each ball, (..., k, ball), from hits (..., k, hit) and their shares.
-
-    Of a block the shares are (laboratory, 1, hit, ball): they are those of every k.
-    """
-    shared = share if share.ndim == 2 else share[:, 0]
-    return np.asarray(hits @ shared)
-
-
-def _slope(readings: BallReadings, restitution: Array, speed: Array) -> Array:
-    """Return the slope of e0 over the speed, (..., k, 1) [s/m], by least squares within each ball.
-
-    `speed` are the hits' nominal ones, (..., hit).
-    """
-    middle = of_ball(_means(speed, readings.share), np.maximum(readings.ball, 0))
-    off = np.where(readings.ball >= 0, speed - middle, 0.0)
-    rise = np.sum(restitution * off, axis=-1, keepdims=True)
-    return np.asarray(rise / np.sum(off**2, axis=-1, keepdims=True))
-
-
 def shot_results(
     x: Constants,
     bat: BatProperties,
@@ -270,92 +256,62 @@ def shot_results(
     `flown` gives the flights by an instrument beside that of the readings. `used` are the
     balls that define the mean of the lot, (..., ball); None: all.
     """
-    mass = of_ball(balls.mass, readings.ball)
-    seen = flown(x, drag_of(x, mass)) if flown else _flights(x, readings, mass)
-    abreast = bat.length - x["impact.pivot.from_knob"] - _struck(x, readings)
-    swing_rate, slant = np.zeros(()), np.zeros(())
+    from virtual_lab.measurement.reduction.shot_kernel import RESULTS, shots_of_sets
+
+    if flown:
+        seen = flown(x, drag_of(x, of_ball(balls.mass, readings.ball)))
+    else:
+        seen = _flights(x, balls, readings)
+    cosine, swing_rate, counts, encoder = (np.asarray(each) for each in (1.0, 0.0, np.nan, 1.0))
+    clock = readings.seen.clock(x)
     if readings.swing:
-        swing_rate = _turn(x, "swing", readings.swing.rate * readings.seen.clock(x))
-        slant = _turn(x, "swing", readings.swing.angle)
-    # the ball flies abreast of the axis at a set distance and meets a slanting bat farther out
-    cosine = np.cos(slant)
-    lever = abreast / cosine
-    bat_speed = lever * swing_rate
-    relative_speed = seen.speed_in * cosine + bat_speed
-    rate = np.array(np.nan)
+        turn = _turn(x, "swing")
+        cosine = np.cos(turn * readings.swing.angle)
+        swing_rate = turn * clock * readings.swing.rate
     if readings.recoil:
-        rate = _turn(x, "encoder", readings.recoil.rate * readings.seen.clock(x))
-    sine = _sine_square(x, bat, seen)
-
-    def squarely(efficiency: Array) -> Array:
-        """Correct e_A for the offset across the bat, which always lowers the measured value."""
-        return np.asarray((efficiency + sine) / (1 - sine))
-
-    # along the bat a smooth ball keeps its speed, across it comes back
-    across = (seen.speed_out + seen.speed_in * (1 - cosine**2)) / cosine
-    rebound = squarely((across - bat_speed) / relative_speed)
-    axis = bat.length - x["impact.pivot.from_knob"]
-    turning = parallel_axis(bat.inertia_cm, bat.mass, axis - bat.z_cm)
-    momentum = rebound_speed_from_recoil(turning, rate, mass, lever, seen.speed_in)
-    recoiled = squarely(momentum / seen.speed_in)
-    struck = recoiled if asked.reads == "recoil" else rebound
-    off = _struck(x, readings) - readings.place
-    beside = x.get(PLACE_SLOPE, 0.0) * off + x.get(SLOPE_ERROR, 0.0)
-    efficiency = np.asarray(struck - beside)
-    at = readings.place + (0.0 if PLACE_SLOPE in x else off)
-
-    # r of 1 kg, about the axis asked for: e_A hardly knows where it is, so what a misplaced one
-    # spoils is the angular momentum above and nothing here
-    unit = np.ones(())
-    recoil, asked_recoil = (
-        recoil_factor(asked.recoil, bat, unit, where, asked.pivot_from_knob)
-        for where in (at, readings.place)
+        counts, encoder = readings.recoil.rate, _turn(x, "encoder") * clock
+    used = np.ones(balls.mass.shape[-1], dtype=bool) if used is None else used
+    of_set = (
+        asked.pivot_from_knob,
+        asked.ball_speed,
+        asked.window_speed,
+        asked.turn_rate(bat.length),
+        *(bat.mass, bat.length, bat.z_cm, bat.inertia_cm),
+        x["impact.pivot.from_knob"],
+        x.get("impact.cannon.along", 0.0),
+        encoder,
+        *(balls.slope, balls.speed),
+        *(x.get(PLACE_SLOPE, 0.0), x.get(SLOPE_ERROR, 0.0)),
     )
-    restitution = restitution_from_efficiency(efficiency, mass * recoil)
-    own = of_ball(balls.restitution, readings.ball)
-    e0 = own + balls.slope * (relative_speed - balls.speed)
-    factor = bat_performance_factor(restitution, e0)
-    nominal = asked.ball_speed + asked.turn_rate(bat.length) * (
-        bat.length - asked.pivot_from_knob - readings.place
+    along = readings.along if "impact.cannon.along" in x else 0.0
+    of_shot = (
+        *(seen.speed_in, seen.speed_out, _sine_square(x, bat, seen)),
+        *(readings.place, along, cosine, swing_rate, counts),
     )
-    lot = _of_lot(balls.restitution, used)
-    lot_e0 = lot + balls.slope * (nominal - balls.speed)
-    lot_mass = _of_lot(balls.mass, used)
-    lot_restitution, lot_recoil = factor * lot_e0, lot_mass * recoil
-    shape = np.shape(factor)
+    with np.errstate(all="ignore"):  # NaN: not seen
+        found = shots_of_sets(
+            PLACE_SLOPE in x,
+            asked.reads == "recoil",
+            asked.recoil == "free",
+            *(_less_shots(each) for each in of_set),
+            *(balls.mass, balls.restitution, used, readings.ball),
+            *(_with_shots(each, readings.ball.shape[-1]) for each in of_shot),
+        )
     return ShotResults(
         speed=seen.speed_in,
-        bat_speed=np.broadcast_to(bat_speed, shape),
-        relative_speed=relative_speed,
-        recoil_rate=np.broadcast_to(rate, shape),
-        swing_rate=np.broadcast_to(swing_rate, shape),
+        swing_rate=np.broadcast_to(swing_rate, found[0].shape),
         rebound_speed=seen.speed_out,
         rebound_slope=seen.slope_out,
-        ball_mass=mass,
-        place=np.broadcast_to(at + abreast - lever, shape),
-        recoil_factor=np.broadcast_to(mass * recoil, shape),
-        ball_restitution=e0,
-        collision_efficiency=efficiency,
-        restitution=np.asarray(restitution),
-        bat_performance_factor=np.asarray(factor),
-        window_ball_restitution=own + balls.slope * (asked.window_speed - balls.speed),
-        lot_ball_restitution=np.broadcast_to(lot_e0, shape),
-        lot_recoil_factor=np.broadcast_to(lot_recoil, shape),
-        asked_recoil_factor=np.broadcast_to(lot_mass * asked_recoil, shape),
-        lot_restitution=np.asarray(lot_restitution),
-        lot_collision_efficiency=np.asarray(
-            efficiency_from_restitution(lot_restitution, lot_recoil)
-        ),
-        rebound_efficiency=np.broadcast_to(rebound, shape),
-        recoil_efficiency=np.broadcast_to(recoiled, shape),
+        **dict(zip(RESULTS, found, strict=True)),
     )
 
 
-def _flights(x: Constants, readings: ImpactReadings, mass: Array) -> Flights:
+def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Flights:
     """Return the flights, computed for those sets alone that differ in what a flight knows of."""
     sets = _sets_of(x, AT_BAT, HELD)
     own = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_BAT)}
-    seen = readings.seen.flights(own, drag_of(own, sets.chosen(mass)))
+    mass = of_ball(sets.chosen(balls.mass), readings.ball)
+    seen = readings.seen.flights(own, drag_of(own, mass))
     if sets.rows is None:
         return seen
     return Flights(
@@ -367,12 +323,14 @@ def _flights(x: Constants, readings: ImpactReadings, mass: Array) -> Flights:
     )
 
 
-def _of_lot(values: Array, used: Mask | None) -> Array:
-    """Return the mean of the balls that are used, (..., 1)."""
-    if used is None:
-        return np.asarray(values.mean(axis=-1, keepdims=True))
-    total = np.where(used, values, 0.0).sum(axis=-1, keepdims=True)
-    return np.asarray(total / used.sum(axis=-1, keepdims=True))
+def _less_shots(values: Array | float) -> Array:
+    """Return a constant, a number or (..., k, 1), without the axis of shots."""
+    return np.asarray(values) if np.ndim(values) == 0 else np.asarray(values)[..., 0]
+
+
+def _with_shots(values: Array | float, shots: int) -> Array:
+    """Return values with an axis of so many shots, (..., shot)."""
+    return np.broadcast_to(values, (*np.shape(values)[:-1], shots))
 
 
 def recoil_factor(
@@ -392,15 +350,11 @@ def drag_of(x: Constants, mass: Array) -> Array:
     return drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
 
 
-def _struck(x: Constants, readings: ImpactReadings) -> Array:
-    """Return the impact places for the cannon's aim; `place` contains its best value."""
-    return readings.place + x.get("impact.cannon.along", readings.along) - readings.along
-
-
-def _turn(x: Constants, encoder: str, counts: Array) -> Array:
-    """Return counts of an encoder as an angle [rad], counts a second as a rate [rad/s]."""
-    scale = x[f"impact.{encoder}.scale"] * x[f"impact.{encoder}.counts_per_turn"]
-    return np.asarray(2 * np.pi * counts / scale)
+def _turn(x: Constants, encoder: str) -> Array:
+    """Return what one count of an encoder is as an angle [rad]."""
+    return np.asarray(
+        2 * np.pi / (x[f"impact.{encoder}.scale"] * x[f"impact.{encoder}.counts_per_turn"])
+    )
 
 
 def _sine_square(x: Constants, bat: BatProperties, seen: Flights) -> Array:

@@ -20,7 +20,7 @@ from virtual_lab.lab import Laboratory, TestSetup, by_the_book
 from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.procedure import aimed_place
 from virtual_lab.measurement.reduction.observations import along_of
-from virtual_lab.measurement.reduction.shot_algebra import ShotResults
+from virtual_lab.measurement.reduction.shot_algebra import ShotResults, bat_properties
 from virtual_lab.measurement.session_reduction import SessionReduction, reduce_session
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
@@ -288,7 +288,10 @@ def _stated(reduced: SessionReduction, field: str, error: Array) -> float:
     def mean(shots: ShotResults) -> Array:
         return cast("Array", getattr(shots, field)[..., seen].mean(axis=-1))
 
-    parts = propagate(lambda x: {field: mean(reduced.model.shots(x))}, reduced.constants)[field]
+    def mean_field(x: Mapping[str, Array]) -> dict[str, Array]:
+        return {field: mean(reduced.model.shots(x, bat_properties(x)))}
+
+    parts = propagate(mean_field, reduced.constants)[field]
     own = scatter(error[seen], np.full(many, 1 / many), np.zeros(many))
     return combine(float(error[seen].mean()), [*parts, own]).u
 

@@ -1,0 +1,139 @@
+"""Weighted sums of hits, their scatter, and sums of budgets, a laboratory in turn; compiled.
+
+A sum goes over the hits of one laboratory in turn, so its bits do not depend on those of others
+beside it. A hit of weight 0 is left out, whatever its value.
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from virtual_lab.units import Array
+
+Whole = NDArray[np.int64]
+
+
+@njit(cache=True, error_model="numpy")
+def weigh(hits: Array, weights: Array, out: Array) -> None:
+    """Fill in sums over the hits, (laboratory, k), of (laboratory, k, hit) by (laboratory, hit)."""
+    for laboratory in range(len(hits)):
+        for k in range(hits.shape[1]):
+            total = 0.0
+            for hit in range(hits.shape[2]):
+                weight = weights[laboratory, hit]
+                if weight != 0.0:
+                    total += weight * hits[laboratory, k, hit]
+            out[laboratory, k] = total
+
+
+@njit(cache=True, error_model="numpy")
+def scatter_u(
+    hits: Array, weights: Array, places: Array, effects: Array, u: Array, dof: Array
+) -> None:
+    """Fill in u and degrees of freedom of weighted sums of hits, (laboratory,), see `scatter`.
+
+    Parameters
+    ----------
+    hits, weights, places
+        (laboratory, hit).
+    effects
+        Of one standard uncertainty of each constant, (laboratory, constant, hit).
+    """
+    count = hits.shape[1]
+    used, begin = np.empty(count, np.int64), np.empty(count + 1, np.int64)
+    seen, explained, squares = np.empty((3, count))
+    for laboratory in range(len(hits)):
+        weight = weights[laboratory]
+        many = _grouped(weight, places[laboratory], used, begin)
+        seen[:many], explained[:many] = 0.0, 0.0
+        _add_variance(hits[laboratory], used, begin[: many + 1], squares, seen)
+        for constant in range(effects.shape[1]):
+            moved = effects[laboratory, constant]
+            _add_variance(moved, used, begin[: many + 1], squares, explained)
+        total, uncertain = 0.0, 0.0
+        for at in range(many):
+            square = 0.0
+            for hit in used[begin[at] : begin[at + 1]]:
+                square += weight[hit] ** 2
+            total += square * max(seen[at] - explained[at], 0.0)
+            # a variance is as uncertain as before when a known part of it is taken off
+            freedom = begin[at + 1] - begin[at] - 1
+            if freedom > 0:
+                uncertain += (square * seen[at]) ** 2 / freedom
+        u[laboratory] = sqrt(total)
+        dof[laboratory] = total**2 / uncertain if total > 0 and uncertain > 0 else inf
+
+
+@njit(cache=True, error_model="numpy")
+def _grouped(weight: Array, places: Array, used: Whole, begin: Whole) -> int:
+    """Fill in the hits that are any, place after place, and where in them each place begins.
+
+    Return how many places there are.
+    """
+    found, hits = 0, 0
+    for hit in range(weight.size):
+        known = weight[hit] == 0.0
+        for i in range(hits):
+            known |= places[used[i]] == places[hit]
+        if known:
+            continue
+        begin[found] = hits
+        for other in range(hit, weight.size):
+            if weight[other] != 0.0 and places[other] == places[hit]:
+                used[hits] = other
+                hits += 1
+        found += 1
+    begin[found] = hits
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _add_variance(values: Array, used: Whole, begin: Whole, squares: Array, out: Array) -> None:
+    """Add the variance of values within each place; of a single one that of the others.
+
+    `squares` are overwritten.
+    """
+    pooled, freedom = 0.0, 0
+    for at in range(begin.size - 1):
+        mean, square, many = 0.0, 0.0, begin[at + 1] - begin[at]
+        for i in range(begin[at], begin[at + 1]):
+            mean += values[used[i]]
+        mean /= many
+        for i in range(begin[at], begin[at + 1]):
+            square += (values[used[i]] - mean) ** 2
+        squares[at] = square
+        pooled += square
+        freedom += many - 1
+    pooled /= max(freedom, 1)
+    for at in range(begin.size - 1):
+        many = begin[at + 1] - begin[at]
+        out[at] += squares[at] / (many - 1) if many > 1 else pooled
+
+
+@njit(cache=True, error_model="numpy")
+def add_lines(effect: Array, dof: Array, line: Whole, square: Array, freedom: Array) -> None:
+    """Add up the variances of the sources of each line, (laboratory, line); ν is the first's.
+
+    `effect` and `dof` are those of sources, (laboratory, source), `line` whose each is, (source,).
+    """
+    for laboratory in range(len(effect)):
+        for source in range(line.size - 1, -1, -1):
+            own = line[source]
+            freedom[laboratory, own] = dof[laboratory, source]
+            square[laboratory, own] += effect[laboratory, source] ** 2
+
+
+@njit(cache=True, error_model="numpy")
+def welch_satterthwaite(square: Array, freedom: Array, u: Array, dof: Array) -> None:
+    """Fill in u and degrees of freedom (GUM G.2b) of the sums of lines, (laboratory, line)."""
+    for laboratory in range(len(square)):
+        variance, fourth = 0.0, 0.0
+        for line in range(square.shape[1]):
+            variance += square[laboratory, line]
+            fourth += square[laboratory, line] ** 2 / freedom[laboratory, line]
+        u[laboratory] = sqrt(variance)
+        dof[laboratory] = variance**2 / fourth if fourth > 0 else inf
