@@ -639,7 +639,7 @@ def test_balls_that_strike_farther_along_have_a_shorter_lever(played: Play) -> N
     reduced = reduce_session(played("r161", Reality.IDEAL).certification.session)
     x = {name: np.array(known.value) for name, known in reduced.constants.items()}
     name = "impact.cannon.along"
-    beside = reduced.model.shots({**x, name: x[name] + 1e-3})
+    beside = reduced.model.shots({**x, name: x[name] + 1e-3}, reduced.bat)
     lever = reduced.bat.length - x["impact.pivot.from_knob"] - reduced.shots.place
     expected = (1 + reduced.shots.collision_efficiency) * lever / (lever - 1e-3) - 1
     expected -= 0.006 / 0.0254 * 1e-3  # the sheet's slope of e_A along the barrel

@@ -73,8 +73,7 @@ def impact_plan(setup: TestSetup, asked: NextShots, before: BeforeShots) -> Shot
 
 def shot_numbers(owner: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return the number of each shot among those of its laboratory; the owners are sorted."""
-    _, first, back = np.unique(owner, return_index=True, return_inverse=True)
-    return np.asarray(np.arange(owner.size) - first[back])
+    return np.asarray(np.arange(owner.size) - np.searchsorted(owner, owner))
 
 
 def stage_records(rounds: Sequence[RigOutput]) -> dict[str, Record]:

@@ -219,7 +219,8 @@ def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest
     if not kernel_is_compiled():
         progress("compiling the collision kernel, which happens once and takes about five seconds")
     while (asked := day.next_shots()).owner.size:
-        progress(f"impact rig: round {len(day.rounds) + 1}, {_round_in_words(asked)}")
+        if progress is not quiet:
+            progress(f"impact rig: round {len(day.rounds) + 1}, {_round_in_words(asked)}")
         day = day.fire(asked).judge()
     return day.finish()
 

@@ -57,10 +57,17 @@ from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, Budgets, Propagator, Variants, means_of_hits
+from virtual_lab.uncertainty.budget import (
+    Budget,
+    Budgets,
+    Propagator,
+    Variants,
+    Variation,
+    means_of_hits,
+)
 from virtual_lab.units import Array, Mask
 
-CACHED = 40_000  # numbers of an array that stays in the cache
+CACHED = 80_000  # numbers of an array that stays in the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,7 +236,7 @@ def evaluate_block(
     sets = len(next(iter(variants.columns.values()))[0])
     few = max(CACHED // (sets * hits.shape[1]), 1)
     parts = [
-        _results(reduced, readings, weighing, slice(first, first + few), propagator)
+        _results(reduced, readings, weighing, slice(first, first + few), variants)
         for first in range(0, laboratories, few)
     ]
     results = {name: Budgets.joined([each[name] for each, _ in parts]) for name in parts[0][0]}
@@ -291,7 +298,7 @@ def _results(
     readings: ImpactReadings,
     weighing: Weighing,
     some: slice,
-    propagator: Propagator,
+    variants: Variation,
 ) -> tuple[dict[str, Budgets], Array]:
     """Return the results of some laboratories, and e_A by recoil less by rebound of their hits.
 
@@ -305,7 +312,7 @@ def _results(
         used=preparation.used[some],
         readings=readings.part(hits[:, None]),
     )
-    variants = propagator({name: known.part(some) for name, known in reduced.constants.items()})
+    variants = variants.part(some)
     bat = bat_properties(variants.columns)
     moved = model.shots(variants.columns, bat)
     results = {

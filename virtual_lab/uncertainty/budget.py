@@ -14,7 +14,7 @@ functions for one compute a block of one.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from math import inf, sqrt
 from typing import Any, Protocol, Self
@@ -217,6 +217,10 @@ class Variation(Protocol):
         """The constants as columns (..., k, 1), the estimates first."""
         ...
 
+    def part(self, chosen: slice) -> Self:
+        """Return those of some laboratories of a block."""
+        ...
+
     def components(self, values: Array) -> Components:
         """Return what the constants contribute to an output of shape (..., k)."""
         ...
@@ -278,6 +282,16 @@ class Variants:
             value=np.atleast_2d(value.T),
             stated=np.atleast_2d(u.T),
             dof=np.atleast_2d(beside("dof").T),
+        )
+
+    def part(self, chosen: slice) -> Self:
+        """Return the variants of some laboratories of a block."""
+        return replace(
+            self,
+            columns={name: column[chosen] for name, column in self.columns.items()},
+            value=self.value[chosen],
+            stated=self.stated[chosen],
+            dof=self.dof[chosen],
         )
 
     def components(self, values: Array) -> Components:

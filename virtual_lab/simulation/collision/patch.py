@@ -67,10 +67,11 @@ class PatchTable:
         where = np.searchsorted(ends, z, side="right")
         starts, steps = (np.array([part[k] for part in self._knots]) for k in (0, 1))
         tile = ((z - starts[where]) / (steps - starts)[where]).astype(np.intp) // TILE
-        each, back = np.unique(np.stack([where, tile]), axis=1, return_inverse=True)
+        tiles = 1 + tile.max(initial=0)
+        each, back = np.unique(where * tiles + tile, return_inverse=True)
         found = [
-            self._spline(int(part), int(tile))(z[back == k])
-            for k, (part, tile) in enumerate(each.T)
+            self._spline(int(number // tiles), int(number % tiles))(z[back == k])
+            for k, number in enumerate(each)
         ]
         order = np.argsort(back, kind="stable")
         table = np.empty((z.size, found[0].shape[1] if found else 0))
