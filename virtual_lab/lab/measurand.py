@@ -44,8 +44,8 @@ def measurands(
     def curve_at(place: Array, whose: NDArray[np.intp]) -> TrueCurve:
         return true_curve(station, specimen, procedure, place, ... if one_lot else whose)
 
-    at, back = np.unique(np.stack([owner, reduced.place]), axis=1, return_inverse=True)
-    curve = curve_at(at[1], at[0].astype(np.intp))
+    at, back = np.unique(owner + 1j * reduced.place, return_inverse=True)
+    curve = curve_at(at.imag, at.real.astype(np.intp))
     weighed = np.where(np.isfinite(weights), weights, 0.0)
     some = np.bincount(owner, weighed != 0, laboratories) > 0
     found: dict[str, Array] = {

@@ -36,7 +36,8 @@ from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import find_rig, knows_blocks
 
 Taken = TypeVar("Taken")
-BLOCK = 512  # laboratories side by side: more gain a few per cent and take memory
+BLOCK = 1024  # laboratories side by side: more gain a few per cent and take memory
+SCANS = 512  # the same of scans, which fire more shots
 INDIVIDUALS = 32  # where each has a bat of its own, whose modes and splines are kept meanwhile
 
 
@@ -83,10 +84,12 @@ class RoundRobin:
     @property
     def _share(self) -> int:
         """Number of laboratories that are made together."""
-        return BLOCK if self.in_blocks and not self.setup.made else INDIVIDUALS
+        if self.setup.made or not self.in_blocks:
+            return INDIVIDUALS
+        return SCANS if self.setup.rules.spec.scan else BLOCK
 
     def blocks(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BlockTest]:
-        """Yield the tests in so many laboratories of a seed, in blocks of up to `BLOCK`.
+        """Yield the tests in so many laboratories of a seed, in blocks.
 
         They are blocks of one where laboratories cannot be played side by side. `InputError` as
         `certify_block`.

@@ -122,14 +122,14 @@ def results_of_curves(
         total = np.bincount(owner, np.where(valid, metric, 0.0), laboratories)
         return np.where(hits > 0, total / np.where(hits > 0, hits, 1), np.nan)
     pairs, first, back = np.unique(
-        np.stack([owner, np.round(place, 6)]), axis=1, return_index=True, return_inverse=True
+        owner + 1j * np.round(place, 6), return_index=True, return_inverse=True
     )
     whole = np.flatnonzero(np.bincount(back, valid) >= procedure.valid_hits)
-    whose = pairs[0, whole].astype(np.intp)  # sorted
+    whose = pairs.real[whole].astype(np.intp)  # sorted
     many = np.bincount(whose, minlength=laboratories)
     turn = np.arange(whole.size) - (np.cumsum(many) - many)[whose]
     at, looked, wanted = np.full((3, laboratories, max(many.max(initial=0), 1)), np.nan)
-    at[whose, turn] = pairs[1, whole]
+    at[whose, turn] = pairs.imag[whole]
     looked[whose, turn], wanted[whose, turn] = sought[first[whole]], metric[first[whole]]
     best = np.where(np.isnan(looked), -np.inf, looked).argmax(axis=1)[:, None]
     if procedure.scan.final_hits:

@@ -72,10 +72,10 @@ def variances_within(
 
     `owner` is the laboratory of each hit. NaN where no place has several.
     """
-    of, back = np.unique(np.stack([owner, np.round(place, 6)]), axis=1, return_inverse=True)
+    of, back = np.unique(owner + 1j * np.round(place, 6), return_inverse=True)
     many = np.bincount(back)
     off = metric - (np.bincount(back, metric) / many)[back]
-    whose = of[0].astype(np.intp)
+    whose = of.real.astype(np.intp)
     freedom = np.bincount(whose, many - 1, laboratories)
     square = np.bincount(owner, off**2, laboratories)
     return np.where(freedom > 0, square / np.where(freedom > 0, freedom, 1.0), np.nan)
