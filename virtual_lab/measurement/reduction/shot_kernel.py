@@ -12,17 +12,6 @@ from typing import Any
 import numpy as np
 from numba import guvectorize
 
-FLAGS = ("carried", "by_recoil", "free")
-OF_SET = (
-    *("asked_pivot", "ball_speed", "window_speed", "turn_rate"),
-    *("bat_mass", "length", "z_cm", "inertia_cm", "pivot", "aim", "encoder"),
-    *("slope", "mean_speed", "place_slope", "slope_error"),
-)
-OF_BALL = ("masses", "restitutions")
-OF_SHOT = (
-    *("speed_in", "speed_out", "sine", "place", "along"),
-    *("cosine", "swing_rate", "counts"),
-)
 RESULTS = (  # fields of `ShotResults`
     *("ball_mass", "bat_speed", "relative_speed", "recoil_rate", "place", "recoil_factor"),
     *("ball_restitution", "collision_efficiency", "restitution", "bat_performance_factor"),
@@ -31,25 +20,13 @@ RESULTS = (  # fields of `ShotResults`
     *("rebound_efficiency", "recoil_efficiency"),
 )
 ROW = "float64[:]"
-TYPES = (
-    *("boolean" for _ in FLAGS),
-    *("float64" for _ in OF_SET),
-    *(ROW for _ in OF_BALL),
-    *("boolean[:]", "int64[:]"),
-    *(ROW for _ in OF_SHOT + RESULTS),
-)
-AXES = ",".join(
-    [
-        *("()" for _ in FLAGS + OF_SET),
-        *("(ball)" for _ in (*OF_BALL, "used")),
-        *("(shot)" for _ in ("ball", *OF_SHOT)),
-    ]
-)
+TYPES = ["boolean"] * 3 + ["float64"] * 15 + [ROW] * 2 + ["boolean[:]", "int64[:]"] + [ROW] * 8
+AXES = ["()"] * 18 + ["(ball)"] * 3 + ["(shot)"] * 9
 
 
 @guvectorize(  # type: ignore[no-untyped-call]
-    [f"void({','.join(TYPES)})"],
-    f"{AXES}->{','.join('(shot)' for _ in RESULTS)}",
+    [f"void({','.join([*TYPES, *[ROW] * len(RESULTS)])})"],
+    f"{','.join(AXES)}->{','.join(['(shot)'] * len(RESULTS))}",
     nopython=True,
     cache=True,
 )
