@@ -22,6 +22,7 @@ class MonteCarlo:
     """Every constant drawn at once from its normal distribution, row after row."""
 
     columns: Mapping[str, Array]
+    sets: int = DRAWS + 1
 
     @classmethod
     def of(cls, constants: Mapping[str, Any]) -> "MonteCarlo":
@@ -32,6 +33,9 @@ class MonteCarlo:
             column = np.concatenate([np.zeros((1, 1)), noise])
             drawn[name] = np.reshape(known.value, (*np.shape(known.value), 1, 1)) + column
         return cls(drawn)
+
+    def part(self, chosen: slice) -> "MonteCarlo":
+        return MonteCarlo({name: column[chosen] for name, column in self.columns.items()})
 
     def components(self, values: Array) -> Components:
         values = values.reshape(-1, DRAWS + 1)

@@ -37,7 +37,7 @@ from virtual_lab.simulation.rig import find_rig, knows_blocks
 
 Taken = TypeVar("Taken")
 BLOCK = 1024  # laboratories side by side: more gain a few per cent and take memory
-SCANS = 512  # the same of scans, which fire more shots
+SCANS = 768  # the same of scans, which fire more shots
 INDIVIDUALS = 32  # where each has a bat of its own, whose modes and splines are kept meanwhile
 
 

@@ -233,8 +233,7 @@ def evaluate_block(
         effects=at_hits(outcome.effects),
         places=at_hits(np.round(reduced.place, 6)),
     )
-    sets = len(next(iter(variants.columns.values()))[0])
-    few = max(CACHED // (sets * hits.shape[1]), 1)
+    few = max(CACHED // (variants.sets * hits.shape[1]), 1)
     parts = [
         _results(reduced, readings, weighing, slice(first, first + few), variants)
         for first in range(0, laboratories, few)
@@ -313,13 +312,14 @@ def _results(
         readings=readings.part(hits[:, None]),
     )
     variants = variants.part(some)
-    bat = bat_properties(variants.columns)
-    moved = model.shots(variants.columns, bat)
+    columns = variants.columns
+    bat = bat_properties(columns)
+    moved = model.shots(columns, bat)
     results = {
         name: means_of_hits(
             variants, values, weights, places, effects if name == "metric" else weights
         )
-        for name, values in model.quantities(variants.columns, bat, moved).items()
+        for name, values in model.quantities(columns, bat, moved).items()
     }
     return results, moved.recoil_efficiency - moved.rebound_efficiency
 

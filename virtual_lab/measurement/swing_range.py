@@ -43,8 +43,9 @@ def swing_range(
         return ()
 
     variants = propagator(reduced.constants)
-    bat = bat_properties(variants.columns)
-    moved = Curve.measured(reduced.model.shots(variants.columns, bat))
+    columns = variants.columns
+    bat = bat_properties(columns)
+    moved = Curve.measured(reduced.model.shots(columns, bat))
     found = []
     for exponent, (other, outcome) in others.items():
         used = outcome.used

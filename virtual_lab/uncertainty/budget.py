@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from math import inf, sqrt
-from typing import Any, Protocol, Self
+from typing import Protocol, Self, cast
 
 import numpy as np
 
@@ -213,6 +213,11 @@ class Variation(Protocol):
     """
 
     @property
+    def sets(self) -> int:
+        """Number k of sets of constants."""
+        ...
+
+    @property
     def columns(self) -> Mapping[str, Array]:
         """The constants as columns (..., k, 1), the estimates first."""
         ...
@@ -244,8 +249,8 @@ class Variants:
     The outputs of the model for these columns give the effect of each constant.
     """
 
-    uncertain: Mapping[str, Estimate] | Mapping[str, Known]
-    columns: Mapping[str, Array]
+    constants: Mapping[str, Estimate] | Mapping[str, Known]
+    uncertain: tuple[str, ...]  # the names of those that are shifted
     value: Array  # of the uncertain ones, (laboratory, constant)
     stated: Array  # their u
     dof: Array
@@ -253,42 +258,44 @@ class Variants:
     @classmethod
     def of(cls, constants: Mapping[str, Estimate] | Mapping[str, Known]) -> Self:
         """Return the variants; constants without uncertainty are not shifted."""
-        uncertain: dict[str, Any] = {
-            name: known for name, known in constants.items() if np.any(known.u > 0)
-        }
-        n, known = len(uncertain), [*uncertain.values()]
-        shape = np.shape(known[0].value) if known else ()
+        uncertain = tuple(name for name, known in constants.items() if np.any(known.u > 0))
 
-        def beside(name: str) -> Array:
-            """Return values of the uncertain ones, (constant, laboratory)."""
-            return np.array([getattr(each, name) for each in known], float).reshape(n, *shape)
+        def beside(field: str) -> Array:
+            found = np.array([getattr(constants[name], field) for name in uncertain], float)
+            return np.atleast_2d(found.T)
 
-        value, u = beside("value"), beside("u")
-        shifted = np.repeat(value[..., None], 2 * n + 1, axis=-1)
-        each = np.arange(n)
-        shifted[each, ..., 1 + each] += u
-        shifted[each, ..., 1 + n + each] -= u
-        rows = dict(zip(uncertain, shifted[..., None], strict=True))
-        columns: dict[str, Array] = {}
-        for name, constant in constants.items():
-            if name in rows:
-                columns[name] = rows[name]
-            else:
-                certain = np.array(constant.value, float)[..., None, None]
-                columns[name] = np.broadcast_to(certain, (*certain.shape[:-2], 2 * n + 1, 1))
         return cls(
+            constants=constants,
             uncertain=uncertain,
-            columns=columns,
-            value=np.atleast_2d(value.T),
-            stated=np.atleast_2d(u.T),
-            dof=np.atleast_2d(beside("dof").T),
+            value=beside("value"),
+            stated=beside("u"),
+            dof=beside("dof"),
         )
+
+    @property
+    def sets(self) -> int:
+        """Number of sets of constants."""
+        return 2 * len(self.uncertain) + 1
+
+    @property
+    def columns(self) -> dict[str, Array]:
+        """The constants as columns (..., k, 1), the estimates first, made anew at each call."""
+        found = {}
+        for name, known in self.constants.items():
+            best = np.asarray(known.value, float)[..., None, None]
+            found[name] = np.broadcast_to(best, (*best.shape[:-2], self.sets, 1))
+        for at, name in enumerate(self.uncertain, 1):
+            found[name] = np.array(found[name])
+            found[name][..., at, 0] += self.constants[name].u
+            found[name][..., at + len(self.uncertain), 0] -= self.constants[name].u
+        return found
 
     def part(self, chosen: slice) -> Self:
         """Return the variants of some laboratories of a block."""
+        known = cast("Mapping[str, Known]", self.constants)
         return replace(
             self,
-            columns={name: column[chosen] for name, column in self.columns.items()},
+            constants={name: each.part(chosen) for name, each in known.items()},
             value=self.value[chosen],
             stated=self.stated[chosen],
             dof=self.dof[chosen],
@@ -298,9 +305,9 @@ class Variants:
         """Return what each constant contributes to an output of shape (..., k)."""
         values = np.reshape(values, (-1, values.shape[-1]))
         up, down = self._moved(values[..., None])
-        known: list[Estimate | Known] = list(self.uncertain.values())
+        known = [self.constants[name] for name in self.uncertain]
         return Components(
-            names=tuple(self.uncertain),
+            names=self.uncertain,
             evaluations=tuple(each.evaluation for each in known),
             pools=tuple(each.pool for each in known),
             value=self.value,

@@ -69,7 +69,7 @@ def _board_said(
 def _between(known: Mapping[str, Known], board: int, last: int, part: Array) -> Components:
     """Return what the survey makes of the deviation of a board from its place."""
     variants = Variants.of({_distance(k): known[_distance(k)] for k in (0, board, last)})
-    first, here, end = (variants.columns[_distance(k)][..., 0] for k in (0, board, last))
+    first, here, end = (column[..., 0] for column in variants.columns.values())
     return variants.components(here - first - part[:, None] * (end - first))
 
 
@@ -133,7 +133,7 @@ class Heights:
         square, _, _ = seen.mean_of(np.sum((own * self.level_u) ** 2, axis=1), self.used)
         names = [_height(board) for board in range(weights.shape[1])]
         variants = Variants.of({name: seen.reduced.constants[name] for name in names})
-        columns = np.concatenate([variants.columns[name] for name in names], axis=2)
+        columns = np.concatenate([*variants.columns.values()], axis=2)
         survey = variants.components(np.sum(weights[:, None] * columns, axis=2))
         survey += types_a("beams", mean, np.sqrt(square))
         return mean, survey + types_a("scatter", mean, u, number - 1), number
