@@ -11,9 +11,20 @@ from annotated_types import Gt
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec
-from virtual_lab.records import LengthReadings, MassReadings, PendulumRecord, Record
+from virtual_lab.records import (
+    ClimateReadings,
+    LengthReadings,
+    MassReadings,
+    PendulumRecord,
+    Record,
+)
 from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
-from virtual_lab.simulation.instruments.air import Gravity, GravitySpec
+from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
+from virtual_lab.simulation.instruments.climate import (
+    ClimateLogger,
+    ClimateLoggerSpec,
+    HallSpec,
+)
 from virtual_lab.simulation.instruments.indicator import Rule, RuleSpec, Scale, ScaleSpec
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.simulation.physics.beam import outer_diameter
@@ -35,9 +46,12 @@ class BenchSpec(Spec):
     rule: str
     stand: str
     pendulum: str
+    climate: str
+    air: str
     gravity: str
     repeats: Repeats
     releases: Repeats
+    hall: HallSpec
 
 
 class Bench:
@@ -53,6 +67,7 @@ class Bench:
         "barrel-radius": LengthReadings,
         "balance": LengthReadings,
         "pendulum": PendulumRecord,
+        "climate": ClimateReadings,
     }
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BenchStation:
@@ -64,7 +79,10 @@ class Bench:
             rule=fit(Rule.commission, RuleSpec, spec.rule, "bench.rule"),
             stand=fit(Rule.commission, RuleSpec, spec.stand, "bench.stand"),
             pendulum=fit(Pendulum.commission, PendulumSpec, spec.pendulum, "bench.pendulum"),
+            climate=fit(ClimateLogger.commission, ClimateLoggerSpec, spec.climate, "bench.climate"),
+            air=fit(HallAir.commission, HallAirSpec, spec.air, "hall.air"),
             hall=fit(Gravity.commission, GravitySpec, spec.gravity, "hall.gravity"),
+            ideal=ideal,
         )
 
 
@@ -77,7 +95,10 @@ class BenchStation(FittedStation):
     rule: Rule
     stand: Rule
     pendulum: Pendulum
+    climate: ClimateLogger
+    air: HallAir  # which the logger stands in
     hall: Gravity
+    ideal: bool
 
     def instruments(self) -> dict[str, Instrument]:
         return {
@@ -85,6 +106,7 @@ class BenchStation(FittedStation):
             "rule": self.rule,
             "stand": self.stand,
             "pendulum": self.pendulum,
+            **({} if self.ideal else {"climate": self.climate}),  # an ideal hall has no air
             "hall": self.hall,
         }
 
@@ -123,6 +145,7 @@ class BenchStation(FittedStation):
                     draws=draws,
                     name="bench.pendulum",
                 ),
+                **({} if self.ideal else {"climate": self._climate(draws)}),
             },
             truth={
                 "mass": np.array(bat.mass),
@@ -130,6 +153,12 @@ class BenchStation(FittedStation):
                 "inertia_cm": np.array(bat.inertia_cm),
                 "length": np.array(bat.length),
             },
+        )
+
+    def _climate(self, draws: Draws) -> ClimateReadings:
+        """Read the climate at the start and the end of the test."""
+        return self.climate.read(
+            self.spec.hall, self.air.true["density"], draws, "bench.climate-readings"
         )
 
 

@@ -38,6 +38,8 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "angular acceleration": {"rad/s^2": 1.0},
     "rate": {"1/s": 1.0},
     "density": {"kg/m^3": 1.0},
+    "temperature": {"K": 1.0, "mK": 1e-3},  # and differences of it
+    "pressure": {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3},
     "modulus": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
     "acceleration": {"m/s^2": 1.0, "in/s^2": INCH},
     "stiffness": {"N/m^a": 1.0},

@@ -24,6 +24,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.instruments.air import GravitySpec, HallAirSpec
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import CannonSpec
+from virtual_lab.simulation.instruments.climate import ClimateLoggerSpec
 from virtual_lab.simulation.instruments.encoder import EncoderSpec
 from virtual_lab.simulation.instruments.indicator import RuleSpec, ScaleSpec
 from virtual_lab.simulation.instruments.light_board import LightBoardSpec
@@ -38,6 +39,7 @@ INSTRUMENTS = {
     "air": HallAirSpec,
     "camera": CameraSpec,
     "cannon": CannonSpec,
+    "climate-logger": ClimateLoggerSpec,
     "encoder": EncoderSpec,
     "gravity": GravitySpec,
     "light-board": LightBoardSpec,

@@ -17,12 +17,13 @@ from virtual_lab.errors import InputError
 
 @pytest.fixture(scope="module")
 def chain(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Save a result, one that replaces it, and one that replaces this."""
+    """Save a result, one that replaces it, and one of the same records that replaces this."""
     folder = tmp_path_factory.mktemp("chain")
     vl.certify("r161", seed=7).save(folder / "first")
-    for old, new in (("first", "second"), ("second", "third")):
-        test = vl.certify("r161", seed=7, customer=new, replaces=folder / old, reason=f"not {old}")
-        test.save(folder / new)
+    first, second = folder / "first", folder / "second"
+    named = vl.certify("r161", seed=7, customer="second", replaces=first, reason="not first")
+    named.save(second)
+    vl.reduce(second / "records", replaces=second, reason="not second").save(folder / "third")
     return folder
 
 
@@ -96,6 +97,8 @@ def test_folder_and_reason_are_given_together(chain: Path, run: Run) -> None:  #
         vl.certify("r161", replaces=chain / "first")
     with pytest.raises(InputError, match="needs both"):
         vl.certify("r161", reason="wrong customer")
+    with pytest.raises(InputError, match="needs both"):
+        vl.reduce(chain / "first" / "records", reason="wrong customer")
     with pytest.raises(InputError, match=r"certificate\.json"):
         vl.certify("r161", replaces=chain, reason="wrong customer")
     code, _, err = run("certify", "r161", "--replaces", str(chain / "none"), "--reason", "x")

@@ -12,7 +12,7 @@ import sys
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import atan, inf, pi, sqrt
+from math import atan, exp, inf, pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -146,6 +146,20 @@ def slope_through(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return y0 - slope * x0, slope
 
 
+def density(kelvin: float, humidity: float, pascal: float) -> float:
+    """Return the density of air by CIPM-2007, Metrologia 45 (2008) 149, equations 1 to 4."""
+    t = kelvin - 273.15
+    saturated = exp(
+        1.2378847e-5 * kelvin**2 - 1.9121316e-2 * kelvin + 33.93711047 - 6.3431645e3 / kelvin
+    )
+    x = humidity * (1.00062 + 3.14e-8 * pascal + 5.6e-7 * t**2) * saturated / pascal
+    first = 1.58123e-6 - 2.9331e-8 * t + 1.1043e-10 * t**2
+    first += (5.707e-6 - 2.051e-8 * t) * x + (1.9898e-4 - 2.376e-6 * t) * x**2
+    ratio = pascal / kelvin
+    z = 1 - ratio * first + ratio**2 * (1.83e-11 - 0.765e-8 * x**2)
+    return 3.483740e-3 * pascal / (z * kelvin) * (1 - 0.3780 * x)
+
+
 class Test:
     """The records of one test and what they give."""
 
@@ -195,6 +209,30 @@ class Test:
             for each, start, end in zip(times, first, last, strict=True)
         ]
         known["bat.period"] = mean_of(np.array(small))
+        if (bench / "climate.csv").exists():
+            self._air(table(bench / "climate.csv"))
+
+    def _air(self, rows: Row) -> None:
+        """Replace the density of the air by that of the readings at the start and the end."""
+        names = ("temperature", "humidity", "pressure")
+        offsets = [self.known.pop(f"bench.climate.{name}") for name in names]
+        steps = [self.known.pop(f"bench.climate.{name}_resolution").value for name in names]
+        shown = [rows["temperature_K"], rows["humidity"], rows["pressure_Pa"]]
+
+        def densities(*off: float) -> list[float]:
+            each = [
+                values - known.value + more
+                for values, known, more in zip(shown, offsets, off, strict=True)
+            ]
+            return [density(*reading) for reading in zip(*each, strict=True)]
+
+        start, end = densities(0, 0, 0)
+        variance = (end - start) ** 2 / 12 + (22e-6 * (start + end) / 2) ** 2
+        for which in range(3):
+            off = np.zeros(3)
+            off[which] = sqrt(offsets[which].u ** 2 + steps[which] ** 2 / 12)
+            variance += ((sum(densities(*off)) - start - end) / 2) ** 2
+        self.known["hall.air.density"] = Known((start + end) / 2, sqrt(variance))
 
     def bat(self, x: Row) -> Row:
         """Return mass, length, z_cm, inertia_cm and radius of the barrel."""

@@ -735,5 +735,5 @@ def test_components_rest_on_what_the_certificates_state(played: Play) -> None:
     known = found.session.calibration
     for budget in [found.metric, *found.quantities.values(), *found.bat.values()]:
         for part in budget.components:
-            if part.name in known:
+            if part.name in known and part.name != "hall.air.density":  # read on the day
                 assert (part.u, part.dof) == (known[part.name].u, known[part.name].dof)

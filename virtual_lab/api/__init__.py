@@ -6,8 +6,8 @@ Functions load their modules when they are called, so that the import is fast.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -589,30 +589,45 @@ load = load_folder
 
 
 @reads_arguments
-def reduce(records: str | Path) -> Certificate:
+def reduce(
+    records: str | Path, *, replaces: str | Path | None = None, reason: str = ""
+) -> Certificate:
     """Return the certificate of a folder of raw records, without the truth.
 
     The folder has a ``session.json`` (written by `certify`) or a ``laboratory.toml`` (the form of
-    another laboratory).
+    another laboratory). The certificate names the report in the folder that it `replaces`, with
+    the reason.
 
     Raises
     ------
     InputError
-        A record, calibration or procedure that is missing or cannot be used.
+        A record, calibration or procedure that is missing or cannot be used, a folder without a
+        certificate to replace, a reason without a folder or the other way about.
     """
+    from virtual_lab.certificate.chain import replaced_report
+
+    replaced = replaced_report(None if replaces is None else Path(replaces), reason)
+    found = _reduced(Path(records))
+    if replaced:
+        session = found.session
+        particulars = replace(session.particulars, replaces=replaced)
+        found = replace(found, session=replace(session, particulars=particulars))
+    return Certificate(certification=found)
+
+
+def _reduced(folder: Path) -> Certification:
     from virtual_lab.measurement.certification import certify_session
     from virtual_lab.records.foreign.laboratory import FORM
     from virtual_lab.records.session import SESSION, load_session
 
-    folder = Path(records)
     if (folder / FORM).exists():
         from virtual_lab.studies.foreign import certify_laboratory
 
-        return Certificate(certification=certify_laboratory(folder))
+        return certify_laboratory(folder)
     inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
     if inner and not (folder / SESSION).exists():
         raise InputError("", "records", str(folder), f"they are in {inner[0]}; give that folder")
-    return Certificate(certification=certify_session(load_session(folder)))
+    return certify_session(load_session(folder))
 
 
 @reads_arguments
@@ -624,6 +639,9 @@ def sweep(
     seed: int = 1,
     individual: bool = False,
     workers: int = 1,
+    certificates: str | Path | None = None,
+    traces: bool = False,
+    truth: bool = True,
     instruments: Sequence[Sheet] = (),
     progress: Progress | None = None,
 ) -> pd.DataFrame:
@@ -643,6 +661,15 @@ def sweep(
         Whether every laboratory gets a made bat of its own, as `certify` does.
     workers
         Processes of this machine that share the laboratories.
+    certificates
+        Folder for a result folder of each test, ``BAT-PROCEDURE-NUMBER``, as ``Certificate.save``
+        writes them; `load`, `verify` and `report` take them.
+    traces
+        Whether instruments write every edge and count, as for `certify`: certificates then have
+        the encoder's records, figures of them, and a bat of its own in every laboratory. A folder
+        takes 540 kB with them, 190 kB without.
+    truth
+        Whether the certificates keep the sealed truth, which `score` compares with; 90 kB.
     instruments
         Sheets with changed values, as for `certify`.
     progress
@@ -666,11 +693,25 @@ def sweep(
     from virtual_lab.studies.sweep import sweep_tests
 
     asked: tuple[Any, ...] = bats, procedures, laboratories, seed  # names and numbers by now
-    how: dict[str, Any] = {"individual": individual, "workers": workers}
+    how: dict[str, Any] = {"individual": individual, "workers": workers, "summed": not traces}
+    if certificates is not None:
+        how["keep"] = partial(_keep, Path(certificates), seed, truth)
+    elif traces:
+        raise InputError("", "traces", traces, "allowed with certificates=FOLDER, which keep them")
     if progress is not None:
         return sweep_tests(*asked, **how, progress=progress)
     with shown() as shown_progress:
         return sweep_tests(*asked, **how, progress=shown_progress)
+
+
+def _keep(folder: Path, seed: int, truth: bool, test: BatTest) -> Path:
+    """Write the certificate of one test of a study, with its truth or without."""
+    session, number = test.certification.session, test.sealed.number
+    name = f"{session.bat}-{test.certification.procedure.name}-{number:05d}"
+    sealed = test.sealed if truth else None
+    return Certificate(certification=test.certification, sealed=sealed, seed=seed).save(
+        folder / name
+    )
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

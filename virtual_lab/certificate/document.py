@@ -363,6 +363,16 @@ class SimulationStated(Simulated):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HallCondition(Spec):
+    """A condition in the hall at the start and the end of the test: K, relative from 0 to 1, Pa."""
+
+    name: str  # temperature, humidity, pressure
+    at_start: Real
+    at_end: Real
+    u: Uncertainty
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CertificateDocument(Spec):
     """The complete certificate."""
 
@@ -374,6 +384,7 @@ class CertificateDocument(Spec):
     ball: BallsUsed
     rigs: dict[str, str]
     air_density_kg_per_m3: Stated | None  # of the hall, on the day; null: not measured
+    conditions: tuple[HallCondition, ...] = ()  # at start and end; (): not read
     laboratory: str  # that supplied the records; empty of a simulated test
     customer: str
     date: str

@@ -28,6 +28,7 @@ from virtual_lab.certificate.document import (
     CurveAlong,
     EncoderTrace,
     FlagRaised,
+    HallCondition,
     MetricStated,
     OtherRecoil,
     PlaceRow,
@@ -54,10 +55,17 @@ from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import CONTROL, QUANTITIES
 from virtual_lab.measurement.procedure import CHOICE, Procedure, curve_of
 from virtual_lab.measurement.procedure.peak_width import Width
+from virtual_lab.measurement.reduction.air import (
+    DENSITY,
+    climate,
+    climate_readings,
+    measured_density,
+)
 from virtual_lab.measurement.reduction.recoil import RECOIL
 from virtual_lab.measurement.swing_range import SwingResult
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records import EncoderRecord
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.origin import Simulated, Supplied
 from virtual_lab.records.particulars import Particulars
 from virtual_lab.records.session import Session
@@ -89,7 +97,9 @@ def certificate(
     }
     origin = session.origin
     supplied = origin if isinstance(origin, Supplied) else None
-    air = session.calibration.get("hall.air.density")
+    hall = SessionBlock.of(session)
+    read = measured_density(hall)
+    air = read.of(0) if read else session.calibration.get(DENSITY)
     return CertificateDocument(
         schema=SCHEMA,
         origin="supplied" if supplied else "simulated",
@@ -116,6 +126,7 @@ def certificate(
         ),
         rigs=dict(session.rigs),
         air_density_kg_per_m3=Stated(value=air.value, u=air.u) if air else None,
+        conditions=tuple(_hall_conditions(hall)),
         laboratory=supplied.laboratory if supplied else "",
         customer=supplied.customer if supplied else "",
         date=session.date,
@@ -386,6 +397,14 @@ def _swing(result: SwingResult) -> SwingRow:
 
 def _known(value: float) -> float | None:
     return float(value) if isfinite(value) else None
+
+
+def _hall_conditions(hall: SessionBlock) -> Iterator[HallCondition]:
+    """Yield what thermometer, hygrometer and barometer showed at start and end, corrected."""
+    if record := climate_readings(hall):
+        for name, (values, u) in climate(hall, record).items():
+            start, *_, end = values[0, [0, 0, -1]].tolist()
+            yield HallCondition(name=name, at_start=start, at_end=end, u=float(u[0, 0]))
 
 
 def _of_standard_ball(procedure: Procedure) -> bool:

@@ -31,6 +31,7 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.records.constants import PER_SI, constant_of
 from virtual_lab.records.particulars import InstrumentIdentity
+from virtual_lab.relations.air import ZERO_CELSIUS
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
 NONE = "–"
@@ -67,6 +68,11 @@ IDENTITY = {  # of an instrument, and words in print
     "date": "Calibrated",
     "due": "Due",
     "traceability": "Traceable to",
+}
+CONDITIONS = {  # of the hall: unit in print, how many of it are one of SI, and its zero
+    "temperature": ("°C", 1.0, ZERO_CELSIUS),
+    "humidity": ("% relative humidity", 100.0, 0.0),
+    "pressure": ("hPa", 1e-2, 0.0),
 }
 VERDICTS = {
     "PASS": "The bat meets the limit",
@@ -127,17 +133,30 @@ def _identification(document: CertificateDocument) -> list[list[str]]:
     simulated, particulars = document.simulation is not None, document.particulars
     rigs = ", ".join(f"{rig} ({stage})" for stage, rig in document.rigs.items())
     day = document.date or "no date in the records"
-    air = document.air_density_kg_per_m3 and _with_u(document.air_density_kg_per_m3)
     return [
         ["Bat", document.bat.name],
         ["Balls", document.ball.name],
         ["Procedure", f"{document.procedure.name}: {document.procedure.edition}"],
         ["Rigs", rigs],
-        *([["Air in the hall", f"{air['value']} kg/m³ (u = {air['u']})"]] if air else []),
+        *([["Air in the hall", air]] if (air := _air(document)) else []),
         ["Computed by", f"Virtual laboratory{'' if simulated else ', from the records supplied'}"],
         *([] if particulars.test.begun else [["Tested", day]]),
         *map(list, particulars.printed(simulated=simulated)),
     ]
+
+
+def _air(document: CertificateDocument) -> str:
+    """Return what was read of the air at the start and the end, and its density."""
+    parts = []
+    for each in document.conditions:
+        unit, size, zero = CONDITIONS[each.name]
+        u = each.u * size
+        ends = [f"{end * size - zero:.{decimals(u)}f}" for end in (each.at_start, each.at_end)]
+        parts.append(f"{' to '.join(dict.fromkeys(ends))} {unit} (u = {digits(u)})")
+    if document.air_density_kg_per_m3:
+        density = _with_u(document.air_density_kg_per_m3)
+        parts.append(f"{density['value']} kg/m³ (u = {density['u']})")
+    return "; ".join(parts)
 
 
 def _halves(rows: list[list[str]]) -> list[list[list[str]]]:

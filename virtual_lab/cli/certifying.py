@@ -29,6 +29,13 @@ if TYPE_CHECKING:
 def saving_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a command with the options of how a certificate is saved."""
     for option in (
+        click.option("--reason", default="", help="Why it is replaced."),
+        click.option(
+            "--replaces",
+            type=click.Path(path_type=Path),
+            metavar="FOLDER",
+            help="Folder of the result that this one replaces.",
+        ),
         click.option(
             "--sign",
             type=click.Path(path_type=Path),
@@ -138,13 +145,6 @@ def saved_so(
 @click.option("--received", default="", metavar="DAY", help="Day of receipt, as 2026-11-25.")
 @click.option("--operator", default="", help="Who carries out the test.")
 @click.option("--notes", default="", help="What else is to be stated.")
-@click.option(
-    "--replaces",
-    type=click.Path(path_type=Path),
-    metavar="FOLDER",
-    help="Folder of the result that this one replaces.",
-)
-@click.option("--reason", default="", help="Why it is replaced.")
 @saving_options
 def certify(
     bat: str,
@@ -168,13 +168,13 @@ def certify(
 @command("reduce", keeps=True, picture=True)
 @click.argument("records", type=click.Path(path_type=Path))
 @saving_options
-def reduce(records: Path, pdf: bool, paper: str, sign: Path | None) -> Any:
+def reduce(records: Path, pdf: bool, paper: str, sign: Path | None, **replaced: Any) -> Any:
     """Compute the results from a folder of raw RECORDS, without the truth.
 
     RECORDS is the folder `records` that `certify` wrote, or a folder with the form of another
     laboratory (`template`).
     """
-    return saved_so(pdf, paper, sign, lambda: api.reduce(records))
+    return saved_so(pdf, paper, sign, lambda: api.reduce(records, **replaced))
 
 
 @command("score", table=True)

@@ -33,6 +33,7 @@ from virtual_lab.measurement.procedure import (
     outcomes_of,
     sought_of,
 )
+from virtual_lab.measurement.reduction.air import DENSITY, LOGGER, measured_density
 from virtual_lab.measurement.reduction.kinematics import centre_of_percussion
 from virtual_lab.measurement.reduction.observations import (
     BallReadings,
@@ -420,9 +421,12 @@ def _place_constants(rules: Procedure, along: Known | None) -> dict[str, Known]:
 
 
 def _constants(block: SessionBlock) -> dict[str, Known]:
+    """Return the constants of calibrations and readings; the air's density as it was read."""
     positive = {"span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch"}
     for name, known in block.calibration.items():
         if name.rpartition(".")[2] in positive and not (known.value > 0).all():
             key = f"calibration.{name}"
             raise InputError("session.json", key, float(known.value.min()), "allowed: above 0")
-    return dict(block.calibration) | bench_constants(block)
+    kept = {key: known for key, known in block.calibration.items() if not key.startswith(LOGGER)}
+    density = measured_density(block)
+    return kept | bench_constants(block) | ({DENSITY: density} if density else {})

@@ -17,6 +17,8 @@ PER_SI = {  # units in print: how many of them are the SI unit
     "g m": 1e3,
     "g m²": 1e3,
     "kg/m³": 1.0,
+    "K": 1.0,
+    "Pa": 1.0,
     "mm": 1e3,
     "mm²": 1e6,
     "mm/s²": 1e3,
@@ -82,6 +84,24 @@ CONSTANTS = {  # by "instrument.constant"
         "g m",
         -10,
         10,
+    ),
+    "climate.temperature": Constant(
+        "temperature", "temperature shown less the true one", "thermometer", "K", -20, 20
+    ),
+    "climate.temperature_resolution": Constant(
+        "temperature", "smallest step of the thermometer", "thermometer, smallest step", "K", 0, 20
+    ),
+    "climate.humidity": Constant(
+        "number", "relative humidity shown less the true one", "hygrometer", "", -0.5, 0.5
+    ),
+    "climate.humidity_resolution": Constant(
+        "number", "smallest step of the hygrometer", "hygrometer, smallest step", "", 0, 0.5
+    ),
+    "climate.pressure": Constant(
+        "pressure", "pressure shown less the true one", "barometer", "Pa", -1e4, 1e4
+    ),
+    "climate.pressure_resolution": Constant(
+        "pressure", "smallest step of the barometer", "barometer, smallest step", "Pa", 0, 1e4
     ),
     "gates.distance": Constant(
         "length",

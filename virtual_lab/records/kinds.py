@@ -56,6 +56,25 @@ class PendulumRecord(Record):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ClimateReadings(Record):
+    """Readings of the hall's thermometer, hygrometer and barometer, shape (reading,).
+
+    Reading 0 is of the start of the test, the last of its end; the relative humidity goes from 0
+    to 1. The density of the air follows from them; without this record that of the calibration
+    counts.
+    """
+
+    temperature: Array
+    humidity: Array
+    pressure: Array
+    columns: ClassVar[Mapping[str, RecordColumn]] = {
+        "temperature": RecordColumn("temperature_K", ("reading",)),
+        "humidity": RecordColumn("humidity", ("reading",)),
+        "pressure": RecordColumn("pressure_Pa", ("reading",)),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BallRecord(Record):
     """Base of records of the balls' flights: a stage that fires balls has one such channel."""
 
@@ -202,6 +221,7 @@ RECORD_TYPES: Mapping[str, type[Record]] = {
     "mass-readings": MassReadings,
     "length-readings": LengthReadings,
     "pendulum": PendulumRecord,
+    "climate": ClimateReadings,
     "gates": GateRecord,
     "boards": BoardRecord,
     "passages": PassageRecord,

@@ -11,6 +11,7 @@ from virtual_lab.lab import Laboratory, TestSetup, certify_bat
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.model import CONTROL
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
 from virtual_lab.records.foreign.laboratory import FORM, load_laboratory, procedure_name
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.rig import Reality
@@ -50,7 +51,9 @@ def certify_laboratory(folder: Path) -> Certification:
     except InputError:
         needed = []  # rules for machines that are not ours: what is missing shows further on
     if needed:
-        _require_constants(list(session.calibration), needed, str(form))
+        read = "climate" in session.records.get("bench", {})
+        spared = (DENSITY,) if read else (LOGGER,)  # the density follows from the climate
+        _require_constants(list(session.calibration), needed, spared, str(form))
     try:
         return certify_session(session)
     except InputError as fault:
@@ -66,12 +69,14 @@ def _constants_of(procedure: str) -> list[str]:
     return [*laboratory.calibration, *control]
 
 
-def _require_constants(given: list[str], needed: list[str], where: str) -> None:
-    """Refuse a form with missing or unknown constants.
+def _require_constants(
+    given: list[str], needed: list[str], spared: tuple[str, ...], where: str
+) -> None:
+    """Refuse a form with missing or unknown constants; those that begin as `spared` may miss.
 
     A laboratory may have more of a numbered kind than ours: a third gate, `distance_2`.
     """
-    missing = [key for key in needed if key not in given]
+    missing = [key for key in needed if key not in given and not key.startswith(spared)]
     kinds = {_unnumbered(key) for key in needed}
     unknown = [key for key in given if _unnumbered(key) not in kinds]
     if missing:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from math import nan
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.lab import BlockTest, RoundRobin
+from virtual_lab.lab import BatTest, BlockTest, RoundRobin
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.metrics import METRICS
@@ -30,10 +31,15 @@ def sweep_tests(
     seed: int,
     *,
     individual: bool = False,
+    summed: bool = True,
+    keep: Callable[[BatTest], object] | None = None,
     workers: int = 1,
     progress: Progress = quiet,
 ) -> pd.DataFrame:
     """Return the tests as `virtual_lab.sweep` describes them.
+
+    `keep`, a function that can be pickled, is called with each test. Without `summed` instruments
+    write every reading, and every bat is an individual.
 
     Raises
     ------
@@ -48,12 +54,13 @@ def sweep_tests(
     rules = [catalog.load("procedures", each, Procedure).spec.name for each in procedures]
     catalog.require_own_names("procedures", rules)
     rows: list[dict[str, Any]] = []
+    take = partial(_rows, keep=keep)
     total = len(bats) * len(procedures) * laboratories
     for bat in bats:
         for procedure in procedures:
-            round_robin = RoundRobin.of(bat, procedure, individual=individual)
+            round_robin = RoundRobin.of(bat, procedure, summed=summed, individual=individual)
             name, first = round_robin.setup.bat.spec.name, len(rows)
-            for part in round_robin.each_block(_rows, laboratories, seed, workers):
+            for part in round_robin.each_block(take, laboratories, seed, workers):
                 rows += [
                     {"bat": name, **row, "laboratory": len(rows) - first + number}
                     for number, row in enumerate(part)
@@ -65,7 +72,9 @@ def sweep_tests(
 LEADING = ["bat", "procedure", "laboratory", "verdict", "reason", "metric", "unit"]
 
 
-def _rows(tested: BlockTest) -> list[dict[str, Any]]:
+def _rows(
+    tested: BlockTest, *, keep: Callable[[BatTest], object] | None = None
+) -> list[dict[str, Any]]:
     found, verdicts, rows = tested.certified, tested.certified.verdicts, []
     for one in range(len(verdicts)):
         some = bool(found.some[one])
@@ -76,6 +85,8 @@ def _rows(tested: BlockTest) -> list[dict[str, Any]]:
         true = {name: float(each[one]) for name, each in tested.measurands.items()}
         reason = "; ".join(found.reasons(one))
         given = results if some else {}
+        if keep:
+            keep(tested.of(one))
         rows.append(_row(found.procedure, verdicts[one].value, reason, given, true))
     return rows
 

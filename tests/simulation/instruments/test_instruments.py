@@ -25,6 +25,7 @@ from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.certificate_kernel import pieces_of, stated_shares
+from virtual_lab.simulation.instruments.climate import SHOWN, ClimateLogger, ClimateLoggerSpec
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.indicator import (
     Rule,
@@ -44,6 +45,7 @@ MAKERS = {
     "air": HallAir,
     "camera": Camera,
     "cannon": Cannon,
+    "climate-logger": ClimateLogger,
     "encoder": Encoder,
     "gravity": Gravity,
     "light-board": LightBoards,
@@ -64,7 +66,13 @@ KIND = {
 # nobody can know how a cannon points across.
 OF_A_CAMERA = {"exposure", "jitter", "blur", "read_noise", "photo_response", "dark_signal"}
 OF_A_CAMERA |= {"black_level", "full_scale"}
-NEVER_WRONG = {"resolution", "counts_per_turn", "lowest", "pitch"} | OF_A_CAMERA
+NEVER_WRONG = {
+    "resolution",
+    *(f"{name}_resolution" for name in SHOWN),
+    "counts_per_turn",
+    "lowest",
+    "pitch",
+} | OF_A_CAMERA
 NEVER_KNOWN = {"across"}
 
 
@@ -491,6 +499,7 @@ def test_specs_are_those_of_the_catalog() -> None:
         HallAirSpec,
         CameraSpec,
         CannonSpec,
+        ClimateLoggerSpec,
         EncoderSpec,
         GravitySpec,
         LightBoardSpec,

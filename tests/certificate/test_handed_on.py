@@ -1,0 +1,65 @@
+"""Folders of many tests: what `vl.sweep` keeps, and the reports of the job to try."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from random import Random
+
+import pytest
+
+import virtual_lab as vl
+from virtual_lab.errors import InputError
+
+MANY = 2  # of 200
+
+
+def quiet(*_: object) -> None:
+    """Say nothing."""
+
+
+@pytest.mark.parametrize("truth", [True, False])
+def test_a_sweep_keeps_a_folder_a_test_that_loads_and_verifies(truth: bool, tmp_path: Path) -> None:
+    table = vl.sweep(
+        "r161", laboratories=2, seed=3, certificates=tmp_path / "all", truth=truth, progress=quiet
+    )
+    for number, row in table.iterrows():
+        folder = tmp_path / "all" / f"r161-astm-f1881-{number:05d}"
+        found = vl.load(folder)
+        assert (found.value, found.u) == pytest.approx((row.value, row.u), rel=1e-12)
+        assert (folder / "truth").exists() is truth
+        assert not (folder / "records/impact/encoder.csv").read_text().startswith("shot,sample")
+        assert vl.verify(folder).code == 0
+    with pytest.raises(InputError, match="is not empty"):
+        vl.sweep("r161", laboratories=1, seed=3, certificates=tmp_path / "all", progress=quiet)
+
+
+def test_traces_are_kept_by_those_who_ask_for_them_and_for_folders(tmp_path: Path) -> None:
+    table = vl.sweep(
+        "r161", laboratories=1, certificates=tmp_path / "all", traces=True, progress=quiet
+    )
+    found = vl.load(tmp_path / "all" / "r161-astm-f1881-00000")
+    assert found.value == pytest.approx(table.value[0], rel=1e-12)
+    assert found.value == vl.certify("r161", seed=1).value
+    assert found.printed.encoder is not None
+    with pytest.raises(InputError, match="traces = True; allowed with certificates"):
+        vl.sweep("r161", laboratories=1, traces=True, progress=quiet)
+
+
+def test_reports_with_hidden_faults_are_handed_on_without_the_truth(tmp_path: Path) -> None:
+    """As in how-do-i.md: whole to `verify`, and the fault stands in the truth alone."""
+    hidden = set(Random(5).sample(range(MANY), 1))
+    for number in range(MANY):
+        fault = {"faults": "gate-moved"} if number in hidden else {}
+        vl.certify("r161", seed=7, number=number, **fault).save(tmp_path / f"kept/{number:03d}")
+    shutil.copytree(
+        tmp_path / "kept", tmp_path / "handed-on", ignore=shutil.ignore_patterns("truth")
+    )
+    for number in range(MANY):
+        kept, folder = tmp_path / "kept" / f"{number:03d}", tmp_path / "handed-on" / f"{number:03d}"
+        truth = json.loads((kept / "truth/truth.json").read_text())
+        assert truth["faults"] == (["gate-moved"] if number in hidden else [])
+        for path in folder.rglob("*"):
+            assert path.is_dir() or "gate-moved" not in path.read_text(encoding="utf-8")
+        assert vl.verify(folder).code == 0

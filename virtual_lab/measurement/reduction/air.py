@@ -1,0 +1,81 @@
+"""The density of the air from readings of thermometer, hygrometer and barometer."""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+
+import numpy as np
+
+from virtual_lab.errors import InputError
+from virtual_lab.records import ClimateReadings
+from virtual_lab.records.block import SessionBlock
+from virtual_lab.relations.air import FORMULA_U, air_density
+from virtual_lab.uncertainty.estimate import Known
+from virtual_lab.units import Array
+
+DENSITY = "hall.air.density"
+LOGGER = "bench.climate."  # its constants are spent on the density
+ALLOWED = {  # of what is read, in SI; within them the formula holds well enough
+    "temperature": (263.15, 323.15),
+    "humidity": (0.0, 1.0),
+    "pressure": (5e4, 1.1e5),
+}
+
+
+def climate_readings(block: SessionBlock) -> ClimateReadings | None:
+    """Return the readings of the hall's climate, None without a record of them.
+
+    Raises `InputError` where one is not that of a hall.
+    """
+    record = block.records.get("bench", {}).get("climate")
+    if record is None:
+        return None
+    if not isinstance(record, ClimateReadings):
+        found = type(record).__name__
+        raise InputError("bench/climate", "record", found, "expected climate readings")
+    for name, (low, high) in ALLOWED.items():
+        values = getattr(record, name)
+        if (wrong := values[(values < low) | (values > high)]).size:
+            column = record.columns[name].name
+            raise InputError("bench/climate", column, wrong[0], f"allowed: {low:g} to {high:g}")
+    return record
+
+
+def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Array, Array]]:
+    """Return temperature [K], relative humidity and pressure [Pa], corrected, each with its u.
+
+    The values (laboratory, reading); their u, common to the readings, (laboratory, 1).
+    """
+    found = {}
+    for name in ALLOWED:
+        known = block.calibration[f"{LOGGER}{name}"]
+        step = block.calibration[f"{LOGGER}{name}_resolution"].value
+        shown = getattr(record, name).reshape(block.laboratories, -1)
+        found[name] = shown - known.value[:, None], np.hypot(known.u, step / sqrt(12))[:, None]
+    return found
+
+
+def measured_density(block: SessionBlock) -> Known | None:
+    """Return the mean density of the air in a test [kg/m³], None where the climate was not read.
+
+    To the u of each instrument comes that of the formula, and what the density changed between
+    the readings, as of a uniform distribution (GUM 4.3.7).
+    """
+    record = climate_readings(block)
+    if record is None:
+        return None
+    of_each = climate(block, record)
+    best = {name: values for name, (values, _) in of_each.items()}
+    density = air_density(**best)
+    parts = [
+        (air_density(**best | {name: values + u}) - density).mean(axis=1)
+        for name, (values, u) in of_each.items()
+    ]
+    mean = density.mean(axis=1)
+    parts += [FORMULA_U * mean, np.ptp(density, axis=1) / sqrt(12)]
+    return Known(
+        value=mean,
+        u=np.sqrt(np.sum(np.square(parts), axis=0)),
+        dof=np.full(mean.shape, inf),
+        source="CIPM-2007, from bench/climate",
+    )

@@ -1,0 +1,91 @@
+"""The climate of the hall at the start and the end of a test, and the logger that shows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.records import ClimateReadings
+from virtual_lab.relations.air import air_pressure
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    TrueConstant,
+)
+from virtual_lab.simulation.instruments.indicator import quantise
+from virtual_lab.streams import Draws
+from virtual_lab.uncertainty.estimate import Estimate
+
+SHOWN = ("temperature", "humidity", "pressure")
+Kelvin = Annotated[float, Ge(0), Dimension("temperature")]
+Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
+Pascal = Annotated[float, Ge(0), Dimension("pressure")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HallSpec(Spec):
+    """Temperature and relative humidity: mean, spread from day to day, change in a test."""
+
+    temperature: Annotated[float, Gt(0), Dimension("temperature")]
+    temperature_spread: Kelvin
+    temperature_change: Kelvin
+    humidity: Share
+    humidity_spread: Share
+    humidity_change: Share
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClimateLoggerSpec(CalibratedSpec):
+    """What thermometer, hygrometer and barometer show too much, and their smallest steps."""
+
+    kind: str
+    title: str
+    temperature: Annotated[float, Dimension("temperature")]
+    temperature_u: Kelvin
+    temperature_resolution: Kelvin
+    humidity: Annotated[float, Dimension("number")]
+    humidity_u: Share
+    humidity_resolution: Share
+    pressure: Annotated[float, Dimension("pressure")]
+    pressure_u: Pascal
+    pressure_resolution: Pascal
+
+
+@dataclass(frozen=True, slots=True)
+class ClimateLogger(CalibratedInstrument[ClimateLoggerSpec]):
+    """The logger of one hall."""
+
+    def exact(self) -> dict[str, Estimate]:
+        steps = (f"{name}_resolution" for name in SHOWN)
+        return {step: Estimate(value=getattr(self.spec, step)) for step in steps}
+
+    def read(
+        self, hall: HallSpec, density: TrueConstant, draws: Draws, name: str
+    ) -> ClimateReadings:
+        """Read the climate of a day on which the air has a density [kg/m³], start and end.
+
+        Readings of a block are those of one laboratory after another.
+        """
+        chance = draws.normal(name, 4)
+        ends = np.array([-0.5, 0.5])
+        temperature, humidity = (
+            mean + spread * chance[..., at, None] + change * chance[..., at + 1, None] * ends
+            for at, mean, spread, change in (
+                (0, hall.temperature, hall.temperature_spread, hall.temperature_change),
+                (2, hall.humidity, hall.humidity_spread, hall.humidity_change),
+            )
+        )
+        humidity = np.clip(humidity, 0.05, 0.95)
+        pressure = air_pressure(temperature, humidity, np.asarray(density)[..., None])
+        shown = {
+            name: quantise(
+                values + np.asarray(self.true[name])[..., None],
+                getattr(self.spec, f"{name}_resolution"),
+            ).ravel()
+            for name, values in zip(SHOWN, (temperature, humidity, pressure), strict=True)
+        }
+        return ClimateReadings(**shown)
