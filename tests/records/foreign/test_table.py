@@ -38,6 +38,9 @@ COLUMNS = {  # every column of every record, and what its unit may be, written b
     "u_counts_per_s": {"u_counts_per_s": 1},
     "counts_per_s_before": {"counts_per_s_before": 1},
     "counts_at_contact": {"counts_at_contact": 1},
+    "temperature_K": {"temperature_K": 1, "temperature_mK": 1e-3},
+    "humidity": {"humidity": 1},
+    "pressure_Pa": {"pressure_Pa": 1, "pressure_hPa": 100, "pressure_kPa": 1000},
     **{
         f"{name}_m": {f"{name}_{unit}": factor for unit, factor in LENGTHS.items()}
         for name in ("length", "along", "across", "place", "height")
