@@ -62,13 +62,13 @@ class Inspected:
 
 
 def looker(shots: int) -> object:
-    """Return who makes every check and fires some balls, whatever is shown."""
+    """Return who makes every check and fires some balls at one place, whatever is shown."""
 
     def taken_so(look: Look) -> Iterator[Action]:
         yield from map(action_of, (*PREPARATION, *CHECKS))
+        place = None if look().missing else look().next_place
+        yield action_of("set-place", {"place": round((place or 0.163) * 1e3, 3)})
         for shot in range(shots):
-            place = None if look().missing else look().next_place
-            yield action_of("set-place", {"place": round((place or 0.163) * 1e3, 3)})
             yield action_of("load-ball", {"ball": shot % 12 + 1})
             yield from map(action_of, (*MAKE_READY, "fire"))
         yield from map(action_of, ("tap-bat", "recheck-balls"))
