@@ -63,6 +63,8 @@ def test_a_day_draws_from_what_may_go_wrong_at_its_rates(tmp_path: Path) -> None
     assert day.scenario.faults == KeptDay(tmp_path / "day").scenario.faults == drawn[seed]
     listed = wall_page(day.desk, day.log.morning["briefing"], "rules")
     assert all(fault_sheets()[fault].title in listed for fault in told.may_go_wrong)
+    assert told.laboratory
+    assert all(how in listed for how in told.laboratory.values())
 
 
 def test_the_limit_is_the_scenarios(tmp_path: Path) -> None:

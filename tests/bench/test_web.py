@@ -13,7 +13,9 @@ from urllib.parse import urlencode
 import pytest
 
 from tests.bench.days import PLAIN, asked
+from virtual_lab import catalog
 from virtual_lab.bench.day.actions import ARGUMENTS
+from virtual_lab.bench.day.log import LOG
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.pages.page import day_page
 from virtual_lab.bench.serving import ServedDay
@@ -96,8 +98,8 @@ class Browser:
         return self.ask("/do", {"do": name, "entry_number": number[1], **given})
 
 
-def served(folder: Path, scenario: str = "plain-day") -> ServedDay:
-    day = ServedDay(folder, load_scenario(scenario), 3)
+def served(folder: Path, scenario: str = "plain-day", *, chosen: bool = True) -> ServedDay:
+    day = ServedDay(folder, load_scenario(scenario), 3, chosen=chosen)
     day.open()
     return day
 
@@ -107,6 +109,27 @@ def browser(tmp_path: Path) -> Browser:
     opened = Browser(served(tmp_path / "day"))
     assert opened.open().status == 303
     return opened
+
+
+def test_the_first_page_lists_the_days_and_begins_one(tmp_path: Path) -> None:
+    """Until the first entry, and never where a trainer has chosen; exams are not in the list."""
+    browser = Browser(served(tmp_path / "day", chosen=False))
+    browser.open()
+    names = set(re.findall(r'name="scenario" value="([\w-]+)"', browser.ask("/").text))
+    assert names == set(catalog.names("bench/scenarios")) - {"exam-day"}
+    assert browser.ask("/begin", {"scenario": "exam-day"}).status == 422
+    assert browser.ask("/begin", {"scenario": "college-friday"}).status == 303
+    page = browser.ask("/").text
+    assert "A college Friday" in re.search("<h1>(.*?)</h1>", page)[1]
+    assert (tmp_path / "college-friday" / LOG).exists()
+    assert 'name="scenario"' in page
+    browser.do("tare")
+    assert 'name="scenario"' not in browser.ask("/").text
+    assert browser.ask("/begin", {"scenario": "tuesday"}).status == 422
+    trainee = Browser(served(tmp_path / "trainee"))
+    trainee.open()
+    assert 'name="scenario"' not in trainee.ask("/").text
+    assert trainee.ask("/begin", {"scenario": "tuesday"}).status == 422
 
 
 def test_the_address_opens_once_and_a_cookie_after_it(tmp_path: Path) -> None:

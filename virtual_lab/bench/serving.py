@@ -24,7 +24,7 @@ from virtual_lab.bench.day.actions import Action
 from virtual_lab.bench.day.day import Day, DayEvent, replayed
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.log import LOG, DayLog
-from virtual_lab.bench.day.scenario import Scenario
+from virtual_lab.bench.day.scenario import Scenario, load_scenario, scenarios_to_choose
 from virtual_lab.bench.pages.slow_motion import Motion
 from virtual_lab.bench.web.exam import Hall
 from virtual_lab.catalog import Entry
@@ -50,9 +50,15 @@ class ServedDay:
     """
 
     def __init__(
-        self, folder: Path, scenario: Entry[Scenario] | None, seed: int | None = None
+        self,
+        folder: Path,
+        scenario: Entry[Scenario] | None,
+        seed: int | None = None,
+        *,
+        chosen: bool = True,
     ) -> None:
         self.folder, self.scenario, self.seed = folder, scenario, seed
+        self.chosen = chosen  # by a trainer, or once the first entry is made
         self._opened: Future[KeptDay] = Future()
         self._begun = (folder / LOG).exists()
         self.looked_at = threading.Event()
@@ -188,6 +194,21 @@ class ServedDay:
             save_debrief(self._told, kept.folder)
         return debrief_page(self._told, linked=True)
 
+    @property
+    def others(self) -> Mapping[str, Scenario]:
+        """The days that may be begun in place of this one, by name: none after its first entry."""
+        return {} if self.chosen or self.desk.day.events else scenarios_to_choose()
+
+    def begin(self, name: str) -> ServedDay:
+        """Return another day in a folder beside this one; `InputError` where it is not offered."""
+        if name not in self.others:
+            allowed = f"allowed before the first entry: {', '.join(self.others) or 'none'}"
+            raise InputError("", "scenario", name, allowed)
+        target = first_free(self.folder.with_name(name))
+        day = ServedDay(target, load_scenario(name), chosen=False)
+        day.open()
+        return day
+
     def branch(self, entry: int) -> ServedDay:
         """Return a day of practice that goes on from an entry of this one, in a folder beside it.
 
@@ -244,7 +265,10 @@ def serve(
     from virtual_lab.bench.web.server import application
 
     _require(host, tls, len(folders))
-    days = {name: ServedDay(folder, scenario, seed) for name, folder in folders.items()}
+    chosen = scenario is None or len(folders) > 1 or bool(exam)
+    days = {
+        name: ServedDay(folder, scenario, seed, chosen=chosen) for name, folder in folders.items()
+    }
     doors = {secrets.token_urlsafe(24): day for day in days.values()}
     hall = (secrets.token_urlsafe(24), Hall(exam, days)) if exam else None
     names = {f"{host}:{port}", *([f"localhost:{port}"] if host == LOOPBACK else [])}

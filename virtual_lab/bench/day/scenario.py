@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from types import MappingProxyType
 from typing import Annotated, Literal
 
@@ -42,6 +43,7 @@ class Scenario(Spec):
     checklists: YesNo = False
     feedback: Literal["during", "after", "never"] = "after"
     units: Literal["SI", "inch-ounce-mph"] = "SI"  # in print and typed
+    laboratory: Mapping[str, Title] = field(default_factory=dict)  # its practice, in words
     minutes: Annotated[float, Gt(0), Dimension("time")]  # that a good day takes
     shots: Annotated[int, Gt(0), Dimension("number")]  # that it needs
     weights: Mapping[str, Annotated[Real, Ge(0)]] = field(default_factory=dict)  # of SCORES
@@ -49,7 +51,8 @@ class Scenario(Spec):
     def briefing(self) -> dict[str, object]:
         """Return what a trainee may know of it, in the form of JSON."""
         told = ("title", "task", "guidance", "feedback", "checklists", "units", "minutes", "shots")
-        return {key: getattr(self, key) for key in told} | {"may_go_wrong": dict(self.may_go_wrong)}
+        lists = {key: dict(getattr(self, key)) for key in ("may_go_wrong", "laboratory")}
+        return {key: getattr(self, key) for key in told} | lists
 
     def drawn(self, seed: int) -> Scenario:
         """Return the scenario of one day: its faults drawn by a seed, unless they are given."""
@@ -74,3 +77,10 @@ class Scenario(Spec):
 def load_scenario(name: str) -> Entry[Scenario]:
     """Return a scenario that ships, or of a user's .toml file; `InputError` where it is unfit."""
     return catalog.load("bench/scenarios", name, Scenario)
+
+
+@cache
+def scenarios_to_choose() -> Mapping[str, Scenario]:
+    """Return the scenarios that ship by name; exams are a trainer's to give."""
+    found = {name: load_scenario(name).spec for name in catalog.names("bench/scenarios")}
+    return {name: each for name, each in found.items() if each.feedback != "never"}

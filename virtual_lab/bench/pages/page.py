@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from io import StringIO
 from itertools import accumulate
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.bench.day.actions import ARGUMENTS
@@ -16,7 +17,7 @@ from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.doubts import known_doubts
 from virtual_lab.bench.day.operators import PREPARATION
 from virtual_lab.bench.day.readings import rows_of
-from virtual_lab.bench.day.scenario import UNITS
+from virtual_lab.bench.day.scenario import UNITS, Scenario
 from virtual_lab.bench.day.table import MAKE_READY, action_table, in_buttons
 from virtual_lab.bench.pages.papers import wall_pages
 from virtual_lab.bench.pages.slow_motion import Motion, SlowMotion, sketched, slow_motion
@@ -95,6 +96,7 @@ def day_page(
     refusal: Refusal | None = None,
     shot: int | None = None,
     true_motion: Motion | None = None,
+    others: Mapping[str, Scenario] = MappingProxyType({}),
 ) -> str:
     """Return the page of a day as it is.
 
@@ -108,6 +110,8 @@ def day_page(
         Whose pictures are shown, from 1; the last one without.
     true_motion
         That of the shot, once it may be seen.
+    others
+        Scenarios that may be begun in its place, by name.
     """
     day, table = desk.day, action_table()
     hits = _hits(desk, briefing)
@@ -123,6 +127,7 @@ def day_page(
     return page_template(PACKAGE, "day.html").render(
         **_shown(desk, briefing, hits, shot, true_motion),
         briefing=briefing,
+        others=others,
         listed=briefing["guidance"] != "none",
         refused=refused,
         rules=desk.rules.spec,

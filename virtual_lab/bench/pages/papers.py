@@ -151,6 +151,7 @@ def wall_pages(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "rules": desk.rules.spec,
         "rows": rules_of(desk, briefing["units"]),
+        "laboratory": briefing.get("laboratory", {}),
         "invalid": wall()["invalid"],
         "instruments": list(instruments_of(desk)) if desk.day.morning.calibration else [],
         "prices": prices(),

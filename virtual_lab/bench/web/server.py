@@ -27,7 +27,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import DayEvent
-from virtual_lab.bench.day.scenario import UNITS
+from virtual_lab.bench.day.scenario import UNITS, Scenario
 from virtual_lab.bench.day.table import MAKE_READY, in_buttons
 from virtual_lab.bench.pages.page import (
     Refusal,
@@ -78,6 +78,15 @@ class Room(Protocol):
 
     def film(self, shot: int, *, true: bool) -> bytes:
         """Return a camera's frames of a shot, from 1, as one PNG; nothing where there are none."""
+        ...
+
+    @property
+    def others(self) -> Mapping[str, Scenario]:
+        """The days that may be begun in place of this one, by name."""
+        ...
+
+    def begin(self, name: str) -> Room:
+        """Return another day that begins; `InputError` where it is not offered."""
         ...
 
     def branch(self, entry: int) -> Room:
@@ -140,19 +149,21 @@ def application(
                 return HTMLResponse(_day(room, refusal=refusal), status_code=422)
         return RedirectResponse("/", status_code=303)
 
-    async def branch(request: Request) -> Response:
-        return await run_in_threadpool(branched, request.scope["seat"], await _sent(request))
+    def moving(to: Callable[[Room, dict[str, str]], Room]) -> Callable[[Request], Any]:
+        """Return what leads a trainee from one day to another."""
 
-    def branched(seat: Seat, given: dict[str, str]) -> Response:
-        asked = given.get("entry", "")
-        with seat.lock:
-            if seat.room is None or not seat.room.open_book:
-                return _says(409, "A day is taken again once it is handed in and is no exam.")
-            try:
-                seat.room = seat.room.branch(int(asked) if asked.isdecimal() else -1)
-            except InputError as fault:
-                return _says(422, in_buttons(str(fault)))
-        return RedirectResponse("/", status_code=303)
+        def moved(seat: Seat, given: dict[str, str]) -> Response:
+            with seat.lock:
+                try:
+                    seat.room = to(seat.room, given) if seat.room else None
+                except InputError as fault:
+                    return _says(422, in_buttons(str(fault)))
+            return RedirectResponse("/", status_code=303)
+
+        async def move(request: Request) -> Response:
+            return await run_in_threadpool(moved, request.scope["seat"], await _sent(request))
+
+        return move
 
     def static(name: str, kind: str) -> Route:
         content = files("virtual_lab.bench.pages").joinpath("templates", name).read_bytes()
@@ -162,7 +173,12 @@ def application(
         Route("/", _locked(lambda room, request: _day(room, _query(request, "shot")))),
         Route("/do", act, methods=["POST"]),
         Route("/do", lambda _: RedirectResponse("/", status_code=303)),
-        Route("/branch", branch, methods=["POST"]),
+        Route("/branch", moving(_branched), methods=["POST"]),
+        Route(
+            "/begin",
+            moving(lambda room, given: room.begin(given.get("scenario", ""))),
+            methods=["POST"],
+        ),
         Route("/film", _film),
         Route("/progress", _progress),
         Route("/replay", _locked(_replayed)),
@@ -188,6 +204,17 @@ def application(
         door.codes[token] = Seat(room=None)
         door.hall_inside = Starlette(routes=[*_hall_routes(door.hall), *routes[-3:]])
     return door
+
+
+def _another(room: Room, given: Mapping[str, str]) -> Room:
+    return room.begin(given.get("scenario", ""))
+
+
+def _branched(room: Room, given: Mapping[str, str]) -> Room:
+    if not room.open_book:
+        raise InputError("", "day", None, "is taken again once it is handed in and is no exam")
+    asked = given.get("entry", "")
+    return room.branch(int(asked) if asked.isdecimal() else -1)
 
 
 def _locked(answer: Callable[[Room, Request], Response | str]) -> Callable[[Request], Response]:
@@ -222,7 +249,9 @@ def _day(room: Room, asked: int = -1, refusal: Refusal | None = None) -> str:
     fired = len(desk.day.fired)
     shot = asked if 1 <= asked <= fired else fired
     true = room.motion(shot) if shot and desk.day.handed_in else None
-    return day_page(desk, room.briefing, refusal=refusal, shot=shot, true_motion=true)
+    return day_page(
+        desk, room.briefing, refusal=refusal, shot=shot, true_motion=true, others=room.others
+    )
 
 
 def _replayed(room: Room, request: Request) -> Response | str:
