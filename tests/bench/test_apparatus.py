@@ -48,7 +48,7 @@ def test_a_day_by_the_rules_is_the_plain_test(plain: Desk) -> None:
 
 
 def test_the_truth_of_a_day_is_that_of_the_plain_test(plain: Desk) -> None:
-    found = apparatus().finish(plain.day).sealed.measurand
+    found = apparatus().finish(plain).sealed.measurand
     assert found == pytest.approx(certified(seed=3).sealed.measurand, rel=1e-12)
 
 

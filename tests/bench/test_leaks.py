@@ -174,7 +174,7 @@ def test_no_canary_of_the_truth_is_sent_or_logged(tmp_path: Path) -> None:
             sent += everything(browser)
     browser.do("give-verdict", verdict="PASS")
     sent.append(browser.ask("/").text)
-    secret = room.kept.apparatus.finish(room.kept.day).sealed.document()
+    secret = room.kept.apparatus.finish(room.kept.desk).sealed.document()
     known = {known.value for known in room.desk.session.calibration.values()}
     parts = ("bat_properties", "balls", "constants", "measurand", "shots", "wall_hits")
     canaries = set(truths({key: secret[key] for key in parts})) - known

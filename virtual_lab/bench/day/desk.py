@@ -15,7 +15,7 @@ import numpy as np
 from virtual_lab.bench.day.actions import OWN_RESULTS
 from virtual_lab.bench.day.day import Day, DayEvent, evolve
 from virtual_lab.bench.day.entries import record_of
-from virtual_lab.bench.day.table import action_table, repairs
+from virtual_lab.bench.day.table import action_table
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Judgement, Procedure, next_places, outcome_of, to_set
@@ -51,6 +51,15 @@ def session_of(day: Day) -> Session:
         joined = {channel: join(parts) for channel, parts in shots.items()}
         records["impact"] = joined | records.get("impact", {})
     return replace(day.morning, calibration=calibration, records=records)
+
+
+def _with_shot(session: Session, event: DayEvent) -> Session:
+    """Return the records with those of one shot more, as `session_of` has them."""
+    impact = dict(session.records.get("impact", {}))
+    for channel, entry in event.records.items():
+        shot = record_of(entry)
+        impact[channel] = join([impact[channel], shot]) if channel in impact else shot
+    return replace(session, records={**session.records, "impact": impact})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,13 +256,15 @@ class Desk:
 
     def after(self, event: DayEvent) -> Desk:
         """Return the desk after an event; what it leaves as it was is not worked out again."""
-        following = Desk(evolve(self.day, event))
-        if not (event.records or event.constants or event.action == "strike-out"):
-            seen = () if event.shown or event.action in repairs() else ("rows",)
-            kept = ("session", "rules", "preparation", "by_rules", "missing", *seen)
-            following.__dict__.update(
-                {name: self.__dict__[name] for name in kept if name in self.__dict__}
-            )
+        following, known = Desk(evolve(self.day, event)), self.__dict__
+        kept: tuple[str, ...] = ("rules",)
+        if event.action == "fire":
+            kept = ("rules", "preparation")
+            if "session" in known:
+                following.__dict__["session"] = _with_shot(self.session, event)
+        elif not (event.records or event.constants or event.action == "strike-out"):
+            kept = ("session", "rules", "preparation", "by_rules", "missing")
+        following.__dict__.update({name: known[name] for name in kept if name in known})
         return following
 
     def _chosen(self, results: ShotResults) -> Judgement:

@@ -109,12 +109,12 @@ class Apparatus:
             sketch=reading.sketch,
         )
 
-    def finish(self, day: Day) -> BatTest:
+    def finish(self, desk: Desk) -> BatTest:
         """Return the certification of a day that was reduced, and what really happened on it.
 
         Raises `InputError` as `Desk.reduced`.
         """
-        desk, now = Desk(day), self.at(day)
+        day, now = desk.day, self.at(desk.day)
         laboratory, sessions = now.laboratory, SessionBlock.of(desk.session)
         wall = now.firing.wall(day.times("hit-wall") - 1)
         balls = replace(now.firing.balls(day), used=desk.preparation.lot.used)

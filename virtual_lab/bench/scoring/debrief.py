@@ -177,15 +177,22 @@ class Debrief:
 
 
 def debrief(
-    apparatus: Apparatus, day: Day, scenario: Scenario, seal: str = "", *, beside: Day | None = None
+    apparatus: Apparatus,
+    taken_day: Day | Desk,
+    scenario: Scenario,
+    seal: str = "",
+    *,
+    beside: Day | None = None,
 ) -> Debrief:
     """Open the truth of a day that was handed in; `InputError` of one that was not.
 
-    With `beside`, the expert's day, only the scores are wanted: nothing is played again.
+    What a desk has reduced is not reduced again. With `beside`, the expert's day, only the scores
+    are wanted: nothing is played again.
     """
+    desk = Desk(taken_day) if isinstance(taken_day, Day) else taken_day
+    day = desk.day
     if not day.handed_in:
         raise InputError("debrief", "day", None, "is opened once the day is handed in")
-    desk = Desk(day)
     own = tuple(desk.own(entry.arguments) if (entry := desk.last("enter-result")) else ())
     value, u = _result(desk, own)
     limit = desk.rules.spec.metric_limit
@@ -273,7 +280,7 @@ def debrief(
 
 def debriefed(kept: KeptDay) -> Debrief:
     """Return the debrief of a day in a folder, its seal checked; `InputError` as `debrief`."""
-    return debrief(kept.apparatus, kept.day, kept.scenario, kept.seal)
+    return debrief(kept.apparatus, kept.desk, kept.scenario, kept.seal)
 
 
 def _result(desk: Desk, own: Iterable[OwnResult]) -> tuple[float | None, float | None]:
@@ -310,7 +317,7 @@ def _fault_reviews(
 ) -> Iterator[FaultReview]:
     """Yield each fault: what showed it when, what was done, and what it moved the result by."""
     (desk, beside), sheets = desks, action_table().actions
-    theirs = _visible(beside.day)
+    theirs = _visible(beside.day) if scenario.faults else {}
     for name in scenario.faults or ():
         sheet, found_by = fault_sheets()[name], detectable()[name]
         yours = _time_line(desk.day, name, visible)

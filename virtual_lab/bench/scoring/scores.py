@@ -47,7 +47,7 @@ def right_verdict(
     """Return the verdict by the truth: INVALID where a fault put x beyond U."""
     truth = None
     if value is not None:
-        truth = apparatus.finish(desk.day).sealed.measurand.get("metric")
+        truth = apparatus.finish(desk).sealed.measurand.get("metric")
     if value is None or u is None or truth is None:
         return RightVerdict("INVALID" if spoilt else "MEASURED", "the day gave no result", None)
     if spoilt and abs(value - truth) > 2 * u:
