@@ -23,7 +23,7 @@ from virtual_lab import api
 
 if TYPE_CHECKING:
     from virtual_lab.api import *  # noqa: F403
-    from virtual_lab.bench.running import rehearse
+    from virtual_lab.bench.entrance.operated_day import rehearse
 
 __all__ = ["__version__", "rehearse"]
 __all__ += api.__all__

@@ -14,7 +14,7 @@ from typing import Any
 from tests.bench.browsing import FOCUSED
 from virtual_lab.bench.day.operators import PREPARATION
 from virtual_lab.bench.day.table import action_table
-from virtual_lab.bench.serving import ServedDay
+from virtual_lab.bench.entrance.served_day import ServedDay
 
 __all__ = ["K", "Keyboard", "M", "by_enter", "by_list"]
 

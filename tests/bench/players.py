@@ -118,11 +118,11 @@ def scores_of(count: int) -> Scores:
     for seed, faults in days(count):
         today = replace(DAY, faults=faults)
         apparatus = Apparatus(laboratory_of(today, seed, b""))
-        beside: Day | None = None
+        expert: Day | None = None
         for name, player in PLAYERS.items():
             day = taken(apparatus, player(seed), listed=today.may_go_wrong)
-            beside = beside or day  # the expert's, who comes first
-            closing = debrief(apparatus, day, today, beside=beside)
+            expert = expert or day  # who comes first
+            closing = debrief(apparatus, day, today, expert=expert, scores_only=True)
             found[name].append([score.value for score in closing.scores])
     return {name: np.array(rows) for name, rows in found.items()}
 

@@ -30,9 +30,9 @@ from virtual_lab.bench.day.protocol import left_out
 from virtual_lab.bench.day.readings import doubts
 from virtual_lab.bench.day.scenario import Scenario, load_scenario
 from virtual_lab.bench.day.table import detectable
+from virtual_lab.bench.entrance.served_day import ServedDay
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import laboratory_of, taken
-from virtual_lab.bench.serving import ServedDay
 
 SOUND, DECOY = "plain-day", "monday"  # a decoy says that something may be wrong, and nothing is
 CHECKS = ("weigh-check-mass", "tap-bat", "fire-check-ball", "gauge-gates", "fire-check-cylinder")

@@ -13,10 +13,11 @@ from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.entrance.review import summary, trends
+from virtual_lab.bench.entrance.served_day import ServedDay
 from virtual_lab.bench.machines.keeping import KeptDay, played
-from virtual_lab.bench.reviewing import summary, trends
-from virtual_lab.bench.scoring.debrief import debrief, debrief_page
-from virtual_lab.bench.serving import ServedDay
+from virtual_lab.bench.scoring.debrief import debrief
+from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.errors import InputError
 
 END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))

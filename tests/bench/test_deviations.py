@@ -5,7 +5,8 @@ import pytest
 from tests.bench.days import PLAIN, Asked, apparatus, asked, day_of, scenario, without
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.machines.keeping import played
-from virtual_lab.bench.scoring.debrief import debrief, debrief_page
+from virtual_lab.bench.scoring.debrief import debrief
+from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.bench.scoring.deviations import (
     DENIED,
     JUSTIFIED,

@@ -17,8 +17,8 @@ from tests.bench.days import PLAIN, asked
 from tests.bench.test_web import Browser
 from virtual_lab.bench.day.actions import action_of
 from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.entrance.served_day import ServedDay
 from virtual_lab.bench.machines.keeping import LOG, SECRET
-from virtual_lab.bench.serving import ServedDay
 
 PAGES = (
     "/",

@@ -20,7 +20,8 @@ from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.day.table import detectable
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import laboratory_of, played, taken
-from virtual_lab.bench.scoring.debrief import Debrief, debrief, debrief_page
+from virtual_lab.bench.scoring.debrief import Debrief, debrief
+from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 

@@ -12,10 +12,10 @@ from virtual_lab.bench.day.actions import action_of
 from virtual_lab.bench.day.doubts import fault_sheets
 from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.entrance.served_day import ServedDay
 from virtual_lab.bench.machines.keeping import LOG, SECRET, KeptDay
 from virtual_lab.bench.pages.page import wall_page
 from virtual_lab.bench.scoring.debrief import debriefed
-from virtual_lab.bench.serving import ServedDay
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 
@@ -159,7 +159,7 @@ def test_a_class_in_one_table_a_day_played_back_and_a_scenario_tried(
         done = CliRunner().invoke(cli, ["rehearse", *words, "--json"], catch_exceptions=False)
         return json.loads(done.stdout)
 
-    monkeypatch.setattr("virtual_lab.bench.reviewing.TRIED", (1,))
+    monkeypatch.setattr("virtual_lab.bench.entrance.review.TRIED", (1,))
     begun(tmp_path, "plain-day").do(action_of("tare"))
     exam = begun(tmp_path / "class", "exam-day")
     exam.taken(operator_of("book"))

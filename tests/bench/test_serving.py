@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from virtual_lab.bench.day.scenario import load_scenario
-from virtual_lab.bench.serving import serve
+from virtual_lab.bench.entrance.serve import serve
 from virtual_lab.errors import InputError
 
 HERE = Path(__file__)

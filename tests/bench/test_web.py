@@ -3,6 +3,7 @@
 import asyncio
 import csv
 import re
+import threading
 from dataclasses import dataclass
 from html.parser import HTMLParser
 from io import StringIO
@@ -17,8 +18,9 @@ from virtual_lab import catalog
 from virtual_lab.bench.day.actions import ARGUMENTS
 from virtual_lab.bench.day.log import LOG
 from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.entrance.served_day import DEBRIEFS, ServedDay
 from virtual_lab.bench.pages.page import day_page
-from virtual_lab.bench.serving import ServedDay
+from virtual_lab.bench.web import server
 from virtual_lab.bench.web.server import application
 from virtual_lab.output.tables import quoted
 
@@ -52,6 +54,7 @@ class Browser:
         host: str = HOST,
         body: bytes | None = None,
         headers: dict[str, str] | None = None,
+        patient: bool = True,
     ) -> Answer:
         path, _, query = path.partition("?")
         body = urlencode(form).encode() if form is not None else body or b""
@@ -81,6 +84,9 @@ class Browser:
         if "set-cookie" in answer:
             self.cookie = answer["set-cookie"].partition(";")[0]
         text = b"".join(message.get("body", b"") for message in got[1:]).decode(errors="replace")
+        if patient and got[0]["status"] == 202:  # being made
+            self.rest()
+            return self.ask(path, host=host, headers=headers)
         return Answer(status=got[0]["status"], headers=answer, text=text)
 
     def open(self) -> Answer:
@@ -130,6 +136,26 @@ def test_the_first_page_lists_the_days_and_begins_one(tmp_path: Path) -> None:
     trainee.open()
     assert 'name="scenario"' not in trainee.ask("/").text
     assert trainee.ask("/begin", {"scenario": "tuesday"}).status == 422
+
+
+def test_a_debrief_being_made_says_so_and_holds_no_other_day_up(
+    browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "PATIENCE", 0.05)
+    other, held = Browser(served(tmp_path / "other")), threading.Event()
+    other.open()
+    browser.do("give-verdict", verdict="INVALID")
+    browser.do("hand-in")
+    try:
+        DEBRIEFS.do(held.wait)  # another's
+        waiting = browser.ask("/debrief", patient=False)
+        assert (waiting.status, waiting.headers["refresh"]) == (202, "1")
+        assert "1 is made before yours" in waiting.text
+        assert other.do("tare").status == 303
+    finally:
+        held.set()
+    browser.rest()
+    assert "Verdict given" in browser.ask("/debrief").text
 
 
 def test_the_address_opens_once_and_a_cookie_after_it(tmp_path: Path) -> None:

@@ -156,7 +156,7 @@ ELSEWHERE = {  # name: module, name there
     "percussion": (f"{STUDIES}.bats.percussion", "percussion"),
     "profile": (f"{STUDIES}.bats.compare", "profile"),
     "propagate": (f"{UNCERTAINTY}.propagating", "propagate_inputs"),
-    "rehearse": ("virtual_lab.bench.running", "rehearse"),
+    "rehearse": ("virtual_lab.bench.entrance.operated_day", "rehearse"),
     "risk": (f"{UNCERTAINTY}.decision", "global_risk"),
     "report": (f"{STUDIES}.report", "report"),
     "score": (f"{STUDIES}.score", "score_folder"),

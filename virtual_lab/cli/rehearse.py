@@ -11,7 +11,7 @@ import click
 from virtual_lab.cli.plumbing import Answer, command, seed_option, usage
 
 if TYPE_CHECKING:
-    from virtual_lab.bench.running import RehearsedDay
+    from virtual_lab.bench.entrance.operated_day import RehearsedDay
     from virtual_lab.output.result import StudyResult
 
 
@@ -117,11 +117,11 @@ def day_command(
     if sum(map(bool, (operator, script, replay))) > 1:
         usage("--operator, --script and --replay exclude each other")
     if replay and not browser:
-        from virtual_lab.bench.reviewing import replay as played_back
+        from virtual_lab.bench.entrance.review import replay as played_back
 
         return played_back(replay)
     if operator or script:
-        from virtual_lab.bench.running import rehearse as run
+        from virtual_lab.bench.entrance.operated_day import rehearse as run
 
         return run(
             scenario,
@@ -137,7 +137,7 @@ def day_command(
     tls = (tls_certificate, tls_key) if tls_certificate and tls_key else None
     served: dict[str, Any] = {"port": port, "host": host, "tls": tls, "browser": browser}
     if replay:
-        from virtual_lab.bench.reviewing import played_folder
+        from virtual_lab.bench.entrance.review import played_folder
 
         return _served(None, played_folder(replay), [], **served)
     if exam is None:
@@ -163,7 +163,7 @@ def _served(
     if not (find_spec("starlette") and find_spec("uvicorn")):
         raise InputError("", "the page needs the extra 'bench'", None, with_extra("bench"))
     from virtual_lab.bench.day.scenario import load_scenario
-    from virtual_lab.bench.serving import serve
+    from virtual_lab.bench.entrance.serve import serve
 
     target = folder or first_free(Path("out") / Path(scenario or "").stem)
     each = {f"trainee {name}": target / name for name in trainees}
@@ -180,7 +180,7 @@ def _served(
 @click.argument("folder", type=click.Path(path_type=Path))
 def summary(folder: Path) -> StudyResult:
     """Make one table of all days in folders below FOLDER."""
-    from virtual_lab.bench.reviewing import summary as run
+    from virtual_lab.bench.entrance.review import summary as run
 
     return run(folder)
 
@@ -189,7 +189,7 @@ def summary(folder: Path) -> StudyResult:
 @click.argument("folder", type=click.Path(path_type=Path))
 def trends(folder: Path) -> StudyResult:
     """Show learning curves, by score and by fault: the days of each folder below FOLDER."""
-    from virtual_lab.bench.reviewing import trends as run
+    from virtual_lab.bench.entrance.review import trends as run
 
     return run(folder)
 
@@ -213,7 +213,7 @@ def branch(day: Path, entry: int, folder: Path) -> Answer:
 @click.argument("scenario", metavar="SCENARIO.TOML")
 def check(scenario: str) -> StudyResult:
     """Try a scenario of your own: minutes, shots, and what an expert finds."""
-    from virtual_lab.bench.reviewing import check_scenario
+    from virtual_lab.bench.entrance.review import check_scenario
 
     return check_scenario(scenario)
 

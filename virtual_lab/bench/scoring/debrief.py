@@ -42,8 +42,6 @@ from virtual_lab.bench.scoring.scores import (
     right_verdict,
 )
 from virtual_lab.errors import InputError
-from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.template import page_template
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,12 +180,13 @@ def debrief(
     scenario: Scenario,
     seal: str = "",
     *,
-    beside: Day | None = None,
+    expert: Day | None = None,
+    scores_only: bool = False,
 ) -> Debrief:
     """Open the truth of a day that was handed in; `InputError` of one that was not.
 
-    What a desk has reduced is not reduced again. With `beside`, the expert's day, only the scores
-    are wanted: nothing is played again.
+    What a desk has reduced is not reduced again, and an `expert` is not let play again. For
+    `scores_only` no fault and no decision is looked into.
     """
     desk = Desk(taken_day) if isinstance(taken_day, Day) else taken_day
     day = desk.day
@@ -218,8 +217,7 @@ def debrief(
     brier = (confidence - (day.verdict == right.word or refused)) ** 2
     departed = list(deviations(desk))
     odd = justly_rejected(day, departed) | before_repair(day, faults)
-    morning = day.until(day.came_with)
-    theirs = Desk(beside or taken(apparatus, operator_of("expert"), morning))
+    theirs = Desk(expert or expert_day(apparatus, day))
     result = result_score(outcome)
     needless = needless_seconds(departed, desk)
     values = (
@@ -254,12 +252,12 @@ def debrief(
         missed=tuple(name for name in faults if name not in likely),
         false_alarms=tuple(name for name in named if name in likely - set(faults)),
         fault_reviews=tuple(_fault_reviews(apparatus, scenario, (desk, theirs), visible))
-        if beside is None
+        if not scores_only
         else (),
         scores=scores,
         keep=keep,
         change=change,
-        costly=costly(apparatus, desk, right.truth, own, odd) if beside is None else (),
+        costly=() if scores_only else costly(apparatus, desk, right.truth, own, odd),
         steps=tuple(_steps(day)),
         deviations=tuple(departed),
         own=own,
@@ -271,16 +269,21 @@ def debrief(
             if event.action == "dispute-score"
         ),
         practice=day.practice,
-        chart=run_chart(desk, UNITS[scenario.units]) if beside is None else "",
+        chart="" if scores_only else run_chart(desk, UNITS[scenario.units]),
         minutes=day.seconds / 60,
         shots=len(day.fired),
         entries=tuple(_entries(day)),
     )
 
 
-def debriefed(kept: KeptDay) -> Debrief:
+def debriefed(kept: KeptDay, expert: Day | None = None) -> Debrief:
     """Return the debrief of a day in a folder, its seal checked; `InputError` as `debrief`."""
-    return debrief(kept.apparatus, kept.desk, kept.scenario, kept.seal)
+    return debrief(kept.apparatus, kept.desk, kept.scenario, kept.seal, expert=expert)
+
+
+def expert_day(apparatus: Apparatus, day: Day) -> Day:
+    """Return an expert's day with the machines, bat and balls of another."""
+    return taken(apparatus, operator_of("expert"), day.until(day.came_with))
 
 
 def _result(desk: Desk, own: Iterable[OwnResult]) -> tuple[float | None, float | None]:
@@ -413,8 +416,11 @@ def _expert(
         if event.action not in mine and sheets[event.action].part in {"bench", "wall", "rig"}
     )
     value, u = beside.result or (None, None)
-    spoilt = bool(set(faults) - theirs.mended)
-    own = right_verdict(apparatus, beside, value, u, spoilt=spoilt).word
+    apart = ""
+    if theirs.verdict != right:
+        spoilt = bool(set(faults) - theirs.mended)
+        own = right_verdict(apparatus, beside, value, u, spoilt=spoilt).word
+        apart = _apart(right, own, beside, desk)
     return ExpertDay(
         verdict=theirs.verdict,
         confidence=float(given.arguments["confidence"]) / 100,
@@ -423,7 +429,7 @@ def _expert(
         shots=len(theirs.fired),
         doubts=tuple(str(event.arguments["doubt"]) for event in noted),
         checks=tuple(checks),
-        apart=_apart(right, own, beside, desk) if theirs.verdict != right else "",
+        apart=apart,
     )
 
 
@@ -468,16 +474,3 @@ def _entries(day: Day) -> Iterator[tuple[int, float, str, str]]:
         seconds += event.seconds
         given = ", ".join(f"{key} {value}" for key, value in event.arguments.items())
         yield event.number, seconds / 60, event.action, given.replace("_", " ")
-
-
-def debrief_page(told: Debrief, *, linked: bool = False) -> str:
-    """Return the debrief as one HTML page that needs nothing else, or `linked` to a replay."""
-    return page_template("virtual_lab.bench.pages", "debrief.html").render(
-        told=told,
-        linked=linked,
-        sheets=action_table().actions,
-        titles=known_doubts(),
-        length=UNITS[told.units][0],
-        speed=UNITS[told.units][1],
-        metric=METRICS[told.metric],
-    )

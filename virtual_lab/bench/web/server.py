@@ -13,6 +13,7 @@ import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Protocol
 from urllib.parse import parse_qsl
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from virtual_lab.bench.day.desk import Desk
     from virtual_lab.bench.web.exam import Hall
 
+PATIENCE = 1.0  # s, until a page says that a debrief is being made
 LARGEST_BODY = 64 * 1024  # B
 MOST_A_SECOND = 20  # requests of a session
 KEPT = {"Cache-Control": "private, max-age=600"}  # what does not change
@@ -97,8 +99,11 @@ class Room(Protocol):
         """Return the certificate's page; `InputError` before there is one."""
         ...
 
-    def debrief(self) -> str:
-        """Return the debrief's page; `InputError` before the day is handed in."""
+    def debrief(self, patience: float | None = None) -> str:
+        """Return the debrief's page; `InputError` before the day is handed in.
+
+        `TimeoutError` where it is not made within `patience` [s].
+        """
         ...
 
 
@@ -193,7 +198,7 @@ def application(
             _locked(lambda room, _: wall_page(room.desk, room.briefing, "instruments")),
         ),
         Route("/certificate", _locked(lambda room, _: _sandboxed(room.certificate))),
-        Route("/debrief", _locked(lambda room, _: _sandboxed(room.debrief))),
+        Route("/debrief", _locked(_debriefed)),
         static("bench.css", "text/css"),
         static("bench.js", "text/javascript"),
         static("icon.svg", "image/svg+xml"),
@@ -275,6 +280,15 @@ def _film(request: Request) -> Response:
     if not picture:
         return _says(404, "There are no frames.")
     return Response(picture, media_type="image/png", headers=KEPT)
+
+
+def _debriefed(room: Room, _: Request) -> Response:
+    """Answer with the debrief; while it is being made with a page that looks again by itself."""
+    try:
+        return _sandboxed(partial(room.debrief, PATIENCE))
+    except TimeoutError as late:
+        page = plain_page("The debrief is being made", f"This page looks again: {late}.")
+        return HTMLResponse(page, status_code=202, headers={"Refresh": "1"})
 
 
 def _sandboxed(page: Callable[[], str]) -> Response:

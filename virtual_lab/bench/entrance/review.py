@@ -15,8 +15,8 @@ from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.scenario import SCORES, Scenario, load_scenario
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.bench.machines.keeping import KeptDay, done
-from virtual_lab.bench.running import save_debrief
 from virtual_lab.bench.scoring.debrief import debriefed
+from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_json
 from virtual_lab.output.result import Rows

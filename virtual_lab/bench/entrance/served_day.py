@@ -1,4 +1,4 @@
-"""The page started on this machine: days in folders, a server that serves each to one browser.
+"""A day that is served: its page, its films and its debrief, in a folder.
 
 The first page needs the rules and the table of actions alone, and of a day that is taken up again
 the log: so it is served while the laboratory is still being set up behind it; what is done on the
@@ -7,15 +7,10 @@ day waits for that, which takes seconds.
 
 from __future__ import annotations
 
-import secrets
-import socket
-import sys
 import threading
-import time
-import webbrowser
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +21,6 @@ from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.log import LOG, DayLog
 from virtual_lab.bench.day.scenario import Scenario, load_scenario, scenarios_to_choose
 from virtual_lab.bench.pages.slow_motion import Motion
-from virtual_lab.bench.web.exam import Hall
 from virtual_lab.catalog import Entry
 from virtual_lab.errors import InputError
 from virtual_lab.files import first_free
@@ -38,9 +32,25 @@ if TYPE_CHECKING:
     from virtual_lab.bench.machines.keeping import KeptDay
     from virtual_lab.bench.scoring.debrief import Debrief
 
-LOOPBACK = "127.0.0.1"
-MOST_TRAINEES = 50
-FILM_MAKER = ThreadPoolExecutor(1, "film")  # one core is left to the answers
+
+class Behind:
+    """Work behind the answers, one piece at a time in the order asked: they keep the other core."""
+
+    def __init__(self, name: str) -> None:
+        self._pool = ThreadPoolExecutor(1, name)
+        self._asked: list[Future[Any]] = []
+
+    def do(self, work: Callable[[], Any]) -> Future[Any]:
+        future = self._pool.submit(work)
+        self._asked = [each for each in self._asked if not each.done()] + [future]
+        return future
+
+    def ahead(self, future: Future[Any]) -> int:
+        """Return how many pieces are not done that were asked for before one."""
+        return sum(not each.done() for each in self._asked[: self._asked.index(future)])
+
+
+FILMS, DEBRIEFS = Behind("film"), Behind("debrief")
 
 
 class ServedDay:
@@ -62,7 +72,8 @@ class ServedDay:
         self._opened: Future[KeptDay] = Future()
         self._begun = (folder / LOG).exists()
         self.looked_at = threading.Event()
-        self._told: Debrief | None = None
+        self._expert: Future[Day] | None = None
+        self._told: tuple[int, Future[Debrief]] | None = None  # after so many entries
         self._films: dict[tuple[int, bool], Future[bytes]] = {}  # shot, whether as it was
         self._filming = threading.Lock()
 
@@ -128,6 +139,10 @@ class ServedDay:
         done = self.kept.do(action, number)
         if action.name == "fire" and self.briefing.get("camera"):
             self._film(len(self.kept.day.fired), False)  # behind the answer
+        if action.name == "reduce" and not self.kept.day.exam:  # the machines have done their part
+            from virtual_lab.bench.scoring.debrief import expert_day
+
+            self._expert = DEBRIEFS.do(partial(expert_day, self.kept.apparatus, self.kept.day))
         return done
 
     def film(self, shot: int, *, true: bool) -> bytes:
@@ -144,7 +159,7 @@ class ServedDay:
             if (shot, true) not in self._films:
                 if len(self._films) == 16:
                     del self._films[next(iter(self._films))]
-                self._films[shot, true] = FILM_MAKER.submit(self._filmed, shot, true)
+                self._films[shot, true] = FILMS.do(partial(self._filmed, shot, true))
             return self._films[shot, true]
 
     def _filmed(self, shot: int, true: bool) -> bytes:
@@ -181,18 +196,39 @@ class ServedDay:
             raise InputError("certificate", "verdict", None, allowed)
         return certificate_page(certificate(self.kept.desk.certification))
 
-    def debrief(self) -> str:
-        """Open the truth of a day that was handed in, and keep the debrief beside its log."""
-        from virtual_lab.bench.running import save_debrief
-        from virtual_lab.bench.scoring.debrief import debrief_page, debriefed
+    def debrief(self, patience: float | None = None) -> str:
+        """Open the truth of a day that was handed in, and keep the debrief beside its log.
 
-        kept = self.kept
-        if kept.day.exam and self.scenario:
+        Raises
+        ------
+        TimeoutError
+            It is not made within `patience` [s]; it says how many are made before it.
+        InputError
+            The day is not handed in, or an exam.
+        """
+        from virtual_lab.bench.scoring.debrief_page import debrief_page
+
+        day = self.kept.day
+        if day.exam and self.scenario:
             raise InputError("debrief", "day", None, "is an exam: your trainer opens the debrief")
-        if self._told is None or len(self._told.entries) != len(kept.day.events):
-            self._told = debriefed(kept)
-            save_debrief(self._told, kept.folder)
-        return debrief_page(self._told, linked=True)
+        if self._told is None or self._told[0] != len(day.events):
+            self._told = len(day.events), DEBRIEFS.do(self._debriefed)
+        told = self._told[1]
+        try:
+            return debrief_page(told.result(patience), linked=True)
+        except TimeoutError as late:
+            ahead = DEBRIEFS.ahead(told)
+            raise TimeoutError(
+                f"{ahead} {'is' if ahead == 1 else 'are'} made before yours"
+            ) from late
+
+    def _debriefed(self) -> Debrief:
+        from virtual_lab.bench.scoring.debrief import debriefed
+        from virtual_lab.bench.scoring.debrief_page import save_debrief
+
+        told = debriefed(self.kept, self._expert.result() if self._expert else None)
+        save_debrief(told, self.folder)
+        return told
 
     @property
     def others(self) -> Mapping[str, Scenario]:
@@ -221,134 +257,3 @@ class ServedDay:
         day = ServedDay(target, self.scenario)
         day.open()
         return day
-
-
-def serve(
-    folders: Mapping[str, Path],
-    scenario: Entry[Scenario] | None,
-    *,
-    seed: int | None = None,
-    port: int,
-    browser: bool,
-    say: Callable[[str], None],
-    host: str = LOOPBACK,
-    tls: tuple[Path, Path] | None = None,
-    exam: str = "",
-) -> None:
-    """Begin days in folders, or take them up again, and serve them until stopped.
-
-    Parameters
-    ----------
-    folders
-        Of each trainee, by name.
-    scenario, seed
-        Of days that begin; the trainees of one seed have the same day. Without a scenario days
-        that were handed in are played back.
-    port, host
-        Where the page is served; beyond this machine only with `tls`.
-    browser
-        Whether to open the page of the first day.
-    say
-        Is given the lines that tell a trainer what to do.
-    tls
-        Certificate and key, files as OpenSSL writes them.
-    exam
-        The title of one: the days are closed until the trainer begins it on a page of its own.
-
-    Raises
-    ------
-    InputError
-        An unfit scenario or folder, a port that is taken, a host that needs `tls`.
-    """
-    import uvicorn
-
-    from virtual_lab.bench.web.server import application
-
-    _require(host, tls, len(folders))
-    chosen = scenario is None or len(folders) > 1 or bool(exam)
-    days = {
-        name: ServedDay(folder, scenario, seed, chosen=chosen) for name, folder in folders.items()
-    }
-    doors = {secrets.token_urlsafe(24): day for day in days.values()}
-    hall = (secrets.token_urlsafe(24), Hall(exam, days)) if exam else None
-    names = {f"{host}:{port}", *([f"localhost:{port}"] if host == LOOPBACK else [])}
-    certificate, key = tls or (None, None)
-    settings = uvicorn.Config(
-        application(doors, hosts=frozenset(names), secure=tls is not None, exam=hall),
-        log_level="warning",
-        access_log=False,
-        server_header=False,
-        ws="none",
-        lifespan="off",
-        backlog=64,
-        limit_concurrency=4 * MOST_TRAINEES,
-        ssl_certfile=certificate,
-        ssl_keyfile=key,
-    )
-    try:
-        settings.load()
-    except OSError as fault:  # SSLError is one
-        raise InputError(str(certificate), "tls", None, f"cannot be used ({fault})") from fault
-    server = uvicorn.Server(settings)
-    thread = threading.Thread(
-        target=server.run, kwargs={"sockets": [_listening(host, port)]}, daemon=True
-    )
-    thread.start()
-    while not server.started:
-        time.sleep(0.005)
-    scheme = "https" if tls else "http"
-    page = "" if scenario else "replay"
-    addresses = [f"{scheme}://{host}:{port}/{page}?token={token}" for token in doors]
-    if hall:
-        say(f"the trainer: open {scheme}://{host}:{port}/?token={hall[0]} once, in one browser")
-    for (name, folder), address in zip(folders.items(), addresses, strict=True):
-        again = "taken up again" if (folder / LOG).exists() else "begun"
-        again = again if scenario else "played back"
-        once = "; the code in it lets them in again" if hall else " once, in one browser"
-        say(f"{name or 'the day'}, {again} in {folder}: open {address}{once}")
-    say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
-    if browser:
-        webbrowser.open(addresses[0])
-    sys.setswitchinterval(5e-4)  # s, that loading may hold up an answer
-    try:
-        for day in days.values():
-            day.looked_at.wait(0.5)  # s: a first page before what is loaded for later
-            day.open()
-        if scenario:
-            _warm(scenario.spec)
-        thread.join()
-    finally:
-        server.should_exit = True
-        thread.join()
-
-
-def _require(host: str, tls: tuple[Path, Path] | None, trainees: int) -> None:
-    if host != LOOPBACK and tls is None:
-        allowed = f"beyond {LOOPBACK} the page needs --tls-certificate and --tls-key"
-        raise InputError("", "host", host, allowed)
-    for path in tls or ():
-        if not path.is_file():
-            raise InputError(str(path), "tls", None, "no such file")
-    if not 1 <= trainees <= MOST_TRAINEES:
-        raise InputError("", "trainees", trainees, f"allowed: 1 to {MOST_TRAINEES}")
-
-
-def _listening(host: str, port: int) -> socket.socket:
-    own = socket.socket(proto=socket.IPPROTO_TCP)  # without it an answer in two parts waits 40 ms
-    own.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        own.bind((host, port))
-    except OSError as fault:
-        own.close()
-        allowed = f"cannot be served at {host} ({fault.strerror}); try another"
-        raise InputError("", "port", port, allowed) from fault
-    return own
-
-
-def _warm(scenario: Scenario) -> None:
-    """Load what is compiled, on another laboratory's day, while the first readings are made."""
-    from virtual_lab.bench.day.operators import operator_of
-    from virtual_lab.bench.machines.apparatus import Apparatus
-    from virtual_lab.bench.machines.keeping import laboratory_of, taken
-
-    taken(Apparatus(laboratory_of(scenario, 0, b"")), operator_of("book"))

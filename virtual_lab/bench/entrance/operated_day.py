@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,8 @@ from virtual_lab.bench.day.log import LOG
 from virtual_lab.bench.day.operators import Operator, by_script, operator_of
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.machines.keeping import SECRET, KeptDay
-from virtual_lab.bench.scoring.debrief import Debrief, debrief_page, debriefed
+from virtual_lab.bench.scoring.debrief import Debrief, debriefed
+from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.files import new_folder, read_json
@@ -110,10 +110,3 @@ def rehearse(
         told = debriefed(kept)
         files = {name: (folder / name).read_bytes() for name in (LOG, SECRET)}
     return RehearsedDay(debrief=told, kept=files, desk=kept.desk)
-
-
-def save_debrief(told: Debrief, folder: Path) -> None:
-    """Write a debrief as ``debrief.json`` and ``debrief.html`` into a folder."""
-    text = json.dumps(told.document(), indent=1, allow_nan=False)
-    (folder / "debrief.json").write_text(text + "\n", encoding="utf-8")
-    (folder / "debrief.html").write_text(debrief_page(told), encoding="utf-8")

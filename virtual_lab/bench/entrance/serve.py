@@ -1,0 +1,153 @@
+"""The page started on this machine: days in folders, a server that serves each to one browser."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+import sys
+import threading
+import time
+import webbrowser
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from virtual_lab.bench.day.log import LOG
+from virtual_lab.bench.day.scenario import Scenario
+from virtual_lab.bench.entrance.served_day import ServedDay
+from virtual_lab.bench.web.exam import Hall
+from virtual_lab.catalog import Entry
+from virtual_lab.errors import InputError
+
+LOOPBACK = "127.0.0.1"
+MOST_TRAINEES = 50
+
+
+def serve(
+    folders: Mapping[str, Path],
+    scenario: Entry[Scenario] | None,
+    *,
+    seed: int | None = None,
+    port: int,
+    browser: bool,
+    say: Callable[[str], None],
+    host: str = LOOPBACK,
+    tls: tuple[Path, Path] | None = None,
+    exam: str = "",
+) -> None:
+    """Begin days in folders, or take them up again, and serve them until stopped.
+
+    Parameters
+    ----------
+    folders
+        Of each trainee, by name.
+    scenario, seed
+        Of days that begin; the trainees of one seed have the same day. Without a scenario days
+        that were handed in are played back.
+    port, host
+        Where the page is served; beyond this machine only with `tls`.
+    browser
+        Whether to open the page of the first day.
+    say
+        Is given the lines that tell a trainer what to do.
+    tls
+        Certificate and key, files as OpenSSL writes them.
+    exam
+        The title of one: the days are closed until the trainer begins it on a page of its own.
+
+    Raises
+    ------
+    InputError
+        An unfit scenario or folder, a port that is taken, a host that needs `tls`.
+    """
+    import uvicorn
+
+    from virtual_lab.bench.web.server import application
+
+    _require(host, tls, len(folders))
+    chosen = scenario is None or len(folders) > 1 or bool(exam)
+    days = {
+        name: ServedDay(folder, scenario, seed, chosen=chosen) for name, folder in folders.items()
+    }
+    doors = {secrets.token_urlsafe(24): day for day in days.values()}
+    hall = (secrets.token_urlsafe(24), Hall(exam, days)) if exam else None
+    names = {f"{host}:{port}", *([f"localhost:{port}"] if host == LOOPBACK else [])}
+    certificate, key = tls or (None, None)
+    settings = uvicorn.Config(
+        application(doors, hosts=frozenset(names), secure=tls is not None, exam=hall),
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        ws="none",
+        lifespan="off",
+        backlog=64,
+        limit_concurrency=4 * MOST_TRAINEES,
+        ssl_certfile=certificate,
+        ssl_keyfile=key,
+    )
+    try:
+        settings.load()
+    except OSError as fault:  # SSLError is one
+        raise InputError(str(certificate), "tls", None, f"cannot be used ({fault})") from fault
+    server = uvicorn.Server(settings)
+    thread = threading.Thread(
+        target=server.run, kwargs={"sockets": [_listening(host, port)]}, daemon=True
+    )
+    thread.start()
+    while not server.started:
+        time.sleep(0.005)
+    scheme = "https" if tls else "http"
+    page = "" if scenario else "replay"
+    addresses = [f"{scheme}://{host}:{port}/{page}?token={token}" for token in doors]
+    if hall:
+        say(f"the trainer: open {scheme}://{host}:{port}/?token={hall[0]} once, in one browser")
+    for (name, folder), address in zip(folders.items(), addresses, strict=True):
+        again = "taken up again" if (folder / LOG).exists() else "begun"
+        again = again if scenario else "played back"
+        once = "; the code in it lets them in again" if hall else " once, in one browser"
+        say(f"{name or 'the day'}, {again} in {folder}: open {address}{once}")
+    say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
+    if browser:
+        webbrowser.open(addresses[0])
+    sys.setswitchinterval(5e-4)  # s, that loading may hold up an answer
+    try:
+        for day in days.values():
+            day.looked_at.wait(0.5)  # s: a first page before what is loaded for later
+            day.open()
+        if scenario:
+            _warm(scenario.spec)
+        thread.join()
+    finally:
+        server.should_exit = True
+        thread.join()
+
+
+def _require(host: str, tls: tuple[Path, Path] | None, trainees: int) -> None:
+    if host != LOOPBACK and tls is None:
+        allowed = f"beyond {LOOPBACK} the page needs --tls-certificate and --tls-key"
+        raise InputError("", "host", host, allowed)
+    for path in tls or ():
+        if not path.is_file():
+            raise InputError(str(path), "tls", None, "no such file")
+    if not 1 <= trainees <= MOST_TRAINEES:
+        raise InputError("", "trainees", trainees, f"allowed: 1 to {MOST_TRAINEES}")
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    own = socket.socket(proto=socket.IPPROTO_TCP)  # without it an answer in two parts waits 40 ms
+    own.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        own.bind((host, port))
+    except OSError as fault:
+        own.close()
+        allowed = f"cannot be served at {host} ({fault.strerror}); try another"
+        raise InputError("", "port", port, allowed) from fault
+    return own
+
+
+def _warm(scenario: Scenario) -> None:
+    """Load what is compiled, on another laboratory's day, while the first readings are made."""
+    from virtual_lab.bench.day.operators import operator_of
+    from virtual_lab.bench.machines.apparatus import Apparatus
+    from virtual_lab.bench.machines.keeping import laboratory_of, taken
+
+    taken(Apparatus(laboratory_of(scenario, 0, b"")), operator_of("book"))

@@ -1,0 +1,33 @@
+"""The debrief as a page, and beside a day's log."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from virtual_lab.bench.day.doubts import known_doubts
+from virtual_lab.bench.day.scenario import UNITS
+from virtual_lab.bench.day.table import action_table
+from virtual_lab.bench.scoring.debrief import Debrief
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.template import page_template
+
+
+def debrief_page(told: Debrief, *, linked: bool = False) -> str:
+    """Return the debrief as one HTML page that needs nothing else, or `linked` to a replay."""
+    return page_template("virtual_lab.bench.pages", "debrief.html").render(
+        told=told,
+        linked=linked,
+        sheets=action_table().actions,
+        titles=known_doubts(),
+        length=UNITS[told.units][0],
+        speed=UNITS[told.units][1],
+        metric=METRICS[told.metric],
+    )
+
+
+def save_debrief(told: Debrief, folder: Path) -> None:
+    """Write a debrief as ``debrief.json`` and ``debrief.html`` into a folder."""
+    text = json.dumps(told.document(), indent=1, allow_nan=False)
+    (folder / "debrief.json").write_text(text + "\n", encoding="utf-8")
+    (folder / "debrief.html").write_text(debrief_page(told), encoding="utf-8")
