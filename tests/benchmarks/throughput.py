@@ -3,8 +3,9 @@
 Shots: from true shots to records to the metric of each, in blocks on one core, once with
 instruments that write sums, once with every edge and count. Certificates: the whole tests of
 laboratories of a round robin side by side, from their rigs to the verdicts, in the time of numpy's
-normal numbers in this run. Times are those of the processor, which neighbours on a shared machine
-disturb less than the clock on the wall.
+normal numbers in this run; one alone; one in full with a bat of its own; a campaign by two
+processes. Times are those of the processor, which neighbours on a shared machine disturb less than
+the clock on the wall, but for the campaign's.
 """
 
 from __future__ import annotations
@@ -14,16 +15,20 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
+import virtual_lab as vl
 from tests.benchmarks.machine import Work, processor_seconds
 from tests.benchmarks.rows import Row, tell
 from virtual_lab import catalog
-from virtual_lab.lab import RoundRobin, by_the_book
+from virtual_lab.lab import RoundRobin, by_the_book, certify_block
 from virtual_lab.measurement.procedure import Curve, metric_of
 from virtual_lab.measurement.reduction.observations import observe_balls, observe_impact
 from virtual_lab.measurement.reduction.shot_algebra import (
@@ -49,7 +54,8 @@ CERTIFICATES = {  # normal numbers of numpy in whose time one is to be made, sum
     "ncaa-modified": 140_000,
     "proposed": 140_000,
 }
-LABORATORIES = 512  # a round
+LABORATORIES = 2048  # a round
+CAMPAIGN = 131_072
 ROUNDS = 9
 NORMALS = 1_000_000
 
@@ -84,6 +90,37 @@ def _rows() -> Iterator[Row]:
             at_most=most,
             note=f"{1 / spent:.0f} a second",
         )
+    spent = processor_seconds(_one(RecordDetail.SUMMED), 50)
+    yield Row(part="astm-f1881", what="one alone, summed", value=1e3 * spent, unit="ms", at_most=5)
+    spent = processor_seconds(_one(RecordDetail.FULL, individual=True), 20) / normals
+    what = "one alone in full, a bat of its own"
+    yield Row(part="astm-f1881", what=what, value=spent, unit="normals", at_most=5_000_000)
+    spent = _campaign()
+    yield Row(
+        part="astm-f1881",
+        what="a row of a campaign, two processes, by the clock",
+        value=spent / normals,
+        unit="normals",
+        at_most=10_000,
+        note=f"{1 / spent:.0f} a second",
+    )
+
+
+def _one(detail: RecordDetail, *, individual: bool = False) -> Work:
+    """Return the work of certifying the next laboratory alone."""
+    round_robin = RoundRobin.of("r161", "astm-f1881", individual=individual)
+    setup = replace(round_robin.setup, seed=1, detail=detail)
+    numbers = count()
+    return lambda: certify_block(replace(setup, number=next(numbers)))
+
+
+def _campaign() -> float:
+    """Return the time of a row of a campaign [s], by the clock on the wall, start and end too."""
+    study = {"bats": ["r161"], "procedures": ["astm-f1881"], "laboratories": CAMPAIGN, "seed": 1}
+    with TemporaryDirectory() as folder:
+        start = time.perf_counter()
+        vl.campaign(study, Path(folder) / "campaign", workers=2)
+        return (time.perf_counter() - start) / CAMPAIGN
 
 
 def _certify(procedure: str) -> Work:
