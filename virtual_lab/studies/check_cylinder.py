@@ -19,7 +19,13 @@ from virtual_lab.lab import Laboratory, TestSetup, by_the_book
 from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.observations import along_of
-from virtual_lab.measurement.session_reduction import reduce_session
+from virtual_lab.measurement.session_reduction import (
+    observe_hits,
+    prepare_block,
+    reduce_session,
+    reduce_shots,
+)
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import ShotPlan, Stage
@@ -58,24 +64,32 @@ def check_cylinder(
     )
     laboratory = Laboratory.open(replace(setup, ball=catalog.load("balls", "check-ball", BallSpec)))
     session = by_the_book(laboratory).of(0).certification.session
-    plan = ShotPlan(
-        slot=np.arange(hits),
-        ball=np.zeros(hits, dtype=int),
-        speed=np.full(hits, rules.ball_speed),
-        place=np.full(hits, reduce_session(session).readings.place[0] - along_of(session)),
-        detail=setup.detail,
-    )
+    preparation = prepare_block(SessionBlock.of(session))
+    place = reduce_session(session).readings.place[0] - along_of(session)
+    # with every edge and count the hits of a session share the fit of the bat's vibrations
+    together = 1 if faults else days
     values = []
-    for number in range(1, days + 1):
-        day = wrong if number >= since else FaultSet()
+    for first in range(1, days + 1, together):
+        day = wrong if first >= since else FaultSet()
         station = day.station(stage, laboratory.stations[stage])
-        beyond_the_test = 1_000_000 + number * hits
-        today = replace(plan, slot=beyond_the_test + plan.slot)
-        play = day.play(stage, station, today, laboratory.specimen, laboratory.draws)
-        found = reduce_session(with_records(session, stage, [play]))
-        valid = found.judgement.valid
-        if not valid.any():
-            reason = found.judgement.reasons[0]
-            raise InputError("", "day", number, f"no hit at the check cylinder is valid: {reason}")
-        values.append(float(found.shots.lot_collision_efficiency[valid].mean()))
-    return np.array(values)
+        beyond_the_test = 1_000_000 + first * hits
+        plan = ShotPlan(
+            slot=beyond_the_test + np.arange(together * hits),
+            ball=np.zeros(together * hits, dtype=int),
+            speed=np.full(together * hits, rules.ball_speed),
+            place=np.full(together * hits, place),
+            detail=setup.detail,
+        )
+        play = day.play(stage, station, plan, laboratory.specimen, laboratory.draws)
+        recorded = SessionBlock.of(with_records(session, stage, [play]))
+        readings = observe_hits(recorded, preparation)
+        reduced = reduce_shots(recorded, preparation, readings)
+        valid = reduced.valid.reshape(together, hits)
+        for number, hit in enumerate(valid, first):
+            if not hit.any():
+                reason = reduced.of(0, readings).judgement.reasons[(number - first) * hits]
+                allowed = f"no hit at the check cylinder is valid: {reason}"
+                raise InputError("", "day", number, allowed)
+        efficiency = reduced.results.lot_collision_efficiency.reshape(together, hits)
+        values.append(efficiency.mean(axis=1, where=valid))
+    return np.concatenate(values)

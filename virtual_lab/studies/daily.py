@@ -296,11 +296,11 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     first = np.zeros(hits, dtype=int)
     turns = np.arange(hits)
     plan = ShotPlan(slot=turns, ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
-    values = []
+    bat, values = made_bat(cylinder, draws), []
     for day, gives in enumerate(wall):
         play = station.with_wall(float(gives)).play(
             replace(plan, slot=day * hits + turns),
-            Specimen(bat=made_bat(cylinder, draws), balls=balls, collision=collision),
+            Specimen(bat=bat, balls=balls, collision=collision),
             draws,
         )
         gates = play.records["gates"]
