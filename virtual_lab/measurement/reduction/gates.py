@@ -237,12 +237,13 @@ def flights(x: Constants, stage: str, seen: Passages, drag: Array) -> Flights:
     # a set of constants is a row; the shots of some rows are the same ones
     rows = np.broadcast_shapes(known.shape[:-2], np.shape(drag)[:-1], tuple(own))
     many = prod(rows)
-    batch = np.broadcast_to(np.arange(prod(own)).reshape(own), rows).reshape(many)
+    # arrays of one kind: a compiled function is compiled anew for views and what is not written to
+    batch = np.array(np.broadcast_to(np.arange(prod(own)).reshape(own), rows)).reshape(many)
     if known.ndim == 1:
         known = known[None]
     sets = np.broadcast_to(known[..., 0, :], (*rows, len(names))).reshape(many, len(names))
     clock, distances = sets[:, 0].copy(), sets[:, 1 : 1 + len(gates)].copy()
-    drag = np.broadcast_to(drag, (*rows, shots)).reshape(many, shots)
+    drag = np.array(np.broadcast_to(drag, (*rows, shots))).reshape(many, shots)
     speeds, heights = np.full((2, many, shots), np.nan), np.full((3, many, shots), np.nan)
     fit_speeds(_by_gate(seen.times), batch, distances, clock, drag, speeds)
     if tall:
