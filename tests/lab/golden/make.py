@@ -163,7 +163,7 @@ def _operated(case: Case) -> tuple[Certification, SealedTruth]:
     with TemporaryDirectory() as place:
         kept = KeptDay.begin(Path(place) / "day", load_scenario(SCENARIO), SEED)
         kept.taken(operator_of(case.what, SEED))
-        return kept.desk.certification, kept.apparatus.finish(kept.day).sealed
+        return kept.desk.certification, kept.apparatus.finish(kept.desk).sealed
 
 
 def _made(asked: Iterable[Case]) -> Iterator[Row]:
