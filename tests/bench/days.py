@@ -7,19 +7,23 @@ from typing import Any
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.doubts import fault_sheets
-from virtual_lab.bench.day.operators import PREPARATION, Look, Operator
+from virtual_lab.bench.day.operators import PREPARATION, Look, Operator, operator_of
 from virtual_lab.bench.day.scenario import Scenario
 from virtual_lab.bench.day.table import MAKE_READY
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.keeping import laboratory_of, played
+from virtual_lab.bench.machines.keeping import laboratory_of, played, taken
+from virtual_lab.bench.scoring.debrief import Debrief, debrief
 
 __all__ = [
     "PLAIN",
+    "after_plain",
     "apparatus",
     "asked",
     "day_of",
     "detector",
+    "experts",
     "scenario",
+    "told",
     "with_change",
     "without",
 ]
@@ -52,7 +56,7 @@ def detector(fault: str) -> Operator:
     found_by = fault_sheets()[fault].found_by
     assert found_by
 
-    def taken(look: Look) -> Iterator[Action]:
+    def checked(look: Look) -> Iterator[Action]:
         needed = PREPARATION if "fire" in found_by.actions else ("tare", "level-stand", "fit-clamp")
         yield from map(action_of, needed)
         for name in found_by.actions:
@@ -65,7 +69,7 @@ def detector(fault: str) -> Operator:
             elif name not in {*needed, *MAKE_READY}:
                 yield action_of(name)
 
-    return taken
+    return checked
 
 
 def scenario(faults: tuple[str, ...] = (), **changes: Any) -> Scenario:
@@ -103,3 +107,24 @@ def with_change(name: str, **arguments: Any) -> list[Asked]:
 
 def day_of(days: Iterable[Asked], *faults: str) -> Day:
     return played(apparatus(*faults), asked(days))
+
+
+@cache
+def _plain() -> Day:
+    return day_of(PLAIN)
+
+
+def after_plain(*more: Asked) -> Day:
+    """Return the plain day, and what is done after it."""
+    return taken(apparatus(), lambda _: iter(asked(more)), _plain())
+
+
+@cache
+def experts(*faults: str) -> Day:
+    """Return the expert's day that every debrief with these faults is held against."""
+    return taken(apparatus(*faults), operator_of("expert"))
+
+
+def told(day: Day, *faults: str) -> Debrief:
+    """Return the debrief of a day of a test."""
+    return debrief(apparatus(*faults), day, scenario(faults), expert=experts(*faults))

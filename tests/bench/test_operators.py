@@ -9,7 +9,18 @@ import pytest
 from click.testing import CliRunner
 
 import virtual_lab as vl
-from tests.bench.days import PLAIN, SALT, SEED, apparatus, asked, scenario
+from tests.bench.days import (
+    PLAIN,
+    SALT,
+    SEED,
+    after_plain,
+    apparatus,
+    asked,
+    day_of,
+    experts,
+    scenario,
+    told,
+)
 from virtual_lab import catalog
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk
@@ -30,12 +41,14 @@ END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
 
 @cache
 def day_by(name: str, *faults: str) -> Day:
+    if name == "expert":
+        return experts(*faults)
     return taken(apparatus(*faults), operator_of(name, 4))
 
 
 @cache
 def debriefed(name: str, *faults: str) -> Debrief:
-    return debrief(apparatus(*faults), day_by(name, *faults), scenario(faults))
+    return told(day_by(name, *faults), *faults)
 
 
 def scores(found: Debrief) -> dict[str, float]:
@@ -122,8 +135,8 @@ def test_the_cost_of_a_decision_is_the_day_played_with_it_mended() -> None:
         (name, given | {"end": "knob"} if name == "measure-balance" else given)
         for name, given in PLAIN
     ]
-    day, sound = (played(apparatus(), asked([*days, *END])) for days in (wrong, PLAIN))
-    found = debrief(apparatus(), day, scenario())
+    day, sound = day_of([*wrong, *END]), after_plain(*END)
+    found = told(day)
     entry = next(e.number for e in day.events if e.action == "measure-balance")
     costs = {each.entry: each for each in found.costly}
     other = Desk(sound).certification.metric
@@ -139,9 +152,8 @@ def test_a_lucky_mistake_is_called_luck() -> None:
     """Hits thrown out one at a time: some must bring the mean nearer to the truth."""
     words = set()
     for shot in (1, 3, 4, 5, 6, 7):
-        days = [*PLAIN, ("reject", {"shot": shot, "because": "a feeling"}), *END]
-        day = played(apparatus(), asked(days))
-        each = debrief(apparatus(), day, scenario()).costly[0]
+        day = after_plain(("reject", {"shot": shot, "because": "a feeling"}), *END)
+        each = told(day).costly[0]
         assert (each.cost < 0) == each.word.startswith("luck")
         words.add(each.word.split(":")[0])
         if len(words) == 2:
@@ -153,8 +165,7 @@ def test_a_justified_deviation_is_not_marked_down() -> None:
     days = [each for each in PLAIN if each[0] != "level-stand"]
     note = ("note-deviation", {"step": "level-stand", "because": "the stand levels itself"})
     bare, excused = (
-        scores(debrief(apparatus(), played(apparatus(), asked(each)), scenario()))["protocol"]
-        for each in ([*days, *END], [note, *days, *END])
+        scores(told(day_of(each)))["protocol"] for each in ([*days, *END], [note, *days, *END])
     )
     assert bare < excused == 1.0
 
@@ -164,16 +175,16 @@ def test_confidence_counts() -> None:
 
     def score(confidence: float) -> float:
         doubt = ("note-doubt", {"doubt": "gate-moved", "confidence": confidence})
-        day = played(apparatus(), asked([doubt, *PLAIN, *END]))
-        return scores(debrief(apparatus(), day, scenario()))["detection"]
+        day = after_plain(doubt, *END)
+        return scores(told(day))["detection"]
 
     assert score(30) == pytest.approx(1 - 0.09)
     assert score(90) == pytest.approx(1 - 0.81)
 
 
 def test_a_false_pass_is_worth_nothing() -> None:
-    day = replace(played(apparatus(), asked([*PLAIN, *END])), verdict="FAIL")
-    assert scores(debrief(apparatus(), day, scenario()))["result"] == 0
+    day = replace(after_plain(*END), verdict="FAIL")
+    assert scores(told(day))["result"] == 0
 
 
 def test_a_fail_says_in_the_debrief_what_was_not_met_and_nothing_at_the_bench() -> None:
@@ -196,13 +207,13 @@ def test_a_fail_says_in_the_debrief_what_was_not_met_and_nothing_at_the_bench() 
 
 def test_the_debrief_waits_for_the_end() -> None:
     with pytest.raises(InputError, match="handed in"):
-        debrief(apparatus(), played(apparatus(), asked(PLAIN)), scenario())
+        told(after_plain())
 
 
 def test_what_is_typed_is_escaped() -> None:
     note = ("note-deviation", {"because": "<script>alert(1)</script>"})
-    day = played(apparatus(), asked([note, *PLAIN, *END]))
-    page = debrief_page(debrief(apparatus(), day, scenario()))
+    day = after_plain(note, *END)
+    page = debrief_page(told(day))
     assert "<script" not in page
     assert "&lt;script&gt;" in page
 
@@ -321,13 +332,13 @@ def test_a_fault_is_told_with_the_entry_that_showed_it_and_the_one_that_named_it
 def test_the_confidence_in_the_verdict_is_scored_by_brier() -> None:
     for verdict, confidence, brier in (("PASS", 80, 0.04), ("FAIL", 80, 0.64), ("FAIL", 0, 0)):
         given = ("give-verdict", {"verdict": verdict, "confidence": confidence})
-        day = played(apparatus(), asked([*PLAIN, ("reduce", {}), given, ("hand-in", {})]))
-        assert debrief(apparatus(), day, scenario()).brier == pytest.approx(brier)
+        day = after_plain(("reduce", {}), given, ("hand-in", {}))
+        assert told(day).brier == pytest.approx(brier)
 
 
 def test_own_results_are_checked_and_are_what_the_verdict_rests_on() -> None:
     """Those of the software to four digits agree; one with a slip of a digit costs its error."""
-    sound = Desk(played(apparatus(), asked(PLAIN))).certification.quantities
+    sound = Desk(after_plain()).certification.quantities
     names = {"r": "recoil_factor", "e_A": "collision_efficiency", "e": "restitution"}
     right = {name: round(sound[key].value, 4) for name, key in names.items()}
     value = sound["recoil_factor"].value
@@ -338,9 +349,8 @@ def test_own_results_are_checked_and_are_what_the_verdict_rests_on() -> None:
     assert bpf is not None
 
     def taken_with(**entered: float) -> tuple[Day, Debrief]:
-        days = [*PLAIN, ("enter-result", entered), END[1], END[2]]
-        day = played(apparatus(), asked(days))
-        return day, debrief(apparatus(), day, scenario())
+        day = after_plain(("enter-result", entered), END[1], END[2])
+        return day, told(day)
 
     day, agreed = taken_with(**right, BPF=round(bpf, 4))
     said = {what: value for event in day.events[-3:] for what, value, _ in event.shown}
@@ -359,7 +369,7 @@ def test_a_disputed_score_keeps_the_trainees_note() -> None:
     note = ("dispute-score", {"score": "economy", "note": "the wall rig was =taken="})
     with pytest.raises(InputError, match="not handed in"):
         played(apparatus(), asked([*PLAIN, note]))
-    found = debrief(apparatus(), played(apparatus(), asked([*PLAIN, *END, note])), scenario())
+    found = told(after_plain(*END, note))
     assert found.disputes == (("economy", "the wall rig was =taken="),)
     assert "Disputed: the wall rig was =taken=" in debrief_page(found)
     assert scores(found) == scores(debriefed("book"))

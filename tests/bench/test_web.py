@@ -150,7 +150,7 @@ def test_a_debrief_being_made_says_so_and_holds_no_other_day_up(
         DEBRIEFS.do(held.wait)  # another's
         waiting = browser.ask("/debrief", patient=False)
         assert (waiting.status, waiting.headers["refresh"]) == (202, "1")
-        assert "1 is made before yours" in waiting.text
+        assert "looks again by itself; 1 before it" in waiting.text
         assert other.do("tare").status == 303
     finally:
         held.set()

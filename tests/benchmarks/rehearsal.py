@@ -175,6 +175,8 @@ def handed_in_at_once(folder: str) -> tuple[dict[str, list[float]], float]:
             next_one = trainee.number(trainee.ask("GET", "/"))
             for number, (name, given) in enumerate(END, next_one):
                 trainee.do(number, name, given)
+        for each in (*trainees, other):
+            each.line.close()
         begun = time.perf_counter()
         threads = [threading.Thread(target=each.ask, args=("GET", "/debrief")) for each in trainees]
         for thread in threads:

@@ -218,9 +218,7 @@ class ServedDay:
             return debrief_page(told.result(patience), linked=True)
         except TimeoutError as late:
             ahead = DEBRIEFS.ahead(told)
-            raise TimeoutError(
-                f"{ahead} {'is' if ahead == 1 else 'are'} made before yours"
-            ) from late
+            raise TimeoutError(f"{ahead} before it" if ahead else "it is the next") from late
 
     def _debriefed(self) -> Debrief:
         from virtual_lab.bench.scoring.debrief import debriefed

@@ -381,7 +381,7 @@ def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[HitShown]:
             if whole
             else "not reduced yet",
             decision=hit.decision,
-            because=hit.because,
+            because=in_units(hit.because, briefing["units"]),
         )
         for shot, hit in enumerate(desk.hits, 1)
     ]

@@ -287,7 +287,7 @@ def _debriefed(room: Room, _: Request) -> Response:
     try:
         return _sandboxed(partial(room.debrief, PATIENCE))
     except TimeoutError as late:
-        page = plain_page("The debrief is being made", f"This page looks again: {late}.")
+        page = plain_page("The debrief is being made", f"This page looks again by itself; {late}.")
         return HTMLResponse(page, status_code=202, headers={"Refresh": "1"})
 
 
