@@ -148,6 +148,7 @@ class BlockReduction:
     sought: Sought  # by a scan
     valid: Mask
     acceptance: Acceptance = judge  # by which they are valid
+    latest: NDArray[np.intp] | None = None  # owners of the last round: others are done
 
     @classmethod
     def alone(cls, reduced: SessionReduction) -> BlockReduction:
@@ -184,14 +185,18 @@ class BlockReduction:
 
     def next_shots(self) -> NextShots:
         """Return what the procedure asks for next; nothing where a test is complete."""
-        return next_shots(
+        asking = np.zeros(self.preparation.laboratories, dtype=bool)
+        asking[... if self.latest is None else self.latest] = True
+        own, turn = asking[self.owner], np.cumsum(asking) - 1
+        found = next_shots(
             self.procedure,
-            self.preparation.percussion,
-            self.owner,
-            self.place,
-            self.valid,
-            self.sought.value,
+            self.preparation.percussion[asking],
+            turn[self.owner[own]],
+            self.place[own],
+            self.valid[own],
+            self.sought.value[own],
         )
+        return NextShots(np.flatnonzero(asking)[found.owner], found.place)
 
     def with_round(self, more: BlockReduction) -> BlockReduction:
         """Return the shots of both, `more` fired later."""
@@ -202,6 +207,7 @@ class BlockReduction:
         value, gain = map(np.concatenate, zip(self.sought, more.sought, strict=True))
         return replace(
             self,
+            latest=more.owner,
             owner=both("owner"),
             place=both("place"),
             results=self.results.with_shots(more.results),
