@@ -47,6 +47,6 @@ def test_a_wrong_word_in_a_tutorial_shows() -> None:
     assert runner.failures == 1
 
 
-def test_the_page_of_tasks_has_fifteen() -> None:
+def test_the_page_of_tasks_has_sixteen() -> None:
     text = (DOCS / "how-do-i.md").read_text("utf-8")
-    assert len(re.findall(r"^\d+\. \*\*", text, re.MULTILINE)) == 15
+    assert len(re.findall(r"^\d+\. \*\*", text, re.MULTILINE)) == 16

@@ -25,14 +25,20 @@ Array = NDArray[np.float64]
 
 
 def laboratory(
-    errors: float, u: float = 0.01, *, stray: float = 0.0, valid: int = 6, verdict: str = "PASS"
+    errors: float,
+    u: float = 0.01,
+    *,
+    dof: float = np.inf,
+    stray: float = 0.0,
+    valid: int = 6,
+    verdict: str = "PASS",
 ) -> Any:
     """Return a block of one whose results all lie `errors` above the truth, of six hits.
 
     `stray` [m]: marks lie so far to either side of the mean aim.
     """
     value = np.array([TRUE + errors])
-    budgets = combined(value, types_a("hits", value, np.array([u])))
+    budgets = combined(value, types_a("hits", value, np.array([u]), np.array([dof])))
     names = ("metric", *QUANTITIES)
     aside = AIM + stray * np.array([1.0, -1.0] * 3)
     hits = np.arange(6) < valid
@@ -73,6 +79,7 @@ def studied(monkeypatch: pytest.MonkeyPatch) -> Any:
         shared = SimpleNamespace(
             laboratory=lambda _: opened, each_block=lambda take, *_: map(take, tests)
         )
+        monkeypatch.setattr(study, "replace", lambda given, **_: given)
         monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_, **__: shared))
         return coverage("r161", laboratories=len(tests))
 
@@ -99,15 +106,18 @@ def test_bounds_are_clopper_and_pearsons_of_95_percent(studied: Any) -> None:
     assert (row.low, row.high) == pytest.approx((0.7513, 0.9987), abs=5e-5)
 
 
-def test_thirds_go_by_u(studied: Any) -> None:
-    """The two smallest u hold the truth, of the middle two one, of the largest none.
+def test_tenths_go_by_u_and_by_degrees_of_freedom(studied: Any) -> None:
+    """Twenty laboratories, u .01 to .20: the odd ones miss up to u .10, all do beyond.
 
-    Errors fall as u grows and the tests come in another order than either.
+    Degrees of freedom fall as u grows, and the tests come in another order than either.
     """
-    by_u = [(0.001, 0.0005), (0.002, 0.0003), (0.003, -0.02), (0.004, 0.0002)]
-    by_u += [(0.005, -0.0300), (0.006, -0.0400)]
-    tests = [laboratory(by_u[at][1], by_u[at][0]) for at in (4, 1, 3, 0, 5, 2)]
-    assert all(row.thirds == (1.0, 0.5, 0.0) for row in studied(tests))
+    tests = []
+    for k in (7 * at % 20 for at in range(20)):
+        missed = k >= 10 or k % 2
+        tests.append(laboratory(-9.0 if missed else 0.0, 0.01 * (k + 1), dof=40.0 - k))
+    for row in studied(tests):
+        assert row.by_u == (0.5,) * 5 + (0.0,) * 5
+        assert row.by_dof == (0.0,) * 5 + (0.5,) * 5
 
 
 def test_mean_and_scatter_of_errors_by_hand(studied: Any) -> None:

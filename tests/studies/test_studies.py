@@ -40,8 +40,9 @@ def test_coverage_in_a_few_laboratories(bat: str, procedure: str) -> None:
         assert 0.65 < row.sd_z < 1.35 * (1.3 if procedure == "bbcor" else 1.0)
         assert row.low < row.coverage < row.high or row.coverage == 1
         assert row.coverage + row.above + row.below == pytest.approx(1)
-        many = np.array([len(part) for part in np.array_split(np.arange(row.laboratories), 3)])
-        assert many @ row.thirds / many.sum() == pytest.approx(row.coverage)
+        many = np.array([len(part) for part in np.array_split(np.arange(row.laboratories), 10)])
+        for parts in (row.by_u, row.by_dof):
+            assert many @ parts / many.sum() == pytest.approx(row.coverage)
         assert abs(row.bias - row.expected) < 4 * row.bias_se
 
 

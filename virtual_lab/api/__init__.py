@@ -460,6 +460,9 @@ def certify(
     notes: str = "",
     replaces: str | Path | None = None,
     reason: str = "",
+    test: int | None = None,
+    history: str | Path | Sequence[str | Path] = (),
+    uncertainty: str = "first-order",
     progress: Progress = quiet,
 ) -> Certificate:
     """Test a bat by a procedure and return its certificate.
@@ -507,6 +510,13 @@ def certify(
         Such particulars of this test, in place of the file's.
     replaces, reason
         Folder of the result that this one replaces, and why: the certificate names both.
+    test
+        Number of the test in its laboratory: the same calibrations, another bat, other balls.
+    history
+        Folders of earlier tests of this bat design by the same procedure in this laboratory, three
+        and more: the scatter of their hits counts too.
+    uncertainty
+        ``first-order``, ``second-order`` or ``monte-carlo`` (until two digits of u are right).
     progress
         Called with the present task, one sentence at a time.
 
@@ -514,14 +524,17 @@ def certify(
     ------
     InputError
         An unknown name, a file that cannot be used, a seed that is no whole number from 0, a
-        number without a seed, a film at a rig without a camera.
+        number or test without a seed, a film at a rig without a camera, a history of other tests.
     """
     from virtual_lab import catalog
     from virtual_lab.certificate.chain import replaced_report
+    from virtual_lab.certificate.history import earlier_scatter
     from virtual_lab.lab import TestSetup, certify_bat
     from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.records.particulars import read_particulars
     from virtual_lab.simulation.rig import Reality, named
+    from virtual_lab.uncertainty.estimate import Known
+    from virtual_lab.uncertainty.propagating import named_method
 
     rules: str | Entry[Procedure] = cast("str", procedure)  # sheets are names by now
     if ball is not None:
@@ -540,6 +553,7 @@ def certify(
         control_bat=cast("str | None", control_bat),
         correction=correction,
         film=film,
+        test=test,
         particulars=read_particulars(
             None if laboratory is None else Path(laboratory),
             {
@@ -552,6 +566,18 @@ def certify(
             },
             replaced_report(None if replaces is None else Path(replaces), reason),
         ),
+    )
+    asked = {
+        "bat": setup.bat.spec.name,
+        "procedure": setup.rules.text,
+        "rig": setup.rig,
+        "laboratory": setup.particulars.laboratory.name,
+    }
+    scatter = earlier_scatter(cast("Sequence[Path]", history), asked)
+    setup = replace(
+        setup,
+        history={name: Known.stacked([each]) for name, each in scatter.items()},
+        uncertainty=named_method(uncertainty),
     )
     return _certificate(certify_bat(setup, progress), seed)
 

@@ -49,3 +49,13 @@ def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification
             allowed = f"its records give {row.found}; 'virtual-lab verify {folder}' says more"
             raise InputError(str(folder / CERTIFICATE), row.key, row.stated, allowed)
     return stated, certification
+
+
+def result_folders(folder: Path) -> list[Path]:
+    """Return the folder, or the results in it."""
+    if (folder / CERTIFICATE).exists() or not folder.is_dir():
+        return [folder]
+    inner = sorted(path.parent for path in folder.glob(f"*/{CERTIFICATE}"))
+    if not inner:
+        raise InputError(str(folder), CERTIFICATE, None, "stands neither here nor below")
+    return inner

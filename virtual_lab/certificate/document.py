@@ -425,6 +425,7 @@ class CertificateDocument(Spec):
     choice: ChoiceStated | None
     conditional_on: str
     budget: tuple[BudgetLine, ...]  # largest first
+    evaluation: str = ""  # by which method, and which tests tell the scatter of the hits
     unverified: tuple[UnverifiedValue, ...]
     simulation: SimulationStated | None  # null: of supplied records
     versions: dict[str, str]

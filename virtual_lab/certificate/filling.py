@@ -69,9 +69,11 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.origin import Simulated, Supplied
 from virtual_lab.records.particulars import Particulars
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget
+from virtual_lab.uncertainty.budget import HITS, Budget, combine
+from virtual_lab.uncertainty.scatter import larger_today
 from virtual_lab.units import INCH, MPH, Array
 
+HISTORY = 10  # tests, whose use a certificate without any foretells
 FEWEST_PLACES = 4  # for a curve along the barrel
 
 
@@ -181,6 +183,7 @@ def certificate(
         choice=_choice(metric),
         conditional_on=_conditional_on(certification),
         budget=tuple(budget_lines(metric)) if metric else (),
+        evaluation=f"{_method(certification)} {_scatter(certification, metric)}" if metric else "",
         unverified=tuple(
             UnverifiedValue(
                 key=datum.key,
@@ -359,6 +362,49 @@ def _conditional_on(certification: Certification) -> str:
         f"The result and its uncertainty are conditional on {model}the procedure as it is known "
         f"here ({values} unverified)."
     )
+
+
+FIRST_ORDER = (
+    "First-order propagation, effective degrees of freedom after Welch and Satterthwaite (GUM), "
+    "Student's t for the interval."
+)
+
+
+def _method(certification: Certification) -> str:
+    """Return by which method u and interval of the metric were found, in words."""
+    finer = certification.refined
+    if finer is None:
+        return FIRST_ORDER
+    found = next(iter(finer.outcomes.values()))
+    if found.convergence is None:
+        order = "Propagation of mean and variance to second order (GUM 5.1.2, note): by it the mean"
+        return f"{order} lies {found.shift:+.2g} off. {FIRST_ORDER}"
+    drawn, within = found.convergence.draws, found.convergence.tolerance
+    return (
+        f"Propagation of distributions (JCGM 101) by {drawn:,} draws, u and both ends of the "
+        f"interval right within {within:.1g} with 95 %; their mean lies {found.shift:+.2g} off. "
+        "Contributions are those of the first order."
+    )
+
+
+def _scatter(certification: Certification, metric: Budget) -> str:
+    """Return which tests tell the scatter of the hits, and what it costs to have no history."""
+    earlier, today = certification.session.history.get("metric"), certification.variances
+    alone = "The scatter of the hits is known from this test alone"
+    if earlier is None:
+        longer = [
+            replace(part, dof=(1 + HISTORY) * part.dof) if part.name == HITS else part
+            for part in metric.components
+        ]
+        linear, known = combine(metric.value, metric.components), combine(metric.value, longer)
+        less = 1 - np.ptp(known.interval_95) / np.ptp(linear.interval_95) if linear.u else 0.0
+        return (
+            f"{alone}: with that of {HISTORY} earlier ones, as large, the interval would be "
+            f"{less:.0%} shorter. Without, one that is short by chance holds the truth less often."
+        )
+    if "metric" in today and larger_today(today["metric"], earlier):
+        return f"{alone}: it is larger than in {earlier.source}, beyond chance (F test, 1 %)."
+    return f"The scatter of the hits is that of this test and of {earlier.source} together."
 
 
 def _choice(metric: Budget | None) -> ChoiceStated | None:

@@ -145,6 +145,29 @@ def saved_so(
 @click.option("--received", default="", metavar="DAY", help="Day of receipt, as 2026-11-25.")
 @click.option("--operator", default="", help="Who carries out the test.")
 @click.option("--notes", default="", help="What else is to be stated.")
+@click.option(
+    "--test",
+    type=click.IntRange(min=0),
+    metavar="NUMBER",
+    help="Number of this test in its laboratory, with --seed: the same calibrations, another bat, "
+    "other balls.",
+)
+@click.option(
+    "--history",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    metavar="FOLDER",
+    help="Result folder of an earlier test of this bat design by the same procedure in this "
+    "laboratory, or a folder of such; may be given several times. The scatter of their hits "
+    "counts, too.",
+)
+@click.option(
+    "--uncertainty",
+    type=click.Choice(["first-order", "second-order", "monte-carlo"]),
+    default="first-order",
+    show_default=True,
+    help="Method to propagate it; Monte Carlo draws until two digits of u are right.",
+)
 @saving_options
 def certify(
     bat: str,

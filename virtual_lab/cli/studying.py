@@ -38,6 +38,15 @@ NUMBERED = "; its laboratories are taken by number, from 0"
     help="Instruments write sums (a camera: places), the bat is nominal: a hundred times as fast.",
 )
 @click.option("--individual", is_flag=True, help="With --summed: a made bat in every laboratory.")
+@click.option(
+    "--history",
+    "earlier_tests",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    metavar="NUMBER",
+    help="Earlier tests of each laboratory, whose scatter of hits counts, too.",
+)
 @workers_option
 @click.option(
     "--effects",
@@ -61,6 +70,7 @@ def coverage(
     effects: bool,
     clips: int | None,
     individual: bool,
+    earlier_tests: int,
     workers: int,
     progress: Progress,
     **asked: Any,
@@ -68,17 +78,18 @@ def coverage(
     """Test BAT in many laboratories; count the 95 % intervals that contain the true value."""
     if clips is not None:
         given = context.get_parameter_source("laboratories")
-        beside = effects or individual or workers > 1
+        beside = effects or individual or earlier_tests or workers > 1
         if beside or given is click.core.ParameterSource.COMMANDLINE:
-            usage("--clips goes with none of --effects, --individual, --laboratories, --workers")
+            others = "--effects, --individual, --history, --laboratories, --workers"
+            usage(f"--clips goes with none of {others}")
         rules = procedure or "bbcor"
         return api.clip_coverage(bat, procedure=rules, clips=clips, progress=progress, **asked)
     asked |= {"procedure": procedure or "astm-f1881", "laboratories": laboratories}
     if effects:
-        if individual or workers > 1:
-            usage("--effects goes without --individual and --workers")
+        if individual or earlier_tests or workers > 1:
+            usage("--effects goes without --individual, --history and --workers")
         return api.effects(bat, progress=progress, **asked)
-    asked |= {"individual": individual, "workers": workers}
+    asked |= {"individual": individual, "earlier_tests": earlier_tests, "workers": workers}
     return api.coverage(bat, progress=progress, **asked)
 
 

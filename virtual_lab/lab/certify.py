@@ -57,7 +57,7 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
     control = by_the_book(
         replace(
             laboratory,
-            setup=replace(setup, bat=given, film=False),
+            setup=replace(setup, bat=given, film=False, history={}, uncertainty="first-order"),
             draws=own,
             collision=collision,
             specimen=replace(laboratory.specimen, bat=made_bat(bat, own), collision=collision),

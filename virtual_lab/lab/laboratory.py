@@ -139,6 +139,7 @@ class Laboratory:
         return SessionBlock(
             procedure_text=self.setup.rules.text,
             calibration=self.calibration,
+            history=self.setup.history,
             records={},
             owner=np.zeros(0, dtype=np.intp),
             laboratories=self.setup.count,
@@ -165,6 +166,8 @@ class Laboratory:
             rigs={stage.value: name for stage, name in setup.rigs.items()},
             procedure_text=one.procedure_text,
             calibration={name: known.of(0) for name, known in one.calibration.items()},
+            history={name: known.of(0) for name, known in one.history.items()},
+            uncertainty=setup.uncertainty,
             records=one.records,
             origin=Simulated(
                 reality=setup.reality.value,

@@ -34,6 +34,7 @@ from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import find_rig, knows_blocks
+from virtual_lab.uncertainty.scatter import HitVariance
 
 Taken = TypeVar("Taken")
 BLOCK = 1024  # laboratories side by side: more gain a few per cent and take memory
@@ -46,6 +47,7 @@ class RoundRobin:
     """Everything that all laboratories have in common."""
 
     setup: TestSetup
+    history: int = 0  # earlier tests of each laboratory, whose hits' scatter counts
 
     @classmethod
     def of(cls, bat: str, procedure: str, *, summed: bool = True, individual: bool = False) -> Self:
@@ -97,10 +99,26 @@ class RoundRobin:
         numbers, setup = np.arange(first, first + laboratories), replace(self.setup, seed=seed)
         if not self.in_blocks:
             for number in numbers.tolist():
-                yield certify_block(replace(setup, number=number))
+                yield self._tested(replace(setup, number=number))
             return
         for begin in range(0, laboratories, self._share):
-            yield certify_block(replace(setup, number=numbers[begin : begin + self._share]))
+            yield self._tested(replace(setup, number=numbers[begin : begin + self._share]))
+
+    def _tested(self, setup: TestSetup) -> BlockTest:
+        """Return the tests of a block, after the earlier ones of its laboratories."""
+        if not self.history:
+            return certify_block(setup)
+        tests = range(1, self.history + 1)
+        earlier = [certify_block(replace(setup, test=test)).certified.variances for test in tests]
+        return certify_block(
+            replace(
+                setup,
+                history={
+                    name: HitVariance.pooled([each[name] for each in earlier]).known()
+                    for name in earlier[0]
+                },
+            )
+        )
 
     def each_block(
         self, take: Callable[[BlockTest], Taken], laboratories: int, seed: int, processes: int = 1
@@ -114,7 +132,9 @@ class RoundRobin:
         if processes == 1:
             yield from map(take, self.blocks(laboratories, seed))
             return
-        shared = pickle.dumps((replace(self.setup, collision=None), catalog.texts_in_place()))
+        shared = pickle.dumps(
+            (replace(self.setup, collision=None), self.history, catalog.texts_in_place())
+        )
         share = self._share
         with workers(processes) as submit:
             made = [
@@ -141,9 +161,9 @@ def _taken(
 
 @lru_cache(maxsize=1)  # a worker is asked for the blocks of one round robin
 def _unpickled(pickled: bytes) -> tuple[RoundRobin, Mapping[Key, str]]:
-    setup, texts = pickle.loads(pickled)
+    setup, history, texts = pickle.loads(pickled)
     with catalog.sheets_in_place(texts):
-        return RoundRobin.shared(setup), texts
+        return replace(RoundRobin.shared(setup), history=history), texts
 
 
 def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:

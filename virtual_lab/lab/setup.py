@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import prod
 from typing import Self
 
@@ -16,11 +16,13 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab.fitting import identities, unverified_rigs
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars
+from virtual_lab.records.session import UncertaintyMethod
 from virtual_lab.simulation.collision.ladder import Ladder
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import MotionRung, Reality, Stage, named
 from virtual_lab.streams import LABORATORIES, Draws, Slots
+from virtual_lab.uncertainty.estimate import Known
 
 NO_FAULTS = FaultSet()
 METHODS = ("ratio", "trampoline")  # of converting a result to a standard ball
@@ -49,6 +51,8 @@ class TestSetup:
     same_bat: bool = False  # in all tests of a laboratory
     collision: Ladder | None = None  # that many laboratories share
     particulars: Particulars = NOTHING_STATED  # what the certificate states beside the results
+    history: Mapping[str, Known] = field(default_factory=dict)  # of hits, as of `SessionBlock`
+    uncertainty: UncertaintyMethod = "first-order"
 
     @classmethod
     def of(
@@ -119,6 +123,8 @@ class TestSetup:
             raise InputError("", "number", number, "allowed: 0 to 2^32 - 1")
         if number and seed is None:
             raise InputError("", "number", number, "allowed with a seed: a laboratory of its study")
+        if test is not None and seed is None:
+            raise InputError("", "test", test, "allowed with a seed: of a laboratory of its study")
         rules = (
             catalog.load("procedures", procedure, Procedure)
             if isinstance(procedure, str)

@@ -7,7 +7,7 @@ records of our simulated rigs and of another laboratory.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +48,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     ShotResults,
     bat_properties,
 )
+from virtual_lab.measurement.refined import refined
 from virtual_lab.measurement.session_reduction import (
     BlockReduction,
     SessionReduction,
@@ -57,14 +58,11 @@ from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import (
-    Budget,
-    Budgets,
-    Propagator,
-    Variants,
-    Variation,
-    means_of_hits,
-)
+from virtual_lab.uncertainty.budget import Budget, Budgets, Variants, means_of_hits
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.uncertainty.propagated import Propagated
+from virtual_lab.uncertainty.propagating import FIRST
+from virtual_lab.uncertainty.scatter import HitVariance, larger_today
 from virtual_lab.units import Array, Mask
 
 CACHED = 80_000  # numbers of an array that stays in the cache
@@ -85,6 +83,8 @@ class Certification:
     outcome: HitWeights
     metric: Budget | None  # None where too few hits were valid to give one
     quantities: Mapping[str, Budget]  # by the keys of QUANTITIES; {} without a metric
+    variances: Mapping[str, Estimate]  # of a hit in each result, by this test; {} of an INVALID one
+    refined: Propagated | None  # where u and interval are not of first order
     width: Width | None  # None too where the rules ask for none
     swings: tuple[SwingResult, ...]  # where the rules name several swing laws
     other: OtherSupport | None
@@ -117,18 +117,12 @@ def certify_session(session: Session) -> Certification:
     return evaluate(session, reduce_session(session))
 
 
-def evaluate(
-    session: Session, reduced: SessionReduction, propagator: Propagator = Variants.of
-) -> Certification:
-    """Return metric, uncertainty and verdict of a session already reduced.
-
-    `propagator` carries the uncertainty of the constants through the measurement model, by
-    default to first order.
-    """
+def evaluate(session: Session, reduced: SessionReduction) -> Certification:
+    """Return metric, uncertainty and verdict of a session already reduced."""
     found = evaluate_block(
-        SessionBlock.of(session), BlockReduction.alone(reduced), reduced.readings, propagator
+        SessionBlock.of(session), BlockReduction.alone(reduced), reduced.readings
     )
-    return found.of(0, session, reduced, propagator)
+    return found.of(0, session, reduced)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +137,17 @@ class BlockCertification:
     bat: BatProperties  # (laboratory, 1, 1)
     invalid: Mask  # (laboratory,)
     met: Mask  # every rule that the bat must meet, (laboratory,)
+
+    @property
+    def variances(self) -> dict[str, HitVariance]:
+        """Variance of a hit in each result, in a test that is INVALID with no freedom."""
+        sound = self.some & ~self.invalid
+        found = {}
+        for name, budgets in self.results.items():
+            assert budgets.scatter is not None
+            own = budgets.scatter.variance
+            found[name] = own._replace(dof=np.where(sound, own.dof, 0.0))
+        return found
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
@@ -164,13 +169,7 @@ class BlockCertification:
             self.procedure, findings(self.procedure, bat), value if some else None
         )
 
-    def of(
-        self,
-        laboratory: int,
-        session: Session,
-        reduced: SessionReduction,
-        propagator: Propagator = Variants.of,
-    ) -> Certification:
+    def of(self, laboratory: int, session: Session, reduced: SessionReduction) -> Certification:
         """Return the certification of one laboratory, to be printed, from its records."""
         procedure, shots, outcome = reduced.procedure, reduced.shots, reduced.outcome
         where, valid = reduced.readings.place, reduced.judgement.valid
@@ -179,7 +178,16 @@ class BlockCertification:
             if self.some[laboratory]
             else {}
         )
-        metric = quantities.pop("metric", None)
+        metric, finer = quantities.pop("metric", None), None
+        variances = {}
+        if metric and not self.invalid[laboratory]:
+            variances = {name: own.known().of(laboratory) for name, own in self.variances.items()}
+        if metric and variances and session.uncertainty != FIRST:
+            today, earlier = variances["metric"], session.history.get("metric")
+            joined = earlier is not None and not larger_today(today, earlier)
+            freedom = today.dof + (earlier.dof if earlier and joined else 0.0)
+            finer = refined(session.uncertainty, reduced, metric, freedom)
+            metric = replace(metric, u=finer.u, dof=finer.dof, interval_95=finer.interval)
         checked = self.checked.of(laboratory)
         return Certification(
             session=session,
@@ -193,10 +201,12 @@ class BlockCertification:
             outcome=outcome,
             metric=metric,
             quantities=quantities,
+            variances=variances,
+            refined=finer,
             width=width_of(procedure, where, valid, reduced.shot_metric) if metric else None,
-            swings=swing_range(reduced, propagator) if metric else (),
+            swings=swing_range(reduced) if metric else (),
             other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
-            camera=compare_camera(session, reduced, propagator),
+            camera=compare_camera(session, reduced),
             set_aside=reduced.preparation.lot.set_aside,
             findings=findings(procedure, reduced.bat),
             flags=(*checked.flags, *overdue(session.particulars, session.date)),
@@ -211,7 +221,6 @@ def evaluate_block(
     block: SessionBlock,
     reduced: BlockReduction,
     readings: ImpactReadings,
-    propagator: Propagator = Variants.of,
 ) -> BlockCertification:
     """Return results, uncertainties and verdicts of a block.
 
@@ -226,7 +235,8 @@ def evaluate_block(
         return np.where(hits >= 0, values[hits], 0.0)
 
     preparation = reduced.preparation
-    variants = propagator(reduced.constants)
+    variants = Variants.of(reduced.constants)
+    earlier = {name: HitVariance.of(known) for name, known in block.history.items()}
     weighing = Weighing(
         hits=hits,
         weights=at_hits(outcome.weights),
@@ -235,7 +245,7 @@ def evaluate_block(
     )
     few = max(CACHED // (variants.sets * hits.shape[1]), 1)
     parts = [
-        _results(reduced, readings, weighing, slice(first, first + few), variants)
+        _results(reduced, readings, weighing, earlier, slice(first, first + few), variants)
         for first in range(0, laboratories, few)
     ]
     results = {name: Budgets.joined([each[name] for each, _ in parts]) for name in parts[0][0]}
@@ -296,8 +306,9 @@ def _results(
     reduced: BlockReduction,
     readings: ImpactReadings,
     weighing: Weighing,
+    earlier: Mapping[str, HitVariance],
     some: slice,
-    variants: Variation,
+    variants: Variants,
 ) -> tuple[dict[str, Budgets], Array]:
     """Return the results of some laboratories, and e_A by recoil less by rebound of their hits.
 
@@ -315,9 +326,15 @@ def _results(
     columns = variants.columns
     bat = bat_properties(columns)
     moved = model.shots(columns, bat)
+    known = {name: HitVariance(*(own[some] for own in each)) for name, each in earlier.items()}
     results = {
         name: means_of_hits(
-            variants, values, weights, places, effects if name == "metric" else weights
+            variants,
+            values,
+            weights,
+            places,
+            effects if name == "metric" else weights,
+            known.get(name),
         )
         for name, values in model.quantities(columns, bat, moved).items()
     }

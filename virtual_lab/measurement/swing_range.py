@@ -9,7 +9,7 @@ import numpy as np
 from virtual_lab.measurement.procedure import Curve, HitWeights, Procedure, metric_of, outcome_of
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
 from virtual_lab.measurement.session_reduction import SessionReduction
-from virtual_lab.uncertainty.budget import Budget, Propagator, Variants, mean_of_hits
+from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,9 +21,7 @@ class SwingResult:
     budget: Budget
 
 
-def swing_range(
-    reduced: SessionReduction, propagator: Propagator = Variants.of
-) -> tuple[SwingResult, ...]:
+def swing_range(reduced: SessionReduction) -> tuple[SwingResult, ...]:
     """Return the metric for each of the game's `exponents`; () where the rules name none.
 
     The hits are those of the test. The scan is centred on the best place for the procedure's
@@ -42,7 +40,7 @@ def swing_range(
     if not all(np.isfinite(outcome.weights).all() for _, outcome in others.values()):
         return ()
 
-    variants = propagator(reduced.constants)
+    variants = Variants.of(reduced.constants)
     columns = variants.columns
     bat = bat_properties(columns)
     moved = Curve.measured(reduced.model.shots(columns, bat))

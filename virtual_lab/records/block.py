@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -31,6 +31,8 @@ class SessionBlock:
     bat: str = ""  # by name
     bat_sport: str = ""  # what it is marked for; "": not known
     ball_sport: str = ""
+    # of each result, the variance of a hit in earlier tests, (laboratory,)
+    history: Mapping[str, Known] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.counted and self.laboratories > 1:
@@ -42,9 +44,8 @@ class SessionBlock:
         log = session.records.get("impact", {}).get("log")
         return cls(
             procedure_text=session.procedure_text,
-            calibration={
-                name: Known.stacked([known]) for name, known in session.calibration.items()
-            },
+            calibration=_stacked(session.calibration),
+            history=_stacked(session.history),
             records=session.records,
             owner=np.zeros(log.sizes().get("shot", 0) if log else 0, dtype=np.intp),
             laboratories=1,
@@ -69,6 +70,10 @@ class SessionBlock:
             return self  # with what may lie beside its tables
         own = self.owner == laboratory
 
+        def one(known: Mapping[str, Known]) -> dict[str, Known]:
+            own = slice(laboratory, laboratory + 1)
+            return {name: each.part(own) for name, each in known.items()}
+
         def kept(stage: str, record: Record) -> Record:
             if stage == "impact" and "shot" in record.sizes():
                 return record.rows(own)
@@ -77,10 +82,8 @@ class SessionBlock:
 
         return replace(
             self,
-            calibration={
-                name: known.part(slice(laboratory, laboratory + 1))
-                for name, known in self.calibration.items()
-            },
+            calibration=one(self.calibration),
+            history=one(self.history),
             records={
                 stage: {channel: kept(stage, record) for channel, record in records.items()}
                 for stage, records in self.records.items()
@@ -92,6 +95,10 @@ class SessionBlock:
     def known_to(self, laboratory: int) -> Mapping[str, Estimate]:
         """Return the calibration of one laboratory."""
         return _OfOne(self.calibration, laboratory)
+
+
+def _stacked(known: Mapping[str, Estimate]) -> dict[str, Known]:
+    return {name: Known.stacked([each]) for name, each in known.items()}
 
 
 @dataclass(frozen=True, slots=True)

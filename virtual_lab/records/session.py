@@ -32,6 +32,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
 SCHEMA = 2
+UncertaintyMethod = Literal["first-order", "second-order", "monte-carlo"]
 SESSION, RULES = "session.json", "procedure.toml"
 SPORTS = ("bat_sport", "ball_sport")  # left out where the records do not say
 CHANGED = "the file was changed after session.json was written"
@@ -52,6 +53,9 @@ class Session:
     bat_sport: str = ""  # what the bat is marked for, as its data sheet says; "": not known
     ball_sport: str = ""
     particulars: Particulars = NOTHING_STATED
+    # of each result, the variance of a hit in the laboratory's earlier tests
+    history: Mapping[str, Estimate] = field(default_factory=dict)
+    uncertainty: UncertaintyMethod = "first-order"  # by which its result is to be evaluated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,9 +109,9 @@ def packed(session: Session) -> PackedSession:
         "rigs": dict(session.rigs),
         "procedure_sha256": digest_of_text(rules),
         "channels": channels,
-        "calibration": {
-            key: entry_of_constant(known) for key, known in session.calibration.items()
-        },
+        "calibration": _entries(session.calibration),
+        **({"history": _entries(session.history)} if session.history else {}),
+        "uncertainty": session.uncertainty,
     }
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
     return PackedSession(texts={**texts, RULES: rules, SESSION: text.encode()}, arrays=arrays)
@@ -187,6 +191,8 @@ class SessionForm(Spec):
     laboratory: Title = ""
     customer: Title = ""
     particulars: Mapping[str, Any] = field(default_factory=dict)
+    history: Mapping[str, ConstantEntry] = field(default_factory=dict)
+    uncertainty: UncertaintyMethod = "first-order"
 
 
 def load_session(folder: Path) -> Session:
@@ -213,6 +219,8 @@ def load_session(folder: Path) -> Session:
         origin=_origin(form, where),
         date=form.date,
         particulars=particulars_of(form.particulars, f"{where} [particulars]"),
+        history={name: _variance(entry, name, where) for name, entry in form.history.items()},
+        uncertainty=form.uncertainty,
         **{key: getattr(form, key) for key in SPORTS},
     )
 
@@ -258,6 +266,10 @@ def require_channel(stage: str, channel: str, where: Path) -> None:
             raise InputError(str(where), "channels", name, allowed)
 
 
+def _entries(known: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {key: entry_of_constant(each) for key, each in known.items()}
+
+
 def entry_of_constant(known: Estimate) -> dict[str, Any]:
     """Return a constant as a table of JSON, without what is not stated."""
     entry: dict[str, Any] = {"value": known.value, "u": known.u}
@@ -269,12 +281,24 @@ def entry_of_constant(known: Estimate) -> dict[str, Any]:
 
 
 def _known(entry: ConstantEntry, key: str, where: Path) -> Estimate:
-    try:
-        known = Estimate(value=entry.value, u=entry.u, dof=entry.dof, source=entry.source)
-    except ValueError as fault:
-        raise InputError(str(where), f"calibration.{key}", None, str(fault)) from fault
+    known = _estimate(entry, f"calibration.{key}", where)
     require_plausible(key, known, str(where))
     return known
+
+
+def _variance(entry: ConstantEntry, name: str, where: Path) -> Estimate:
+    known = _estimate(entry, f"history.{name}", where)
+    if known.dof == inf:
+        allowed = "allowed: finite degrees of freedom"
+        raise InputError(str(where), f"history.{name}.dof", None, allowed)
+    return known
+
+
+def _estimate(entry: ConstantEntry, key: str, where: Path) -> Estimate:
+    try:
+        return Estimate(value=entry.value, u=entry.u, dof=entry.dof, source=entry.source)
+    except ValueError as fault:
+        raise InputError(str(where), key, None, str(fault)) from fault
 
 
 def _record(folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Path) -> Record:

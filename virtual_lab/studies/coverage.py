@@ -8,7 +8,7 @@ found by a scan, the bias of the scan itself, found by rehearsals.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Any
@@ -33,13 +33,15 @@ from virtual_lab.units import Array, Mask
 
 WORDS = (
     "Error: measured minus true value. At least, at most: 95 % confidence interval of the\n"
-    "percentage (Clopper-Pearson). SI: unit of the quantity, 1 or m/s. Thirds: laboratories\n"
-    "with the smallest, middle and largest u."
+    "percentage (Clopper-Pearson). SI: unit of the quantity, 1 or m/s. Tenths of the\n"
+    "laboratories: those with the smallest u, or the fewest degrees of freedom, first."
 )
+TENTHS = 10
+TENTH_LABELS = {"by_u": "tenth by u", "by_dof": "tenth by degrees of freedom"}
 
 
-def _thirds(row: Coverage) -> str:
-    return ", ".join("" if part is None else f"{part:.0%}" for part in row.thirds)
+def _shown(key: str) -> Callable[[Coverage], str]:
+    return lambda row: ", ".join("" if p is None else f"{p:.0%}" for p in getattr(row, key))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +64,12 @@ class Coverage:
     high: float = column("  at most", form=".1%")
     above: float = column("true value above the interval", form=".1%")
     below: float = column("true value below the interval", form=".1%")
-    thirds: tuple[float | None, ...] = column("intervals with it, by thirds of u", form=_thirds)
+    by_u: tuple[float | None, ...] = column(
+        "intervals with it, by tenths of u", form=_shown("by_u")
+    )
+    by_dof: tuple[float | None, ...] = column(
+        "  by tenths of degrees of freedom", form=_shown("by_dof")
+    )
     mean_z: float = column("mean error", "u", "+.3f")
     mean_z_se: float = column("  its standard error", "u", ".3f")
     sd_z: float = column("standard deviation of the errors", "u", ".3f")
@@ -82,6 +89,7 @@ def coverage(
     seed: int = 1,
     summed: bool = False,
     individual: bool = False,
+    earlier_tests: int = 0,
     workers: int = 1,
     progress: Progress = quiet,
 ) -> Rows[Coverage]:
@@ -93,6 +101,7 @@ def coverage(
     give equal standardised errors for every bat, so two bats with the same seed are not independent
     samples (their errors correlate by 0.98). INVALID tests have no result and are counted
     separately. One row per quantity, the metric first. `workers` processes share the laboratories.
+    With `earlier_tests` each laboratory has made so many before, whose scatter of hits counts.
 
     Raises
     ------
@@ -102,6 +111,7 @@ def coverage(
     names = ("metric", *QUANTITIES)
     require_some(laboratories)
     round_robin = RoundRobin.of(bat, procedure, summed=summed, individual=individual)
+    round_robin = replace(round_robin, history=earlier_tests)
     nominal = RoundRobin.of(bat, procedure)
     found: dict[str, list[Array]] = {name: [] for name in names}
     strayed: list[Array] = []
@@ -156,11 +166,12 @@ class Results:
     true: Array
 
     def rows(self, beside: Array | float) -> Array:
-        """Return side on which the truth was missed, error, u, expected error, (laboratory, 4)."""
+        """Return side of a missed truth, error, u, expected error and ν, (laboratory, 5)."""
         reach = coverage_factors(self.dof) * self.u
         above, below = self.true > self.value + reach, self.true < self.value - reach
         missed = above.astype(float) - below
-        return np.stack([missed, self.value - self.true, self.u, self.shift + beside], axis=1)
+        off, expected = self.value - self.true, self.shift + beside
+        return np.stack([missed, off, self.u, expected, self.dof], axis=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,9 +230,8 @@ def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
 
 
 def _row(found: Array, **about: Any) -> Coverage:
-    missed, error, u, expected = found.T
+    missed, error, u, expected, dof = found.T
     held = missed == 0
-    thirds = np.array_split(held[np.argsort(u, kind="stable")], 3)
     count = binomtest(int(held.sum()), held.size).proportion_ci(0.95, "exact")
     z = error / u
     return Coverage(
@@ -232,7 +242,8 @@ def _row(found: Array, **about: Any) -> Coverage:
         high=float(count.high),
         above=float((missed > 0).mean()),
         below=float((missed < 0).mean()),
-        thirds=tuple(float(third.mean()) if third.size else None for third in thirds),
+        by_u=_tenths(held, u),
+        by_dof=_tenths(held, dof),
         mean_z=float(z.mean()),
         mean_z_se=float(z.std(ddof=1)) / sqrt(z.size),
         sd_z=float(z.std(ddof=1)),
@@ -243,3 +254,8 @@ def _row(found: Array, **about: Any) -> Coverage:
         expected=float(expected.mean()),
         expected_se=0.0,
     )
+
+
+def _tenths(held: Mask, by: Array) -> tuple[float | None, ...]:
+    parts = np.array_split(held[np.argsort(by, kind="stable")], TENTHS)
+    return tuple(float(part.mean()) if part.size else None for part in parts)

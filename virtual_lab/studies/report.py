@@ -9,6 +9,7 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
 
+from virtual_lab.certificate.chain import result_folders
 from virtual_lab.certificate.document import CertificateDocument, read_document
 from virtual_lab.certificate.pdf import PAPERS, require_paper, require_pdf
 from virtual_lab.certificate.printed import certificate_number
@@ -284,7 +285,7 @@ def report(
     if pdf:
         require_pdf(paper)
     given = [folders] if isinstance(folders, str | Path) else list(folders)
-    found = [one for each in map(Path, given) for one in _results_in(each)]
+    found = [one for each in map(Path, given) for one in result_folders(each)]
     if len(found) < 2:
         raise InputError("", "folders", len(found), "needs two certificates and more")
     documents = {folder: read_document(folder / "certificate.json") for folder in found}
@@ -294,16 +295,6 @@ def report(
     return CertificateReport(
         kind=kind, rows=tuple(rows), statement=" ".join(statements), pdf=pdf, paper=paper
     )
-
-
-def _results_in(folder: Path) -> list[Path]:
-    """Return the folder, or the results in it."""
-    if (folder / "certificate.json").exists() or not folder.is_dir():
-        return [folder]
-    inner = sorted(path.parent for path in folder.glob("*/certificate.json"))
-    if not inner:
-        raise InputError(str(folder), "certificate.json", None, "stands neither here nor below")
-    return inner
 
 
 def _kind_of(documents: dict[Path, CertificateDocument]) -> str:

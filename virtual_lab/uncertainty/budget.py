@@ -17,11 +17,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from math import inf, sqrt
-from typing import Protocol, Self, cast
+from typing import Self, cast
 
 import numpy as np
 
 from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.uncertainty.scatter import HitVariance, Scatter
 from virtual_lab.units import Array
 
 HITS = "hits"  # the line of their scatter
@@ -178,11 +179,14 @@ class Budgets:
     u: Array
     dof: Array
     components: Components
+    scatter: Scatter | None = None  # of the hits of this test alone
 
     @classmethod
     def joined(cls, blocks: Sequence[Budgets]) -> Self:
         """Return the laboratories of some blocks as one."""
+        apart = [each.scatter for each in blocks if each.scatter]
         return cls(
+            scatter=Scatter.beside(apart) if apart else None,
             value=np.concatenate([each.value for each in blocks]),
             u=np.concatenate([each.u for each in blocks]),
             dof=np.concatenate([each.dof for each in blocks]),
@@ -204,42 +208,6 @@ class Budgets:
             shift=sum(part.shift for part in every),
             components=tuple(every),
         )
-
-
-class Variation(Protocol):
-    """Constants shifted within their uncertainty, and the effects on the outputs of a model.
-
-    Of a block of laboratories the arrays have a leading axis (laboratory,), of one they have none.
-    """
-
-    @property
-    def sets(self) -> int:
-        """Number k of sets of constants."""
-        ...
-
-    @property
-    def columns(self) -> Mapping[str, Array]:
-        """The constants as columns (..., k, 1), the estimates first."""
-        ...
-
-    def part(self, chosen: slice) -> Self:
-        """Return those of some laboratories of a block."""
-        ...
-
-    def components(self, values: Array) -> Components:
-        """Return what the constants contribute to an output of shape (..., k)."""
-        ...
-
-    def effects(self, values: Array) -> Array:
-        """Return effects on outputs (..., k, n), (..., m, n): squares add up to the variance."""
-        ...
-
-    def u(self, values: Array) -> Array:
-        """Return the standard uncertainties of results, (..., n), from outputs (..., k, n)."""
-        ...
-
-
-Propagator = Callable[[Mapping[str, Estimate] | Mapping[str, Known]], Variation]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -369,7 +337,7 @@ def combined(value: Array, components: Components) -> Budgets:
 
 
 def mean_of_hits(
-    variants: Variation, hits: Array, weights: Array, places: Array, effects: Array | None = None
+    variants: Variants, hits: Array, weights: Array, places: Array, effects: Array | None = None
 ) -> Budget:
     """Return the budget of a weighted sum of hits: constants, then the remaining scatter.
 
@@ -387,7 +355,12 @@ def mean_of_hits(
 
 
 def means_of_hits(
-    variants: Variation, hits: Array, weights: Array, places: Array, effects: Array
+    variants: Variants,
+    hits: Array,
+    weights: Array,
+    places: Array,
+    effects: Array,
+    earlier: HitVariance | None = None,
 ) -> Budgets:
     """Return the budgets of a block, as `mean_of_hits` of each laboratory.
 
@@ -397,11 +370,15 @@ def means_of_hits(
         Constants, and the outputs of a model for their columns, (laboratory, k, hit).
     weights, places, effects
         Of each hit, (laboratory, hit); a hit of weight and effect 0 is none.
+    earlier
+        Variance of a hit in the laboratories' earlier tests, which counts too.
     """
     value = weighed(hits[:, :1], weights)[:, 0]
     constants = variants.components(weighed(hits, effects))
-    own = scatters(hits[:, 0], effects, places, variants.effects(hits))
-    return combined(value, constants + own)
+    today = Scatter.seen(hits[:, 0], effects, places, variants.effects(hits))
+    own = today if earlier is None else today.joined(earlier)
+    scattered = types_a(HITS, weighed(hits[:, :1], effects)[:, 0], own.u, own.dof)
+    return replace(combined(value, constants + scattered), scatter=today)
 
 
 def weighed(hits: Array, weights: Array) -> Array:
@@ -458,19 +435,9 @@ def scatter(hits: Array, weights: Array, groups: Array, effects: Array | None = 
         variance of the place (never below 0), because the budget already contains it.
     """
     effects = np.zeros((0, hits.size)) if effects is None else effects
-    found = scatters(hits[None], weights[None], groups[None], effects[None])
-    value, u, dof = (float(each[0, 0]) for each in (found.value, found.u, found.dof))
-    return type_a(HITS, value, u, dof=dof)
-
-
-def scatters(hits: Array, weights: Array, groups: Array, effects: Array) -> Components:
-    """Return the type A components of a block, as `scatter`, each array with a laboratory axis."""
-    from virtual_lab.uncertainty.budget_kernel import scatter_u
-
-    u, dof = np.empty((2, len(hits)))
-    own = [np.ascontiguousarray(each, float) for each in (hits, weights, groups, effects)]
-    scatter_u(own[0], own[1], own[2], own[3], u, dof)
-    return types_a(HITS, weighed(hits[:, None], weights)[:, 0], u, dof)
+    found = Scatter.seen(hits[None], weights[None], groups[None], effects[None])
+    value = float(weighed(hits[None, None], weights[None])[0, 0])
+    return type_a(HITS, value, float(found.u[0]), dof=float(found.dof[0]))
 
 
 def type_a(name: str, value: float, u: float, *, dof: float = inf) -> Component:

@@ -31,10 +31,12 @@ def weigh(hits: Array, weights: Array, out: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def scatter_u(
-    hits: Array, weights: Array, places: Array, effects: Array, u: Array, dof: Array
-) -> None:
-    """Fill in u and degrees of freedom of weighted sums of hits, (laboratory,), see `scatter`.
+def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, found: Array) -> None:
+    """Fill in the scatter of weighted sums of hits, (6, laboratory), see `scatter`.
+
+    In turn: u and its degrees of freedom; the sum of squared weights; the mean variance of a hit,
+    weighed by these, and that less what constants explain, which may be below 0; the degrees of
+    freedom of the former.
 
     Parameters
     ----------
@@ -54,18 +56,26 @@ def scatter_u(
         for constant in range(effects.shape[1]):
             moved = effects[laboratory, constant]
             _add_variance(moved, used, begin[: many + 1], squares, explained)
-        total, uncertain = 0.0, 0.0
+        total, uncertain, weighing, all_seen, left, hits_free = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for at in range(many):
             square = 0.0
             for hit in used[begin[at] : begin[at + 1]]:
                 square += weight[hit] ** 2
             total += square * max(seen[at] - explained[at], 0.0)
+            weighing += square
+            all_seen += square * seen[at]
+            left += square * (seen[at] - explained[at])
             # a variance is as uncertain as before when a known part of it is taken off
             freedom = begin[at + 1] - begin[at] - 1
+            hits_free += freedom
             if freedom > 0:
                 uncertain += (square * seen[at]) ** 2 / freedom
-        u[laboratory] = sqrt(total)
-        dof[laboratory] = total**2 / uncertain if total > 0 and uncertain > 0 else inf
+        found[0, laboratory] = sqrt(total)
+        found[1, laboratory] = total**2 / uncertain if total > 0 and uncertain > 0 else inf
+        found[2, laboratory] = weighing
+        found[3, laboratory] = all_seen / weighing
+        found[4, laboratory] = left / weighing
+        found[5, laboratory] = all_seen**2 / uncertain if uncertain > 0 else hits_free
 
 
 @njit(cache=True, error_model="numpy")

@@ -67,8 +67,7 @@ def propagate_inputs(
     InputError
         An input, correlation or answer of the model that cannot be used.
     """
-    if method not in METHODS:
-        raise InputError("", "method", method, f"{nearest(method, METHODS)}allowed: {_methods()}")
+    named_method(method, "method")
     if not 0 < probability < 1:
         raise InputError("", "probability", probability, "allowed: between 0 and 1")
     if rule not in RULES:
@@ -143,8 +142,12 @@ METHODS: dict[str, Callable[[Model, Propagated, Drawing], Propagated]] = {
 }
 
 
-def _methods() -> str:
-    return ", ".join(METHODS)
+def named_method(method: str, key: str = "uncertainty") -> Any:
+    """Return the name of a method; `InputError` for another."""
+    if method not in METHODS:
+        allowed = f"{nearest(method, METHODS)}allowed: {', '.join(METHODS)}"
+        raise InputError("", key, method, allowed)
+    return method
 
 
 def _independent(components: Components, inputs: Inputs) -> Components:

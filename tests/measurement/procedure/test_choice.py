@@ -9,7 +9,8 @@ from scipy import integrate, stats
 from virtual_lab import catalog
 from virtual_lab.measurement.procedure import CHOICE, Procedure, outcome_of, shortfalls, with_choice
 from virtual_lab.measurement.procedure.choice import Shortfalls
-from virtual_lab.uncertainty.budget import combined, scatters, types_a
+from virtual_lab.uncertainty.budget import HITS, combined, types_a
+from virtual_lab.uncertainty.scatter import Scatter
 
 BBCOR = catalog.load("procedures", "bbcor", Procedure).spec
 INCH = 0.0254
@@ -77,8 +78,9 @@ def test_both_sides_are_missed_alike() -> None:
         outcome = outcome_of(BBCOR, place, valid, metric)
         used, weights = outcome.used, outcome.weights[outcome.used]
         nothing = np.zeros((1, 0, weights.size))
-        own = scatters(metric[None, used], weights[None], place[None, used], nothing)
-        result = combined(np.array([metric[used] @ weights]), own)
+        own = Scatter.seen(metric[None, used], weights[None], place[None, used], nothing)
+        value = np.array([metric[used] @ weights])
+        result = combined(value, types_a(HITS, value, own.u, own.dof))
         low, high = with_choice(result, of_one(place, metric)).of(0).interval_95
         true = curve(np.unique(PLACES), top).max()
         above, below = above + (true > high), below + (true < low)

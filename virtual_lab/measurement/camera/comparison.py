@@ -22,9 +22,7 @@ from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import (
     Budget,
     Component,
-    Propagator,
     Variants,
-    Variation,
     mean_of_hits,
     scatter,
 )
@@ -70,9 +68,7 @@ class CameraComparison:
 
 
 @constants_known()
-def compare_camera(
-    session: Session, reduced: SessionReduction, propagator: Propagator = Variants.of
-) -> CameraComparison | None:
+def compare_camera(session: Session, reduced: SessionReduction) -> CameraComparison | None:
     """Return the camera results of a session, None without a camera.
 
     Raises
@@ -85,7 +81,7 @@ def compare_camera(
         return None
     best = best_values(reduced.constants)
     seen = sight(record, camera_constants(session), float(best["ball.radius"]))
-    variants, gates = propagator(reduced.constants), reduced.readings.seen
+    variants, gates = Variants.of(reduced.constants), reduced.readings.seen
     if not isinstance(gates, GateReadings):  # which show how high a ball flies, so how far away
         return None
     by_gates, risen = gates.flights, heights_moved(gates)
@@ -190,7 +186,7 @@ def _shots_u(
 
 
 def _compared(
-    variants: Variation, hits: Mapping[str, Array], weights: Array, places: Array
+    variants: Variants, hits: Mapping[str, Array], weights: Array, places: Array
 ) -> ComparedQuantity:
     """Return a quantity from gates and from video, combined, and their difference.
 

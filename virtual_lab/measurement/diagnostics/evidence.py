@@ -15,7 +15,7 @@ from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls, ShotResults
 from virtual_lab.measurement.session_reduction import BlockReduction, best_values
 from virtual_lab.records.block import SessionBlock
-from virtual_lab.uncertainty.budget import Budgets, Components, Variation
+from virtual_lab.uncertainty.budget import Budgets, Components, Variants
 from virtual_lab.units import Array, Mask
 
 FEWEST_SHOTS = 3  # that a mean and its scatter may rest on
@@ -31,7 +31,7 @@ class Evidence:
     outcome: BlockOutcome
     metric: Budgets  # the results
     some: Mask  # which laboratories have one, (laboratory,)
-    variants: Variation  # of the constants
+    variants: Variants  # of the constants
     hits: NDArray[np.intp]  # numbers of the shots a result rests on, below 0: none
     apart: Array  # e_A of these by recoil less by rebound for the variants, (laboratory, k, hit)
 

@@ -7,6 +7,7 @@ component of the uncertainty.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -60,9 +61,8 @@ def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
     """Return the results of a block corrected for their shortfalls, unchanged if there is none."""
     if not (lost.rms > 0).any():
         return metric
-    return combined(
-        metric.value + lost.mean, metric.components + types_a(CHOICE, lost.mean, lost.u)
-    )
+    components = metric.components + types_a(CHOICE, lost.mean, lost.u)
+    return replace(combined(metric.value + lost.mean, components), scatter=metric.scatter)
 
 
 def variances_within(

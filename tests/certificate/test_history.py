@@ -1,0 +1,83 @@
+"""Certificates whose scatter of hits is that of earlier tests too, read from their folders."""
+
+from __future__ import annotations
+
+import json
+import re
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import virtual_lab as vl
+from tests.laboratories import certify
+from virtual_lab.certificate.verify import verify
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.instruments import RecordDetail
+
+
+def saved(folder: Path, bat: str = "r161", procedure: str = "astm-f1881", **more: Any) -> Path:
+    tested = certify(bat, procedure=procedure, seed=7, detail=RecordDetail.SUMMED, **more)
+    return vl.Certificate(certification=tested.certification, sealed=tested.sealed).save(folder)
+
+
+@pytest.fixture(scope="module")
+def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Save three tests of one laboratory into a folder."""
+    folder = tmp_path_factory.mktemp("history")
+    for test in (1, 2, 3):
+        saved(folder / f"test-{test}", test=test)
+    return folder
+
+
+def hits(document: dict[str, Any]) -> tuple[float, float]:
+    """Return u and degrees of freedom of the scatter of the hits."""
+    (row,) = (line for line in document["budget"] if line["component"] == "hits")
+    return row["contribution"], row["degrees_of_freedom"]
+
+
+def test_the_scatter_is_that_of_all_tests(earlier: Path, tmp_path: Path) -> None:
+    """By the budgets of four certificates, six hits at one place each, and numbers alone.
+
+    What is left of a variance is 6 u²; ν = 5 (left / seen)² gives what was seen.
+    """
+    alone = vl.certify("r161", seed=7, test=4)
+    folders = sorted(earlier.iterdir())
+    own = [json.loads((folder / "certificate.json").read_text("utf-8")) for folder in folders]
+    parts = [hits(each) for each in (*own, alone.document)]
+    left = sum(6 * u**2 for u, _ in parts) / 4
+    seen = sum(6 * u**2 * sqrt(5 / dof) for u, dof in parts) / 4
+    test = vl.certify("r161", seed=7, test=4, history=folders)
+    u, dof = hits(test.document)
+    assert (u, dof) == pytest.approx((sqrt(left / 6), 20 * (left / seen) ** 2), rel=1e-6)
+    assert test.value == alone.value
+    assert "this test and of 3 earlier tests together" in test.text
+    assert "known from this test alone" in alone.text
+    told = re.search(r"would be (\d+)% shorter", alone.document["evaluation"])
+    assert told is not None
+    assert 2 <= int(told[1]) <= 30
+    folder = test.save(tmp_path / "today")
+    assert not verify(folder).code
+
+
+def test_a_history_of_other_tests_is_refused(earlier: Path, tmp_path: Path) -> None:
+    """One line each that names folder and key."""
+    first, second, third = sorted(earlier.iterdir())
+    other = saved(tmp_path / "ea70", "ea70", test=5)
+    rules = saved(tmp_path / "bbcor", procedure="bbcor", test=5)
+    (tmp_path / "daily").mkdir()
+    (tmp_path / "daily" / "daily.csv").write_text("day\n")
+    for history, said in (
+        ([first, second], r"history = '2 tests'; allowed: 3 earlier tests and more"),
+        ([other, first, second], r"ea70: bat; is 'ea70', not 'r161'"),
+        ([rules, first, second], r"bbcor: procedure; is another"),
+        ([first, first, second], r"is the test of .*test-1 once more"),
+        ([first, second, third, tmp_path / "daily"], r"daily: .*stands neither here nor below"),
+        ([first, second, tmp_path / "none"], r"none"),
+    ):
+        with pytest.raises(InputError, match=said) as caught:
+            vl.certify("r161", seed=7, test=4, history=history)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="test = 4; allowed with a seed"):
+        vl.certify("r161", test=4)

@@ -1,0 +1,103 @@
+"""Scatter of hits: as this test shows it, joined with that of the laboratory's earlier tests.
+
+Six hits know their own scatter badly: a test whose hits agree by chance states too small a u. The
+variance of a hit, less what the constants of the budget explain of it, is that of earlier tests by
+the same procedure too, so the variances join by their degrees of freedom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.units import Array, Mask
+
+LARGER_BY_CHANCE = 0.01  # of today's variance over that of earlier tests, one-sided F
+LEAST_LEFT = 1e-3  # of a variance seen: what constants explain whole keeps its degrees of freedom
+
+
+class HitVariance(NamedTuple):
+    """Variance of a hit within its place, (laboratory,)."""
+
+    left: Array  # less what constants explain; below 0 where they explain more than was seen
+    seen: Array
+    dof: Array  # 0: too few hits to tell
+
+    @classmethod
+    def of(cls, known: Known) -> Self:
+        """Return what is stated as a value with its u, √(2/ν) of what was seen."""
+        return cls(known.value, known.u * np.sqrt(known.dof / 2), known.dof)
+
+    def known(self, source: str = "") -> Known:
+        """Return the same as a value with its u."""
+        u = np.where(self.dof > 0, self.seen * np.sqrt(2 / np.maximum(self.dof, 1e-300)), 0.0)
+        return Known(value=self.left, u=u, dof=self.dof, evaluation="A", source=source)
+
+    @classmethod
+    def pooled(cls, tests: Sequence[HitVariance]) -> Self:
+        """Return the mean of several tests by degrees of freedom."""
+        dof = np.array([each.dof for each in tests])
+
+        def mean(values: Sequence[Array]) -> Array:
+            parts = np.where(dof > 0, dof * np.array(values), 0.0)
+            return np.asarray(parts.sum(axis=0) / np.maximum(dof.sum(axis=0), 1e-300))
+
+        left, seen = (mean([test[at] for test in tests]) for at in (0, 1))
+        return cls(left, seen, dof.sum(axis=0))
+
+    def larger(self, earlier: HitVariance) -> Mask:
+        """Whether today's hits scatter more than those of earlier tests, beyond chance."""
+        from scipy.special import fdtri
+
+        freedoms = np.maximum(self.dof, 1.0), np.maximum(earlier.dof, 1.0)
+        most = fdtri(*freedoms, 1 - LARGER_BY_CHANCE)
+        some = (self.dof > 0) & (earlier.dof > 0)
+        return np.asarray(some & (self.seen > most * earlier.seen))
+
+
+class Scatter(NamedTuple):
+    """Scatter of weighted sums of hits, (laboratory,)."""
+
+    u: Array
+    dof: Array
+    weighing: Array  # sum of the squared weights
+    variance: HitVariance
+
+    @classmethod
+    def seen(cls, hits: Array, weights: Array, groups: Array, effects: Array) -> Self:
+        """Return that of a block's hits, as `budget.scatter`, each with a laboratory axis."""
+        from virtual_lab.uncertainty.budget_kernel import scatter_u
+
+        found = np.empty((6, len(hits)))
+        own = [np.ascontiguousarray(each, float) for each in (hits, weights, groups, effects)]
+        scatter_u(own[0], own[1], own[2], own[3], found)
+        u, dof, weighing, seen, left, freedom = found
+        return cls(u, dof, weighing, HitVariance(left, seen, freedom))
+
+    @classmethod
+    def beside(cls, blocks: Sequence[Scatter]) -> Self:
+        """Return that of the laboratories of some blocks as one."""
+        u, dof, weighing, variances = zip(*blocks, strict=True)
+        of_all = HitVariance(*map(np.concatenate, zip(*variances, strict=True)))
+        return cls(np.concatenate(u), np.concatenate(dof), np.concatenate(weighing), of_all)
+
+    def joined(self, earlier: HitVariance) -> Self:
+        """Return it joined with earlier tests', today's alone where it is larger beyond chance."""
+        both = HitVariance.pooled([self.variance, earlier])
+        left = np.maximum(both.left, LEAST_LEFT * both.seen)
+        alone = self.variance.larger(earlier) | ~(left > 0)
+        left = np.where(alone, 1.0, left)
+        return self._replace(
+            u=np.where(alone, self.u, np.sqrt(self.weighing * left)),
+            # a variance is as uncertain as before when a known part of it is taken off
+            dof=np.where(alone, self.dof, both.dof * (left / np.where(alone, 1.0, both.seen)) ** 2),
+        )
+
+
+def larger_today(today: Estimate, earlier: Estimate) -> bool:
+    """Whether the variance of one test is larger than that of earlier ones, beyond chance."""
+    own, other = (HitVariance.of(Known.stacked([each])) for each in (today, earlier))
+    return bool(own.larger(other)[0])
