@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import combinations
 from statistics import median
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +29,8 @@ class PieceGrowth:
     lost_frames: int = 3  # that may have been left out at one place
     sure_places: int = 4  # before a step may be read as lost frames
     least_step: float = 0.25  # radii of it
-    slow_step: float = 0.1  # of a step less than twice that, that a place may be off
     least_places: int = 5
     travel: float = 1.0  # radii it covers
-    short_travel: float = 0.5  # radii, if it strays off a parabola by so little: no noise does
-    short_stray: float = 0.01  # radii
     # a way that travels less is a hop where g is known, bends it by so many radii at least, and it
     # strays off that parabola by so many at most
     hop: float = 0.25
@@ -42,10 +40,9 @@ class PieceGrowth:
     seeds: int = 4  # triples tried from a blob
     slowest: float = 0.01  # radii a frame
     fastest: float = 9.0
-    third_room: tuple[float, float] = (0.9, 0.35)  # radii and steps that it may be off a line
-    falling_third_room: tuple[float, float] = (0.4, 0.1)  # where g is known: off its parabola
-    fourth_room: tuple[float, float] = (0.5, 0.2)  # radii and steps off a parabola
-    later_room: tuple[float, float] = (0.25, 0.12)  # of any place where g is known
+    # radii and steps that a place may be off where the ones before it lead: where g is not known
+    # three times that of the third, which is off a line, and twice that of the fourth
+    room: tuple[float, float] = (0.25, 0.12)
     size_ratio: float = 1.6  # of the radii of one ball's blobs
     colour: float = 70.0  # DN between its blobs
     dirty: float = 0.35  # of the ring: more is a hand, or the ball on something
@@ -63,10 +60,6 @@ class PieceCuts:
     turn_u: float = 6.0  # standard uncertainties of that change
     turn_pull: float = 3.0  # of what gravity adds in a frame: less leaves no flight behind it
     better: float = 0.5  # of the rms off a parabola, that a cut leaves at most
-    bent: float = 0.1  # radii of that: no flight, or not all of it,
-    bent_better: float = 0.7  # and so much may be left: the next cut may leave less
-    stray: float = 0.15  # radii off the others' parabola
-    stray_share: float = 0.15  # of the places that may be so far off and be left out
     scatters: float = 4.0  # that a place may be off the others' parabola
 
 
@@ -167,13 +160,12 @@ class _Growth:
                 continue
             piece = Piece.of(self.found, self.index[places], np.array(t))
             radius, travel = piece.radius, np.ptp(piece.xy, axis=0).max()
-            steady = parabola(piece.t, piece.xy)[2] <= GROWTH.short_stray * radius
-            goes = travel >= (GROWTH.short_travel if steady else GROWTH.travel) * radius
+            goes = travel >= GROWTH.travel * radius
             if not goes and (self.pull is None or travel < GROWTH.hop * radius):
                 continue
             if self.pull is not None:
                 piece = _retimed(piece, self.time, self.pull)
-            parts = [_trimmed(_cleaned(each)) for each in _broken(piece)]
+            parts = [_trimmed(each) for each in _broken(piece)]
             if not goes:  # nor is it a hop, with the next one's first place
                 parts = [hop for each in parts if (hop := self._hop(each))]
             for each in [piece] if goes else parts:
@@ -219,18 +211,21 @@ class _Growth:
             fast = np.hypot(*speed.T)
             good = (fast < GROWTH.fastest * radius) & (fast > GROWTH.slowest * radius)
             expected = self.xy[second] + speed * (t2 - t1)
-            room = GROWTH.third_room
             if self.pull is not None:
                 expected += self.pull * (t2 - t0) * (t2 - t1) / 2
-                room = GROWTH.falling_third_room
             off = np.linalg.norm(self.xy[third][None] - expected[:, None], axis=2)
-            most = (room[0] * radius + room[1] * fast) * (t2 - t1)
+            most = self._room(2, radius, fast) * (t2 - t1)
             off[(off > most[:, None]) | ~good[:, None]] = np.inf
             for k in np.argsort(off, axis=None)[: GROWTH.seeds]:
                 m, n = np.unravel_index(k, off.shape)
                 if np.isfinite(off[m, n]):
                     tried.append((float(off[m, n]), (a, int(second[m]), int(third[n]))))
         return [each for _, each in sorted(tried)[: GROWTH.seeds]]
+
+    def _room(self, places: int, radius: float, speed: Any) -> Any:
+        """Distance that the next place may be off where so many lead [pixels]."""
+        wider = 1 if self.pull is not None else max(1, 5 - places)
+        return wider * (GROWTH.room[0] * radius + GROWTH.room[1] * speed)
 
     def _grown(self, seed: tuple[int, int, int]) -> tuple[list[int], list[float]]:
         places, t = list(seed), [float(self.time[self.frame[k]]) for k in seed]
@@ -256,7 +251,7 @@ class _Growth:
         self, places: list[int], t: list[float], there: Ints, time: float, radius: float
     ) -> tuple[int, int] | None:
         """Return the blob that goes on, and how many frames were left out before it."""
-        recent, known = np.array(t[-GROWTH.recent_places :]), self.pull is not None
+        recent = np.array(t[-GROWTH.recent_places :])
         xy = self.xy[places[-GROWTH.recent_places :]]
         s = recent - recent[-1]
         if self.pull is None:
@@ -265,18 +260,15 @@ class _Growth:
             fallen = s[:, None] ** 2 * self.pull / 2
             solved = np.vstack([_polynomial(s, xy - fallen, 1)[0], self.pull / 2])
         speed = float(np.hypot(*(xy[-1] - xy[-2]))) / (recent[-1] - recent[-2])
-        room = GROWTH.later_room if len(places) > 3 or known else GROWTH.fourth_room
         later = time - recent[-1]
-        most = (room[0] * radius + room[1] * speed) * (1 + 0.5 * (later - 1))
-        fast = speed > 2 * GROWTH.least_step * radius
-        stray = 0.7 * most if fast else GROWTH.slow_step * speed
-        sure = len(places) >= GROWTH.sure_places - known and speed > GROWTH.least_step * radius
+        most = self._room(len(places), radius, speed) * (1 + 0.5 * (later - 1))
+        sure = len(places) >= GROWTH.sure_places and speed > GROWTH.least_step * radius
         for lost in range(GROWTH.lost_frames + 1 if sure else 1):
             ahead = later + lost
             expected = np.array([1.0, ahead, ahead**2]) @ solved
             off = np.hypot(*(self.xy[there] - expected).T)
             k = int(np.argmin(off))
-            if off[k] < (stray if lost else most):
+            if off[k] < (min(most, speed / 4) if lost else most):
                 return int(there[k]), lost
         return None
 
@@ -329,8 +321,7 @@ def _broken(piece: Piece) -> list[Piece]:
     """Return a piece cut where its velocity changes at once: a contact that growth went through."""
     count, cut = len(piece.t), 0
     pull, _, whole = parabola(piece.t, piece.xy)
-    bent = whole >= CUTS.bent * piece.radius
-    least = (CUTS.bent_better if bent else CUTS.better) * whole
+    least = CUTS.better * whole
     for k in range(4, count - 3):
         moment = (piece.t[k - 1] + piece.t[k]) / 2
         before, u_before, rms_before = _velocity(piece.part(slice(k)), moment)
@@ -341,7 +332,7 @@ def _broken(piece: Piece) -> list[Piece]:
             CUTS.turn_pull * np.hypot(*pull),
         )
         rms = float(np.sqrt((k * rms_before**2 + (count - k) * rms_after**2) / count))
-        if (bent or np.hypot(*(after - before)) > turn) and rms < least:
+        if np.hypot(*(after - before)) > turn and rms < least:
             least, cut = rms, k
     if not cut:
         return [piece]
@@ -352,14 +343,6 @@ def _velocity(piece: Piece, moment: float) -> tuple[Array, float, float]:
     """Return velocity at a moment, its u and the rms residual."""
     solved, solver, rms = _polynomial(piece.t - moment, piece.xy, 2 if len(piece.t) > 4 else 1)
     return solved[1], rms * float(np.linalg.norm(solver[1])), rms
-
-
-def _cleaned(piece: Piece) -> Piece:
-    """Return a piece without single places that the others' parabola denies."""
-    s = piece.t - piece.t.mean()
-    off = np.hypot(*(piece.xy - np.vander(s, 3) @ np.polyfit(s, piece.xy, 2)).T)
-    wild = off > max(CUTS.scatters * float(np.median(off)), CUTS.stray * piece.radius)
-    return piece.part(~wild) if wild.mean() < CUTS.stray_share else piece
 
 
 def _trimmed(piece: Piece) -> Piece:
