@@ -21,43 +21,35 @@ class FlightSearch:
 
     least_places: int = 6  # of a flight
     side_places: int = 4  # on each side of a contact, to state a restitution
-    missed_frames: int = 4  # in a row at which a flight ends
     contact_frames: float = 6.0  # between two flights that a contact joins
     rounds: int = 4
     # one gravity
-    pull_share: float = 0.25  # that flights may differ by before drag and tilt are known
-    unsure_share: float = 0.5  # a piece whose acceleration may differ by more shows none
+    # that flights may differ by before drag and tilt are known; a piece whose acceleration is not
+    # known to it shows none
+    pull_share: float = 0.25
     chance_bend: float = 0.05  # radii that few places, by chance, seem to bend by
     upright: float = 0.5  # radians that g may be off the picture's downward direction
     sag: float = 1.0  # radii that gravity must bend a way by, for its direction to be asked for
     shown_sag: float = 0.3  # the same, for gravity to be missed where there is none
-    size_ratio: float = 1.35  # of the radii of one ball's flights
-    colour: float = 60.0  # DN between them
-    # a flight's own scatter, rms
-    smooth_radii: float = 0.12
-    smooth_pixels: float = 0.7  # of a small ball
-    sharp_radii: float = 0.04  # where the acceleration is far from g: no hand draws so clean a
-    sharp_share: float = 0.015  # parabola, nor one that scatters by this share of its sag
-    deep_sag: float = 3.0  # radii of it
-    coded_pixels: float = 0.4  # that a codec leaves of a small ball's sharp scatter
+    # a flight's own scatter, rms: radii, pixels of a small ball, and a share of its sag
+    smooth: tuple[float, float, float] = (0.12, 0.7, 0.015)
+    # of that, where the acceleration is far from g: no hand draws so clean a parabola
+    sharp: float = 1 / 3
     # places on a flight's way
     place_room: tuple[float, float] = (0.2, 5.0)  # radii, and standard deviations, off it
-    further_room: tuple[float, float] = (0.1, 4.0)  # the same beyond the places a piece had
-    end_room: tuple[float, float] = (0.05, 4.0)  # the same of the first and the last, in the end
+    # the same beyond the places a piece had, and of the first and the last in the end
+    end_room: tuple[float, float] = (0.07, 4.0)
     end_length: float = 1.25  # radii that these are long, but for what they move in a frame
     outer_share: float = 0.125  # of a flight's places at a free end: a fit without them shows u
     dirty: float = 0.75  # of the ring: so much may be beside a place on a flight
-    # two flights
-    one_way_radii: float = 0.45  # median (the worst: twice that), off another's way: they are one
-    meeting_radii: float = 0.6  # that two may miss each other by at a contact
+    # radii that two flights may miss each other by at a contact, or one that is broken its own way
+    meeting_radii: float = 0.5
     # a second ball
-    second_travel: float = 4.0  # radii
     second_contrast: float = 0.5  # of the ball's: what has less is its shadow or mirror image
     # a readout that is not known
     readouts: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)  # frames, tried
     good_spread: float = 0.015  # radii, that no other readout need mend
-    stated_readout: float = 4.0  # factor that the misfit shrinks by with another one: to say so,
-    used_readout: float = 1.5  # and to decide which places belong
+    readout_gain: float = 4.0  # factor that the misfit must shrink by with another one
 
 
 FLIGHTS = FlightSearch()
@@ -69,7 +61,7 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     flights = _of_one_gravity(scene, long)
     if not flights:
         return [], None
-    fit_of = partial(fit_flights, scene, readout=readout_of(scene, flights, FLIGHTS.used_readout))
+    fit_of = partial(fit_flights, scene, readout=readout_of(scene, flights))
     for _ in range(FLIGHTS.rounds):
         flights = _merged(scene, flights, fit_of(flights))
         flights = _aligned(scene, flights, fit_of(flights))
@@ -80,7 +72,7 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
             break
     flights = [each for each in flights if len(each.t) >= FLIGHTS.least_places]
     while flights:
-        readout = readout_of(scene, flights, FLIGHTS.used_readout)
+        readout = readout_of(scene, flights)
         fit = fit_flights(scene, flights, readout=readout)
         ended = _ended(scene, flights, fit)
         if [len(each.t) for each in ended] != [len(each.t) for each in flights]:
@@ -140,7 +132,7 @@ def _free(flights: Sequence[Piece]) -> Mask:
 def _holds(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> bool:
     """Whether flights fitted together still fall as gravity lets them."""
     longest = max(flights, key=lambda each: len(each.t))
-    own = 1.0 if len(flights) > 1 else FLIGHTS.sharp_radii / FLIGHTS.smooth_radii
+    own = 1.0 if len(flights) > 1 else FLIGHTS.sharp
     u = float(np.sqrt(fit.covariance[0, 0]))
     smooth = _smooth(longest, fit.pull[0], fit.spread)
     return smooth and _falls(scene, longest, fit.pull[0], u, own * fit.spread)
@@ -153,15 +145,9 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     contrast = [np.median(scene.found["contrast"][each.blobs]) for each in flights]
     for piece in pieces:
         pull, u, rms = _bent(scene, piece)
-        most = max(
-            FLIGHTS.sharp_radii * piece.radius,
-            FLIGHTS.coded_pixels,
-            FLIGHTS.sharp_share * _sag(pull, piece),
-        )
-        if len(piece.t) < FLIGHTS.least_places + 2 or rms > most:
+        if len(piece.t) < FLIGHTS.least_places + 2 or not _smooth(piece, pull, rms, FLIGHTS.sharp):
             continue
-        near = _travel(piece) < FLIGHTS.second_travel * piece.radius
-        if near or np.isin(piece.blobs, taken).any():
+        if np.isin(piece.blobs, taken).any():
             continue
         own = np.median(scene.found["contrast"][piece.blobs])
         if own < FLIGHTS.second_contrast * min(contrast):
@@ -193,9 +179,7 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
     return found
 
 
-def readout_of(
-    scene: FlightScene, flights: Sequence[Piece], factor: float = FLIGHTS.stated_readout
-) -> float:
+def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
     """Return the readout [frames]; where it is unknown 0, unless the flights speak against it.
 
     Their misfit must then shrink by a factor with another one.
@@ -207,7 +191,7 @@ def readout_of(
         return 0.0
     others = [fit_flights(scene, flights, readout=each) for each in FLIGHTS.readouts[1:]]
     best = min([plain, *others], key=lambda each: each.cost)
-    return best.readout if plain.cost > factor * best.cost else 0.0
+    return best.readout if plain.cost > FLIGHTS.readout_gain * best.cost else 0.0
 
 
 def _aligned(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
@@ -255,9 +239,9 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
             )
             room = max(chance, slowed, FLIGHTS.pull_share * size)
             ratio = max(other.radius, piece.radius) / min(other.radius, piece.radius)
-            colour = np.abs(_colour(scene, other) - _colour(scene, piece)).max() < FLIGHTS.colour
-            if np.hypot(*(own - pull)) < room and ratio < FLIGHTS.size_ratio:
-                sure = other is piece or chance < FLIGHTS.unsure_share * size or not shows
+            colour = np.abs(_colour(scene, other) - _colour(scene, piece)).max() < GROWTH.colour
+            if np.hypot(*(own - pull)) < room and ratio < GROWTH.size_ratio:
+                sure = other is piece or chance < FLIGHTS.pull_share * size or not shows
                 (like if sure and colour else loose).append(other)
         # of a few places any acceleration may be gravity's, and a ball in two colours turns: they
         # must lie beside a flight
@@ -272,9 +256,10 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
     return best[1]
 
 
-def _smooth(piece: Piece, pull: Array, rms: float) -> bool:
-    least = max(FLIGHTS.smooth_radii * piece.radius, FLIGHTS.smooth_pixels)
-    return rms < max(least, FLIGHTS.sharp_share * _sag(pull, piece))
+def _smooth(piece: Piece, pull: Array, rms: float, share: float = 1.0) -> bool:
+    """Whether a piece scatters by less than a share of what a flight may, or by next to nothing."""
+    radii, pixels, sag = FLIGHTS.smooth
+    return rms < share * max(radii * piece.radius, pixels, sag * _sag(pull, piece))
 
 
 def _chance(piece: Piece, u: float) -> float:
@@ -312,7 +297,7 @@ def _bent(scene: FlightScene, piece: Piece) -> tuple[Array, float, float]:
     readouts = FLIGHTS.readouts if scene.readout is None else (scene.readout,)
     tried = [parabola(piece.t + each * late, piece.xy) for each in readouts]
     best = min(tried, key=lambda each: each[2])
-    return best if FLIGHTS.used_readout * best[2] ** 2 < tried[0][2] ** 2 else tried[0]
+    return best if FLIGHTS.readout_gain * best[2] ** 2 < tried[0][2] ** 2 else tried[0]
 
 
 def _falls(scene: FlightScene, piece: Piece, pull: Array, u: float, rms: float) -> bool:
@@ -326,8 +311,7 @@ def _falls(scene: FlightScene, piece: Piece, pull: Array, u: float, rms: float) 
     ratio = size / expected
     if scene.doubled and 0.125 < ratio < 0.5:
         ratio *= 4  # stored twice, and played at the rate it was filmed with
-    sharp = len(piece.t) >= 2 * FLIGHTS.least_places and rms < FLIGHTS.sharp_radii * radius
-    sharp |= bent > FLIGHTS.deep_sag * radius and rms < FLIGHTS.sharp_share * bent
+    sharp = len(piece.t) >= 2 * FLIGHTS.least_places and _smooth(piece, pull, rms, FLIGHTS.sharp)
     sharp &= size > 8 * u and bent > FLIGHTS.sag * radius
     return _upright(pull) and (0.5 < ratio < 2.0 or sharp)
 
@@ -354,7 +338,7 @@ def _once(flights: list[Piece]) -> list[Piece]:
             free &= (piece.frames < other.frames[0]) | (piece.frames > other.frames[-1])
         rest = piece.part(free)
         whole = free.sum() >= FLIGHTS.side_places
-        if free.all() or (whole and np.diff(rest.frames).max() <= FLIGHTS.missed_frames + 2):
+        if free.all() or (whole and np.diff(rest.frames).max() <= GROWTH.gap_frames + 2):
             kept.append(rest)
     return sorted(kept, key=lambda each: each.frames[0])
 
@@ -389,7 +373,7 @@ def _one_way(fit: Fit, first: int, before: Piece, after: Piece) -> int | None:
     shorter one, which another ball may have drawn aside, lie by the way of the longer one.
     """
     middle = (before.t[-1] + after.t[0]) / 2
-    most = max(FLIGHTS.one_way_radii, FLIGHTS.place_room[1] * fit.spread / before.radius)
+    most = max(FLIGHTS.meeting_radii, FLIGHTS.place_room[1] * fit.spread / before.radius)
     found: int | None = None
     least = most
     for lost in range(GROWTH.lost_frames + 1):
@@ -423,7 +407,7 @@ def _refilled(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]
         for order in (counted[middle:], counted[:middle][::-1]):
             missed, shift = 0, float(ahead[int(start)])
             for frame in order.tolist():
-                if not before < frame < after or missed > FLIGHTS.missed_frames:
+                if not before < frame < after or missed > GROWTH.gap_frames:
                     break
                 shift = ahead.get(frame, shift)
                 t = float(scene.time[frame]) + shift
@@ -459,7 +443,7 @@ def _nearest(
     if beyond and not struck:  # a hand that lets go leads the ball on
         if some["dirty"][best] > GROWTH.dirty:
             return None
-        radii, spreads = (each * (1 + 0.3 * min(beyond, 3.0)) for each in FLIGHTS.further_room)
+        radii, spreads = (each * (1 + 0.3 * min(beyond, 3.0)) for each in FLIGHTS.end_room)
     room = max(radii * piece.radius, spreads * fit.spread)
     return int(there[best]) if off[best] < min(room, 0.5 * piece.radius) else None
 

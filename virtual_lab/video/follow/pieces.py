@@ -46,7 +46,6 @@ class PieceGrowth:
     size_ratio: float = 1.6  # of the radii of one ball's blobs
     colour: float = 70.0  # DN between its blobs
     dirty: float = 0.35  # of the ring: more is a hand, or the ball on something
-    shown_places: int = 8  # of a piece that shows its own acceleration
     # a piece is given other times where they shrink its misfit
     mended_share: float = 0.5  # to this share
     mended_radii: float = 0.3  # by so many radii for each change
@@ -58,7 +57,6 @@ class PieceCuts:
 
     turn: float = 0.22  # of the speed that it must change by for a contact
     turn_u: float = 6.0  # standard uncertainties of that change
-    turn_pull: float = 3.0  # of what gravity adds in a frame: less leaves no flight behind it
     better: float = 0.5  # of the rms off a parabola, that a cut leaves at most
     scatters: float = 4.0  # that a place may be off the others' parabola
 
@@ -301,9 +299,9 @@ def _retimed(piece: Piece, time: Array, pull: Array) -> Piece:
         if costs[best] > cost - least:
             break
         t, cost = times[good][best], float(costs[best])
-    if count >= GROWTH.shown_places:  # another acceleration, as in a hand, may explain it too
-        free = min(parabola(each, piece.xy)[2] for each in (piece.t, even))
-        plain = min(plain, 2 * (count - 2) * free**2)
+    # another acceleration, as in a hand, may explain it too
+    free = min(parabola(each, piece.xy)[2] for each in (piece.t, even))
+    plain = min(plain, 2 * (count - 2) * free**2)
     mended = cost <= GROWTH.mended_share * min(plain, before)
     return replace(piece, t=t if mended else start[0])
 
@@ -320,8 +318,7 @@ def _off_parabola(t: Array, xy: Array, pull: Array) -> Array:
 def _broken(piece: Piece) -> list[Piece]:
     """Return a piece cut where its velocity changes at once: a contact that growth went through."""
     count, cut = len(piece.t), 0
-    pull, _, whole = parabola(piece.t, piece.xy)
-    least = CUTS.better * whole
+    least = CUTS.better * parabola(piece.t, piece.xy)[2]
     for k in range(4, count - 3):
         moment = (piece.t[k - 1] + piece.t[k]) / 2
         before, u_before, rms_before = _velocity(piece.part(slice(k)), moment)
@@ -329,7 +326,6 @@ def _broken(piece: Piece) -> list[Piece]:
         turn = max(
             CUTS.turn * max(np.hypot(*before), np.hypot(*after)),
             CUTS.turn_u * np.hypot(u_before, u_after),
-            CUTS.turn_pull * np.hypot(*pull),
         )
         rms = float(np.sqrt((k * rms_before**2 + (count - k) * rms_after**2) / count))
         if np.hypot(*(after - before)) > turn and rms < least:
