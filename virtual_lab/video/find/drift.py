@@ -45,12 +45,9 @@ class _Alignment:
     least_spread: float = 0.1  # pixels
     clipped: float = 2.0  # pixels: what is farther off moves on its own
     least_shown: float = 0.2  # of the edges, that lie in the other picture
-    stand: float = 0.98  # of its cost: a camera on a stand is the simpler explanation
     far: float = 0.6  # of the cost near the guess, that a shift far from it has at most
     turned: float = 1.1  # of the cost without, that a turn has at most
-    # of what shows a shift, that keeps growth and turn near where they were, and near none
-    near_turn: float = 0.02
-    no_turn: float = 0.002
+    near_turn: float = 0.02  # of what shows a shift, that keeps growth and turn where they were
     ridge: float = 1e-3  # of what shows a shift: an edge does not hold one along it
 
 
@@ -117,7 +114,6 @@ class Edges:
             if near and _cost(self.levels[-1], pictures[-1], drift) < _ALIGN.fits:
                 break  # of what moves so little the coarser levels show no more
         costs = np.array([_cost(self.levels[-1], pictures[-1], each) for each in tried])
-        costs[0] *= _ALIGN.stand
         far = np.hypot(*(np.array(tried) - tried[1]).T[:2]) > _ALIGN.near
         far[:-1] &= before is not None  # what the finest level finds near a guess is no jump
         costs[far] /= _ALIGN.far
@@ -250,7 +246,11 @@ def _pyramid(grey: Image, count: int) -> list[NDArray[np.float32]]:
 def _level(picture: NDArray[np.float32], first: Array, middle: Array) -> _Level:
     across = cv2.Scharr(picture, cv2.CV_32F, 1, 0, scale=1 / 32)
     down = cv2.Scharr(picture, cv2.CV_32F, 0, 1, scale=1 / 32)
-    rim = _rim(picture)
+    # the edge of a picture and black bars about it move with no drift
+    rim = np.ones(picture.shape, bool)
+    lit, edge = picture > _ALIGN.black, _ALIGN.border
+    ends = [np.flatnonzero(lit.any(axis=axis))[[0, -1]] for axis in (1, 0)] if lit.any() else []
+    rim[tuple(slice(one + edge, last + 1 - edge) for one, last in ends)] = not ends
     slopes = [np.where(rim, 0, np.abs(each)) for each in (across, down)]
     places = np.unique(np.concatenate([_steepest(each) for each in slopes]), axis=0)
     y, x = places.T
@@ -269,18 +269,6 @@ def _level(picture: NDArray[np.float32], first: Array, middle: Array) -> _Level:
         slope=slope,
         middle=middle,
     )
-
-
-def _rim(picture: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return the edge of a picture and the black bars about it, which no drift moves."""
-    rim = np.ones(picture.shape, bool)
-    lines, files = (np.flatnonzero(picture.max(axis=a) > _ALIGN.black) for a in (1, 0))
-    if lines.size and files.size:
-        rim[
-            lines[0] + _ALIGN.border : lines[-1] + 1 - _ALIGN.border,
-            files[0] + _ALIGN.border : files[-1] + 1 - _ALIGN.border,
-        ] = False
-    return rim
 
 
 def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
@@ -360,8 +348,8 @@ def _settled(
 ) -> Array:
     """Return the drift of a picture, of which some parts are free, from one near by.
 
-    Growth and turn stay near that, and near none at all, the nearer the less shows them: where all
-    edges are in one place they would run off.
+    Growth and turn stay near that, the nearer the less shows them: where all edges are in one place
+    they would run off.
     """
     if level.x.size < 4:
         return start
@@ -383,10 +371,10 @@ def _settled(
         most = float(np.trace(normal[:2, :2]))
         if most < _ALIGN.fewest:
             break
-        near, none = _ALIGN.near_turn * most * turns, _ALIGN.no_turn * most * turns
-        normal += np.diag([*(_ALIGN.ridge * most + near + none), 1e-3, 1e-3])
+        near = _ALIGN.near_turn * most * turns
+        normal += np.diag([*(_ALIGN.ridge * most + near), 1e-3, 1e-3])
         right = weighted.T @ left
-        right[:count] += units * (near * (drift - start)[free] + none * drift[free])
+        right[:count] += units * near * (drift - start)[free]
         step = np.linalg.solve(normal, right)
         # a picture shifted by s has, at x + s, the value of x
         drift[free] -= step[:count] / units

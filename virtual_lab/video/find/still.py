@@ -31,7 +31,6 @@ class _StillSettings:
     no_drift: float = 0.15  # pixels over a clip: a camera on a stand
     hand_drift: float = 0.02  # of the longer side a second, each way: 0.005 to 0.03 in real clips
     held: float = 3.0  # pixels a frame of a camera held in a hand
-    no_shift: float = 0.05  # pixels searched: pictures laid upon one another as they are
     swung: float = 0.025  # of the picture's longer side a frame: a camera turned after the ball
     coded_still: float = 6.0  # DN/px: H.264 keeps flatter edges in place while the camera drifts
     # of a side, that edges reach over to show a drift, and such as are steep that way to show a
@@ -40,23 +39,19 @@ class _StillSettings:
     turn_parts: int = 4  # of 144, that have edges but for one thing's, to show a turn
     rounds: int = 2  # times that the samples are laid upon their median
     turned: float = 0.8  # of the misfit of shifted pictures: no less shows a turn
-    fewest: int = 8  # samples that show which side of the background a ball is on
-    side: float = 0.25  # quantile, or its complement, at which the background of a slow ball lies
-    touched: float = 8.0  # noises that a pixel's brightness varies by if the ball was there
     # of the misfits without: cameras on a stand show 0.91 at least, and 0.61 times that of all; of
     # others, turning ones show 0.74 at most, those held by hand 0.53 so multiplied
     turns: float = 0.8
-    drifts: float = 0.57
-    both: tuple[float, float] = (0.88, 0.7)  # the two together: a codec keeps a wall in place
+    drifts: float = 0.6
     sharper: tuple[float, float] = (1.3, 0.02)  # factor and pixels that a part's edges lie less off
-    standing_parts: int = 3  # of 144: if so many more are sharper unmoved, the camera stands
-    turned_parts: int = 3  # if no more are sharper turned than shifted, it does not turn
+    # of 144: if so many more are sharper unmoved, the camera stands; if no more are sharper turned
+    # than shifted, it does not turn
+    parts_apart: int = 3
     restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
     most_restless: int = 16  # DN: more may be a ball that stays
     rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
     grid: int = 8  # every eighth pixel shows how bright the light is
     lit: int = 16  # DN of a background that shows it
-    gains: tuple[float, float] = (0.7, 1.4)  # of the light, from frame to frame
 
 
 _STILL = _StillSettings()
@@ -137,7 +132,7 @@ class Still:
             shown = lit > _STILL.lit
             if shown.any():
                 gain = float(np.median(one[shown] / lit[shown]))
-                if _STILL.gains[0] < gain < _STILL.gains[1] and abs(gain - 1) > 0.005:
+                if abs(gain - 1) > 0.005:
                     gains[k] = gain
         return gains
 
@@ -217,7 +212,7 @@ def still_of(
     origin = shrink * first
     drifts[:, :2] *= shrink
     wide, high = np.ceil(shrink * end).astype(int) - origin
-    background = _covered(pictures, drifts, origin, (high, wide), share_of(pictures))
+    background = _covered(pictures, drifts, origin, (high, wide))
     behind = _shrunk(background, shrink)
     edges = edges_of(grey_of(behind), first, size)
     full = [shrink, shrink, 1, 1]
@@ -262,13 +257,13 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
     middles = edges_of(_median(greys))
     stands = _misfits(edges, middles, greys, best)
     ways = (
-        (shifted, Edges.shifted, -_STILL.standing_parts),
-        (turned, Edges.turned, _STILL.turned_parts),
+        (shifted, Edges.shifted, -_STILL.parts_apart),
+        (turned, Edges.turned, _STILL.parts_apart),
     )
     for chain, lay, parts in ways:
         laid, before = np.array(chain), (middles, best)
         for _ in range(_STILL.rounds + 1):
-            if np.abs(laid * at_rim(greys[0].shape[::-1])).max() < _STILL.no_shift:
+            if np.abs(laid * at_rim(greys[0].shape[::-1])).max() < _STILL.no_drift:
                 break
             middle = _median(greys, laid)
             whole = edges_of(middle)
@@ -278,9 +273,12 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
             # the median of pictures that hardly overlap shows nothing
             misfit = one_by_one * min(1.0, together)
             moves = one_by_one < _STILL.turns or misfit < _STILL.drifts
-            moves |= one_by_one < _STILL.both[0] and misfit < _STILL.both[1]
-            moves &= (steps <= limit).all() and misfit < least
-            if moves and _sharper(greys, before, (whole, laid)) > parts:
+            if (
+                moves
+                and misfit < least
+                and (steps <= limit).all()
+                and _sharper(greys, before, (whole, laid)) > parts
+            ):
                 best, least, middles = laid, misfit, whole
             laid = np.array([lay(whole, g, near) for g, near in zip(greys, laid, strict=True)])
         least *= _STILL.turned
@@ -380,27 +378,10 @@ def moved_back(
     return here
 
 
-def share_of(pictures: Sequence[Image]) -> float:
-    """Return the quantile at which the background is found.
-
-    The median; but before a camera in grey, a laboratory's, a slow ball may cover a pixel for most
-    of the time. Of most pixels that it touches it covers the lesser part: that shows whether it is
-    lighter than what is behind it, and the background lies on the other side.
-    """
-    if pictures[0].ndim == 3 or len(pictures) < _STILL.fewest:
-        return 0.5
-    stack = np.stack([each[::2, ::2] for each in pictures])
-    low, high = (each.astype(int) for each in (stack.min(axis=0), stack.max(axis=0)))
-    reach = high - low
-    touched = reach > _STILL.touched * max(float(np.median(reach)) / 4, 1.0)
-    middle = ranked(stack, len(stack) // 2).astype(int)
-    return _STILL.side if (low + high - 2 * middle)[touched].sum() >= 0 else 1 - _STILL.side
-
-
 def _covered(
-    pictures: Sequence[Image], drifts: Array, origin: Array, shape: tuple[int, int], share: float
+    pictures: Sequence[Image], drifts: Array, origin: Array, shape: tuple[int, int]
 ) -> Image:
-    """Return a quantile of drifted pictures where they reach; black where none does."""
+    """Median of drifted pictures where they reach; black where none does."""
     whole = np.zeros((*shape, *pictures[0].shape[2:]), np.uint8)
     size = pictures[0].shape[1::-1]
     for top in range(0, shape[0], _STILL.rows):
@@ -410,7 +391,7 @@ def _covered(
             [moved_back(p, d, corner, block) for p, d in zip(pictures, drifts, strict=True)]
         )
         if not drifts.any():
-            whole[top : top + _STILL.rows] = ranked(stack, round(share * (len(stack) - 1)))
+            whole[top : top + _STILL.rows] = ranked(stack, len(stack) // 2)
             continue
         y, x = np.ogrid[: len(block), : shape[1]]
         x, y = x + corner[0], y + corner[1]
@@ -424,7 +405,7 @@ def _covered(
             count += inside
         if block.ndim == 3:
             count = count[..., None]
-        rank = np.rint(share * (np.maximum(count, 1) - 1.0)).astype(np.uint8)
+        rank = count // 2
         whole[top : top + _STILL.rows] = np.where(count > 0, ranked(stack, rank), 0)
     return whole
 
