@@ -14,7 +14,7 @@ from virtual_lab.video.find.blobs import BLOB, blobs
 from virtual_lab.video.find.drift import edges_of, matrix_of, onward, upon
 from virtual_lab.video.find.still import still_of
 from virtual_lab.video.find.watching import Watched, repeated, repeats
-from virtual_lab.video.follow.sharpening import middle_of, uncovered_mean
+from virtual_lab.video.follow.sharpening import uncovered_mean
 
 NONE = np.zeros(4)
 
@@ -291,6 +291,6 @@ def test_what_is_behind_a_slow_ball(light: bool) -> None:
     assert np.percentile(np.abs(still.background - behind), 99) < 6
     x, y = scene.places()
     covered = [[(a, b, scene.radius + 4)] for a, b in zip(x[::2], y[::2], strict=True)]
-    bare = uncovered_mean(samples, middle_of(samples), covered)
+    bare = uncovered_mean(samples, covered)
     far = np.hypot(*(np.mgrid[:200, :320] - np.array([[[100]], [[230]]]))) > 30
     assert np.abs(bare - behind)[far].max() < 6 * scene.noise / np.sqrt(3)

@@ -34,7 +34,7 @@ class _Alignment:
     part_pixels: int = 8  # steep ones of a part that has an edge: noise leaves one or two
     pixels: int = 3000
     steepest: float = 2.0  # DN a pixel: less is noise
-    steps: int = 12
+    steps: int = 8
     near: float = 1.5  # pixels: a shift found so near to its guess is looked for no farther
     fits: float = 0.5  # pixels that edges may lie off for that, what moves on its own clipped
     fewest: float = 6.0  # pixels that show a shift: of fewer it stays

@@ -37,7 +37,6 @@ class _StillSettings:
     # turn: a ball's alone do not, nor those of a man who walks past
     span: tuple[float, float] = (0.5, 0.25)
     turn_parts: int = 4  # of 144, that have edges but for one thing's, to show a turn
-    rounds: int = 2  # times that the samples are laid upon their median
     turned: float = 0.8  # of the misfit of shifted pictures: no less shows a turn
     # of the misfits without: cameras on a stand show 0.91 at least, and 0.61 times that of all; of
     # others, turning ones show 0.74 at most, those held by hand 0.53 so multiplied
@@ -262,7 +261,7 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
     )
     for chain, lay, parts in ways:
         laid, before = np.array(chain), (middles, best)
-        for _ in range(_STILL.rounds + 1):
+        for _ in range(2):  # a third time lays none nearer
             if np.abs(laid * at_rim(greys[0].shape[::-1])).max() < _STILL.no_drift:
                 break
             middle = _median(greys, laid)

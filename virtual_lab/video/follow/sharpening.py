@@ -6,7 +6,7 @@ shows the ball pressed against what it struck, which its neighbours' way shows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -341,9 +341,8 @@ def _bare(clip: Clip, blobs: Blobs) -> Image:
     for number in clip.sampled.tolist():
         some = blobs[blobs["frame"] == number]
         reach = 1.15 * some["length"] + 8.0
-        covered.append(list(zip(some["picture_x"], some["picture_y"], reach, strict=True)))
-    samples = clip.grey_samples()
-    return uncovered_mean(samples, middle_of(samples), covered)
+        covered.append(zip(some["picture_x"], some["picture_y"], reach, strict=True))
+    return uncovered_mean(clip.grey_samples(), covered)
 
 
 def _start(
@@ -423,34 +422,20 @@ def _longer(frame: Frame, background: Image, start: Located, k: int, along: Arra
     return float((share * (u**2 - w**2)).sum() / total)
 
 
-def middle_of(samples: Frame) -> Image:
-    """Median of samples, (row, column)."""
-    # in parts: a sorted stack of whole frames would need the memory of them all
-    parts = np.array_split(samples, max(1, samples.shape[1] // 64), axis=1)
-    return np.concatenate([np.median(part, axis=0) for part in parts]).astype(np.float32)
-
-
 def uncovered_mean(
-    samples: Frame, first: Image, covered: Sequence[list[tuple[float, float, float]]]
+    samples: Frame, covered: Sequence[Iterable[tuple[float, float, float]]]
 ) -> Image:
-    """Mean of the samples where the ball did not cover them.
+    """Mean of samples (sample, row, column) where nothing that moves covers them, else the median.
 
-    Parameters
-    ----------
-    samples
-        Pictures, (sample, row, column).
-    first
-        What is taken where fewer than three samples show the background.
-    covered
-        x, y and reach [pixels] of what moves in each sample.
+    `covered`: x, y and reach [pixels] of what moves in each.
     """
-    total, count = np.zeros((2, *first.shape), np.float32)
+    total, count = np.zeros((2, *samples.shape[1:]), np.float32)
     for sample, spots in zip(samples, covered, strict=True):
-        free = np.ones(first.shape, np.uint8)
+        free = np.ones(sample.shape, np.uint8)
         for x, y, reach in spots:
             cv2.circle(free, (round(x), round(y)), int(np.ceil(reach)) + 1, 0, -1)
         total += free * sample
         count += free
-    return np.where(count >= SHARPNESS.shown, total / np.maximum(count, 1), first).astype(
-        np.float32
-    )
+    mean, rows, columns = total / np.maximum(count, 1), *np.nonzero(count < SHARPNESS.shown)
+    mean[rows, columns] = np.median(samples[:, rows, columns], axis=0)
+    return np.asarray(mean, np.float32)
