@@ -186,3 +186,19 @@ def test_gravity_comes_second_where_lost_frames_are_mended_by_the_motion(seen: S
     assert lost.scale is not None
     assert lost.scale.source == "ball"
     assert again(lost, ruler="gravity").scale.source == "gravity"
+
+
+def test_a_rate_that_nobody_gives_is_the_one_that_makes_g_right(seen: Seen) -> None:
+    """Sixty pictures a second in a file that plays them at 15: by the ball's size and gravity."""
+    made, found = seen("flat")
+    slow = again(found, rate=15.0, rate_of="file")
+    assert "RATE_FITTED" in slow.flags
+    said = track_document(slow)["frames_per_second"]
+    assert said["from"] == "gravity"
+    assert abs(said["value"] - 60.0) < 2 * said["u"] < 4.0
+    for speed, true in zip(speeds_of(slow), made.speeds, strict=True):
+        assert abs(speed.value - true) < 2 * speed.u < 0.1 * true
+    assert slow.checks == ()  # gravity gave the rate: it is no ruler beside it
+    right = again(found, rate_of="file")
+    assert right.known.rate == 60.0
+    assert right.scale == found.scale

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from virtual_lab.errors import InputError
+from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.contacts import Contact
 from virtual_lab.video.follow.flights import beside
-from virtual_lab.video.follow.known import BALL, GIVEN, ClipKnowledge, Note
+from virtual_lab.video.follow.known import BALL, GIVEN, GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import FittedFlights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import SAID, Ruler, off_u
@@ -59,6 +60,25 @@ class Falls:
     def rate(self) -> float:
         """The frame rate at which flights fall with g [1/s]."""
         return self.known.rate * float(np.sqrt(self.known.gravity / self.shared.value))
+
+    @property
+    def rate_u(self) -> float:
+        """Relative u of that rate: half of the acceleration's, which holds the length's."""
+        return self.shared.u / self.shared.value / 2
+
+    def rated(self) -> ClipKnowledge:
+        """Knowledge of the clip with that rate; gravity, which gave it, is no ruler beside it."""
+        return replace(self.known, rate=self.rate, rate_u=self.rate_u, rate_of=GRAVITY, ruler=BALL)
+
+    def of_rate(self) -> Note:
+        """Note of a rate that was fitted."""
+        words = (
+            f"no frame rate is given: by the file's own, {self.known.rate:.4g} a second, and "
+            f"{SAID[self.scale.source]} the ball would fall with {self.shared.value:.3g} m/s²; "
+            f"{with_uncertainty(self.rate, self.rate * self.rate_u)} a second make that "
+            f"{self.known.gravity:.3g}, and are taken, if that length is right (--fps says better)"
+        )
+        return "RATE_FITTED", words
 
     def require_rate(self, where: str) -> None:
         """Raise `InputError` where balls fall so fast that the frame rate must be another."""

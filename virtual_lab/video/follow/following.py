@@ -25,7 +25,7 @@ from virtual_lab.video.follow.doubts import (
 )
 from virtual_lab.video.follow.flights import FLIGHTS, outer_places
 from virtual_lab.video.follow.joint import Fit, estimate_of
-from virtual_lab.video.follow.known import GRAVITY, ClipKnowledge, Note
+from virtual_lab.video.follow.known import FILE, GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import EVEN_SHARE, FittedFlights, refit
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import Ruler, rulers_of
@@ -169,8 +169,12 @@ def measure(
         size = next((each for each in rulers if each.source != GRAVITY), None)
         if size and not sharp:
             falls = _falls(known, scene, ways, model, size, step)
+            off = falls.against()
+            if off and known.rate_of == FILE:
+                rated = measure(clip, watched, falls.rated(), search)
+                return replace(rated, notes=(falls.of_rate(), *rated.notes))
             falls.require_rate(where)
-            against += falls.against()
+            against += off
         flights = _flights(scene, ways, model, falls, contacts, scale, step)
         notes += against
         if known.readout is None and not model.fit.readout:

@@ -12,7 +12,7 @@ from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import usual_step
 
-GIVEN, BALL, GRAVITY = "given", "ball", "gravity"  # rulers
+GIVEN, BALL, GRAVITY, FILE = "given", "ball", "gravity", "file"  # what sets a scale or a rate
 Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and a sentence
 
 
@@ -22,6 +22,7 @@ class ClipKnowledge:
 
     rate: float  # pictures stored in a true second, repeats counted
     rate_u: float = 0.0  # relative
+    rate_of: str = GIVEN  # GIVEN | FILE: its own word | GRAVITY: fitted with a length that is known
     ball: float | None = None  # diameter [m]
     ball_u: float = 0.0
     metres_per_pixel: float | None = None

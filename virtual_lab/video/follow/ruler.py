@@ -24,7 +24,7 @@ square to the flight, to θ = 5° (`LEVEL_U`), on air and on the place:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -119,8 +119,9 @@ def rulers_of(
     """
     found = []
     if known.ball and len(blobs):
-        found.append(_by_ball(blobs, known.ball, known.ball_u, model.fit if model else None))
-    if model and not model.tilted:
+        ball = _by_ball(blobs, known.ball, known.ball_u, model.fit if model else None)
+        found.append(_with_rate(ball, known))
+    if model and not model.tilted and known.rate_of != GRAVITY:
         radius = float(np.median([each.radius for each in ways]))
         by_gravity = _by_gravity(model, radius, known.gravity, known.gravity_u, step)
         found += [by_gravity] if by_gravity else []
@@ -137,8 +138,18 @@ def rulers_of(
         given = PixelScale(
             metres_per_pixel=known.metres_per_pixel, relative_u=relative, source=GIVEN
         )
-        found.insert(0, Ruler.of_plane(given, known.rate_u))
+        found.insert(0, _with_rate(Ruler.of_plane(given, 0.0), known))
     return found
+
+
+def _with_rate(ruler: Ruler, known: ClipKnowledge) -> Ruler:
+    """Ruler with the rate's u in that of speeds.
+
+    A rate by gravity goes with 1/√(a length), so that speeds go with its root: the rate's u, half
+    of the length's and of the fitted pull's, is all of theirs.
+    """
+    whole = known.rate_of == GRAVITY
+    return replace(ruler, rest_u=float(np.hypot(0.0 if whole else ruler.rest_u, known.rate_u)))
 
 
 def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) -> Ruler:

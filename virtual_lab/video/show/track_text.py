@@ -82,6 +82,11 @@ def track_document(found: FollowedClip) -> dict[str, Any]:
                 for each in found.checks
             ],
         },
+        "frames_per_second": {
+            "value": found.known.rate,
+            "u": found.known.rate * found.known.rate_u,
+            "from": found.known.rate_of,
+        },
         "exposure_s": found.sharp.exposure if found.sharp else found.known.exposure,
         "drag_per_m": found.drag_per_m,
         "counts": {

@@ -25,7 +25,7 @@ from virtual_lab.video.clips.reading import Frame, open_source
 from virtual_lab.video.clips.timing import UNSURE_RATE
 from virtual_lab.video.follow.correction import read_track
 from virtual_lab.video.follow.following import FollowedClip, follow, following
-from virtual_lab.video.follow.known import BALL, GRAVITY, ClipKnowledge, known_of
+from virtual_lab.video.follow.known import BALL, FILE, GRAVITY, ClipKnowledge, known_of
 from virtual_lab.video.show.course import BallCourse, course_of, write_speeds, write_table
 from virtual_lab.video.show.track_text import track_document, track_text, track_title
 
@@ -226,6 +226,8 @@ def _for_clip(
         said["readout"] = None if file else 0.0
     if asked.calibration is None or asked.corrected is not None:
         said["calibration"] = None  # nothing by which to locate the ball sharply
+    if any(UNSURE_RATE in each for each in clip.warnings):
+        said["rate_of"] = FILE
     known, where = replace(known_of(clip, calibration), **said), str(clip.source.path)
     rows, columns = clip.shape
     if known.frames and known.frames[0] >= clip.count - 1:
