@@ -822,10 +822,10 @@ def track(
     """
     import numpy as np
 
-    from virtual_lab.video.show.tracked_clip import Asked, track_clip
+    from virtual_lab.video.show.tracked_clip import require_options, track_clip
 
-    said = {"ball": ball, "calibration": calibration, "corrected": corrected} | known
-    asked = Asked.of(**said)
+    asked = {"ball": ball, "calibration": calibration, "corrected": corrected} | known
+    require_options(asked)
     if not isinstance(clip, str | Path | np.ndarray):
         allowed = "expected a path, or a numpy array (frame, row, column) of 8 or 16 bits with fps="
         raise InputError("", "clip", type(clip).__name__, allowed)

@@ -7,7 +7,7 @@ ball is then located as sharply as it can be, for the speeds of a hit.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -29,64 +29,50 @@ from virtual_lab.video.follow.known import BALL, FILE, GRAVITY, ClipKnowledge, k
 from virtual_lab.video.show.course import BallCourse, course_of, write_speeds, write_table
 from virtual_lab.video.show.track_text import track_document, track_text, track_title
 
-OPTIONS: dict[str, tuple[type | UnionType, str]] = {  # of an option's value, and an example
-    "calibration": (str | Path, '"calibration.toml"'),
-    "ball": (str, '"73mm±0.5mm" (a length carries its unit)'),
-    "fps": (Real, "240"),
-    "exposure": (str, '"1/120" or "8ms"'),
-    "gravity": (Real, "9.81"),
-    "frames": (str, '"17:52"'),
-    "region": (str, '"10,20,300,200"'),
-    "ball_at": (str, '"210,85@17"'),
-    "scale": (str, '"100,200:300,200=50cm"'),
-    "ruler": (str, '"gravity"'),
-    "readout": (str, '"16ms"'),
-    "global_shutter": (bool, "True"),
-    "phone": (bool, "True"),
-    "tripod": (bool, "True"),
-    "corrected": (str | Path, '"clip-track/track.csv"'),
+
+def _within(text: str, least: float, most: float, unit: str) -> Callable[[float], float]:
+    """Form of a number that has a range."""
+
+    def form(value: float) -> float:
+        if not least <= value <= most:
+            raise InputError("", text, value, f"allowed: {least:g} to {most:g} {unit}")
+        return value
+
+    return form
+
+
+# of an option: the type of its value, an example, and what makes a quantity of it
+OPTIONS: dict[str, tuple[type | UnionType, str, Callable[[Any], Any]]] = {
+    "calibration": (str | Path, '"calibration.toml"', Path),
+    "ball": (str, '"73mm±0.5mm" (a length carries its unit)', options.ball_of),
+    "fps": (Real, "240", _within("--fps", 1, 1e7, "frames a second")),
+    "exposure": (str, '"1/120" or "8ms"', partial(options.seconds_of, key="--exposure")),
+    "gravity": (Real, "9.81", _within("--gravity", 0.1, 100, "m/s²")),
+    "frames": (str, '"17:52"', options.frames_of),
+    "region": (str, '"10,20,300,200"', options.region_of),
+    "ball_at": (str, '"210,85@17"', options.place_of),
+    "scale": (str, '"100,200:300,200=50cm"', options.scale_of),
+    "ruler": (str, '"gravity"', str),
+    "readout": (str, '"16ms"', partial(options.seconds_of, key="--readout")),
+    "global_shutter": (bool, "True", bool),
+    "phone": (bool, "True", bool),
+    "tripod": (bool, "True", bool),
+    "corrected": (str | Path, '"clip-track/track.csv"', Path),
 }
-FILES = ("calibration", "corrected")
 UNSURE_BALL = "no u of the ball's diameter is given"
 STANDING = (UNSURE_BALL, UNSURE_RATE)  # what most clips of phones have in common
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
-    """What a person says, in words as on the command line; None: nothing."""
-
-    calibration: Path | None = None
-    ball: str | None = None
-    fps: float | None = None
-    exposure: str | None = None
-    gravity: float | None = None
-    frames: str | None = None
-    region: str | None = None
-    ball_at: str | None = None
-    scale: str | None = None
-    ruler: str | None = None
-    readout: str | None = None
-    global_shutter: bool = False
-    phone: bool = False
-    tripod: bool = False
-    corrected: Path | None = None  # track.csv of an earlier run
-
-    @classmethod
-    def of(cls, **said: object) -> Asked:
-        """Take what a person says in Python, of any type.
-
-        Raises `InputError`: an option that there is not, or a value of another type.
-        """
-        for name, value in said.items():
-            if name not in OPTIONS:
-                allowed = f"{nearest(name, OPTIONS)}options: {', '.join(OPTIONS)}"
-                raise InputError("", name, None, allowed)
-            kind, expected = OPTIONS[name]
-            good = isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
-            if not good and value is not None:
-                raise InputError("", name, value, f"expected a value like {name}={expected}")
-        files = {k: Path(v) for k, v in said.items() if k in FILES and isinstance(v, str | Path)}
-        return cls(**said | files)  # type: ignore[arg-type]
+def require_options(asked: Mapping[str, object]) -> None:
+    """Raise `InputError` for an option that there is not, or a value of another type."""
+    for name, value in asked.items():
+        if name not in OPTIONS:
+            allowed = f"{nearest(name, OPTIONS)}options: {', '.join(OPTIONS)}"
+            raise InputError("", name, None, allowed)
+        kind, expected, _ = OPTIONS[name]
+        good = isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
+        if not good and value is not None:
+            raise InputError("", name, value, f"expected a value like {name}={expected}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,24 +107,30 @@ class TrackedClip:
 
 
 def track_clip(
-    file: Path | Frame, asked: Asked, *, progress: Callable[[str], None] = lambda _: None
+    file: Path | Frame,
+    asked: Mapping[str, Any],
+    *,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> TrackedClip:
-    """Return the ball's way through a clip: a file, a folder, or an array of its frames.
+    """Track the ball through a clip: a file, a folder, or an array of its frames.
 
-    Raises `InputError`: what cannot be read, words of another form, or no length known.
+    `asked`: what a person says, in words as on the command line, by the names of `OPTIONS`; None:
+    nothing. Raises `InputError`: what cannot be read, words of another form, or no length known.
     """
     source = open_source(file)  # what is no clip needs no scale
-    calibration, said, notes = _known(asked)
+    asked = {k: value for k, value in asked.items() if value is not None and value is not False}
+    said = {name: OPTIONS[name][2](value) for name, value in asked.items()}
+    calibration, notes = _calibration(said)
     progress(f"reading {source.path}")
     clip = open_clip(file, calibration)
     known = _for_clip(clip, calibration, said, asked)
-    if asked.corrected:
-        watched, ways = read_track(asked.corrected, clip)
+    if "corrected" in said:
+        watched, ways = read_track(said["corrected"], clip)
         found = following(clip, watched, known, ways)
     else:
         found = follow(clip, known, progress=progress)
     told = (*found.notes, *(("", words) for words in notes))
-    if asked.phone:  # says these at once
+    if "phone" in said:  # says these at once
         told = tuple(e for e in told if e[0] != "READOUT_UNKNOWN" and not e[1].startswith(STANDING))
     found = replace(found, notes=told)
     # samples of a large clip take 50 MB, and have given what they can but how dark a picture is
@@ -153,90 +145,70 @@ def track_clip(
     )
 
 
-def _known(asked: Asked) -> tuple[ClipCalibration, dict[str, Any], list[str]]:
-    """Return the calibration with what was said beside it, the rest, and sentences."""
-    keys: dict[str, Any] = {}  # of a calibration file, that words replace
-    said: dict[str, Any] = {}
+def _calibration(said: Mapping[str, Any]) -> tuple[ClipCalibration, list[str]]:
+    """Read the calibration, with what was said in place of its keys, and sentences."""
+    keys: dict[str, Any] = {}
     assumed = False
-    if asked.ball is not None:
-        ball, ball_u, assumed = options.ball_of(asked.ball)
-        keys |= {"ball_diameter_m": ball, "ball_diameter_m_u": ball_u}
-    if asked.scale is not None:
-        scale, scale_u = options.scale_of(asked.scale)
-        keys |= {"metres_per_pixel": scale, "metres_per_pixel_u": scale_u}
-    if asked.fps is not None:
-        if not 1 <= asked.fps <= 1e7:
-            raise InputError("", "--fps", asked.fps, "allowed: 1 to 1e7 frames a second")
-        keys |= {"frames_per_second": asked.fps, "frames_per_second_u": 0.0}
-    forms: dict[str, Callable[[str], Any]] = {
-        "exposure": partial(options.seconds_of, key="--exposure"),
-        "readout": partial(options.seconds_of, key="--readout"),
-        "frames": options.frames_of,
-        "region": options.region_of,
-        "ball_at": options.place_of,
-    }
-    for name, form in forms.items():
-        if (text := getattr(asked, name)) is not None:
-            said[name] = form(text)
-    if asked.calibration and "exposure" in said:  # else frames stored twice may be shorter
+    if "ball" in said:
+        keys["ball_diameter_m"], keys["ball_diameter_m_u"], assumed = said["ball"]
+    if "scale" in said:
+        keys["metres_per_pixel"], keys["metres_per_pixel_u"] = said["scale"]
+    if "fps" in said:
+        keys |= {"frames_per_second": said["fps"], "frames_per_second_u": 0.0}
+    file, ruler = said.get("calibration"), said.get("ruler")
+    if file and "exposure" in said:  # else frames stored twice may be shorter
         keys["exposure_s"] = said["exposure"]
-    if asked.gravity is not None:
-        if not 0.1 <= asked.gravity <= 100:
-            raise InputError("", "--gravity", asked.gravity, "allowed: 0.1 to 100 m/s²")
-        said |= {"gravity": asked.gravity, "gravity_u": 0.0}
-    if asked.readout is not None and asked.global_shutter:
-        raise InputError("", "--readout", asked.readout, "a global shutter has none: give one")
-    if asked.global_shutter:
-        said["readout"] = 0.0
-    calibration, notes = read_calibration(asked.calibration, keys, asked.ruler != GRAVITY), []
-    said["ruler"] = _ruler(calibration, asked)
+    calibration, notes = read_calibration(file, keys, ruler != GRAVITY), []
+    if ruler and ruler not in (GRAVITY, BALL):
+        raise InputError("", "--ruler", ruler, f"allowed: {GRAVITY}, {BALL}")
+    if ruler and (calibration.metres_per_pixel or calibration.camera):
+        raise InputError("", "--ruler", ruler, "a length in the picture is given: it is one")
+    if ruler == BALL and not calibration.ball_diameter_m:
+        raise InputError("", "--ruler", BALL, "its diameter is not known: give --ball")
     if assumed and not (calibration.metres_per_pixel or calibration.camera):
         diameter_u = 1e3 * calibration.ball_diameter_m_u
         notes = [f"{UNSURE_BALL}: {diameter_u:.2g} mm was assumed"]
-    return calibration, said, notes
-
-
-def _ruler(calibration: ClipCalibration, asked: Asked) -> str | None:
-    """Choose the ruler where no length in the picture is one; None: the surer one.
-
-    Sharp places, of a calibrated camera, know the ball's size better than gravity.
-    """
-    if asked.ruler is None:
-        return BALL if asked.calibration else None
-    if asked.ruler not in (GRAVITY, BALL):
-        raise InputError("", "--ruler", asked.ruler, f"allowed: {GRAVITY}, {BALL}")
-    if calibration.metres_per_pixel or calibration.camera:
-        raise InputError("", "--ruler", asked.ruler, "a length in the picture is given: it is one")
-    if asked.ruler == BALL and not calibration.ball_diameter_m:
-        raise InputError("", "--ruler", BALL, "its diameter is not known: give --ball")
-    return asked.ruler
+    return calibration, notes
 
 
 def _for_clip(
-    clip: Clip, calibration: ClipCalibration, said: dict[str, Any], asked: Asked
+    clip: Clip, calibration: ClipCalibration, said: Mapping[str, Any], asked: Mapping[str, Any]
 ) -> ClipKnowledge:
     """Gather what is known of a clip that has been opened."""
-    axes = {90: (0, -1), 180: (1, -1), 270: (0, 1)}
-    said = {"readout_axis": axes.get(clip.source.rotation, (1, 1))} | said
-    said["stands"] = asked.tripod or asked.calibration is not None
-    if "readout" not in said and asked.calibration is None:
+    calibrated, where = "calibration" in said, str(clip.source.path)
+    names = ("exposure", "gravity", "frames", "region", "ball_at", "readout", "ruler")
+    more: dict[str, Any] = {
+        "readout_axis": {90: (0, -1), 180: (1, -1), 270: (0, 1)}.get(clip.source.rotation, (1, 1)),
+        "stands": "tripod" in said or calibrated,
+        # sharp places, of a calibrated camera, know the ball's size better than gravity
+        "ruler": BALL if calibrated else None,
+    }
+    more |= {name: said[name] for name in names if name in said}
+    if "gravity" in said:
+        more["gravity_u"] = 0.0
+    if "global_shutter" in said:
+        if "readout" in said:
+            raise InputError("", "--readout", asked["readout"], "a global shutter has none")
+        more["readout"] = 0.0
+    if "readout" not in more and not calibrated:
         # a faster one is of a laboratory's camera
         rate = clip.source.rate
         file = clip.source.path.is_file() and rate is not None and rate <= 480
-        said["readout"] = None if file else 0.0
-    if asked.calibration is None or asked.corrected is not None:
-        said["calibration"] = None  # nothing by which to locate the ball sharply
-    if any(UNSURE_RATE in each for each in clip.warnings):
-        said["rate_of"] = FILE
-    known, where = replace(known_of(clip, calibration), **said), str(clip.source.path)
+        more["readout"] = None if file else 0.0
+    if not calibrated or "corrected" in said:
+        more["calibration"] = None  # nothing by which to locate the ball sharply
+    if "phone" not in said and any(UNSURE_RATE in each for each in clip.warnings):
+        more["rate_of"] = FILE
+    known = replace(known_of(clip, calibration), **more)
     rows, columns = clip.shape
     if known.frames and known.frames[0] >= clip.count - 1:
         allowed = f"the clip has {clip.count} frames, 0 to {clip.count - 1}"
-        raise InputError(where, "--frames", asked.frames, allowed)
+        raise InputError(where, "--frames", asked["frames"], allowed)
     if known.region and (known.region[0] >= columns or known.region[1] >= rows):
-        raise InputError(where, "--region", asked.region, f"a picture is {columns} x {rows} pixels")
+        allowed = f"a picture is {columns} x {rows} pixels"
+        raise InputError(where, "--region", asked["region"], allowed)
     x, y, frame = known.ball_at or (0, 0, 0)
     if not (0 <= x < columns and 0 <= y < rows and frame < clip.count):
         allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
-        raise InputError(where, "--ball-at", asked.ball_at, allowed)
+        raise InputError(where, "--ball-at", asked["ball_at"], allowed)
     return known
