@@ -30,12 +30,12 @@ from virtual_lab.video.show.course import BallCourse, course_of, write_speeds, w
 from virtual_lab.video.show.track_text import track_document, track_text, track_title
 
 
-def _within(text: str, least: float, most: float, unit: str) -> Callable[[float], float]:
+def _within(text: str, least: float, most: float, allowed: str) -> Callable[[float], float]:
     """Form of a number that has a range."""
 
     def form(value: float) -> float:
         if not least <= value <= most:
-            raise InputError("", text, value, f"allowed: {least:g} to {most:g} {unit}")
+            raise InputError("", text, value, f"allowed: {allowed}")
         return value
 
     return form
@@ -45,9 +45,9 @@ def _within(text: str, least: float, most: float, unit: str) -> Callable[[float]
 OPTIONS: dict[str, tuple[type | UnionType, str, Callable[[Any], Any]]] = {
     "calibration": (str | Path, '"calibration.toml"', Path),
     "ball": (str, '"73mm±0.5mm" (a length carries its unit)', options.ball_of),
-    "fps": (Real, "240", _within("--fps", 1, 1e7, "frames a second")),
+    "fps": (Real, "240", _within("--fps", 1, 1e7, "1 to 1e7 frames a second")),
     "exposure": (str, '"1/120" or "8ms"', partial(options.seconds_of, key="--exposure")),
-    "gravity": (Real, "9.81", _within("--gravity", 0.1, 100, "m/s²")),
+    "gravity": (Real, "9.81", _within("--gravity", 0.1, 100, "0.1 to 100 m/s²")),
     "frames": (str, '"17:52"', options.frames_of),
     "region": (str, '"10,20,300,200"', options.region_of),
     "ball_at": (str, '"210,85@17"', options.place_of),
@@ -188,7 +188,9 @@ def _for_clip(
         more["gravity_u"] = 0.0
     if "global_shutter" in said:
         if "readout" in said:
-            raise InputError("", "--readout", asked["readout"], "a global shutter has none")
+            raise InputError(
+                "", "--readout", asked["readout"], "a global shutter has none: give one"
+            )
         more["readout"] = 0.0
     if "readout" not in more and not calibrated:
         # a faster one is of a laboratory's camera
