@@ -33,7 +33,7 @@ class FlightSearch:
     shown_sag: float = 0.3  # the same, for gravity to be missed where there is none
     # a flight's own scatter, rms: radii, pixels of a small ball, and a share of its sag
     smooth: tuple[float, float, float] = (0.12, 0.7, 0.015)
-    # of that, where the acceleration is far from g: no hand draws so clean a parabola
+    # of the first two, where the acceleration is far from g: no hand draws so clean a parabola
     sharp: float = 1 / 3
     # places on a flight's way
     place_room: tuple[float, float] = (0.2, 5.0)  # radii, and standard deviations, off it
@@ -259,7 +259,7 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
 def _smooth(piece: Piece, pull: Array, rms: float, share: float = 1.0) -> bool:
     """Whether a piece scatters by less than a share of what a flight may, or by next to nothing."""
     radii, pixels, sag = FLIGHTS.smooth
-    return rms < share * max(radii * piece.radius, pixels, sag * _sag(pull, piece))
+    return rms < max(share * max(radii * piece.radius, pixels), sag * _sag(pull, piece))
 
 
 def _chance(piece: Piece, u: float) -> float:
