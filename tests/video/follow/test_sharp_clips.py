@@ -25,7 +25,9 @@ from virtual_lab.video.show.track_text import track_document, track_text
 RATE = 5000.0
 SCALE = 1e-3
 UNIT = SCALE * RATE  # m/s of a pixel a frame
-KNOWN = ClipCalibration(metres_per_pixel=SCALE, frames_per_second=RATE, exposure_s=0.1 / RATE)
+KNOWN = ClipCalibration(
+    metres_per_pixel=SCALE, frames_per_second=RATE, exposure_s=0.1 / RATE, lens_blur_px=0.7
+)
 
 
 class Hit:
@@ -115,9 +117,9 @@ def test_speeds_are_right_to_their_uncertainty(scene: str, flown: Flown) -> None
     assert set(np.flatnonzero(inside)) <= set(tracked.frames.tolist())
 
 
-def test_sixteen_bits_and_an_unknown_exposure(tmp_path: Path) -> None:
+def test_sixteen_bits_and_an_unknown_exposure_and_lens(tmp_path: Path) -> None:
     film = Film(shutter=0.5)
-    known = replace(KNOWN, exposure_s=None)
+    known = replace(KNOWN, exposure_s=None, lens_blur_px=None)
     tracked, found = run(film.frames(full=4095.0), tmp_path, known)
     require(film, found)
     assert found.clip.clip.full_scale == 4095.0
@@ -196,7 +198,8 @@ def test_time_stamps_tell_of_lost_frames_themselves(tmp_path: Path) -> None:
 def stamped(at: Path, times: NDArray[np.float64]) -> ClipCalibration:
     (at / "stamps.csv").write_text("\n".join(map(repr, times.tolist())))
     (at / "cal.toml").write_text(
-        f'metres_per_pixel = {SCALE}\nexposure_s = 2e-5\ntimestamps = "stamps.csv"\n'
+        f"metres_per_pixel = {SCALE}\nexposure_s = 2e-5\nlens_blur_px = 0.7\n"
+        'timestamps = "stamps.csv"\n'
     )
     return read_calibration(at / "cal.toml")
 
@@ -266,7 +269,7 @@ def test_flights_that_do_not_meet_have_no_contact(tmp_path: Path) -> None:
 
 def test_the_balls_diameter_sets_the_scale(tmp_path: Path) -> None:
     film = Film()
-    known = ClipCalibration(frames_per_second=RATE, exposure_s=2e-5, ball_diameter_m=0.028)
+    known = replace(KNOWN, metres_per_pixel=None, ball_diameter_m=0.028)
     tracked, found = run(film.frames(), tmp_path, known)
     assert tracked.plane.source == "ball"
     assert tracked.plane.metres_per_pixel == pytest.approx(SCALE, rel=3e-3)

@@ -15,7 +15,7 @@ from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.known import Note
 from virtual_lab.video.follow.models import FittedFlights
 from virtual_lab.video.follow.pieces import Piece
-from virtual_lab.video.follow.ruler import Ruler
+from virtual_lab.video.follow.ruler import RULER, Ruler
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.sharpening import SharpBall
 
@@ -29,7 +29,6 @@ class ContactSettings:
     slant_u: float = 0.5 * DEGREE  # of a floor or a wall off g, and of g as the camera sees it
     turned_back: float = 0.2  # of the speed into it, along a floor or wall: it was struck twice
     least_u: float = 0.001  # of a restitution: no places of a hull show more
-    vague_u: float = 0.25  # of a restitution that says nothing
     coverage: float = 2.0  # u: what lies beyond is no chance
 
 
@@ -204,6 +203,6 @@ def _restitution(
         return None, "ABOVE_ONE", why
     if ratio.value <= 0:
         return None, "CONTACT_UNCLEAR", f"the ball goes on through the {kind}; none is given"
-    if ratio.u > CONTACTS.vague_u:
+    if ratio.u > RULER.vague:
         return None, "CONTACT_UNCLEAR", "the flights say too little of it; no restitution is given"
     return ratio, "", ""

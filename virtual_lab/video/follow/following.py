@@ -33,8 +33,6 @@ from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.searching import FlightsFound, clip_scene, search, step_of
 from virtual_lab.video.follow.sharpening import NotSharpError, SharpBall, sharpened, wants_sharp
 
-STRAYS_U = 3.0  # standard uncertainties that a flight's end leaves its way by, to be no chance
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
@@ -323,7 +321,7 @@ def _strays(t: Array, left: Array, spread: float) -> float:
     late = t[some] - t[some].mean()
     size = float(np.linalg.norm(late))
     speed = float(np.hypot(*(late @ left[some]))) / size**2
-    return speed if speed * size > STRAYS_U * spread else 0.0
+    return speed if speed * size > FALLS.apart[0] * spread else 0.0
 
 
 def _pull(flight: int, fit: Fit) -> float:

@@ -56,7 +56,7 @@ class RulerSettings:
     edge_u: float = 0.12
     oval_u: float = 0.6
     drag_coefficient: float = 0.45  # of a ball
-    vague: float = 0.25  # of a length: more says nothing
+    vague: float = 0.25  # of a length, or of a restitution: more says nothing
 
 
 RULER = RulerSettings()
