@@ -47,7 +47,9 @@ class _Alignment:
     least_shown: float = 0.2  # of the edges, that lie in the other picture
     far: float = 0.6  # of the cost near the guess, that a shift far from it has at most
     turned: float = 1.1  # of the cost without, that a turn has at most
-    near_turn: float = 0.02  # of what shows a shift, that keeps growth and turn where they were
+    # of what shows a shift, that keeps growth and turn near where they were, and near none
+    near_turn: float = 0.02
+    no_turn: float = 0.002
     ridge: float = 1e-3  # of what shows a shift: an edge does not hold one along it
 
 
@@ -348,8 +350,8 @@ def _settled(
 ) -> Array:
     """Return the drift of a picture, of which some parts are free, from one near by.
 
-    Growth and turn stay near that, the nearer the less shows them: where all edges are in one place
-    they would run off.
+    Growth and turn stay near that, and near none at all, the nearer the less shows them: where all
+    edges are in one place they would run off.
     """
     if level.x.size < 4:
         return start
@@ -371,10 +373,10 @@ def _settled(
         most = float(np.trace(normal[:2, :2]))
         if most < _ALIGN.fewest:
             break
-        near = _ALIGN.near_turn * most * turns
-        normal += np.diag([*(_ALIGN.ridge * most + near), 1e-3, 1e-3])
+        near, none = _ALIGN.near_turn * most * turns, _ALIGN.no_turn * most * turns
+        normal += np.diag([*(_ALIGN.ridge * most + near + none), 1e-3, 1e-3])
         right = weighted.T @ left
-        right[:count] += units * near * (drift - start)[free]
+        right[:count] += units * (near * (drift - start)[free] + none * drift[free])
         step = np.linalg.solve(normal, right)
         # a picture shifted by s has, at x + s, the value of x
         drift[free] -= step[:count] / units
