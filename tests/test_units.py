@@ -46,6 +46,8 @@ DEFINED: dict[str, dict[str, Fraction]] = {
     "rate": {"1/s": Fraction(1)},
     "density": {"kg/m^3": Fraction(1)},
     "modulus": {"Pa": Fraction(1), "MPa": Fraction(10**6), "GPa": Fraction(10**9)},
+    "temperature": {"K": Fraction(1), "mK": Fraction(1, 1000)},
+    "pressure": {"Pa": Fraction(1), "hPa": Fraction(100), "kPa": Fraction(1000)},
     "acceleration": {"m/s^2": Fraction(1), "in/s^2": INCH},
     "stiffness": {"N/m^a": Fraction(1)},
     "torque": {"N m": Fraction(1)},

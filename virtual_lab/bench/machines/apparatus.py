@@ -195,7 +195,9 @@ class Apparatus:
         turns = earlier + 1
         more = replace(spec, repeats=spec.repeats * turns, releases=spec.releases * turns)
         stations = {**self.laboratory.stations, Stage.BENCH: replace(station, spec=more)}
-        record: Any = self._bench(replace(self.laboratory, stations=stations)).records[channel]
+        found = self._bench(replace(self.laboratory, stations=stations)).records
+        record: Any = found[channel]
+        beside = {name: found[name] for name in ("climate",) if name in found}  # a logger's own
         if action.name == "swing":
             fresh = slice(spec.releases * earlier, None)
             record = replace(
@@ -205,7 +207,7 @@ class Apparatus:
                 last_amplitude=record.last_amplitude[fresh],
             )
             taken = record.times[:, -1] - record.times[:, 0]
-            return Reading({channel: record}, _numbered("release", taken, "s"))
+            return Reading({channel: record} | beside, _numbered("release", taken, "s"))
         readings = record.readings[:, spec.repeats * earlier :]
         if given.get("end") == "knob":
             readings = self._length - readings
@@ -214,7 +216,7 @@ class Apparatus:
         words = "ball" if channel == "ball-mass" else "reading"
         means = readings.mean(axis=1) if words == "ball" else readings[0]
         return Reading(
-            {channel: replace(record, readings=readings * typed)},
+            {channel: replace(record, readings=readings * typed)} | beside,
             _numbered(words, means / display, unit),
         )
 
