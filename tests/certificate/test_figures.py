@@ -21,6 +21,7 @@ from virtual_lab.certificate.figures import (
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.printed import printed_budget, printed_values
 from virtual_lab.output.svg import description_of
+from virtual_lab.units import INCH, MPH
 
 
 @pytest.fixture(scope="module")
@@ -46,12 +47,13 @@ def same_shape(shown: np.ndarray, wanted: np.ndarray) -> None:
 
 
 def test_a_scan_has_its_curves_and_means_along_the_barrel(scan: CertificateDocument) -> None:
-    """e_A, e and the metric; curves by numpy's own fit of the hits on the certificate."""
+    """e_A, e, v_f and the metric; curves by numpy's own fit of the hits on the certificate."""
     along = scan.along
     assert along is not None
     assert [each.name for each in along.quantities] == [
         "collision_efficiency",
         "restitution",
+        "batted_speed",
         "besr",
     ]
     drawn = along_figure(scan)
@@ -74,11 +76,24 @@ def test_a_scan_has_its_curves_and_means_along_the_barrel(scan: CertificateDocum
     assert read == pytest.approx(scan.metric.value, abs=2e-3)
 
 
+def test_batted_speed_along_the_barrel_is_that_at_the_speeds_of_the_rules(
+    scan: CertificateDocument,
+) -> None:
+    """The rules' ball at 70 mph, the bat at 66 mph 6 in from its tip, turning about 6 in of it."""
+    assert scan.along is not None
+    assert scan.bat.length_m.value is not None
+    found = {each.name: np.array(each.mean) for each in scan.along.quantities}
+    e_a, place = found["collision_efficiency"], np.array([row.place_in for row in scan.places])
+    lever = scan.bat.length_m.value / INCH - 6 - place
+    bat = 66 * MPH * lever / (scan.bat.length_m.value / INCH - 12)
+    assert found["batted_speed"] == pytest.approx(e_a * 70 * MPH + (1 + e_a) * bat, rel=1e-3)
+
+
 def test_the_numbers_stand_beside_the_curves(scan: CertificateDocument) -> None:
     shown = printed_values(scan)["along"]
     assert isinstance(shown, dict)
     assert len(shown["rows"]) == len(scan.places)
-    assert all(len(row) == 2 + 2 * 3 for row in shown["rows"])
+    assert all(len(row) == 2 + 2 * 4 for row in shown["rows"])
 
 
 def test_the_bars_are_as_long_as_the_shares(document: CertificateDocument) -> None:

@@ -63,6 +63,8 @@ def has_unit(path: tuple[str, ...]) -> bool:
         return True
     if path[:2] in WITH_UNIT or path == ("along", "degree"):
         return True
+    if path[0] == "conditions":  # `unit` stands beside
+        return True
     # a budget's lines are in SI: the constant's own, and contributions in the metric's
     return path[0] in OF_THE_METRIC or path[0] == "budget"
 

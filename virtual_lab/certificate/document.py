@@ -364,9 +364,10 @@ class SimulationStated(Simulated):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HallCondition(Spec):
-    """A condition in the hall at the start and the end of the test: K, relative from 0 to 1, Pa."""
+    """A condition in the hall at the start and the end of the test; humidity is 1 of saturated."""
 
     name: str  # temperature, humidity, pressure
+    unit: str
     at_start: Real
     at_end: Real
     u: Uncertainty

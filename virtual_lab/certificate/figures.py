@@ -71,7 +71,8 @@ def along_figure(document: CertificateDocument) -> str:
             title=f"{symbol}, {unit}" if unit else symbol,
             x_label="place from the tip, in",
         )
-        panel.line(along.curve_in, [value / size for value in each.curve], "every hit")
+        label = "" if panels else "every hit"  # of all panels: one is too narrow for two
+        panel.line(along.curve_in, [value / size for value in each.curve], label)
         if each.name == document.metric.name and along.read:
             read = [value / size for value in along.read]
             panel.line(along.read_in, read, "result", width=1.8, dashes="3.3 1.4")

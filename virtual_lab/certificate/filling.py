@@ -54,6 +54,7 @@ from virtual_lab.measurement.camera.comparison import CameraComparison, Compared
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import CONTROL, QUANTITIES
 from virtual_lab.measurement.procedure import CHOICE, Procedure, curve_of
+from virtual_lab.measurement.procedure.metric import field_speeds
 from virtual_lab.measurement.procedure.peak_width import Width
 from virtual_lab.measurement.reduction.air import (
     DENSITY,
@@ -61,7 +62,9 @@ from virtual_lab.measurement.reduction.air import (
     climate_readings,
     measured_density,
 )
+from virtual_lab.measurement.reduction.kinematics import batted_speed
 from virtual_lab.measurement.reduction.recoil import RECOIL
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.measurement.swing_range import SwingResult
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records import EncoderRecord
@@ -74,6 +77,7 @@ from virtual_lab.uncertainty.scatter import larger_today
 from virtual_lab.units import INCH, MPH, Array
 
 HISTORY = 10  # tests, whose use a certificate without any foretells
+HALL_UNITS = {"temperature": "K", "humidity": "1", "pressure": "Pa"}
 FEWEST_PLACES = 4  # for a curve along the barrel
 
 
@@ -277,7 +281,7 @@ def _places(certification: Certification) -> list[PlaceRow]:
 
 
 def _along(certification: Certification) -> AlongBarrel | None:
-    """Return e_A, e and the metric along the barrel; None with too few places for a curve."""
+    """Return e_A, e, v_f and the metric along the barrel; None with too few places for a curve."""
     valid, shots = certification.judgement.valid, certification.shots
     place = certification.readings.place[valid] / INCH
     steps = np.unique(place)
@@ -289,6 +293,7 @@ def _along(certification: Certification) -> AlongBarrel | None:
     shown = {
         "collision_efficiency": shots.collision_efficiency,
         "restitution": shots.restitution,
+        "batted_speed": _batted_speed(certification),
         name: certification.shot_metric,
     }
     curves = []
@@ -322,6 +327,14 @@ def _along(certification: Certification) -> AlongBarrel | None:
         read_in=tuple(np.round(read_at / INCH, 4).tolist()),
         read=tuple(np.round(read, 6).tolist()),
     )
+
+
+def _batted_speed(certification: Certification) -> Array:
+    """Return v_f of each shot at the speeds of the rules' game, or of the test, (shot,) [m/s]."""
+    known = {name: np.array(each.value) for name, each in certification.bat.items()}
+    bat = BatProperties(**known, barrel_radius=np.array(np.nan))  # which no speed hangs on
+    speeds = field_speeds(certification.procedure, certification.readings.place, bat)
+    return np.asarray(batted_speed(certification.shots.collision_efficiency, *speeds))
 
 
 def _camera(comparison: CameraComparison | None) -> CameraWord | None:
@@ -450,7 +463,8 @@ def _hall_conditions(hall: SessionBlock) -> Iterator[HallCondition]:
     if record := climate_readings(hall):
         for name, (values, u) in climate(hall, record).items():
             start, *_, end = values[0, [0, 0, -1]].tolist()
-            yield HallCondition(name=name, at_start=start, at_end=end, u=float(u[0, 0]))
+            unit = HALL_UNITS[name]
+            yield HallCondition(name=name, unit=unit, at_start=start, at_end=end, u=float(u[0, 0]))
 
 
 def _of_standard_ball(procedure: Procedure) -> bool:
