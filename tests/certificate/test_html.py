@@ -242,7 +242,7 @@ def test_an_invalid_test_with_a_number_shows_it_as_no_result() -> None:
         assert "interval 0." not in form
         assert "BPF =" not in form
     assert "No BPF can be stated" in words(page("too few valid hits"))
-    assert document.text().count(str(document.metric.value)) > 0
+    assert document.text.count(str(document.metric.value)) > 0
 
 
 def test_a_result_of_supplied_records_never_passes_for_a_simulated_or_verified_one() -> None:
@@ -266,7 +266,7 @@ def test_a_result_of_supplied_records_never_passes_for_a_simulated_or_verified_o
 @pytest.mark.parametrize("name", ["pass", "scan with fresh hits", "real laboratory"])
 def test_the_head_that_print_repeats_names_certificate_and_statement(name: str) -> None:
     """The sheet begins with it, however many pages it takes."""
-    number = hashlib.sha256(certificate(case(name)).text().encode()).hexdigest()[:12]
+    number = hashlib.sha256(certificate(case(name)).text.encode()).hexdigest()[:12]
     root = ElementTree.fromstring(page(name))
     sheets = [each for each in root.iter("section") if each.get("class") == "sheet"]
     (sheet,) = sheets
@@ -343,7 +343,7 @@ def test_a_certificate_is_printed_from_its_own_file(tmp_path: Path) -> None:
     for name in CASES:
         document = certificate(case(name))
         path = tmp_path / "certificate.json"
-        path.write_text(document.text())
+        path.write_text(document.text)
         again = read_document(path)
         assert again == document
         assert certificate_text(again) == certificate_text(document)

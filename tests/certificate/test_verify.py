@@ -8,7 +8,7 @@ import re
 import shutil
 import zipfile
 from base64 import b64decode, b64encode
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from cryptography.hazmat.primitives.serialization import (
 import virtual_lab as vl
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from virtual_lab.certificate import verify as verifying
-from virtual_lab.certificate.document import MetricStated, document_of, risk_of
+from virtual_lab.certificate.document import CertificateDocument, MetricStated, document_of, risk_of
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.pdf import certificate_pdf, pdf_name
 from virtual_lab.certificate.signing import require_key
@@ -35,6 +35,21 @@ from virtual_lab.errors import InputError
 
 LOGO = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><path fill="black"/></svg>'
 HERE = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def each_document_is_set_once() -> Iterator[None]:
+    """Keep every PDF that verify makes; that its bytes repeat has a test of its own."""
+    kept: dict[tuple[str, str], bytes] = {}
+
+    def of_kept(document: CertificateDocument, paper: str) -> bytes:
+        if (document.text, paper) not in kept:
+            kept[document.text, paper] = certificate_pdf(document, paper)
+        return kept[document.text, paper]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(verifying, "certificate_pdf", of_kept)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -120,7 +120,7 @@ def test_they_stay_with_the_records(stated: Particulars, tmp_path: Path) -> None
 
 def test_page_and_text_say_what_is_stated_and_what_is_not(stated: Particulars) -> None:
     document = certificate(with_particulars(stated))
-    assert document_of(json.loads(document.text()), "certificate.json") == document
+    assert document_of(json.loads(document.text), "certificate.json") == document
     text, page = certificate_text(document), certificate_page(document)
     for value in ("Bat Laboratory", "1 Test Road", "SN 2", "2026-11-20", "2026-11-24", "G-12"):
         assert value in text

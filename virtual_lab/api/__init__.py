@@ -379,7 +379,7 @@ class Certificate:
         with new_folder(target) as draft:
             if pdf:
                 (draft / pdf_name(self.printed)).write_bytes(certificate_pdf(self.printed, paper))
-            (draft / "certificate.json").write_text(self.printed.text(), encoding="utf-8")
+            (draft / "certificate.json").write_text(self.printed.text, encoding="utf-8")
             page = certificate_page(self.printed, paper)
             (draft / "certificate.html").write_text(page, encoding="utf-8")
             write_csv(self.shots, draft / "readings.csv")

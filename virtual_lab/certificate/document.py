@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from math import inf, isclose
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -373,7 +374,7 @@ class HallCondition(Spec):
     u: Uncertainty
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class CertificateDocument(Spec):
     """The complete certificate."""
 
@@ -453,8 +454,9 @@ class CertificateDocument(Spec):
         document: dict[str, Any] = _lists(found)
         return document
 
+    @cached_property
     def text(self) -> str:
-        """Return the text of ``certificate.json``."""
+        """The text of ``certificate.json``, which number and every form take."""
         return json.dumps(self.as_json(), indent=2, allow_nan=False) + "\n"
 
 

@@ -53,7 +53,7 @@ def along_figure(document: CertificateDocument) -> str:
     along = document.along
     assert along is not None
     room = (RIGHT - LEFT + 42) / len(along.quantities)
-    panels = []
+    panels: list[Panel] = []
     for number, each in enumerate(along.quantities):
         symbol, unit, size = printed_size(each.name)
         means = [value / size for value in each.mean]

@@ -82,7 +82,7 @@ def _inputs(
     document: CertificateDocument, view: dict[str, Any], odd: set[str], paper: str
 ) -> dict[str, str]:
     shown = {**_spelled(view, odd), "code_points": bool(odd)}
-    return {"view": json.dumps(shown), "document": document.text(), "paper": PAPERS[paper]}
+    return {"view": json.dumps(shown), "document": document.text, "paper": PAPERS[paper]}
 
 
 def _typst() -> Any:

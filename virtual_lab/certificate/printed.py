@@ -112,7 +112,7 @@ def printed_values(document: CertificateDocument) -> dict[str, Any]:
 
 def certificate_number(document: CertificateDocument) -> str:
     """Return the number of a certificate: it follows from its content."""
-    return hashlib.sha256(document.text().encode()).hexdigest()[:12]
+    return hashlib.sha256(document.text.encode()).hexdigest()[:12]
 
 
 def _conditions(document: CertificateDocument) -> dict[str, str]:

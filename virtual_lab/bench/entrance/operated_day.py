@@ -62,7 +62,7 @@ class RehearsedDay:
                 (draft / "records").mkdir()
                 save_session(self.desk.session, draft / "records")
                 printed = certificate(self.desk.certification)
-                (draft / "certificate.json").write_text(printed.text(), encoding="utf-8")
+                (draft / "certificate.json").write_text(printed.text, encoding="utf-8")
                 (draft / "certificate.html").write_text(certificate_page(printed), "utf-8")
         return target
 
