@@ -115,6 +115,11 @@ def test_the_careless_leave_out_and_wave_through() -> None:
     found, day = debriefed("careless"), day_by("careless")
     assert scores(found)["protocol"] < 0.9
     assert scores(found)["record"] < 1
+    (left,) = (each.because for each in found.scores if each.name == "protocol")
+    assert "left out: clear the sabot scrap" in left  # as on its button
+    page = debrief_page(found)
+    assert " m/s, allowed " in page  # in the scenario's units alone
+    assert " mph" not in page
     waved = [e for e in day.events if e.arguments.get("because") == "near enough"]
     assert waved
     assert found.costly

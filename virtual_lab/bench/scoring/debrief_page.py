@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 from virtual_lab.bench.day.doubts import known_doubts
 from virtual_lab.bench.day.scenario import UNITS
 from virtual_lab.bench.day.table import action_table
+from virtual_lab.bench.pages.tally import in_units
 from virtual_lab.bench.scoring.debrief import Debrief
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
@@ -20,6 +22,7 @@ def debrief_page(told: Debrief, *, linked: bool = False) -> str:
         linked=linked,
         sheets=action_table().actions,
         titles=known_doubts(),
+        printed=partial(in_units, system=told.units),
         length=UNITS[told.units][0],
         speed=UNITS[told.units][1],
         metric=METRICS[told.metric],

@@ -8,9 +8,7 @@ from typing import NamedTuple
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk, OwnResult
 from virtual_lab.bench.day.protocol import left_out, steps_due
-from virtual_lab.bench.day.table import (
-    repairs,
-)
+from virtual_lab.bench.day.table import action_table, repairs
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.scoring.deviations import (
     DENIED,
@@ -115,7 +113,8 @@ def protocol_score(day: Day, departed: list[Deviation]) -> tuple[float, str]:
     missed = [each.step for each in left_out(day) if not reasons.get(each.step, False)]
     words = f"{due - len(missed)} of {due} steps done in time, or left out with a reason noted"
     if missed:
-        words += "; left out: " + ", ".join(sorted(set(missed)))
+        titles = {action_table().actions[step].title.lower() for step in missed}
+        words += "; left out: " + ", ".join(sorted(titles))
     return ((due - len(missed)) / due if due else 0.0), words
 
 
