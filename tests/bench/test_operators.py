@@ -310,9 +310,12 @@ def test_the_debrief_sets_an_experts_day_beside_the_trainees() -> None:
 def test_why_an_expert_gives_another_verdict_than_is_right_is_told(
     name: str, faults: tuple[str, ...], limit: float | None, said: str
 ) -> None:
-    given = scenario(faults, limit=limit)
-    machines = apparatus(*faults) if limit is None else Apparatus(laboratory_of(given, 3, SALT))
-    found = debrief(machines, taken(machines, operator_of(name, 4)), given)
+    if limit is None:
+        found = debriefed(name, *faults)
+    else:
+        given = scenario(faults, limit=limit)
+        machines = Apparatus(laboratory_of(given, 3, SALT))
+        found = debrief(machines, taken(machines, operator_of(name, 4)), given)
     assert (found.expert.verdict == found.right_verdict) == (not said)
     assert said in found.expert.apart
     assert bool(said) == (" expert " in found.expert.apart)
