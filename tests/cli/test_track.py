@@ -180,6 +180,16 @@ def test_a_phones_clip(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
     assert sheet.shape[0] * sheet.shape[1] <= 4e6
 
 
+def test_a_phone_leaves_out_what_holds_for_all(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
+    """Readout, rate and the ball's u are not spoken of; the figures are the same."""
+    clip, _, told = thrown
+    found = vl.track(clip, ball="80mm", frames="16:51", phone=True).document
+    assert found["flags"] == []
+    assert found["warnings"] == []
+    assert found["contacts"] == told["contacts"]
+    assert found["frames_per_second"] == {"value": 30.0, "u": 0.0, "from": "given"}
+
+
 def test_a_track_comes_back_corrected(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
     """As it went out it gives the same; a row that is moved by hand moves the result."""
     clip, out, told = thrown

@@ -41,7 +41,12 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     "frames_per_second, exposure_s, timestamps, …",
 )
 @click.option("--ball", metavar="73mm±0.5mm", help="Ball diameter, in mm, cm, m or in.")
-@click.option("--fps", type=float, help="Frames per second of real time, repeated frames included.")
+@click.option(
+    "--fps",
+    type=float,
+    help="Frames per second of real time, repeated frames included  [default: the file's, or where "
+    "the ball would not fall with g by it, the rate that makes it]",
+)
 @click.option("--exposure", metavar="1/120", help="Exposure time of a frame, in s or ms.")
 @click.option("--gravity", type=float, help="Local gravity [m/s²]  [default: 9.81 ± 0.025]")
 @click.option("--frames", metavar="17:52", help="First and last frame to use.")
