@@ -462,7 +462,7 @@ def _hall_conditions(hall: SessionBlock) -> Iterator[HallCondition]:
     """Yield what thermometer, hygrometer and barometer showed at start and end, corrected."""
     if record := climate_readings(hall):
         for name, (values, u) in climate(hall, record).items():
-            start, *_, end = values[0, [0, 0, -1]].tolist()
+            start, end = values[0, [0, -1]].tolist()
             unit = HALL_UNITS[name]
             yield HallCondition(name=name, unit=unit, at_start=start, at_end=end, u=float(u[0, 0]))
 
