@@ -96,7 +96,7 @@ def test_the_coverage_table_is_the_one_on_file() -> None:
     with path.open() as lines:
         rows = list(csv.DictReader(lines))
     # the page's table says which procedures ship with such a row; one of your own needs none
-    listed = re.findall(r"^\| ([\w-]+) \| (?:100000|99\d\d\d) \|", STUDIES, re.MULTILINE)
+    listed = re.findall(r"^\| ([\w-]+) \| (?:100000|99\d\d\d|20000) \|", STUDIES, re.MULTILINE)
     assert {row["procedure"] for row in rows} == set(listed)
     assert set(listed) <= set(catalog.names("procedures"))
     assert len(listed) >= 6
@@ -106,6 +106,26 @@ def test_the_coverage_table_is_the_one_on_file() -> None:
         if row["quantity"] in ("metric", "collision_efficiency"):
             assert f"| {held} % ({low} to {high}) |" in STUDIES
             assert f"| {row['laboratories']} |" in STUDIES
+
+
+def test_the_tenths_are_those_on_file() -> None:
+    """Alone and with a history, where no tenth of 1 000 laboratories is below 90 %."""
+    for kind, words in (("coverage", "alone"), ("history", "history")):
+        (path,) = (ROOT / "tests" / "studies").glob(f"{kind}-*.csv")
+        assert f"`tests/studies/{path.name}`" in STUDIES
+        with path.open() as lines:
+            rows = [row for row in csv.DictReader(lines) if row["quantity"] == "metric"]
+        for row in (each for each in rows if each["by_u"]):
+            by_u, by_dof = (
+                [100 * float(part) for part in row[key].strip("()").split(",")]
+                for key in ("by_u", "by_dof")
+            )
+            told = [", ".join(f"{x:.0f}" for x in tenths) for tenths in (by_u, by_dof[::-1])]
+            held = f"{100 * float(row['coverage']):.1f} %"
+            start = f"| {row['procedure']}, {words} | {row['laboratories']} | {held} |"
+            assert f"{start} {told[0]} | {told[1]} |" in STUDIES
+            if kind == "history" and int(row["laboratories"]) > 10_000:
+                assert min(by_u + by_dof) >= 90
 
 
 def test_the_table_of_faults_is_the_one_on_file() -> None:

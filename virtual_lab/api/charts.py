@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from virtual_lab.fidelity.results import SpeedChart, StabilityMap
 
 PARTS = ("collision", "motion", "camera")
-CHARTED = (*PARTS, "uncertainty")
+CHARTED = (*PARTS, "uncertainty", "laboratory")
 
 
 def chart(part: str, *, progress: Progress = quiet) -> SpeedChart:
@@ -22,7 +22,8 @@ def chart(part: str, *, progress: Progress = quiet) -> SpeedChart:
     Parameters
     ----------
     part
-        ``collision``, ``motion``, ``camera``, or ``uncertainty``: methods to propagate it.
+        ``collision``, ``motion``, ``camera``, ``uncertainty``: methods to propagate it, or
+        ``laboratory``: all parts of a test.
     progress
         Called with the present task.
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @click.group()
 def chart() -> None:
-    """Draw error against run time of the models of collision, motion, camera or uncertainty."""
+    """Draw error against run time of models and methods, of a part or of the whole laboratory."""
 
 
 @click.group()
@@ -46,6 +46,11 @@ _study(
     chart,
     "uncertainty",
     "Error of u and of the interval's ends by each method to propagate, against their time.",
+)
+_study(
+    chart,
+    "laboratory",
+    "Effect of every model and method of a test on its metric, against their time.",
 )
 _study(
     stability,

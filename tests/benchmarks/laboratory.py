@@ -1,0 +1,193 @@
+"""The whole test at a glance: what each rung of each part does to the metric, and what it costs.
+
+    python -m tests.benchmarks.laboratory LABORATORIES OUT.CSV [PART …]
+
+r161 by astm-f1881, nominal bat; the same numbered laboratories with every rung of a part, the other
+parts as they are for many laboratories (sums; gates and encoder: in full). An effect is the mean
+over laboratories of the metric less that with the finest rung, over u; of the uncertainty half the
+length of the interval; of the camera e_A of one filmed shot, over the camera's u. Fewer
+laboratories where a rung is dear: the table says how many.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from math import sqrt
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from rigs.astm_pivot import AstmPivotStation
+from virtual_lab.lab import Laboratory, RoundRobin, TestSetup, certify_block
+from virtual_lab.lab.laboratory import collision_of
+from virtual_lab.measurement.refined import refined
+from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.simulation.instruments.light_gate import LightGates
+from virtual_lab.simulation.rig import MotionRung
+from virtual_lab.studies import clips
+
+BAT, PROCEDURE, SEED = "r161", "astm-f1881", 1
+FEW = 40  # laboratories of dear rungs
+Numbers = np.ndarray
+Found = tuple[Numbers, Numbers, float]  # metric and u of the laboratories, seconds a laboratory
+FULL, SUMMED = RecordDetail.FULL, RecordDetail.SUMMED
+
+
+def played(setup: TestSetup, laboratories: int) -> Found:
+    """Return the results of numbered laboratories, side by side where all write sums."""
+    setup = replace(setup, seed=SEED)
+    alone = setup.detail is FULL
+    numbers: list[Any] = [*range(laboratories)] if alone else [np.arange(laboratories)]
+    certify_block(replace(setup, number=0 if alone else np.arange(2)))  # compiles, fits
+    begin = time.process_time()
+    found = [certify_block(replace(setup, number=each)).certified for each in numbers]
+    seconds = (time.process_time() - begin) / laboratories
+    metric = [each.results["metric"] for each in found]
+    value, u = (np.concatenate([getattr(m, key) for m in metric]) for key in ("value", "u"))
+    sound = np.concatenate([~each.invalid for each in found])
+    return np.where(sound, value, np.nan), np.where(sound, u, np.nan), seconds
+
+
+def collisions(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
+    setup = RoundRobin.of(BAT, PROCEDURE).setup
+    for rung in ("rigid", "surrogate", "modal", "reference"):
+        own = setup
+        if rung != "surrogate":
+            bat, ball, rules = setup.bat.spec, setup.ball.spec, setup.rules.spec
+            own = replace(setup, collision=collision_of(bat, ball, rules, rung))
+        yield rung, rung == "surrogate", played(own, laboratories)
+
+
+def motions(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
+    setup = RoundRobin.of(BAT, PROCEDURE).setup
+    for rung in MotionRung:
+        yield (
+            rung.value,
+            rung is MotionRung.CLOSED_FORM,
+            played(replace(setup, motion=rung), laboratories),
+        )
+
+
+def in_full() -> TestSetup:
+    bat = RoundRobin.of(BAT, PROCEDURE).setup
+    collision = collision_of(bat.bat.spec, bat.ball.spec, bat.rules.spec)
+    return replace(bat, detail=FULL, collision=collision)
+
+
+def gates(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
+    whole = LightGates.watch
+
+    def summed(self: Any, *args: Any) -> Any:
+        return whole(self, *args[:-1], SUMMED)
+
+    with patch.object(LightGates, "watch", summed):
+        yield "sums", True, played(in_full(), laboratories)
+    yield "edges", False, played(in_full(), laboratories)
+
+
+@contextmanager
+def encoder_that_sums() -> Iterator[None]:
+    """Let the encoder alone write sums, of a test whose other records are in full."""
+    names = ("fly", "timed", "play")
+    plan_at = {"fly": 0, "timed": 1, "play": 0}
+
+    def changed(name: str) -> Callable[..., Any]:
+        own, detail = getattr(AstmPivotStation, name), SUMMED if name == "play" else FULL
+
+        def call(self: Any, *args: Any) -> Any:
+            given = list(args)
+            given[plan_at[name]] = replace(given[plan_at[name]], detail=detail)
+            return own(self, *given)
+
+        return call
+
+    with ExitStack() as stack:
+        for name, call in [(name, changed(name)) for name in names]:
+            stack.enter_context(patch.object(AstmPivotStation, name, call))
+        yield
+
+
+def encoders(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
+    with encoder_that_sums():
+        yield "sums", True, played(in_full(), laboratories)
+    yield "counts", False, played(in_full(), laboratories)
+
+
+def cameras(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
+    for rung, detail in (("error model", SUMMED), ("frames, tracked", FULL)):
+        found, begin = [], time.process_time()
+        for number in range(min(laboratories, FEW)):
+            setup = TestSetup.of(
+                BAT, procedure="bbcor", rig="filmed-cannon", seed=SEED + number, detail=SUMMED
+            )
+            found.append(clips._clip(Laboratory.open(setup), detail)[-1])
+        seconds = (time.process_time() - begin) / len(found)
+        value, u, _ = np.array(found).T
+        yield rung, detail is FULL, (value, u, seconds)
+
+
+def uncertainties(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
+    setup = replace(RoundRobin.of(BAT, PROCEDURE).setup, seed=SEED)
+    few = min(laboratories, FEW)
+    certify_block(replace(setup, number=np.arange(2)))  # compiles
+    begin = time.process_time()
+    block = certify_block(replace(setup, number=np.arange(few)))
+    cost = (time.process_time() - begin) / few
+    sound = np.flatnonzero(block.certified.some & ~block.certified.invalid).tolist()
+    linear = [block.certified.results["metric"].of(at) for at in sound]
+    u = np.array([each.u for each in linear])
+    yield (
+        "first order",
+        True,
+        (np.array([np.ptp(each.interval_95) / 2 for each in linear]), u, cost),
+    )
+    for rung, method, draws in (
+        ("second order", "second-order", None),
+        ("Monte Carlo", "monte-carlo", 2**17),
+    ):
+        begin, half = time.process_time(), []
+        for at, each in zip(sound, linear, strict=True):
+            freedom = float(block.certified.variances["metric"].dof[at])
+            own = block.reduced.of(at, block.readings)
+            found = refined(method, own, each, freedom, draws)
+            half.append(np.ptp(found.interval) / 2)
+        seconds = cost + (time.process_time() - begin) / few
+        yield rung, False, (np.array(half), u, seconds)
+
+
+PARTS: dict[str, Callable[[int], Iterator[tuple[str, bool, Found]]]] = {
+    "collision": collisions,
+    "motion": motions,
+    "gates": gates,
+    "encoder": encoders,
+    "camera": cameras,
+    "uncertainty": uncertainties,
+}
+
+
+def main(laboratories: str, path: str, *parts: str) -> None:
+    with Path(path).open("w", encoding="utf-8", newline="") as file:
+        out = csv.writer(file)
+        out.writerow(["part", "rung", "shipped", "laboratories", "effect", "se", "rms", "ms"])
+        for part in parts or PARTS:
+            rungs = [*PARTS[part](int(laboratories))]
+            finest, u, _ = rungs[-1][-1]
+            for rung, shipped, (value, _, seconds) in rungs:
+                off = ((value - finest) / u)[np.isfinite(value - finest)]
+                se = float(off.std(ddof=1)) / sqrt(off.size)
+                numbers = (f"{x:.3g}" for x in (off.mean(), se, sqrt(np.mean(off**2))))
+                row = (part, rung, int(shipped), off.size, *numbers, f"{1e3 * seconds:.3g}")
+                out.writerow(row)
+                print(*row, flush=True)
+            file.flush()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,26 @@
+"""The chart of the whole test: its table on file, its picture, and every choice answered for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.fidelity.charts import require_files
+from virtual_lab import api
+from virtual_lab.fidelity.laboratory_chart import EXPLAINED
+from virtual_lab.simulation.collision.ladder import SHARE
+
+PARTS = ("collision", "motion", "gates", "encoder", "camera", "uncertainty")
+
+
+def test_every_part_ships_the_cheapest_rung_that_is_good_enough_or_says_why(tmp_path: Path) -> None:
+    """Good enough: below a tenth of u within two standard errors; the finest has no effect."""
+    chart = api.chart("laboratory")
+    assert {row["part"] for row in chart.rows} == set(PARTS)
+    for part in PARTS:
+        own = [row for row in chart.rows if row["part"] == part]
+        assert own[-1]["effect"] == own[-1]["se"] == 0
+        (shipped,) = (row for row in own if row["shipped"])
+        good = [row for row in own if abs(row["effect"]) < SHARE + 2 * row["se"]]
+        cheapest = min(good, key=lambda row: row["ms"])
+        assert (shipped is not cheapest) == (part in EXPLAINED), part
+    require_files(chart, tmp_path / "chart")

@@ -1,0 +1,86 @@
+"""Coverage by tenths of u and of degrees of freedom, for every procedure.
+
+    python -m tests.studies.coverage PROCEDURE LABORATORIES HISTORY OUT.CSV
+    python -m tests.studies.coverage picture OUT.PNG
+
+Of r161; softball-34 for `asa`. The instruments write sums; HISTORY earlier tests of each laboratory
+count. The picture is that of the tables on file.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from pathlib import Path
+from typing import Any
+
+import virtual_lab as vl
+from virtual_lab.output.style import PAGE_WIDTH_IN, STYLE
+from virtual_lab.output.tables import write_csv
+
+HERE = Path(__file__).parent
+TABLES = {"coverage-*.csv": "this test alone", "history-*.csv": "with ten earlier tests"}
+TENTHS = {"by_u": "tenths by u, smallest first", "by_dof": "tenths by ν, fewest first"}
+LINES = {
+    "astm-f1881": "-",
+    "asa": "--",
+    "bbcor": "-.",
+    "proposed": ":",
+    "ncaa-besr": (0, (5, 1)),
+    "ncaa-modified": (0, (1, 1)),
+}
+FEWEST = 4_000  # laboratories: a tenth of them is known to a per cent
+
+
+def rows_of(pattern: str) -> dict[str, dict[str, Any]]:
+    """Return the rows of the metric on file by procedure, of those counted by tenths."""
+    (path,) = HERE.glob(pattern)
+    with path.open(encoding="utf-8") as lines:
+        rows = [row for row in csv.DictReader(lines) if row["quantity"] == "metric"]
+    known = [row for row in rows if row["by_u"] and int(row["laboratories"]) > FEWEST]
+    return {row["procedure"]: row for row in known}
+
+
+def tenths(row: dict[str, Any], key: str) -> list[float]:
+    return [float(part) for part in row[key].strip("()").split(",")]
+
+
+def draw(path: str) -> None:
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(STYLE):
+        figure = Figure(figsize=(PAGE_WIDTH_IN, 5.4), dpi=150, layout="constrained")
+        panels = figure.subplots(2, 2, sharex=True, sharey=True)
+        for across, (pattern, said) in zip(panels, TABLES.items(), strict=True):
+            for axes, (key, words) in zip(across, TENTHS.items(), strict=True):
+                axes.axhspan(0.94, 0.96, color="0.9", linewidth=0)
+                axes.axhline(0.9, color="0.5", linewidth=0.6)
+                for procedure, row in rows_of(pattern).items():
+                    look: dict[str, Any] = {"linestyle": LINES[procedure], "label": procedure}
+                    axes.plot(range(1, 11), tenths(row, key), color="black", **look)
+                axes.set_title(f"{said}: {words}")
+            across[0].set_ylabel("intervals that hold the truth")
+        panels[0, 0].set(xticks=range(1, 11))
+        named = panels[0, 0].get_legend_handles_labels()
+        figure.legend(*named, loc="outside lower center", ncols=6)
+        figure.savefig(path)
+
+
+def main(procedure: str, laboratories: str, history: str, path: str) -> None:
+    bat = "softball-34" if procedure == "asa" else "r161"
+    found = vl.coverage(
+        bat,
+        procedure=procedure,
+        laboratories=int(laboratories),
+        earlier_tests=int(history),
+        summed=True,
+    )
+    write_csv(found.table, Path(path))
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "picture":
+        draw(sys.argv[2])
+    else:
+        main(*sys.argv[1:])
