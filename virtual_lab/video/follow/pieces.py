@@ -46,6 +46,9 @@ class PieceGrowth:
     size_ratio: float = 1.6  # of the radii of one ball's blobs
     colour: float = 70.0  # DN between its blobs
     dirty: float = 0.35  # of the ring: more is a hand, or the ball on something
+    # of a piece that shows its own acceleration; asked of shorter ones too, a short flight in a
+    # thinned clip is lost (test_frames_left_out_of_a_phone_s_file)
+    shown_places: int = 8
     # a piece is given other times where they shrink its misfit
     mended_share: float = 0.5  # to this share
     mended_radii: float = 0.3  # by so many radii for each change
@@ -300,8 +303,9 @@ def _retimed(piece: Piece, time: Array, pull: Array) -> Piece:
             break
         t, cost = times[good][best], float(costs[best])
     # another acceleration, as in a hand, may explain it too
-    free = min(parabola(each, piece.xy)[2] for each in (piece.t, even))
-    plain = min(plain, 2 * (count - 2) * free**2)
+    if count >= GROWTH.shown_places:
+        free = min(parabola(each, piece.xy)[2] for each in (piece.t, even))
+        plain = min(plain, 2 * (count - 2) * free**2)
     mended = cost <= GROWTH.mended_share * min(plain, before)
     return replace(piece, t=t if mended else start[0])
 
