@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
+import pickle
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from multiprocessing import get_context
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,8 +84,18 @@ def test_two_processes_give_what_one_gives() -> None:
     assert both == {number: of_64()[number] for number in both}
 
 
-def test_workers_give_what_one_process_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+@contextmanager
+def threads(count: int) -> Iterator[Any]:
+    """Take the part of `workers`: what is sent is pickled, and no sheet is in place there."""
+    with ThreadPoolExecutor(1) as pool:
+        yield lambda function, *sent: pool.submit(function, *pickle.loads(pickle.dumps(sent)))
+
+
+@pytest.mark.parametrize("by", [threads, pytest.param(None, marks=pytest.mark.long)])
+def test_workers_give_what_one_process_gives(by: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks in turn, with a sheet that stands in the place of the one that ships."""
+    if by:
+        monkeypatch.setattr("virtual_lab.lab.round_robin.workers", by)
     monkeypatch.setattr("virtual_lab.lab.round_robin.INDIVIDUALS", 3)
     text = catalog.text("instruments", "pivot-gates").replace("value = 0.073", "value = 0.73")
     with catalog.sheets_in_place({("instruments", "pivot-gates"): text}):

@@ -147,7 +147,9 @@ def test_left_out_frames_do_not_count() -> None:
     assert efficiency(shot, x, np.ones_like(x)) == pytest.approx(shot.efficiency, rel=1e-6)
 
 
-@pytest.mark.parametrize(("name", "most"), [("plain", 1e-4), ("soft", 1.7e-3)])
+@pytest.mark.parametrize(
+    ("name", "most"), [("plain", 1e-4), pytest.param("soft", 1.7e-3, marks=pytest.mark.long)]
+)
 def test_the_edge_fit_is_much_sharper_than_a_hull(name: str, most: float) -> None:
     """Of two clips each; `python -m tests.benchmarks.locating` has 40 of four kinds."""
     assert rms_error(few(name, 10), 2, sharp_places) < most
