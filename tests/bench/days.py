@@ -20,10 +20,10 @@ __all__ = [
     "apparatus",
     "asked",
     "day_of",
+    "debrief_of",
     "detector",
     "experts",
     "scenario",
-    "told",
     "with_change",
     "without",
 ]
@@ -125,6 +125,6 @@ def experts(*faults: str) -> Day:
     return taken(apparatus(*faults), operator_of("expert"))
 
 
-def told(day: Day, *faults: str) -> Debrief:
+def debrief_of(day: Day, *faults: str) -> Debrief:
     """Return the debrief of a day of a test."""
     return debrief(apparatus(*faults), day, scenario(faults), expert=experts(*faults))

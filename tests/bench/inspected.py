@@ -52,7 +52,7 @@ FAULTY, SOUND = 200, 1000  # first seeds
 
 @dataclass(frozen=True)
 class Inspected:
-    """What an inspector made of some days."""
+    """Findings of an inspector on some days."""
 
     days: int
     found: int  # on which the fault was named

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.bench.days import PLAIN, apparatus, asked, day_of, told
+from tests.bench.days import PLAIN, apparatus, asked, day_of, debrief_of
 from tests.bench.test_web import Browser
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.desk import Desk
@@ -26,7 +26,7 @@ LOOKED = (*PLAIN[:11], ("gauge-gates", {}), ("tap-bat", {}), *PLAIN[11:])
 
 def test_what_a_fault_moved_the_result_by_is_the_day_without_it() -> None:
     """Against the same actions really taken in a sound laboratory."""
-    closing = told(day_of([*PLAIN, *END], "gate-moved"), "gate-moved")
+    closing = debrief_of(day_of([*PLAIN, *END], "gate-moved"), "gate-moved")
     with_it, without = (Desk(day_of(PLAIN, *faults)).result for faults in (("gate-moved",), ()))
     assert with_it
     assert without
@@ -42,7 +42,7 @@ def test_a_time_line_has_minutes_and_shots() -> None:
     noted = ("note-doubt", {"doubt": "gate-moved", "confidence": 90})
     days = [*LOOKED[:20], noted, ("gauge-gates", {"use": "gauge"}), *LOOKED[20:], *END]
     day = day_of(days, "gate-moved")
-    closing = told(day, "gate-moved")
+    closing = debrief_of(day, "gate-moved")
     (review,) = closing.fault_reviews
     seen, named, acted = review.yours.seen, review.yours.named, review.yours.acted
     assert seen

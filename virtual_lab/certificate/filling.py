@@ -401,7 +401,7 @@ def _method(certification: Certification) -> str:
 
 
 def _scatter(certification: Certification, metric: Budget) -> str:
-    """Return which tests tell the scatter of the hits, and what it costs to have no history."""
+    """Return the sentence on the tests whose hits give the scatter, and the cost of no history."""
     earlier, today = certification.session.history.get("metric"), certification.variances
     alone = "The scatter of the hits is known from this test alone"
     if earlier is None:

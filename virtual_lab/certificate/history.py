@@ -15,7 +15,7 @@ FEWEST = 3  # tests: two know no more than a good day and a bad one
 
 
 def kind_of(session: Session) -> dict[str, str]:
-    """Return what tests must have in common for their hits to scatter alike."""
+    """Return the bat, procedure, rig and laboratory that joined tests must have in common."""
     return {
         "bat": session.bat,
         "procedure": session.procedure_text,

@@ -146,7 +146,7 @@ def _identification(document: CertificateDocument) -> list[list[str]]:
 
 
 def _air(document: CertificateDocument) -> str:
-    """Return what was read of the air at the start and the end, and its density."""
+    """Return the readings of the air at the start and the end, and its density."""
     parts = []
     for each in document.conditions:
         unit, size, zero = CONDITIONS[each.name]

@@ -28,7 +28,7 @@ class HitVariance(NamedTuple):
 
     @classmethod
     def of(cls, known: Known) -> Self:
-        """Return what is stated as a value with its u, √(2/ν) of what was seen."""
+        """Return a variance stated as a value with its u, √(2/ν) of the variance seen."""
         return cls(known.value, known.u * np.sqrt(known.dof / 2), known.dof)
 
     def known(self, source: str = "") -> Known:

@@ -1,1 +1,1 @@
-"""What a command begins: a day that is served, one that an operator takes, a class reviewed."""
+"""The commands' own side: a day served, one that an operator takes, the review of a class."""

@@ -46,7 +46,7 @@ class Behind:
         return future
 
     def ahead(self, future: Future[Any]) -> int:
-        """Return how many pieces are not done that were asked for before one."""
+        """Return the number of pieces asked for before one and not done yet."""
         return sum(not each.done() for each in self._asked[: self._asked.index(future)])
 
 
@@ -172,7 +172,7 @@ class ServedDay:
         return film_as_seen(machines.laboratory.setup, fired[shot - 1])
 
     def motion(self, shot: int) -> Motion | None:
-        """Return how a shot, from 1, really went, once the day is handed in.
+        """Return the true course of a shot, from 1, once the day is handed in.
 
         None while the laboratory is being set up: no page waits for it.
         """

@@ -1,4 +1,4 @@
-"""What decisions cost: the day played again with one of them mended, and the same draws."""
+"""The cost of decisions: the day played again with one of them mended, and the same draws."""
 
 from __future__ import annotations
 

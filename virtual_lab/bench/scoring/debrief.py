@@ -111,7 +111,7 @@ class StepReview:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpertDay:
-    """What an expert did with the same laboratory, bat and balls."""
+    """The expert's day with the same laboratory, bat and balls."""
 
     verdict: str
     confidence: float
@@ -125,7 +125,7 @@ class ExpertDay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Debrief:
-    """What is told at the end of a day."""
+    """The debrief: scores, faults, decisions and truth at the end of a day."""
 
     title: str
     units: str  # in print, of UNITS; numbers here are SI

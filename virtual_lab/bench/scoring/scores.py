@@ -21,7 +21,7 @@ MENDABLE = 0.6  # the result of a day that was rightly refused, and could have b
 
 
 class ScoredResult(NamedTuple):
-    """What the result is scored by."""
+    """The parts of the score of a result."""
 
     value: float | None
     u: float | None
@@ -99,7 +99,7 @@ def detection_score(
 
 
 def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
-    """Return whether a fault was said to be likelier than it is on any day."""
+    """Tell if the probability given to a fault is above its rate on any day."""
     return named.get(fault, 0.0) > rates.get(fault, 0.0)
 
 

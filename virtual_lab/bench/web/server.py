@@ -155,7 +155,7 @@ def application(
         return RedirectResponse("/", status_code=303)
 
     def moving(to: Callable[[Room, dict[str, str]], Room]) -> Callable[[Request], Any]:
-        """Return what leads a trainee from one day to another."""
+        """Return the part of the page that leads a trainee from one day to another."""
 
         def moved(seat: Seat, given: dict[str, str]) -> Response:
             with seat.lock:

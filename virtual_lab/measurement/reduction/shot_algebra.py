@@ -206,7 +206,7 @@ class Sets(NamedTuple):
 
 
 def is_certain(values: Array) -> bool:
-    """Return whether all sets (..., k, 1) hold one number, not copies of it."""
+    """Tell if all sets (..., k, 1) share one number in memory: a constant without uncertainty."""
     return values.strides[-2] == 0
 
 
@@ -351,7 +351,7 @@ def drag_of(x: Constants, mass: Array) -> Array:
 
 
 def _turn(x: Constants, encoder: str) -> Array:
-    """Return what one count of an encoder is as an angle [rad]."""
+    """Return the angle of one count of an encoder [rad]."""
     return np.asarray(
         2 * np.pi / (x[f"impact.{encoder}.scale"] * x[f"impact.{encoder}.counts_per_turn"])
     )

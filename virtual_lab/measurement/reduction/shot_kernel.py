@@ -2,7 +2,8 @@
 
 Generalised functions of numpy: their arguments broadcast over sets of constants, the last axis of
 some is that of shots or balls. What does not depend on the shot is worked out once a set. The
-formulas are those of `kinematics`, under the numbers of their equations.
+formulas are those of `kinematics`, under the numbers of their equations: numba keeps no watch on
+other files, so a compiled call of these would survive their change.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class HallSpec(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClimateLoggerSpec(CalibratedSpec):
-    """What thermometer, hygrometer and barometer show too much, and their smallest steps."""
+    """Errors of thermometer, hygrometer and barometer, and their smallest steps."""
 
     kind: str
     title: str
