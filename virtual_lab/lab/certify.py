@@ -12,6 +12,7 @@ from virtual_lab.lab.setup import TestSetup
 from virtual_lab.lab.test_day import by_the_book
 from virtual_lab.measurement.model import CONTROL
 from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.simulation.collision.modal import kernel_is_compiled
 from virtual_lab.simulation.truth import made_bat
 from virtual_lab.uncertainty.estimate import Estimate, Known
 
@@ -37,6 +38,8 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
         As `Laboratory.open`; a control bat where the rules correct by none, or none where they do;
         one whose own test gives no result.
     """
+    if not kernel_is_compiled():
+        progress("compiling the numerical code, which happens once and takes some fifteen seconds")
     laboratory = Laboratory.open(setup)
     rules, given = setup.rules.spec, setup.control_bat
     if not rules.controlled:

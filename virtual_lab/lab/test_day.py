@@ -34,7 +34,6 @@ from virtual_lab.measurement.session_reduction import (
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
-from virtual_lab.simulation.collision.modal import kernel_is_compiled
 from virtual_lab.simulation.rig import FilmingStation, RigOutput, ShotPlan, Stage
 from virtual_lab.units import INCH
 
@@ -216,8 +215,6 @@ class TestDay:
 def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest:
     """Measure bats and balls, then fire and judge until the procedure asks for no more shots."""
     day = prepared(laboratory, progress)
-    if not kernel_is_compiled():
-        progress("compiling the collision kernel, which happens once and takes about five seconds")
     while (asked := day.next_shots()).owner.size:
         if progress is not quiet:
             progress(f"impact rig: round {len(day.rounds) + 1}, {_round_in_words(asked)}")
