@@ -452,7 +452,7 @@ def by_hand(session: Session, reduced: SessionReduction) -> dict[str, Array]:  #
     both = (total / count / longer / 2 / pi) ** 2 * x["hall.gravity"] * moment
     inertia = both - x["bench.pendulum.clamp_inertia"] - mass * lever**2
     # balls at the wall
-    log, seen = session.records["balls"]["log"], reduced.model.balls.seen.passages
+    log, seen = session.records["balls"]["log"], reduced.model.balls.flights.passages
     ball_mass = bench["ball-mass"].readings.mean(axis=1) - x["bench.scale.zero"]
     ball_mass = ball_mass / x["bench.scale.span"]
     v_in, v_out, *_ = flown(x, "balls", seen)
@@ -466,7 +466,7 @@ def by_hand(session: Session, reduced: SessionReduction) -> dict[str, Array]:  #
     # shots at the bat
     shot = session.records["impact"]["log"]
     place = shot.place + x["impact.cannon.along"]
-    v_in, v_out, offset = flown(x, "impact", readings.seen.passages)
+    v_in, v_out, offset = flown(x, "impact", readings.flights.passages)
     axis = length - x["impact.pivot.from_knob"]
     turn, slant = np.zeros(len(place)), np.zeros(len(place))
     for encoder, fit in (("encoder", readings.recoil), ("swing", readings.swing)):
@@ -590,7 +590,7 @@ def test_air_slows_a_ball_from_the_gates_to_the_bat(
     x = {key: known.value for key, known in ideal.calibration.items()}
     area = pi * x["ball.radius"] ** 2
     kappa = 1.2 * 0.4 * area / 2 / windy.shots.ball_mass
-    gates = still.readings.seen.passages.times.shape[-1]
+    gates = still.readings.flights.passages.times.shape[-1]
     middle = np.mean([x[f"impact.gates.distance_{gate}"] for gate in range(gates)])
     within = 3 * float(np.max(kappa * 0.6)) ** 2
     assert windy.shots.speed / still.shots.speed == pytest.approx(1 - kappa * middle, abs=within)
@@ -603,12 +603,12 @@ def test_the_beams_of_a_board_are_where_its_sheet_says(played: Play) -> None:
     ideal = few(played("r161", Reality.IDEAL, procedure="bbcor").certification.session, 6)
     lowest = ideal.calibration["impact.gates.lowest"].value
     start, raised = effect(ideal, "impact.gates.lowest", lowest + 1e-3)
-    shown = start.readings.seen.passages.heights
-    assert raised.readings.seen.passages.heights == pytest.approx(shown + 1e-3, nan_ok=True)
+    shown = start.readings.flights.passages.heights
+    assert raised.readings.flights.passages.heights == pytest.approx(shown + 1e-3, nan_ok=True)
     pitch = ideal.calibration["impact.gates.pitch"].value
     _, spread = effect(ideal, "impact.gates.pitch", 1.01 * pitch)
     wider = lowest + 1.01 * (shown - lowest)
-    assert spread.readings.seen.passages.heights == pytest.approx(wider, nan_ok=True)
+    assert spread.readings.flights.passages.heights == pytest.approx(wider, nan_ok=True)
 
 
 @pytest.mark.parametrize(

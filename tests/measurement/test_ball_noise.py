@@ -106,13 +106,13 @@ def play(
         mass=np.full(BALLS, MASS),
         ball=struck,
         nominal_speed=np.full(struck.size, SPEED),
-        seen=gates("balls", SPEED * seen),
+        flights=gates("balls", SPEED * seen),
     )
     e = BPF * e0[ball] + hit * rng.standard_normal(ball.size)
     readings = ImpactReadings(
         ball=ball,
         place=np.full(ball.size, PLACE),
-        seen=gates("impact", SPEED * (e - RECOIL) / (1 + RECOIL)),
+        flights=gates("impact", SPEED * (e - RECOIL) / (1 + RECOIL)),
         recoil=None,
         swing=None,
     )

@@ -58,7 +58,7 @@ def _with(which: str, name: str) -> Getter:
 
 def _gate_time(way: int, first: int, last: int) -> Getter:
     def between(found: Certification) -> Any:
-        seen = found.readings.seen
+        seen = found.readings.flights
         if not isinstance(seen, GateReadings):
             return None
         times = seen.passages.times[:, way]
@@ -69,7 +69,7 @@ def _gate_time(way: int, first: int, last: int) -> Getter:
 
 def _speed_u(name: str) -> Getter:
     def known(found: Certification) -> Any:
-        u = getattr(found.readings.seen.raw_u, name)
+        u = getattr(found.readings.flights.raw_u, name)
         return u if np.isfinite(u).any() else None
 
     return known

@@ -564,7 +564,7 @@ def _angle_of(
 ) -> tuple[Array, Array]:
     """Return time after contact [s] and angle [°] of one shot, (sample,)."""
     known = certification.session.calibration
-    contact = certification.readings.seen.raw.contact[shot]
+    contact = certification.readings.flights.raw.contact[shot]
     turn = known["impact.encoder.counts_per_turn"].value * known["impact.encoder.scale"].value
     return record.times - contact, record.counts[shot] * (360 / turn)
 

@@ -352,7 +352,7 @@ def reduce_shots(
     `readings` and the owners in `block` are those of the same shots.
     """
     rules, constants, owner = preparation.procedure.spec, dict(preparation.constants), block.owner
-    if not readings.seen.shows_height:
+    if not readings.flights.shows_height:
         constants["impact.aim.across_square"] = across_constant(block)
     alone = readings.part(np.arange(owner.size)[:, None, None])
     best = {name: known.value[owner, None, None] for name, known in constants.items()}

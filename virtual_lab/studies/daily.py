@@ -321,7 +321,7 @@ def _measured(
         mass=np.array([spec.mass]),
         ball=plan.ball,
         nominal_speed=plan.speed,
-        seen=GateReadings.of(gates, known, Stage.BALLS.value),
+        flights=GateReadings.of(gates, known, Stage.BALLS.value),
     )
     return float(measured_balls(_constants(known, spec), readings).restitution[0])
 

@@ -108,14 +108,14 @@ def test_each_shot_scatters_with_its_heights_as_it_says(
     """
     certification, sigma, times = certifications[0], 2e-5, 10
     session, reduced = certification.session, reduce_session(certification.session)
-    passages = reduced.readings.seen.passages
+    passages = reduced.readings.flights.passages
 
     def told(noise: np.ndarray, u: float) -> CameraComparison:
         risen = replace(
             passages, heights=passages.heights + noise, heights_u=np.full(noise.shape, u)
         )
-        seen = replace(reduced.readings.seen, passages=risen)
-        readings = replace(reduced.readings, seen=seen)
+        seen = replace(reduced.readings.flights, passages=risen)
+        readings = replace(reduced.readings, flights=seen)
         model = replace(reduced.model, readings=readings)
         camera = compare_camera(session, replace(reduced, model=model))
         assert camera is not None

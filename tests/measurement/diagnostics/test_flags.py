@@ -479,7 +479,7 @@ def test_a_trend_of_the_lot_is_judged_as_a_regression_is(side: float) -> None:
         mass=np.zeros((1, 1, 4)),
         ball=np.repeat(np.arange(4), 3)[None, None],
         nominal_speed=np.zeros((1, 1, 12)),
-        seen=None,
+        flights=None,
     )
     seen = SimpleNamespace(
         measured_balls=SimpleNamespace(restitution=lot(side * steep)[None, None]),

@@ -63,7 +63,7 @@ def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
     readings = ImpactReadings(
         ball=np.arange(n),
         place=column("place", AIMED),
-        seen=GateReadings(
+        flights=GateReadings(
             stage="impact",
             passages=Passages(
                 times=np.ones((n, 2, 2)),

@@ -68,7 +68,7 @@ def why(
     readings = ImpactReadings(
         ball=np.zeros(1, dtype=int),
         place=np.array([place]),
-        seen=GateReadings(
+        flights=GateReadings(
             stage="impact",
             passages=Passages(
                 times=np.ones((1, 2, 3)),

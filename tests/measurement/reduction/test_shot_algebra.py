@@ -192,7 +192,7 @@ def worked(x: dict[str, np.ndarray]):
     readings = ImpactReadings(
         ball=np.zeros(1, dtype=int),
         place=np.array([LENGTH - 0.15 - B]),
-        seen=GateReadings(
+        flights=GateReadings(
             stage="impact",
             passages=Passages(
                 times=np.array([[[0.0, 0.3 / V], [0.2 + 0.3 / 6.0, 0.2]]]),

@@ -39,7 +39,7 @@ class RadarReadings:
     def raw_u(self) -> RawFlightsU:
         return RawFlightsU.unknown(self.raw.speed_in)
 
-    def flights(self, x: Constants, drag: Array) -> Flights:
+    def corrected(self, x: Constants, drag: Array) -> Flights:
         """Carry the speeds from the gun's distance d to the target: v exp(∓κ d), dv/dx = -κ v."""
         scale, distance = (x[f"{self.stage}.radar.{name}"] for name in ("scale", "distance"))
         speed_in = self.raw.speed_in / scale * np.exp(-drag * distance)

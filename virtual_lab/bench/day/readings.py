@@ -318,7 +318,7 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
     if len(fired) == since or desk.missing:
         return
     found, last = desk.by_rules, fired[-1]
-    missed = ~found.readings.seen.raw.complete[since:]
+    missed = ~found.readings.flights.raw.complete[since:]
     yield _row("gate-misses", last, float(missed.sum()), 0.0, 0.0, missed.size, high=0.0)
     record = desk.session.records["impact"]["gates"]
     if isinstance(record, GateRecord | BoardRecord):

@@ -81,10 +81,10 @@ def compare_camera(session: Session, reduced: SessionReduction) -> CameraCompari
         return None
     best = best_values(reduced.constants)
     seen = sight(record, camera_constants(session), float(best["ball.radius"]))
-    variants, gates = Variants.of(reduced.constants), reduced.readings.seen
+    variants, gates = Variants.of(reduced.constants), reduced.readings.flights
     if not isinstance(gates, GateReadings):  # which show how high a ball flies, so how far away
         return None
-    by_gates, risen = gates.flights, heights_moved(gates)
+    by_gates, risen = gates.corrected, heights_moved(gates)
     found = _by_both(reduced, seen, best, by_gates)
     moved = _by_both(reduced, seen, variants.columns, by_gates)
     both = np.isfinite(found.video.rebound_efficiency) & np.isfinite(found.gates.rebound_efficiency)

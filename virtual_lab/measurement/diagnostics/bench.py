@@ -22,38 +22,38 @@ FEWEST_RELEASES = 3  # that have a scatter
 DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
 
 
-def sports(seen: Evidence) -> Iterator[Raised]:
+def sports(evidence: Evidence) -> Iterator[Raised]:
     """Compare the sports of bat, balls and procedure, as far as known."""
     known = {
-        "the bat": seen.block.bat_sport,
-        "the ball": seen.block.ball_sport,
-        "the procedure": seen.procedure.sport,
+        "the bat": evidence.block.bat_sport,
+        "the ball": evidence.block.ball_sport,
+        "the procedure": evidence.procedure.sport,
     }
     found = {what: sport for what, sport in known.items() if sport and sport != CHECK_STANDARD}
     if len(set(found.values())) > 1:
         said = ", ".join(f"{what} is of {sport}" for what, sport in found.items())
         yield Raised(
             name="sports",
-            where=np.ones(seen.laboratories, dtype=bool),
+            where=np.ones(evidence.laboratories, dtype=bool),
             sentence=lambda _: f"{said}: the result holds for no game",
         )
 
 
-def check_standard(seen: Evidence) -> Iterator[Raised]:
+def check_standard(evidence: Evidence) -> Iterator[Raised]:
     """Flag a check standard: its result describes the laboratory, not a bat."""
-    if seen.block.bat_sport == CHECK_STANDARD:
+    if evidence.block.bat_sport == CHECK_STANDARD:
         yield Raised(
             name="check-standard",
-            where=np.ones(seen.laboratories, dtype=bool),
+            where=np.ones(evidence.laboratories, dtype=bool),
             sentence=lambda _: (
-                f"{seen.block.bat} is a check standard and no bat: the verdict holds for none"
+                f"{evidence.block.bat} is a check standard and no bat: the verdict holds for none"
             ),
         )
 
 
-def bat_shape(seen: Evidence) -> Iterator[Raised]:
+def bat_shape(evidence: Evidence) -> Iterator[Raised]:
     """Compare density, balance, mass and radius of gyration with limits valid for any bat."""
-    bat = seen.reduced.preparation.bat.part((slice(None), 0, 0))
+    bat = evidence.reduced.preparation.bat.part((slice(None), 0, 0))
     length, mass = bat.length, bat.mass
     light, heavy = 100.0, 12000.0  # kg/m³, solid balsa and solid lead
     density = mass / (pi * bat.barrel_radius**2 * length)
@@ -81,17 +81,19 @@ def _band(words: str, value: Array, low: float, high: float, unit: str) -> Raise
     )
 
 
-def pendulum_swing(seen: Evidence) -> Iterator[Pairs]:
+def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
     """Compare the change of the pendulum period with the amplitudes that were read."""
-    record = seen.block.records["bench"]["pendulum"]
+    record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
-    found = swing_slowing(record, seen.laboratories)
+    found = swing_slowing(record, evidence.laboratories)
     if found is None:
         return
     # the period is that of small swings times 1 + θ²/16, and θ² would be so many times as large
-    square = (record.first_amplitude * record.last_amplitude).reshape(seen.laboratories, -1)
-    unknown = np.full(seen.laboratories, np.inf)
-    period = seen.sensitivities.get("bat.period", unknown) * seen.best["bat.period"][:, 0, 0]
+    square = (record.first_amplitude * record.last_amplitude).reshape(evidence.laboratories, -1)
+    unknown = np.full(evidence.laboratories, np.inf)
+    period = (
+        evidence.sensitivities.get("bat.period", unknown) * evidence.best["bat.period"][:, 0, 0]
+    )
     moves = np.abs(period) * square.mean(axis=1) / 16
     releases = square.shape[1]
     yield pairs(
@@ -101,25 +103,27 @@ def pendulum_swing(seen: Evidence) -> Iterator[Pairs]:
             f"{releases} releases of bench/pendulum"
         ),
         found.times - 1,
-        types_a("scatter", np.zeros(seen.laboratories), found.u, found.dof),
+        types_a("scatter", np.zeros(evidence.laboratories), found.u, found.dof),
         least=DECAY_U,
         moves=np.where(np.isfinite(moves), moves, np.inf),
         compared=np.isfinite(found.times),
     )
 
 
-def pendulum_even(seen: Evidence) -> Iterator[Pairs]:
+def pendulum_even(evidence: Evidence) -> Iterator[Pairs]:
     """Compare the mean swing of a release with the median: a lost passage doubles one of them."""
-    record = seen.block.records["bench"]["pendulum"]
+    record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
-    swings = np.diff(record.times.reshape(seen.laboratories, -1, record.times.shape[1]), axis=2)
+    swings = np.diff(record.times.reshape(evidence.laboratories, -1, record.times.shape[1]), axis=2)
     apart = swings.mean(axis=2) / np.median(swings, axis=2) - 1
     mean, releases = apart.mean(axis=1), apart.shape[1]
     if releases < FEWEST_RELEASES:
         return
     u = apart.std(axis=1, ddof=1) / sqrt(releases)
-    unknown = np.full(seen.laboratories, np.inf)
-    period = seen.sensitivities.get("bat.period", unknown) * seen.best["bat.period"][:, 0, 0]
+    unknown = np.full(evidence.laboratories, np.inf)
+    period = (
+        evidence.sensitivities.get("bat.period", unknown) * evidence.best["bat.period"][:, 0, 0]
+    )
     yield pairs(
         "pendulum-even",
         lambda i: (
@@ -179,13 +183,13 @@ def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | No
     return Slowing(slowed / small, spread / np.sqrt(releases * square) / small, dof)
 
 
-def lot_rules(seen: Evidence) -> Iterator[Raised]:
+def lot_rules(evidence: Evidence) -> Iterator[Raised]:
     """Flag balls far outside the windows, and inadmissible balls that were fired."""
-    windows, balls = seen.procedure.windows, seen.measured_balls.part((slice(None), 0))
+    windows, balls = evidence.procedure.windows, evidence.measured_balls.part((slice(None), 0))
     at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
     low, high = windows.ball_restitution_low, windows.ball_restitution_high
     fired = np.zeros(at.shape, dtype=bool)
-    fired[seen.owner, seen.readings.ball] = True
+    fired[evidence.owner, evidence.readings.ball] = True
     # no sound lot scatters as much
     far = ~((low - 5e-3 <= at) & (at <= high + 5e-3))
     fit = (windows.ball_mass_low <= balls.mass) & (balls.mass <= windows.ball_mass_high)
@@ -193,22 +197,22 @@ def lot_rules(seen: Evidence) -> Iterator[Raised]:
     yield Raised(
         name="lot-rules",
         where=np.asarray(bad.any(axis=1)),
-        sentence=lambda i: _of_ball(seen, i, fired[i], bad[i]),
+        sentence=lambda i: _of_ball(evidence, i, fired[i], bad[i]),
     )
 
 
-def _of_ball(seen: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str:
+def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str:
     """Return what is wrong with the first ball that is."""
-    lot = lot_of(seen.procedure, seen.measured_balls.part((laboratory, 0)))
+    lot = lot_of(evidence.procedure, evidence.measured_balls.part((laboratory, 0)))
     each = next(one for one in lot.set_aside if bad[one.ball])
     if fired[each.ball]:
         return f"ball {each.ball + 1}, which the rules do not admit, was fired: {each.reason}"
     return f"ball {each.ball + 1} of the lot has {each.reason}: worn, or of another kind"
 
 
-def wall_drift(seen: Evidence) -> Iterator[Pairs]:
+def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
     """Look for a trend of e0 over the order in which the balls were measured."""
-    e0, readings = seen.measured_balls.restitution[:, 0], seen.reduced.preparation.balls
+    e0, readings = evidence.measured_balls.restitution[:, 0], evidence.reduced.preparation.balls
     if e0.shape[1] < 4:
         return
     number = np.cumsum(readings.ball[:, 0] >= 0, axis=1) - 1.0  # of the hits that are any
@@ -221,10 +225,10 @@ def wall_drift(seen: Evidence) -> Iterator[Pairs]:
     change = slope * length
     scatter = np.sqrt(np.sum(rest**2, axis=1) / dof / width) * length
     # as the trend goes on or began there, the mean is off by half the change
-    known = seen.sensitivities
+    known = evidence.sensitivities
     shared = sum(
         (known[name] for name in restitution_names(e0.shape[1]) if name in known),
-        np.where(seen.some & (seen.metric.u > 0), 0.0, np.nan),
+        np.where(evidence.some & (evidence.metric.u > 0), 0.0, np.nan),
     )
     yield pairs(
         "wall-drift",

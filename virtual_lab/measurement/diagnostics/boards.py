@@ -25,44 +25,44 @@ DROP_U = 2e-5  # m, of a ball's drop, by the drag that its parabola leaves out
 SCALE_U = 0.01  # of a height: what the beams of two boards may differ in without harm
 
 
-def boards_in_line(seen: Evidence) -> Iterator[Pairs]:
+def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
     """Compare each board between first and last with the flight through these two, both ways."""
-    known, best, gates = seen.reduced.constants, seen.best, seen.readings.seen
+    known, best, gates = evidence.reduced.constants, evidence.best, evidence.readings.flights
     if not isinstance(gates, GateReadings):
         return
     last = _boards(gates)[-1]
     if last < 2:
         return
-    own = {name: value[seen.owner, 0, 0] for name, value in best.items()}
-    drag = drag_of(own, seen.shots.ball_mass)
+    own = {name: value[evidence.owner, 0, 0] for name, value in best.items()}
+    drag = drag_of(own, evidence.shots.ball_mass)
     for way, board in product((INBOUND, OUTBOUND), range(1, last)):
         along = drag if way == INBOUND else -drag
         reach = [time_before(own[_distance(k)], 1.0, along) for k in range(last + 1)]
         times = gates.passages.times[:, way]
         part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
         off = reach[board] - reach[0] - part * (reach[last] - reach[0])
-        used = seen.reduced.valid & np.isfinite(off)
-        mean, u, number = seen.mean_of(off, used)
-        share, _, _ = seen.mean_of(part, used)
+        used = evidence.reduced.valid & np.isfinite(off)
+        mean, u, number = evidence.mean_of(off, used)
+        share, _, _ = evidence.mean_of(part, used)
         survey = _between(known, board, last, np.where(number > 0, share, 0.5))
         yield pairs(
             "boards-in-line",
-            _board_said(board, way, mean, used, seen),
+            _board_said(board, way, mean, used, evidence),
             mean,
             survey + types_a("scatter", mean, u, number - 1),
             of=f"board {board + 1}{WAYS[way]}",
             least=1e-5,
-            moves=seen.moves(survey),
+            moves=evidence.moves(survey),
             compared=number >= FEWEST_SHOTS,
         )
 
 
 def _board_said(
-    board: int, way: int, mean: Array, used: Mask, seen: Evidence
+    board: int, way: int, mean: Array, used: Mask, evidence: Evidence
 ) -> Callable[[int], str]:
     return lambda i: (
         f"board {board + 1} stands {mean[i] * 1e3:+.2f} mm off the flight{WAYS[way]} through its "
-        f"neighbours, in {seen.shots_of(used, i)} of impact/gates"
+        f"neighbours, in {evidence.shots_of(used, i)} of impact/gates"
     )
 
 
@@ -81,28 +81,28 @@ class Heights:
     line.
     """
 
-    seen: Evidence
+    evidence: Evidence
     distances: Array  # of the boards, (laboratory, board) [m]
     level: Array  # above the line of fire, (shot, board) [m]
     level_u: Array  # by the thresholds of the beams, alike in all shots
     used: Mask  # (shot,)
 
     @classmethod
-    def of(cls, seen: Evidence, gates: GateReadings) -> Self:
+    def of(cls, evidence: Evidence, gates: GateReadings) -> Self:
         """Return those of a block."""
         zeros, distances = (
-            np.concatenate([seen.best[name(k)][:, 0] for k in _boards(gates)], axis=1)
+            np.concatenate([evidence.best[name(k)][:, 0] for k in _boards(gates)], axis=1)
             for name in (_height, _distance)
         )
         to_come = gates.raw.contact[:, None] - gates.passages.times[:, INBOUND]
-        fall = seen.best["hall.gravity"][seen.owner, 0] / 2 * to_come**2
-        level = gates.passages.heights[:, INBOUND] + zeros[seen.owner] + fall
+        fall = evidence.best["hall.gravity"][evidence.owner, 0] / 2 * to_come**2
+        level = gates.passages.heights[:, INBOUND] + zeros[evidence.owner] + fall
         return cls(
-            seen=seen,
+            evidence=evidence,
             distances=distances,
             level=level,
             level_u=gates.passages.heights_u[:, INBOUND],
-            used=np.isfinite(level).all(axis=1) & ~seen.off_flight,
+            used=np.isfinite(level).all(axis=1) & ~evidence.off_flight,
         )
 
     def off_neighbours(self, board: int) -> Array:
@@ -124,15 +124,15 @@ class Heights:
 
     def each(self, weights: Array) -> Array:
         """Return the weighted sum of each shot, (shot,) [m]."""
-        return np.asarray(np.sum(weights[self.seen.owner] * self.level, axis=1))
+        return np.asarray(np.sum(weights[self.evidence.owner] * self.level, axis=1))
 
     def mean(self, weights: Array) -> tuple[Array, Components, Array]:
         """Return means of weighted sums, their uncertainty, and numbers of shots."""
-        seen, own = self.seen, weights[self.seen.owner]
-        mean, u, number = seen.mean_of(self.each(weights), self.used)
-        square, _, _ = seen.mean_of(np.sum((own * self.level_u) ** 2, axis=1), self.used)
+        evidence, own = self.evidence, weights[self.evidence.owner]
+        mean, u, number = evidence.mean_of(self.each(weights), self.used)
+        square, _, _ = evidence.mean_of(np.sum((own * self.level_u) ** 2, axis=1), self.used)
         names = [_height(board) for board in range(weights.shape[1])]
-        variants = Variants.of({name: seen.reduced.constants[name] for name in names})
+        variants = Variants.of({name: evidence.reduced.constants[name] for name in names})
         columns = np.concatenate([*variants.columns.values()], axis=2)
         survey = variants.components(np.sum(weights[:, None] * columns, axis=2))
         survey += types_a("beams", mean, np.sqrt(square))
@@ -140,24 +140,24 @@ class Heights:
 
     def growth(self, values: Array) -> tuple[Array, Array, Array]:
         """Return how much values of shots grow over their height at the target, u, and ν."""
-        seen, at = self.seen, self.each(self.at_target)
-        mean, _, number = seen.mean_of(at, self.used)
-        centre, _, _ = seen.mean_of(values, self.used)
-        x = np.where(self.used, at - mean[seen.owner], 0.0)
-        y = np.where(self.used, values - centre[seen.owner], 0.0)
+        evidence, at = self.evidence, self.each(self.at_target)
+        mean, _, number = evidence.mean_of(at, self.used)
+        centre, _, _ = evidence.mean_of(values, self.used)
+        x = np.where(self.used, at - mean[evidence.owner], 0.0)
+        y = np.where(self.used, values - centre[evidence.owner], 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            base = seen.per_laboratory(x**2)
-            slope = seen.per_laboratory(x * y) / base
-            left = seen.per_laboratory((y - slope[seen.owner] * x) ** 2)
+            base = evidence.per_laboratory(x**2)
+            slope = evidence.per_laboratory(x * y) / base
+            left = evidence.per_laboratory((y - slope[evidence.owner] * x) ** 2)
             return slope, np.sqrt(left / (number - 2) / base), number - 2
 
 
-def heights(seen: Evidence) -> Iterator[Pairs]:
+def heights(evidence: Evidence) -> Iterator[Pairs]:
     """Compare heights of balls on the way in: at the boards, and with marks on the aim paper."""
-    gates = seen.readings.seen
+    gates = evidence.readings.flights
     if not isinstance(gates, GateReadings) or not gates.shows_height:
         return
-    found = Heights.of(seen, gates)
+    found = Heights.of(evidence, gates)
     for board in _boards(gates)[1:-1]:
         weights = found.off_neighbours(board)
         mean, components, number = found.mean(weights)
@@ -170,7 +170,7 @@ def heights(seen: Evidence) -> Iterator[Pairs]:
             components,
             of=f"board {board + 1}",
             least=DROP_U,
-            moves=seen.moves(components),
+            moves=evidence.moves(components),
             compared=number >= FEWEST_SHOTS,
         )
         slope, u, dof = found.growth(found.each(weights))
@@ -183,11 +183,11 @@ def heights(seen: Evidence) -> Iterator[Pairs]:
             least=SCALE_U,
             compared=dof >= 1,
         )
-    marks = seen.block.impact.get("aim")
-    if not isinstance(marks, AimMarks) or marks.across.size < FEWEST_SHOTS * seen.laboratories:
+    marks = evidence.block.impact.get("aim")
+    if not isinstance(marks, AimMarks) or marks.across.size < FEWEST_SHOTS * evidence.laboratories:
         return
     mean, components, number = found.mean(found.at_target)
-    across = marks.across.reshape(seen.laboratories, -1)
+    across = marks.across.reshape(evidence.laboratories, -1)
     apart, many = mean - across.mean(axis=1), across.shape[1]
     yield pairs(
         "heights",
@@ -196,7 +196,7 @@ def heights(seen: Evidence) -> Iterator[Pairs]:
         components + types_a("marks", apart, across.std(axis=1, ddof=1) / sqrt(many), many - 1.0),
         of="marks",
         least=DROP_U,
-        moves=seen.moves(components),
+        moves=evidence.moves(components),
         compared=number >= FEWEST_SHOTS,
     )
 

@@ -20,27 +20,27 @@ Numbers = NDArray[np.intp]
 SIZE = 0.02  # relative, of the diameter; the rules' own 9 to 9 1/4 in are 0.014 either way
 
 
-def chords(seen: Evidence) -> Iterator[Raised]:
+def chords(evidence: Evidence) -> Iterator[Raised]:
     """Compare the diameter from the edges of each beam with the ball's diameter.
 
     No beam can show more than the diameter; a single beam off the centre shows less.
     """
-    hits = seen.reduced.preparation.balls
-    wall, bat = (seen.block.records[stage].get("gates") for stage in ("balls", "impact"))
-    by_hit = np.arange(seen.laboratories).repeat(hits.ball.shape[-1])
-    shots = seen.readings
+    hits = evidence.reduced.preparation.balls
+    wall, bat = (evidence.block.records[stage].get("gates") for stage in ("balls", "impact"))
+    by_hit = np.arange(evidence.laboratories).repeat(hits.ball.shape[-1])
+    shots = evidence.readings
     found = {
-        "wall": (by_hit, _diameters(seen, "balls", wall, hits.seen, hits.ball)),
+        "wall": (by_hit, _diameters(evidence, "balls", wall, hits.flights, hits.ball)),
         "bat": (
-            seen.owner,
-            _diameters(seen, "impact", bat, shots.seen, shots.ball),
+            evidence.owner,
+            _diameters(evidence, "impact", bat, shots.flights, shots.ball),
         ),
     }
     if isinstance(bat, BoardRecord):
         # the window on the edges has already thrown out what scraps of the sabot spoil
         owner, diameters = found["bat"]
-        found["bat"] = owner[~seen.off_flight], diameters[~seen.off_flight]
-    nominal = 2 * seen.best["ball.radius"][:, 0, 0]
+        found["bat"] = owner[~evidence.off_flight], diameters[~evidence.off_flight]
+    nominal = 2 * evidence.best["ball.radius"][:, 0, 0]
     for where, (owner, diameters) in found.items():
         flat = diameters.reshape(len(diameters), diameters[:1].size)
         known = np.isfinite(flat)
@@ -48,10 +48,10 @@ def chords(seen: Evidence) -> Iterator[Raised]:
             continue
         longest = np.where(known, flat, 0.0).max(axis=1, initial=0.0)
         wide = longest > nominal[owner] * (1 + SIZE)
-        yield _too_wide(seen, where, owner, longest, wide, nominal)
+        yield _too_wide(evidence, where, owner, longest, wide, nominal)
         # a single beam sees most balls off their centre, and shorter
         size = nominal.copy()
-        for one in range(seen.laboratories):
+        for one in range(evidence.laboratories):
             own = flat[owner == one]
             if np.isfinite(own).any():
                 size[one] = np.quantile(own[np.isfinite(own)], 0.9)
@@ -59,9 +59,9 @@ def chords(seen: Evidence) -> Iterator[Raised]:
 
 
 def _too_wide(
-    seen: Evidence, where: str, owner: Numbers, longest: Array, wide: Mask, nominal: Array
+    evidence: Evidence, where: str, owner: Numbers, longest: Array, wide: Mask, nominal: Array
 ) -> Raised:
-    bad = np.bincount(owner, wide, seen.laboratories)
+    bad = np.bincount(owner, wide, evidence.laboratories)
 
     def said(one: int) -> str:
         own = longest[owner == one]
@@ -85,26 +85,30 @@ def _too_narrow(where: str, size: Array, nominal: Array) -> Raised:
 
 
 def _diameters(
-    seen: Evidence, stage: str, record: Record | None, readings: FlightReadings, ball: Numbers
+    evidence: Evidence, stage: str, record: Record | None, readings: FlightReadings, ball: Numbers
 ) -> Array:
     """Return the diameter from each passage [m], (shot, way, gate); NaN: none."""
     if not isinstance(readings, GateReadings) or not isinstance(record, GateRecord | BoardRecord):
         return np.full((ball.size, 2, 1), np.nan)
-    x, mass = seen.best, seen.measured_balls.mass
+    x, mass = evidence.best, evidence.measured_balls.mass
     if stage == "impact":  # (shot, 1, 1), each with the constants of its laboratory
-        x = {name: value[seen.owner] for name, value in x.items()}
-        mass, ball = mass[seen.owner], ball[:, None, None]
+        x = {name: value[evidence.owner] for name, value in x.items()}
+        mass, ball = mass[evidence.owner], ball[:, None, None]
         readings = readings.part(np.arange(ball.size)[:, None, None])
     drag = drag_of(x, of_ball(mass, np.maximum(ball, 0)))
-    flown, shots = readings.flights(x, drag), ball.size
+    flown, shots = readings.corrected(x, drag), ball.size
     distances = readings.distances
     grows = np.exp(drag.reshape(shots, 1) * distances)
     into, back = (each.reshape(shots, 1) for each in (flown.speed_in, flown.speed_out))
     speed = np.stack([into * grows, back / grows], axis=1)
-    owner = seen.owner if stage == "impact" else np.arange(seen.laboratories).repeat(ball.shape[-1])
+    owner = (
+        evidence.owner
+        if stage == "impact"
+        else np.arange(evidence.laboratories).repeat(ball.shape[-1])
+    )
 
     def constant(name: str) -> Array:
-        return np.ravel(seen.best[f"{stage}.gates.{name}"])[owner]
+        return np.ravel(evidence.best[f"{stage}.gates.{name}"])[owner]
 
     if isinstance(record, GateRecord):
         chords_shown = np.diff(record.times, axis=-1)[..., 0]

@@ -108,11 +108,11 @@ class BlockChecked:
         }
 
 
-def check(seen: Evidence) -> BlockChecked:
+def check(evidence: Evidence) -> BlockChecked:
     """Return what the checks find in the sessions of a block."""
-    kinds: set[type[Record]] = {type(record) for record in seen.block.impact.values()}
+    kinds: set[type[Record]] = {type(record) for record in evidence.block.impact.values()}
     return BlockChecked(
-        answers=tuple(tuple(one(seen)) for one in CHECKS.values()),
+        answers=tuple(tuple(one(evidence)) for one in CHECKS.values()),
         left_out=tuple(
             name for name in CHECKS if any(name in OF_READINGS.get(kind, ()) for kind in kinds)
         ),

@@ -23,10 +23,10 @@ AIM_ALONG = "impact.cannon.along"
 RATE_ROUNDING = 1e-5  # relative, of a rate: what its extrapolation to contact is good for
 
 
-def ball_seen(seen: Evidence) -> Iterator[Raised]:
+def ball_seen(evidence: Evidence) -> Iterator[Raised]:
     """Count incoming balls that a gate did not see: faultless gates see every one."""
-    missed = seen.per_laboratory(~seen.readings.seen.raw.complete)
-    fired = seen.per_laboratory(np.ones(seen.owner.size))
+    missed = evidence.per_laboratory(~evidence.readings.flights.raw.complete)
+    fired = evidence.per_laboratory(np.ones(evidence.owner.size))
     yield Raised(
         name="ball-seen",
         where=missed > 0,
@@ -36,10 +36,10 @@ def ball_seen(seen: Evidence) -> Iterator[Raised]:
     )
 
 
-def edges(seen: Evidence) -> Iterator[Raised]:
+def edges(evidence: Evidence) -> Iterator[Raised]:
     """Count shots whose edges at the boards deviate from one flight."""
-    off = seen.per_laboratory(seen.off_flight)
-    fired = seen.per_laboratory(np.ones(seen.owner.size))
+    off = evidence.per_laboratory(evidence.off_flight)
+    fired = evidence.per_laboratory(np.ones(evidence.owner.size))
     yield Raised(
         name="edges",
         where=off > 0.1 * fired,  # no scrap of a sabot explains so many
@@ -50,23 +50,23 @@ def edges(seen: Evidence) -> Iterator[Raised]:
     )
 
 
-def aim(seen: Evidence) -> Iterator[Pairs]:
+def aim(evidence: Evidence) -> Iterator[Pairs]:
     """Compare the mean of the marks on the aim paper with the aim, both ways."""
-    marks = seen.block.impact.get("aim")
+    marks = evidence.block.impact.get("aim")
     if not isinstance(marks, AimMarks):
         return
-    none, endless = np.zeros(seen.laboratories), np.full(seen.laboratories, np.inf)
+    none, endless = np.zeros(evidence.laboratories), np.full(evidence.laboratories, np.inf)
     nothing = Known(value=none, u=none, dof=endless)
-    lined_up = seen.reduced.constants.get(AIM_ALONG, nothing)
-    height = seen.reduced.constants.get("impact.pivot.height", nothing)
+    lined_up = evidence.reduced.constants.get(AIM_ALONG, nothing)
+    height = evidence.reduced.constants.get("impact.pivot.height", nothing)
     variants = Variants.of({AIM_ALONG: lined_up})
     survey = variants.components(variants.columns[AIM_ALONG][..., 0])
     aimed = (
-        ("along", marks.along, lined_up, seen.moves(survey)),
+        ("along", marks.along, lined_up, evidence.moves(survey)),
         ("across", marks.across, height, np.inf),
     )
     for way, marked, at, moves in aimed:
-        off = marked.reshape(seen.laboratories, -1) - at.value[:, None]
+        off = marked.reshape(evidence.laboratories, -1) - at.value[:, None]
         number = off.shape[1]
         if number < FEWEST_SHOTS:
             continue
@@ -88,15 +88,15 @@ def _aim_said(way: str, number: int, mean: Array) -> Callable[[int], str]:
     )
 
 
-def encoder_fit(seen: Evidence) -> Iterator[Raised]:
+def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
     """Count shots whose fit leaves more of the counts than resolution and noise at rest."""
-    for fit in (seen.readings.recoil, seen.readings.swing):
+    for fit in (evidence.readings.recoil, evidence.readings.swing):
         if fit is None:
             continue
         rough = fit.misfit > MOST_MISFIT
 
         def said(i: int, fit: RateFit = fit, rough: Mask = rough) -> str:
-            own = np.flatnonzero(seen.owner == i)
+            own = np.flatnonzero(evidence.owner == i)
             worst = int(np.where(rough[own], fit.misfit[own], 0.0).argmax())
             return (
                 f"{int(rough[own].sum())} of {own.size} shots leave more of the encoder's counts "
@@ -104,57 +104,69 @@ def encoder_fit(seen: Evidence) -> Iterator[Raised]:
                 f"{fit.residual[own[worst]]:.2f} rms"
             )
 
-        yield Raised(name="encoder-fit", where=seen.per_laboratory(rough) > 0, sentence=said)
+        yield Raised(name="encoder-fit", where=evidence.per_laboratory(rough) > 0, sentence=said)
 
 
-def encoder_halves(seen: Evidence) -> Iterator[Pairs]:
+def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
     """Compare the rate by the half of a record nearest contact with that by the whole record.
 
     Twice: the result by halves with the result, and the worst shot. Both in units of the result,
     which a shot moves by its weight.
     """
     for channel, which in (("encoder", "recoil"), ("swing", "swing")):
-        fit = getattr(seen.readings, which)
+        fit = getattr(evidence.readings, which)
         if fit is None or not np.isfinite(fit.by_half).any():
             continue
-        lever = seen.outcome.effects * _by_rate(seen, which)  # 0 where the ball alone gives it
+        lever = evidence.outcome.effects * _by_rate(
+            evidence, which
+        )  # 0 where the ball alone gives it
         used = (lever != 0) & np.isfinite(lever) & np.isfinite(fit.by_half)
-        known = seen.some & (seen.metric.u > 0) & (seen.per_laboratory(used) > 0)
+        known = evidence.some & (evidence.metric.u > 0) & (evidence.per_laboratory(used) > 0)
         if not known.any():
             continue
         with np.errstate(divide="ignore"):
-            moves = np.where(known, 1 / seen.metric.u, 0.0)
+            moves = np.where(known, 1 / evidence.metric.u, 0.0)
         apart = np.where(used, lever * (fit.by_half - fit.rate), 0.0)
         u = np.where(used, np.abs(lever) * fit.by_half_u, 0.0)
         rounding = np.where(used, RATE_ROUNDING * lever * fit.rate, 0.0)
-        change = seen.per_laboratory(apart)
+        change = evidence.per_laboratory(apart)
         yield pairs(
             "encoder-halves",
-            _halves_said(seen, channel, change * moves, used),
+            _halves_said(evidence, channel, change * moves, used),
             change,
-            types_a("fit", change, np.sqrt(seen.per_laboratory(u**2))),
+            types_a("fit", change, np.sqrt(evidence.per_laboratory(u**2))),
             of="mean",
-            least=np.abs(seen.per_laboratory(rounding)),
+            least=np.abs(evidence.per_laboratory(rounding)),
             moves=moves,
             compared=known,
         )
-        yield _worst_shot(seen, channel, used & known[seen.owner], apart, u, rounding, moves)
+        yield _worst_shot(
+            evidence, channel, used & known[evidence.owner], apart, u, rounding, moves
+        )
 
 
-def _halves_said(seen: Evidence, channel: str, change: Array, used: Mask) -> Callable[[int], str]:
+def _halves_said(
+    evidence: Evidence, channel: str, change: Array, used: Mask
+) -> Callable[[int], str]:
     return lambda i: (
         f"half of each record of impact/{channel} moves the result by "
-        f"{change[i]:+.2f} of its u, in {seen.shots_of(used, i)}"
+        f"{change[i]:+.2f} of its u, in {evidence.shots_of(used, i)}"
     )
 
 
 def _worst_shot(
-    seen: Evidence, channel: str, used: Mask, apart: Array, u: Array, rounding: Array, moves: Array
+    evidence: Evidence,
+    channel: str,
+    used: Mask,
+    apart: Array,
+    u: Array,
+    rounding: Array,
+    moves: Array,
 ) -> Pairs:
     """Return the pair of each laboratory's least likely shot."""
     shots = np.flatnonzero(used)
-    owner = seen.owner[shots]
-    among = np.bincount(owner, minlength=seen.laboratories)
+    owner = evidence.owner[shots]
+    among = np.bincount(owner, minlength=evidence.laboratories)
     every = pairs(
         "encoder-halves",
         str,
@@ -167,12 +179,12 @@ def _worst_shot(
     order = np.lexsort((shots, every.likely, every.harmful, owner))
     compared = among > 0
     first = order[np.searchsorted(owner[order], np.flatnonzero(compared))]
-    worst = np.zeros(seen.laboratories, dtype=np.intp)
+    worst = np.zeros(evidence.laboratories, dtype=np.intp)
     worst[compared] = first
 
     def said(i: int) -> str:
         shot = shots[worst[i]]
-        number = int(np.sum(seen.owner[:shot] == i))
+        number = int(np.sum(evidence.owner[:shot] == i))
         return (
             f"half of the record of shot {number + 1} of impact/{channel} moves the result by "
             f"{apart[shot] * moves[i]:+.2f} of its u"
@@ -189,44 +201,46 @@ def _worst_shot(
     )
 
 
-def _by_rate(seen: Evidence, which: str) -> Array:
+def _by_rate(evidence: Evidence, which: str) -> Array:
     """Return the metric's change per count a second of an encoder's rate, (shot,)."""
-    fit, step, model = getattr(seen.model.readings, which), 1e-4, seen.model
+    fit, step, model = getattr(evidence.model.readings, which), 1e-4, evidence.model
 
     def metric(factor: float) -> Array:
         turned = replace(fit, rate=fit.rate * factor)
         moved = replace(model, readings=replace(model.readings, **{which: turned}))
-        return moved(seen.best)["metric"]
+        return moved(evidence.best)["metric"]
 
-    every = numbered(seen.owner, np.ones(seen.owner.size, dtype=bool), seen.laboratories)
-    found = np.empty(seen.owner.size)
+    every = numbered(
+        evidence.owner, np.ones(evidence.owner.size, dtype=bool), evidence.laboratories
+    )
+    found = np.empty(evidence.owner.size)
     change = (metric(1 + step) - metric(1 - step)) / (2 * step * fit.rate)
     found[every[every >= 0]] = change[:, 0][every >= 0]
     return found
 
 
-def recoil_and_rebound(seen: Evidence) -> Iterator[Pairs]:
+def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     """Compare the mean e_A from the bat's recoil with that from the ball's rebound.
 
     Where the aim marks show the scatter of the place, one shot that has both is a comparison.
     """
-    apart = seen.shots.recoil_efficiency - seen.shots.rebound_efficiency
-    both = seen.reduced.valid & np.isfinite(apart)
-    mean, _, number = seen.mean_of(apart, both)
-    marks = _marks_along(seen)
+    apart = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
+    both = evidence.reduced.valid & np.isfinite(apart)
+    mean, _, number = evidence.mean_of(apart, both)
+    marks = _marks_along(evidence)
     compared = number >= (FEWEST_SHOTS if marks is None else 1)
     if not compared.any():
         return
-    hits, moved = _moved_apart(seen, both)
+    hits, moved = _moved_apart(evidence, both)
     used = np.where(hits >= 0, both[hits], False)
     weights = used / np.maximum(used.sum(axis=1, keepdims=True), 1)
-    shared = seen.variants.components(weighed(moved, weights))
-    square, degrees = _scatter(seen, apart, both, shared, marks)
+    shared = evidence.variants.components(weighed(moved, weights))
+    square, degrees = _scatter(evidence, apart, both, shared, marks)
     yield pairs(
         "recoil-and-rebound",
         lambda i: (
             f"e_A by recoil (impact/encoder) less e_A by rebound (impact/gates) is "
-            f"{mean[i]:+.4f} in the mean of {seen.shots_of(both, i)}"
+            f"{mean[i]:+.4f} in the mean of {evidence.shots_of(both, i)}"
         ),
         mean,
         shared + types_a("scatter", mean, np.sqrt(square / np.maximum(number, 1)), degrees),
@@ -235,35 +249,35 @@ def recoil_and_rebound(seen: Evidence) -> Iterator[Pairs]:
     )
 
 
-def _moved_apart(seen: Evidence, both: Mask) -> tuple[NDArray[np.intp], Array]:
+def _moved_apart(evidence: Evidence, both: Mask) -> tuple[NDArray[np.intp], Array]:
     """Return numbers of shots, `both` among them, and their e_A apart for the variants."""
-    hits = numbered(seen.owner, both, seen.laboratories)
-    if np.isin(hits[hits >= 0], seen.hits).all():
-        return seen.hits, seen.apart
-    model = replace(seen.model, readings=seen.readings.part(hits[:, None]))
-    columns = seen.variants.columns
+    hits = numbered(evidence.owner, both, evidence.laboratories)
+    if np.isin(hits[hits >= 0], evidence.hits).all():
+        return evidence.hits, evidence.apart
+    model = replace(evidence.model, readings=evidence.readings.part(hits[:, None]))
+    columns = evidence.variants.columns
     found = model.shots(columns, bat_properties(columns))
     return hits, found.recoil_efficiency - found.rebound_efficiency
 
 
-def _marks_along(seen: Evidence) -> Array | None:
+def _marks_along(evidence: Evidence) -> Array | None:
     """Return the marks on the aim paper along the bat, (laboratory, mark) [m]; None: too few."""
-    marks = seen.block.impact.get("aim")
-    if not isinstance(marks, AimMarks) or AIM_ALONG not in seen.reduced.constants:
+    marks = evidence.block.impact.get("aim")
+    if not isinstance(marks, AimMarks) or AIM_ALONG not in evidence.reduced.constants:
         return None
-    along = marks.along.reshape(seen.laboratories, -1)
+    along = marks.along.reshape(evidence.laboratories, -1)
     return along if along.shape[1] >= FEWEST_SHOTS else None
 
 
 def _scatter(
-    seen: Evidence, apart: Array, both: Mask, shared: Components, marks: Array | None
+    evidence: Evidence, apart: Array, both: Mask, shared: Components, marks: Array | None
 ) -> tuple[Array, Array]:
     """Return the variance of a shot and its degrees of freedom, from shots and from aim marks.
 
     Recoil and rebound of a shot differ mainly because of its place along the bat, and the marks
     give the scatter of this place better than a few shots do.
     """
-    _, u, number = seen.mean_of(apart, both)
+    _, u, number = evidence.mean_of(apart, both)
     degrees = np.maximum(number - 1.0, 0.0)
     square = np.where(degrees > 0, u**2 * number, 0.0)
     if marks is not None and AIM_ALONG in shared.names:

@@ -19,17 +19,17 @@ from virtual_lab.records import (
 from virtual_lab.units import Array, Mask
 
 
-def records_repeated(seen: Evidence) -> Iterator[Raised]:
+def records_repeated(evidence: Evidence) -> Iterator[Raised]:
     """Look for shots with one and the same record of one instrument and other ones of another.
 
     Instruments that repeat the swings of the pendulum to the last digit have no noise by which to
     tell two records apart.
     """
-    pendulum = seen.block.records["bench"].get("pendulum")
+    pendulum = evidence.block.records["bench"].get("pendulum")
     if isinstance(pendulum, PendulumRecord) and not np.ptp(pendulum.times, axis=0).any():
         return
     for stage in ("balls", "impact"):
-        channels = seen.block.records[stage]
+        channels = evidence.block.records[stage]
         told = ((name, _rows(record)) for name, record in channels.items())
         rows = {name: own for name, own in told if own is not None}
         for channel, own in rows.items():
@@ -37,7 +37,7 @@ def records_repeated(seen: Evidence) -> Iterator[Raised]:
             others = [each for name, each in rows.items() if name != channel]
             twice = _filed_twice(own, some, others)
             if sum(2 if whole[shot] else 1 for _, shot in twice) > 1:  # chance repeats a part once
-                yield _repeated(seen, f"{stage}/{channel}", *twice[0])
+                yield _repeated(evidence, f"{stage}/{channel}", *twice[0])
 
 
 def _rows(record: Record) -> Array | None:
@@ -77,10 +77,12 @@ def _filed_twice(own: Array, some: Mask, others: list[Array]) -> list[tuple[int,
     return found
 
 
-def _repeated(seen: Evidence, record: str, first: int, second: int) -> Raised:
+def _repeated(evidence: Evidence, record: str, first: int, second: int) -> Raised:
     return Raised(
         name="records-repeated",
-        where=np.ones(seen.laboratories, dtype=bool),  # full records are those of one laboratory
+        where=np.ones(
+            evidence.laboratories, dtype=bool
+        ),  # full records are those of one laboratory
         sentence=lambda _: (
             f"shots {first + 1} and {second + 1} have one and the same record in {record}, "
             "and other ones elsewhere"

@@ -144,7 +144,7 @@ def _place(
 def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:
     """Return how far the edges of a shot are off one flight, in or back, (..., shot) [m]."""
     speeds = np.stack([results.speed, np.abs(results.rebound_speed)], axis=-1)
-    misfit = readings.seen.raw.misfit * speeds
+    misfit = readings.flights.raw.misfit * speeds
     return np.asarray(np.where(np.isfinite(misfit), misfit, 0.0).max(axis=-1))
 
 

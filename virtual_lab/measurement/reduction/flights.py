@@ -87,10 +87,10 @@ class FlightReadings(Protocol):
 
     @property
     def shows_height(self) -> bool:
-        """Whether `flights` gives the height at which each ball met the target."""
+        """Whether `corrected` gives the height at which each ball met the target."""
         ...
 
-    def flights(self, x: Constants, drag: Array) -> Flights:
+    def corrected(self, x: Constants, drag: Array) -> Flights:
         """Return the flights for any values of the constants.
 
         Parameters

@@ -187,7 +187,7 @@ class GateReadings:
         variance = square / free
         return np.sqrt(variance / base), np.sqrt(variance * (1 / gates + middle**2 / base))
 
-    def flights(self, x: Constants, drag: Array) -> Flights:
+    def corrected(self, x: Constants, drag: Array) -> Flights:
         """Return the flights by least squares over the gates, see `FlightReadings`.
 
         `x` holds the distances of the gates, their heights where they measure them, the clock.
@@ -270,7 +270,7 @@ def heights_moved(readings: GateReadings) -> FlightModel:
     stage, seen = readings.stage, readings.passages
 
     def moved(x: Constants, drag: Array) -> Flights:
-        found = readings.flights(x, drag)
+        found = readings.corrected(x, drag)
         distances = np.array(
             [x[f"{stage}.gates.distance_{i}"] for i in range(gate_count(x, stage))]
         )

@@ -61,7 +61,7 @@ class BallReadings:
     mass: Array  # mean scale reading a ball [kg], (..., ball)
     ball: NDArray[np.intp]  # which ball, a wall hit, (..., hit)
     nominal_speed: Array  # [m/s], (..., hit)
-    seen: FlightReadings
+    flights: FlightReadings
 
     def of(self, laboratory: int) -> BallReadings:
         """Return the readings of one laboratory of a block, with the hits that are any."""
@@ -72,7 +72,7 @@ class BallReadings:
             mass=self.mass[laboratory, 0],
             ball=ball[hits],
             nominal_speed=self.nominal_speed[laboratory, 0][hits],
-            seen=self.seen.part(here).part(first).part(hits),
+            flights=self.flights.part(here).part(first).part(hits),
         )
 
     def some(self, chosen: slice) -> BallReadings:
@@ -81,7 +81,7 @@ class BallReadings:
             mass=self.mass[chosen],
             ball=self.ball[chosen],
             nominal_speed=self.nominal_speed[chosen],
-            seen=self.seen.part(np.arange(len(self.mass))[chosen]),
+            flights=self.flights.part(np.arange(len(self.mass))[chosen]),
         )
 
     @property
@@ -97,7 +97,7 @@ class ImpactReadings:
 
     ball: NDArray[np.intp]
     place: Array  # aimed at: as set, with what the cannon is off, from the barrel tip [m]
-    seen: FlightReadings
+    flights: FlightReadings
     recoil: RateFit | None  # of a bat that was at rest, where an encoder watched it
     swing: RateFit | None  # of a bat that was swung
     along: Array | float = 0.0  # what the cannon is off, as `place` takes it [m]
@@ -107,7 +107,7 @@ class ImpactReadings:
         return ImpactReadings(
             ball=np.maximum(some_of(self.ball, chosen, none=0), 0),
             place=some_of(self.place, chosen),
-            seen=self.seen.part(chosen),
+            flights=self.flights.part(chosen),
             recoil=self.recoil and self.recoil.part(chosen),
             swing=self.swing and self.swing.part(chosen),
             along=some_of(self.along, chosen) if isinstance(self.along, np.ndarray) else self.along,
@@ -154,9 +154,9 @@ def _exactly(value: Array) -> Known:
 
 def observe_balls(block: SessionBlock) -> BallReadings:
     """Return the ball readings from scale and wall, arrays (laboratory, 1, ...)."""
-    log, seen = _log_and_flights(block, "balls")
+    log, flights = _log_and_flights(block, "balls")
     mass = _table(block, "ball-mass").mean(axis=-1)
-    raw = seen.raw
+    raw = flights.raw
     both = np.isfinite(raw.speed_in) & np.isfinite(raw.speed_out)
     # a hit not seen both ways is no measurement of e0
     ball = _by_laboratory(block, np.where(both, log.ball, -1).astype(np.intp))
@@ -169,14 +169,14 @@ def observe_balls(block: SessionBlock) -> BallReadings:
         mass=mass[:, None],
         ball=ball[:, None],
         nominal_speed=_by_laboratory(block, log.nominal_speed)[:, None],
-        seen=seen.part(order[:, None]),
+        flights=flights.part(order[:, None]),
     )
 
 
 def observe_impact(block: SessionBlock) -> ImpactReadings:
     """Return the readings of the ball and of the encoders for the shots, (shot,) as fired."""
-    log, seen = _log_and_flights(block, "impact")
-    raw, along = seen.raw, _along(block)
+    log, flights = _log_and_flights(block, "impact")
+    raw, along = flights.raw, _along(block)
     recoil = _rates(block, "encoder", raw.contact, fit_recoil)
     swing = _rates(
         block,
@@ -188,7 +188,7 @@ def observe_impact(block: SessionBlock) -> ImpactReadings:
         ball=log.ball.astype(np.intp),
         place=log.place + along,
         along=along,
-        seen=seen,
+        flights=flights,
         recoil=recoil,
         swing=swing,
     )
@@ -222,7 +222,7 @@ def ball_constants(readings: BallReadings) -> dict[str, Known]:
     differences between balls are no uncertainty, because the whole lot is measured. The slope
     [s/m] has a constant only if the wall was hit at two or more speeds.
     """
-    raw, share = readings.seen.raw, readings.share
+    raw, share = readings.flights.raw, readings.share
     share = share.reshape(-1, *share.shape[-2:])  # (laboratory, hit, ball)
     known = readings.ball.reshape(len(share), -1) >= 0
     ratio = np.where(known, np.reshape(raw.speed_out / raw.speed_in, known.shape), 0.0)
@@ -320,11 +320,11 @@ def _log_and_flights(block: SessionBlock, stage: str) -> tuple[ShotLog, FlightRe
     if odd.any():
         allowed = f"allowed: 0 to {balls - 1}, those weighed, counted from 0"
         raise InputError(f"{stage}/log", "ball", log.ball[odd][0], allowed)
-    seen = flight_readings(block, stage)
-    shots = len(seen.raw.contact)
+    flights = flight_readings(block, stage)
+    shots = len(flights.raw.contact)
     if len(log.ball) != shots:
         raise InputError(stage, "shots", shots, f"the log has {len(log.ball)}")
-    return log, seen
+    return log, flights
 
 
 def _repeated(block: SessionBlock, channel: str) -> Array:

@@ -166,10 +166,14 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     sets = _sets_of(x, AT_WALL, ADDED)
     own = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_WALL)}
     drag = of_ball(drag_of(own, sets.chosen(mass)), np.maximum(readings.ball, 0))
-    seen = readings.seen.flights(own, drag)
+    flights = readings.flights.corrected(own, drag)
     with np.errstate(all="ignore"):  # one nominal speed has no slope
         means, faster, nominal, slope = balls_of_sets(
-            readings.mass, readings.ball, readings.nominal_speed, seen.speed_in, seen.speed_out
+            readings.mass,
+            readings.ball,
+            readings.nominal_speed,
+            flights.speed_in,
+            flights.speed_out,
         )
     speed = nominal[..., :1, None] if nominal.ndim else nominal
     given = x["ball.restitution_slope"]
@@ -259,11 +263,11 @@ def shot_results(
     from virtual_lab.measurement.reduction.shot_kernel import RESULTS, shots_of_sets
 
     if flown:
-        seen = flown(x, drag_of(x, of_ball(balls.mass, readings.ball)))
+        flights = flown(x, drag_of(x, of_ball(balls.mass, readings.ball)))
     else:
-        seen = _flights(x, balls, readings)
+        flights = _flights(x, balls, readings)
     cosine, swing_rate, counts, encoder = (np.asarray(each) for each in (1.0, 0.0, np.nan, 1.0))
-    clock = readings.seen.clock(x)
+    clock = readings.flights.clock(x)
     if readings.swing:
         turn = _turn(x, "swing")
         cosine = np.cos(turn * readings.swing.angle)
@@ -285,7 +289,7 @@ def shot_results(
     )
     along = readings.along if "impact.cannon.along" in x else 0.0
     of_shot = (
-        *(seen.speed_in, seen.speed_out, _sine_square(x, bat, seen)),
+        *(flights.speed_in, flights.speed_out, _sine_square(x, bat, flights)),
         *(readings.place, along, cosine, swing_rate, counts),
     )
     with np.errstate(all="ignore"):  # NaN: not seen
@@ -298,10 +302,10 @@ def shot_results(
             *(_with_shots(each, readings.ball.shape[-1]) for each in of_shot),
         )
     return ShotResults(
-        speed=seen.speed_in,
+        speed=flights.speed_in,
         swing_rate=np.broadcast_to(swing_rate, found[0].shape),
-        rebound_speed=seen.speed_out,
-        rebound_slope=seen.slope_out,
+        rebound_speed=flights.speed_out,
+        rebound_slope=flights.slope_out,
         **dict(zip(RESULTS, found, strict=True)),
     )
 
@@ -311,15 +315,15 @@ def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Fl
     sets = _sets_of(x, AT_BAT, HELD)
     own = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_BAT)}
     mass = of_ball(sets.chosen(balls.mass), readings.ball)
-    seen = readings.seen.flights(own, drag_of(own, mass))
+    flights = readings.flights.corrected(own, drag_of(own, mass))
     if sets.rows is None:
-        return seen
+        return flights
     return Flights(
-        speed_in=sets.spread(seen.speed_in),
-        speed_out=sets.spread(seen.speed_out),
-        offset=sets.spread(seen.offset),
-        slope_in=sets.spread(seen.slope_in),
-        slope_out=sets.spread(seen.slope_out),
+        speed_in=sets.spread(flights.speed_in),
+        speed_out=sets.spread(flights.speed_out),
+        offset=sets.spread(flights.offset),
+        slope_in=sets.spread(flights.slope_in),
+        slope_out=sets.spread(flights.slope_out),
     )
 
 
@@ -357,9 +361,9 @@ def _turn(x: Constants, encoder: str) -> Array:
     )
 
 
-def _sine_square(x: Constants, bat: BatProperties, seen: Flights) -> Array:
+def _sine_square(x: Constants, bat: BatProperties, flights: Flights) -> Array:
     """Return sin² of the contact angle: per shot if its height is measured, else the mean."""
     touching = (bat.barrel_radius + x["ball.radius"]) ** 2
     if "impact.aim.across_square" in x:
         return np.asarray(x["impact.aim.across_square"] / touching)
-    return np.asarray((seen.offset - x["impact.pivot.height"]) ** 2 / touching)
+    return np.asarray((flights.offset - x["impact.pivot.height"]) ** 2 / touching)
