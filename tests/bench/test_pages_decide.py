@@ -23,7 +23,7 @@ ROUNDED = 0.95
 
 
 def check(scenario: str, fault: str, days: int) -> Inspected:
-    """Show an inspector some days; where a reading is beyond its limit it is so by far."""
+    """Show an inspector some days; where readings are beyond their limits the largest is by far."""
     found = inspected(scenario, fault, range(FAULTY, FAULTY + days))
     assert not found.least_off < LEAST_FAULT * ROUNDED, found
     return found
