@@ -1,6 +1,7 @@
 "use strict";
 // A cursor on the traces, the slow motion, one answer to a double click, a class looked at again,
-// a day played back by arrow keys. Without this file the pages show and do the same, standing still.
+// a day played back by arrow keys; after an action only what changed of the page is laid out anew.
+// Without this file the pages show and do the same, standing still.
 
 function near(values, wanted) {
   let best = 0;
@@ -22,7 +23,7 @@ function withControls(figure, show) {
   return { range, update };
 }
 
-for (const figure of document.querySelectorAll("[data-trace]")) {
+function withCursor(figure) {
   const trace = JSON.parse(figure.dataset.trace);
   const svg = figure.querySelector("svg"), cursor = svg.querySelector(".cursor");
   const { range, update } = withControls(figure, (time) => {
@@ -42,7 +43,7 @@ for (const figure of document.querySelectorAll("[data-trace]")) {
   });
 }
 
-for (const figure of document.querySelectorAll("[data-motion]")) {
+function withMotion(figure) {
   const frames = JSON.parse(figure.dataset.motion);
   const bat = figure.querySelector(".bat"), ball = figure.querySelector(".ball");
   const axis = figure.querySelector(".axis").getAttribute("cy");
@@ -70,7 +71,7 @@ for (const figure of document.querySelectorAll("[data-motion]")) {
   });
 }
 
-for (const film of document.querySelectorAll(".film img")) {
+function withProgress(film) {
   const making = document.createElement("progress");
   making.setAttribute("aria-label", "The frames are being made");
   if (!film.complete) film.after(making);
@@ -102,14 +103,14 @@ for (const now of document.querySelectorAll(".scroll [aria-current]")) {
   list.scrollTop = now.offsetTop - list.clientHeight / 2;
 }
 
-function firing(form, shots) {  // how far a salvo is
+function firing(form, shots) {  // how far a salvo is; gives what ends it
   const bar = document.createElement("progress"), words = document.createElement("span");
   words.setAttribute("role", "status");
   bar.max = shots;
   bar.value = 0;
   form.append(bar, words);
   let first;
-  setInterval(async () => {
+  const timer = setInterval(async () => {
     const answer = await fetch("/progress").catch(() => null);
     if (!answer?.ok) return;
     const fired = Number(await answer.text());
@@ -117,18 +118,84 @@ function firing(form, shots) {  // how far a salvo is
     bar.value = fired - first;
     words.textContent = `${bar.value} of ${shots} fired`;
   }, 300);
+  return () => {
+    clearInterval(timer);
+    bar.remove();
+    words.remove();
+  };
 }
 
-for (const form of document.forms) {
-  form.addEventListener("submit", (event) => {
-    if (form.dataset.sent) event.preventDefault();
-    form.dataset.sent = "yes";
-    const shots = Number(form.elements.shots?.value ?? 0);
-    if (shots > 1 && !event.defaultPrevented) firing(form, shots);
+function awake(part) {
+  part.querySelectorAll("[data-trace]").forEach(withCursor);
+  part.querySelectorAll("[data-motion]").forEach(withMotion);
+  part.querySelectorAll(".film img").forEach(withProgress);
+}
+
+const HOLDERS = ["header", "main", "nav ol"];  // of parts that are renewed one by one
+const served = new WeakMap();  // part: the text it was made of
+
+function written(part) {
+  return part.outerHTML.replace(/(name="entry_number" value=)"\d+"/g, "$1");  // new after each action
+}
+
+function renewed(live, now) {  // puts what is new of a page in place, and leaves the rest laid out
+  const kept = new Map([...live.children].map((each) => [served.get(each), each]));
+  const wanted = [...now.children].map((each) => {
+    const text = written(each), part = kept.get(text) ?? each;
+    kept.delete(text);
+    served.set(part, text);
+    return part;
+  });
+  kept.forEach((each) => each.remove());
+  wanted.forEach((each, at) => {
+    if (live.children[at] === each) return;
+    live.insertBefore(each, live.children[at] ?? null);
+    awake(each);
   });
 }
-for (const part of document.querySelectorAll("details")) {  // a link into a closed part opens it
-  const open = () => { if (location.hash === `#${part.id}`) part.open = true; };
-  addEventListener("hashchange", open);
-  open();
+
+function turned(page) {  // to the page after an action
+  document.title = page.title;
+  for (const holder of HOLDERS) {
+    const live = document.querySelector(holder);
+    if (live) renewed(live, page.querySelector(holder));
+  }
+  const number = page.querySelector("[name=entry_number]")?.value;
+  document.querySelectorAll("[name=entry_number]").forEach((each) => { each.defaultValue = number; });
+  for (const form of document.forms) form.reset();
+  history.replaceState(null, "", "/");
+  scrollTo(0, 0);
+  document.querySelector("[autofocus]")?.focus();
 }
+
+let sending = false;
+async function sent(form, body) {
+  sending = true;
+  const shots = Number(form.elements.shots?.value ?? 0);
+  const over = shots > 1 ? firing(form, shots) : () => {};
+  const answer = await fetch(form.action, { method: "POST", body }).catch(() => null);
+  const page = new DOMParser().parseFromString(await answer?.text() ?? "", "text/html");
+  over();
+  sending = false;
+  if (page.getElementById("display")) turned(page);
+  else location.assign("/");  // whatever stands in the way says so there
+}
+
+document.addEventListener("submit", (event) => {
+  const form = event.target, ours = document.getElementById("display") && form.action.endsWith("/do");
+  if (sending || ours) event.preventDefault();
+  if (!sending && ours) sent(form, new URLSearchParams(new FormData(form, event.submitter)));
+  else sending = true;
+});
+addEventListener("pageshow", (event) => { if (event.persisted) sending = false; });
+
+function opened() {  // a link into a closed part opens it
+  const part = document.getElementById(location.hash.slice(1));
+  if (part?.localName === "details") part.open = true;
+}
+addEventListener("hashchange", opened);
+opened();
+for (const holder of HOLDERS) {
+  for (const part of document.querySelector(holder)?.children ?? []) served.set(part, written(part));
+}
+awake(document);
