@@ -22,8 +22,8 @@ LOADED = """async () => {
   const text = page => ['title', 'header', 'main', 'nav'].map(each => {
     const part = page.querySelector(each).cloneNode(true);
     part.querySelectorAll('output').forEach(output => output.remove());
-    return part.textContent.replace(/\\s+/g, '') + [...part.querySelectorAll('input[type=hidden], [autofocus]')]
-      .map(each => each.outerHTML).join();
+    const hidden = [...part.querySelectorAll('input[type=hidden], [autofocus]')];
+    return part.textContent.replace(/\\s+/g, '') + hidden.map(each => each.outerHTML).join();
   });
   return text(document).join() === text(anew).join();
 }"""  # whether a page is what it would be if it were loaded now
@@ -88,7 +88,8 @@ def test_a_day_by_the_book_is_one_key(visit: Visit) -> None:
             page.get_by_role("button", name="Give the verdict").first.focus()
         focus = enter(page)
         pressed += 1
-        assert page.evaluate(LOADED) or "Not done" in page.title()
+        refused_or_opened = "Not done" in page.title() or focus == "debrief"
+        assert refused_or_opened or page.evaluate(LOADED)
     assert pressed <= 60
     assert day.kept.day.verdict == "PASS"
     assert [chosen.accepted for chosen in day.kept.day.decisions.values()].count(True) == 6
@@ -154,16 +155,24 @@ def test_rules_and_instruments_are_a_key_away(visit: Visit) -> None:
 
 @pytest.mark.long
 def test_a_careless_day_is_kept_whole(visit: Visit) -> None:
-    """Double clicks, the way back, two tabs, a shot before anything is measured: no entry twice."""
+    """Double clicks, a key held, the way back, two tabs, a shot too early: no entry twice."""
     day, page = visit()
-    page.get_by_role("button", name="Tare the scale").first.dblclick()
-    page.wait_for_selector("#display dl, #display p:has-text('Done')")
-    assert names(day) == ["tare"]
+    tare = page.get_by_role("button", name="Tare the scale").last
+    for delay in (0, 600):  # ms; the page after the first click is there before the second
+        with page.expect_navigation():
+            tare.dblclick(delay=delay)
+    tare.focus()
+    with page.expect_navigation():
+        page.keyboard.down("Enter")
+    page.keyboard.down("Enter")  # held
+    page.keyboard.up("Enter")
+    page.wait_for_timeout(300)
+    assert names(day) == ["tare"] * 3
     other = page.context.new_page()
     other.goto(page.url)
     press(page, "Weigh the bat")
     press(other, "Weigh the bat")
-    assert "entry 3 is next" in other.inner_text("[role=alert]")
+    assert "entry 5 is next" in other.inner_text("[role=alert]")
     other.reload()
     page.get_by_role("link", name="Rules").click()
     page.go_back()
@@ -177,7 +186,7 @@ def test_a_careless_day_is_kept_whole(visit: Visit) -> None:
     assert "allowed: numbers from 0 to 1500" in page.inner_text("[role=alert]")
     assert page.evaluate("document.activeElement.id") == "set-place-place"
     assert page.input_value("#set-place-place") == "1e99"
-    assert names(day) == ["tare", "weigh-bat", "tap-bat"]
+    assert names(day) == [*["tare"] * 3, "weigh-bat", "tap-bat"]
     press(page, "Fire at the bat")
     assert "“Load a ball” comes first" in page.inner_text("[role=alert]")
 

@@ -187,6 +187,12 @@ document.addEventListener("submit", (event) => {
   if (!sending && ours) sent(form, new URLSearchParams(new FormData(form, event.submitter)));
   else sending = true;
 });
+addEventListener("click", (event) => {  // the second of a double click, on the page after the first
+  if (event.detail > 1 && event.target.closest("form button")) event.preventDefault();
+});
+addEventListener("keydown", (event) => {  // Enter held down
+  if (event.repeat && event.key === "Enter" && event.target.closest("form")) event.preventDefault();
+});
 addEventListener("pageshow", (event) => { if (event.persisted) sending = false; });
 
 function opened() {  // a link into a closed part opens it
