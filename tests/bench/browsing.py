@@ -84,9 +84,11 @@ def served(
         thread.start()
         while not server.started:
             time.sleep(0.005)
-        yield day, f"http://127.0.0.1:{port}/?token=token"
-        server.should_exit = True
-        thread.join()
+        try:
+            yield day, f"http://127.0.0.1:{port}/?token=token"
+        finally:  # or the thread keeps the process of a test that failed alive
+            server.should_exit = True
+            thread.join()
 
 
 def enter(page: Any, key: str = "Enter") -> str:

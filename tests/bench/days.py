@@ -7,9 +7,9 @@ from typing import Any
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.doubts import fault_sheets
-from virtual_lab.bench.day.operators import PREPARATION, Look, Operator, operator_of
+from virtual_lab.bench.day.operators import Look, Operator, operator_of
 from virtual_lab.bench.day.scenario import Scenario
-from virtual_lab.bench.day.table import MAKE_READY
+from virtual_lab.bench.day.table import MAKE_READY, preparation
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import laboratory_of, played, taken
 from virtual_lab.bench.scoring.debrief import Debrief, debrief
@@ -34,7 +34,7 @@ SHOTS = 6  # of a detector
 BALLS = (1, 2, 3, 4, 5, 6, 8)  # the rules set ball 7 aside
 Asked = tuple[str, dict[str, Any]]
 PLAIN: tuple[Asked, ...] = (  # what the rules ask for, seven balls of which one comes in slow
-    *((name, {}) for name in PREPARATION),
+    *((name, {}) for name in preparation()),
     ("set-place", {"place": PLACE_MM}),
     *(
         each
@@ -57,7 +57,9 @@ def detector(fault: str) -> Operator:
     assert found_by
 
     def checked(look: Look) -> Iterator[Action]:
-        needed = PREPARATION if "fire" in found_by.actions else ("tare", "level-stand", "fit-clamp")
+        needed = (
+            preparation() if "fire" in found_by.actions else ("tare", "level-stand", "fit-clamp")
+        )
         yield from map(action_of, needed)
         for name in found_by.actions:
             if name == "fire":

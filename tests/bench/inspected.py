@@ -15,9 +15,9 @@ from math import nan
 from tests.bench.inspector import faults_on, margins
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.desk import Desk
-from virtual_lab.bench.day.operators import PREPARATION, Look
+from virtual_lab.bench.day.operators import Look
 from virtual_lab.bench.day.scenario import load_scenario
-from virtual_lab.bench.day.table import MAKE_READY, detectable
+from virtual_lab.bench.day.table import MAKE_READY, detectable, preparation
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import laboratory_of, taken
 from virtual_lab.bench.pages.page import day_page
@@ -65,7 +65,7 @@ def looker(shots: int) -> object:
     """Return who makes every check and fires some balls at one place, whatever is shown."""
 
     def taken_so(look: Look) -> Iterator[Action]:
-        yield from map(action_of, (*PREPARATION, *CHECKS))
+        yield from map(action_of, (*preparation(), *CHECKS))
         place = None if look().missing else look().next_place
         yield action_of("set-place", {"place": round((place or 0.163) * 1e3, 3)})
         for shot in range(shots):

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tests.bench.browsing import FOCUSED
-from virtual_lab.bench.day.operators import PREPARATION
-from virtual_lab.bench.day.table import action_table
+from virtual_lab.bench.day.table import action_table, preparation
 from virtual_lab.bench.entrance.served_day import ServedDay
 
 __all__ = ["K", "Keyboard", "M", "by_enter", "by_list"]
@@ -105,7 +104,7 @@ def by_enter(page: Any, day: ServedDay) -> Keyboard:
 def by_list(page: Any, day: ServedDay) -> Keyboard:
     """Take a day by the list of the procedure: as many shots at a time as there may be."""
     hands = Keyboard(page)
-    for name in PREPARATION:
+    for name in preparation():
         hands.do(name)
     while day.desk.next_place is not None:
         hands.open("rig")

@@ -25,11 +25,11 @@ from tests.bench.test_web import Browser
 from virtual_lab import catalog
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk
-from virtual_lab.bench.day.operators import HABITS, PREPARATION, operator_of
+from virtual_lab.bench.day.operators import HABITS, operator_of
 from virtual_lab.bench.day.protocol import left_out
 from virtual_lab.bench.day.readings import doubts
 from virtual_lab.bench.day.scenario import Scenario, load_scenario
-from virtual_lab.bench.day.table import detectable
+from virtual_lab.bench.day.table import detectable, preparation
 from virtual_lab.bench.entrance.served_day import ServedDay
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import laboratory_of, taken
@@ -145,7 +145,7 @@ def pressed_through(room: ServedDay, shots: int) -> tuple[int, float]:
         pressed += 1
         assert browser.do(name, **given).status == 303, name
 
-    for name in PREPARATION:
+    for name in preparation():
         press(name)
     while (place := room.desk.next_place) is not None:
         stands = room.desk.day.place

@@ -10,7 +10,7 @@ import pytest
 
 from tests.bench.browsing import FOCUSED, enter, faults_of, opened, served
 from tests.bench.days import PLAIN, Asked, asked
-from virtual_lab.bench.day.operators import PREPARATION
+from virtual_lab.bench.day.table import preparation
 from virtual_lab.bench.entrance.served_day import ServedDay
 
 WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
@@ -79,9 +79,9 @@ def names(day: ServedDay) -> list[str]:
 def test_a_day_by_the_book_is_one_key(visit: Visit) -> None:
     """Enter on what has the focus: the page leads through the hits, and each is judged alone."""
     day, page = visit()
-    do(day, *PLAIN[: len(PREPARATION)])
+    do(day, *PLAIN[: len(preparation())])
     page.reload()
-    pressed, focus = len(PREPARATION), ""
+    pressed, focus = len(preparation()), ""
     while focus != "debrief":
         if focus == "Give the verdict":
             page.get_by_label("verdict").first.select_option("PASS")

@@ -9,9 +9,16 @@ import pytest
 from tests.bench.days import PLACE_MM, PLAIN, apparatus, asked
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.desk import Desk
-from virtual_lab.bench.day.operators import PREPARATION, Look, Operator, operator_of
+from virtual_lab.bench.day.operators import Look, Operator, operator_of
 from virtual_lab.bench.day.readings import doubts
-from virtual_lab.bench.day.table import MAKE_READY, action_table, detectable, remedy_of, repairs
+from virtual_lab.bench.day.table import (
+    MAKE_READY,
+    action_table,
+    detectable,
+    preparation,
+    remedy_of,
+    repairs,
+)
 from virtual_lab.bench.machines.keeping import played, taken
 
 NO_REMEDY = {"bat-cracked"}
@@ -33,8 +40,8 @@ def mending(fault: str) -> Operator:
             yield from map(action_of, (*MAKE_READY, "fire"))
 
     def taken_so(look: Look) -> Iterator[Action]:
-        yield from map(action_of, PREPARATION)
-        checks = [each for each in detectable()[fault].actions if each not in PREPARATION]
+        yield from map(action_of, preparation())
+        checks = [each for each in detectable()[fault].actions if each not in preparation()]
         shoots = "fire" in checks
         checks = [each for each in checks if each not in {*MAKE_READY, "fire"}]
         yield from map(action_of, checks)

@@ -16,32 +16,18 @@ from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.protocol import excused, left_out
 from virtual_lab.bench.day.readings import doubts
-from virtual_lab.bench.day.table import MAKE_READY, action_table, detectable, remedy_of
+from virtual_lab.bench.day.table import (
+    MAKE_READY,
+    action_table,
+    detectable,
+    preparation,
+    remedy_of,
+)
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.streams import Streams
 
 Look = Callable[[], Desk]
 Operator = Callable[[Look], Iterator[Action]]
-PREPARATION = (
-    "tare",
-    "weigh-bat",
-    "weigh-balls",
-    "measure-length",
-    "measure-barrel",
-    "level-stand",
-    "measure-balance",
-    "fit-clamp",
-    "swing",
-    "hit-wall",
-    "aim-paper",
-)
-CHECKS_AFTER = {  # step of the book: the checks that fit best after it
-    "tare": ("weigh-check-mass",),
-    "weigh-balls": ("reweigh-balls",),
-    "swing": ("swing-clamp", "tap-bat", "fire-check-ball"),
-    "hit-wall": ("recheck-balls",),
-    "aim-paper": ("gauge-gates", "measure-pivot", "compare-clock"),
-}
 FIRST_SHOTS = 3  # after which a cylinder tells a dry bearing from what the encoder shows
 BEFORE = "fired before the repair"
 
@@ -77,13 +63,13 @@ def _take(look: Look, habits: Habits) -> Iterator[Action]:
         yield from _end(look, habits)
         return
     checks = habits.looks_for(look().day.listed)
-    for name in PREPARATION:
+    for name in preparation():
         careful = name in {"tare", "level-stand", "fit-clamp"}
         if careful and habits.slips(habits.forgets, name):
             continue
         yield action_of(name, _how(name, habits))
-        for check in CHECKS_AFTER.get(name, ()):
-            if check in checks:
+        for check, sheet in action_table().actions.items():
+            if check in checks and sheet.check_after == name:
                 yield action_of(check)
         if checks:
             yield from _put_right(look)

@@ -67,18 +67,9 @@ def checklist(day: Day, *, end: bool) -> Shown:
     """Return the list that is gone through before the first shot, or before the verdict."""
     sheets = action_table().actions
     if not end:
-        start = (
-            "tare",
-            "weigh-check-mass",
-            "level-stand",
-            "fit-clamp",
-            "tap-bat",
-            "fire-check-ball",
-            "gauge-gates",
-            "fire-check-cylinder",
-            "aim-paper",
-        )
-        lines = {sheets[name].title: day.times(name) > 0 for name in start}
+        lines = {
+            each.title: day.times(name) > 0 for name, each in sheets.items() if each.on_checklist
+        }
     else:
         names = [event.action for event in day.events]
         after = names[len(names) - names[::-1].index("fire") :] if "fire" in names else names

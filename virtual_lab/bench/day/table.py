@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import takewhile
 from types import MappingProxyType
 from typing import Annotated, Literal
 
@@ -19,18 +20,6 @@ from virtual_lab.catalog.specs import Dimension, Spec, Title, YesNo
 
 PREPARING = {"tare": "weigh-bat", "level-stand": "measure-balance", "fit-clamp": "swing"}
 MAKE_READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")  # for a shot
-CHANNELS = {  # action: channel of the bench
-    "weigh-bat": "bat-mass",
-    "weigh-balls": "ball-mass",
-    "measure-length": "length",
-    "measure-barrel": "barrel-radius",
-    "measure-balance": "balance",
-    "swing": "pendulum",
-}
-WRITES = {f"bench/{channel}": action for action, channel in CHANNELS.items()} | {
-    "balls/log": "hit-wall",
-    "impact/aim": "aim-paper",
-}
 FOUND_INSTEAD: Mapping[str, tuple[str, Mapping[str, str]]] = {  # faults that a constant mends
     "gate-moved": ("gauge-gates", {"use": "gauge"}),
     "clamp-forgotten": ("swing-clamp", {"use": "measured"}),
@@ -54,6 +43,9 @@ class ActionSheet(Spec):
     mends: tuple[str, ...] = ()  # faults that are over once it is done
     takes: tuple[Argument, ...] = ()  # what it is told
     again: tuple[str, ...] = ()  # actions whose readings it makes old
+    channel: str = ""  # of the bench, that it writes
+    check_after: str = ""  # a check: the step of the book that it fits best after
+    on_checklist: YesNo = False  # before the first shot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +86,19 @@ class ActionTable(Spec):
 
 
 @cache
+def channels() -> Mapping[str, str]:
+    """Return the actions that read one channel of the bench, and which."""
+    return {name: each.channel for name, each in action_table().actions.items() if each.channel}
+
+
+@cache
+def preparation() -> tuple[str, ...]:
+    """Return the steps of the book before the bat is set to a place, in its order."""
+    book = (name for name, each in action_table().actions.items() if each.in_book)
+    return tuple(takewhile(lambda name: name != "set-place", book))
+
+
+@cache
 def repairs() -> Mapping[str, ActionSheet]:
     """Return the actions that mend something."""
     return {name: each for name, each in action_table().actions.items() if each.mends}
@@ -108,7 +113,9 @@ def remedy_of(fault: str) -> tuple[str, Mapping[str, str]] | None:
 
 def in_buttons(sentence: str) -> str:
     """Return a sentence of the bench with the names of actions as they stand on buttons."""
-    for channel, action in WRITES.items():
+    writes = {f"bench/{channel}": name for name, channel in channels().items()}
+    writes |= {"balls/log": "hit-wall", "impact/aim": "aim-paper"}
+    for channel, action in writes.items():
         sentence = sentence.replace(
             f"{channel}: record; this record is missing", f"{action} comes first"
         )

@@ -22,7 +22,7 @@ from virtual_lab.bench.day.day import Day, DayEvent, Shown, evolve
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.entries import entry_of_record
 from virtual_lab.bench.day.protocol import checklist
-from virtual_lab.bench.day.table import CHANNELS, Consequences, action_table, repairs
+from virtual_lab.bench.day.table import Consequences, action_table, channels, repairs
 from virtual_lab.bench.machines.checks import CheckStandards, opened_again, speed_ratio
 from virtual_lab.bench.machines.firing import Firing, altered, specimen_at
 from virtual_lab.bench.machines.sketching import sketch_of
@@ -139,7 +139,7 @@ class Apparatus:
     @cached_property
     def _actions(self) -> Mapping[str, Callable[[Day, Action], Reading]]:
         return {
-            **dict.fromkeys(CHANNELS, self._measure),
+            **dict.fromkeys(channels(), self._measure),
             "weigh-check-mass": self._check_mass,
             "reweigh-balls": self._reweigh_balls,
             "swing-clamp": self._swing_clamp,
@@ -179,7 +179,7 @@ class Apparatus:
 
     def _measure(self, day: Day, action: Action) -> Reading:
         """Read one channel of the bench: as many repeats as its sheet says, numbered on."""
-        channel, given = CHANNELS[action.name], action.arguments
+        channel, given = channels()[action.name], action.arguments
         earlier = day.times(action.name)
         station: Any = self.laboratory.stations[Stage.BENCH]
         spec = station.spec

@@ -15,10 +15,9 @@ from virtual_lab.bench.day.arguments import Argument
 from virtual_lab.bench.day.day import Day, DayEvent, offered
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.doubts import known_doubts
-from virtual_lab.bench.day.operators import PREPARATION
 from virtual_lab.bench.day.readings import rows_of
 from virtual_lab.bench.day.scenario import UNITS, Scenario
-from virtual_lab.bench.day.table import MAKE_READY, action_table, in_buttons
+from virtual_lab.bench.day.table import MAKE_READY, action_table, in_buttons, preparation
 from virtual_lab.bench.pages.papers import wall_pages
 from virtual_lab.bench.pages.slow_motion import Motion, SlowMotion, sketched, slow_motion
 from virtual_lab.bench.pages.tally import in_units, residual_chart, run_chart, swings, tally
@@ -240,7 +239,7 @@ def _steps(desk: Desk) -> list[Step]:
     day, sheets, rules = desk.day, action_table().actions, desk.rules.spec
     counted = sum(each.accepted for each in day.decisions.values())
     content = bool(day.fired) and not desk.missing and desk.next_place is None
-    done = {name: desk.last(name) is not None for name in PREPARATION} | {
+    done = {name: desk.last(name) is not None for name in preparation()} | {
         "set-place": day.place is not None,
         "fire": content or day.reduced,
         "reduce": day.reduced,

@@ -211,10 +211,6 @@ def application(
     return door
 
 
-def _another(room: Room, given: Mapping[str, str]) -> Room:
-    return room.begin(given.get("scenario", ""))
-
-
 def _branched(room: Room, given: Mapping[str, str]) -> Room:
     if not room.open_book:
         raise InputError("", "day", None, "is taken again once it is handed in and is no exam")
