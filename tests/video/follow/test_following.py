@@ -196,7 +196,6 @@ def test_rows_of_two_moments_are_refused() -> None:
 def test_a_few_edges_show_that_the_camera_stands() -> None:
     """To a hundredth of a pixel a frame: a hand's 2 % of the picture a second are 8 pixels."""
     found = follow(_clip(_thrown()), replace(KNOWN, stands=False))
-    assert not found.watched.still.shows_drift
     assert found.watched.still.unseen_drift(1 / 60) < 0.01
     assert "DRIFT_UNSEEN" not in found.flags
 
@@ -230,7 +229,7 @@ def _drift_off(made: Made, found: FollowedClip) -> NDArray[np.float64]:
 def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
     _, found = followed("thrown-on-wall")
     none = np.zeros_like(found.watched.still.sampled)
-    plain = replace(found.watched.still, sampled=none, shows_drift=False)
+    plain = replace(found.watched.still, sampled=none, stands_to=None)
     by_hand = following(found.clip, replace(found.watched, still=plain), found.known)
     stands = following(
         found.clip, replace(found.watched, still=plain), replace(found.known, stands=True)

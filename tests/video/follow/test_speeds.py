@@ -31,7 +31,7 @@ def followed(found: Blobs, readout: float | None = 0.0) -> FollowedClip:
         source=SimpleNamespace(path="clip"),
     )
     watched = Watched(
-        still=cast("Any", SimpleNamespace(shows_drift=True, drifts=False)),
+        still=cast("Any", SimpleNamespace(drifts=False)),
         found=found,
         change=np.full(count, np.nan),
     )

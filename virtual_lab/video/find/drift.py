@@ -43,7 +43,6 @@ class _Alignment:
     settled: float = 0.003  # pixels
     tukey: float = 4.7  # standard deviations: what is farther off does not count
     least_spread: float = 0.1  # pixels
-    clipped: float = 2.0  # pixels: what is farther off moves on its own
     least_shown: float = 0.2  # of the edges, that lie in the other picture
     far: float = 0.6  # of the cost near the guess, that a shift far from it has at most
     turned: float = 1.1  # of the cost without, that a turn has at most
@@ -54,6 +53,7 @@ class _Alignment:
 
 
 _ALIGN = _Alignment()
+FAR_OFF = 2.0  # pixels: what is farther off moves on its own
 _SHIFTED, _TURNED = [0, 1], [0, 1, 2, 3]  # parts of a drift that are free
 
 
@@ -72,23 +72,6 @@ class Edges:
     """The steep pixels of a picture, level by level, the coarsest first."""
 
     levels: Sequence[_Level]
-
-    def spans(self, shape: tuple[int, ...], steeper: float, *, own: bool) -> Array:
-        """Return over how much of each side those reach that are so steep [DN/px], (2,).
-
-        `own`: so steep along that side. A man who walks through the picture has upright edges, but
-        not over its whole width.
-        """
-        level, sides, found = self.levels[-1], np.array(shape[1::-1], dtype=float), np.zeros(2)
-        for axis in (0, 1):
-            slope = level.slope * (np.abs(level.design[:, axis]) if own else 1.0)
-            places = np.stack([level.x, level.y])[:, slope > steeper]
-            places -= places.min(axis=1, keepdims=True, initial=np.inf)
-            part = (places / sides[:, None] * _ALIGN.parts).astype(int)
-            each, count = np.unique(part, axis=1, return_counts=True)
-            shown = each[axis, count >= _ALIGN.part_pixels]
-            found[axis] = (np.ptp(shown) + 1) / _ALIGN.parts if shown.size else 0.0
-        return found
 
     def steeper(self, slope: float) -> Edges:
         """Edges so steep at full size [DN/px], alone."""
@@ -136,15 +119,8 @@ class Edges:
         inside = _inside(self.levels[-1], grey, drift)
         return bool(inside.sum() > _ALIGN.least_shown * inside.size)
 
-    def cost(self, grey: Image, drift: Array) -> float:
-        """Mean distance of the edges in a picture from where a drift puts them [pixels].
-
-        What moves on its own is clipped.
-        """
-        return _cost(self.levels[-1], _pyramid(grey, 1)[0], drift)
-
     def costs(self, grey: Image, drift: Array, steeper: float) -> Array:
-        """Mean distance as by `cost` [pixels] in each part of the picture, (part,).
+        """Mean distance of edges from where a drift puts them, by part of the picture [pixels].
 
         Edges steeper than `steeper` [DN/px] count; NaN in a part that has too few.
         """
@@ -155,8 +131,8 @@ class Edges:
         count, total = (np.bincount(part, w, _ALIGN.parts**2) for w in (None, off[used]))
         return np.where(count >= _ALIGN.part_pixels, total / np.maximum(count, 1), np.nan)
 
-    def parts(self, shape: tuple[int, ...], steeper: float) -> int:
-        """Count of the parts of a picture with edges so steep [DN/px], but for one thing's.
+    def parts(self, shape: tuple[int, ...], steeper: float) -> NDArray[np.bool_]:
+        """Parts of a picture with edges so steep [DN/px], but for one thing's, (part,).
 
         What moves on its own is the largest group that reaches over less than half of the picture.
         """
@@ -165,11 +141,11 @@ class Edges:
         shown = (count >= _ALIGN.part_pixels).reshape(parts, parts)
         groups, _ = ndimage.label(shown, np.ones((3, 3)))
         own = [
-            int((groups[box] == k).sum())
+            groups == k
             for k, box in enumerate(ndimage.find_objects(groups), 1)
             if max(side.stop - side.start for side in box) < parts / 2
         ]
-        return int(shown.sum()) - max(own, default=0)
+        return np.asarray(shown & ~max(own, key=np.sum, default=~shown & shown)).ravel()
 
 
 def upper_median(values: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -320,7 +296,7 @@ def _cost(level: _Level, picture: NDArray[np.float32], drift: Array) -> float:
     """Mean distance of edges from where they should lie, each clipped [pixels]."""
     inside, off = _off(level, picture, drift)
     if inside.sum() <= _ALIGN.least_shown * inside.size:
-        return _ALIGN.clipped
+        return FAR_OFF
     # edges count by their slope: a codec keeps flat ones in place
     return float(np.average(off[inside], weights=level.slope[inside]))
 
@@ -331,10 +307,10 @@ def _off(
     """Edges that lie in a picture, and the distance of each, clipped [pixels]."""
     inside = _inside(level, picture, drift)
     if not inside.any():
-        return inside, np.full(inside.shape, _ALIGN.clipped)
+        return inside, np.full(inside.shape, FAR_OFF)
     left = _seen(level, picture, drift) - level.value
     off = np.abs(left - upper_median(left[inside])) / level.slope
-    return inside, np.minimum(off, _ALIGN.clipped)
+    return inside, np.minimum(off, FAR_OFF)
 
 
 def _seen(level: _Level, picture: NDArray[np.float32], drift: Array) -> Array:

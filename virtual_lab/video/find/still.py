@@ -6,7 +6,7 @@ other before their median is taken, and each picture is shifted back before it i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -16,9 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from virtual_lab.units import Array, Mask
+from virtual_lab.units import Array
 from virtual_lab.video.clips.reading import Frame, grey_of
-from virtual_lab.video.find.drift import Edges, at_rim, edges_of, matrix_of, onward, upon
+from virtual_lab.video.find.drift import (
+    FAR_OFF,
+    Edges,
+    at_rim,
+    edges_of,
+    matrix_of,
+    onward,
+    upon,
+    upper_median,
+)
 
 Image = NDArray[np.uint8]
 
@@ -30,27 +39,19 @@ class _StillSettings:
     searched: float = 4e5  # pixels of the picture that is searched: larger ones are made smaller
     no_drift: float = 0.15  # pixels over a clip: a camera on a stand
     hand_drift: float = 0.02  # of the longer side a second, each way: 0.005 to 0.03 in real clips
-    held: float = 3.0  # pixels a frame of a camera held in a hand
     swung: float = 0.025  # of the picture's longer side a frame: a camera turned after the ball
     coded_still: float = 6.0  # DN/px: H.264 keeps flatter edges in place while the camera drifts
-    # of a side, that edges reach over to show a drift, and such as are steep that way to show a
-    # turn: a ball's alone do not, nor those of a man who walks past
-    span: tuple[float, float] = (0.5, 0.25)
-    turn_parts: int = 4  # of 144, that have edges but for one thing's, to show a turn
-    turned: float = 0.8  # of the misfit of shifted pictures: no less shows a turn
+    shown_parts: int = 4  # of 144, that have edges but for one thing's, to show a drift
+    held: float = 3.0  # pixels a frame: what fewer show moves faster than a hand with a camera
+    # of what edges lie off in the median part of the picture, that a drift leaves at most: cameras
+    # in hands show .02 to .84, on a stand .96 at least; and that a turn leaves beside a shift:
+    # turning ones .2 to .82, others .81 at least
+    better: float = 0.85
     fewest: int = 8  # samples that show which side of the background a ball is on
     # quantile, or its complement, at which the background of a slow ball lies: at the median balls
     # lit from the side before a camera in grey lose flights in 3 clips of 8
     side: float = 0.25
     touched: float = 8.0  # noises that a pixel's brightness varies by if the ball was there
-    # of the misfits without: cameras on a stand show 0.91 at least, and 0.61 times that of all; of
-    # others, turning ones show 0.74 at most, those held by hand 0.53 so multiplied
-    turns: float = 0.8
-    drifts: float = 0.6
-    sharper: tuple[float, float] = (1.3, 0.02)  # factor and pixels that a part's edges lie less off
-    # of 144: if so many more are sharper unmoved, the camera stands; if no more are sharper turned
-    # than shifted, it does not turn
-    parts_apart: int = 3
     restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
     most_restless: int = 16  # DN: more may be a ball that stays
     rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
@@ -77,11 +78,8 @@ class Still:
     edges: Edges  # of `small`
     # how the camera drifts at the samples, (sample, 4) as in `find.drift` [full pixels]
     sampled: Array
-    shows_drift: bool  # edges that no codec keeps in place reach over the picture
-    shows_turn: Mask  # which ways, x and y, those do that are steep that way
-    # how far it may drift each way by the few edges there are [pixels a frame], None: there are
-    # none, or enough
-    stands_to: float | None = None
+    # how far it may drift each way unseen [pixels a frame], None: edges too few show that
+    stands_to: float | None = 0.0
 
     @property
     def drifts(self) -> bool:
@@ -90,9 +88,8 @@ class Still:
 
     def unseen_drift(self, step: float) -> float:
         """Drift, each way, that the picture does not show [px/frame]; `step`: seconds a frame."""
-        if self.stands_to is not None:
-            return self.stands_to
-        return 0.0 if self.shows_drift else _STILL.hand_drift * max(self.size) * step
+        hand = _STILL.hand_drift * max(self.size) * step
+        return hand if self.stands_to is None else self.stands_to
 
     @property
     def turns(self) -> bool:
@@ -100,9 +97,9 @@ class Still:
         return bool(self.sampled[:, 2:].any())
 
     @property
-    def fastest(self) -> Array:
-        """How far it may drift each way, (2,) [pixels a frame]."""
-        return np.where(self.shows_turn, _STILL.swung * max(self.size), _STILL.held)
+    def fastest(self) -> float:
+        """How far it may drift each way [pixels a frame]."""
+        return _STILL.swung * max(self.size)
 
     def drift(self, small: Image, guess: Array, before: Array) -> Array:
         """Drift of a small picture from the still frame, (4,) as in `find.drift` [full px].
@@ -224,10 +221,7 @@ def still_of(
         _strongest(cv2.absdiff(moved_back(each, drift / full, first, behind), behind))
         for each, drift in zip(small, drifts, strict=True)
     ]
-    shows_drift = bool(_shown(edges, behind, own=False).any())
-    stands_to = None
-    if not (shows_drift or drifts.any() or len(greys) < 3):
-        stands_to = _stands_to(edges, behind.shape, greys)
+    stands_to = _stands_to(edges, behind.shape, [] if drifts.any() else greys)
     return Still(
         background=background,
         origin=(int(origin[0]), int(origin[1])),
@@ -237,19 +231,17 @@ def still_of(
         shrink=shrink,
         edges=edges,
         sampled=_usual(drifts),
-        shows_drift=shows_drift,
         stands_to=None if stands_to is None else stands_to * shrink / apart,
-        shows_turn=_shown(edges, behind, own=True),
     )
 
 
 def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
-    """Return the drifts that lay pictures upon the first, (picture, 4) [pixels].
+    """Drifts that lay pictures upon the first, (picture, 4) [pixels].
 
-    From one to the next at most `most`, where edges show that, else `held`: what moves faster is no
-    hand that holds a camera. Each is laid upon the one before, and then upon the median of all:
-    shifted alone, and then turned, too, if that lays them clearly better; in the end each is looked
-    for where those about it lie.
+    From one to the next at most `most`, or `held` where few edges show that. Each is laid upon the
+    one before, and then upon the median of all: shifted alone, and turned, too, if edges then lie
+    clearly better in most of the picture, from one to the next or in all of them together. In the
+    end each is looked for where those about it lie.
     """
     edges = [edges_of(each) for each in greys]
     shifted, turned, step = [np.zeros(4)], [np.zeros(4)], np.zeros(4)
@@ -257,68 +249,68 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
         step = one.shifted(grey, step)
         shifted.append(onward(shifted[-1], step))
         turned.append(onward(turned[-1], one.turned(grey, step)))
-    best, least = np.zeros((len(greys), 4)), 1.0
-    middles = edges_of(_median(greys))
-    stands = _misfits(edges, middles, greys, best)
-    ways = (
-        (shifted, Edges.shifted, -_STILL.parts_apart),
-        (turned, Edges.turned, _STILL.parts_apart),
-    )
-    for chain, lay, parts in ways:
-        laid, before = np.array(chain), (middles, best)
-        for _ in range(2):  # a third time lays none nearer
-            if np.abs(laid * at_rim(greys[0].shape[::-1])).max() < _STILL.no_drift:
-                break
-            middle = _median(greys, laid)
-            whole = edges_of(middle)
-            steps = np.abs(np.diff(laid[:, :2], axis=0)).max(axis=0, initial=0.0)
-            one_by_one, together = _misfits(edges, whole, greys, laid) / stands
-            limit = np.where(_shown(whole, middle, own=True), most, min(most, held))
-            # the median of pictures that hardly overlap shows nothing
-            misfit = one_by_one * min(1.0, together)
-            moves = one_by_one < _STILL.turns or misfit < _STILL.drifts
-            if (
-                moves
-                and misfit < least
-                and (steps <= limit).all()
-                and _sharper(greys, before, (whole, laid)) > parts
-            ):
-                best, least, middles = laid, misfit, whole
-            laid = np.array([lay(whole, g, near) for g, near in zip(greys, laid, strict=True)])
-        least *= _STILL.turned
+    best, middles = np.zeros((len(greys), 4)), edges_of(_median(greys))
+    costs = _costs(edges, middles, greys, best)
+    for chain, lay in ((shifted, Edges.shifted), (turned, Edges.turned)):
+        whole = edges_of(_median(greys, np.array(chain)))
+        laid = _relaid(whole, greys, np.array(chain), lay)
+        middle = _median(greys, laid)
+        whole = edges_of(middle)
+        own = _costs(edges, whole, greys, laid)
+        parts = whole.parts(middle.shape, _STILL.coded_still)
+        few = parts.sum() < _STILL.shown_parts
+        pairs = zip(own[:, parts | few], costs[:, parts | few], strict=True)
+        ratio = min(_ratio(some, others) for some, others in pairs)
+        fast = np.abs(np.diff(laid[:, :2], axis=0)).max(initial=0.0)
+        if ratio < _STILL.better and fast < (held if few else most):
+            best, middles, costs = laid, whole, own
     if best.any():
-        about = _usual(best)
-        found = [middles.shifted(g, near, near) for g, near in zip(greys, about, strict=True)]
+        best = _relaid(middles, greys, _usual(best), Edges.shifted)
         if best[:, 2:].any():
-            found = [middles.turned(g, near) for g, near in zip(greys, found, strict=True)]
-        shown = [middles.lie_in(g, near) for g, near in zip(greys, about, strict=True)]
-        best = np.where(np.array(shown)[:, None], found, best)
+            best = _relaid(middles, greys, best, Edges.turned)
     return np.array([upon(each, best[0]) for each in best])
 
 
-def _usual(drifts: Array) -> Array:
-    """Return the drifts of pictures by those about them: one or two in a row may be laid wrong."""
-    return np.asarray(ndimage.median_filter(drifts, (5, 1), mode="nearest"))
+def _relaid(
+    edges: Edges,
+    greys: Sequence[Image],
+    drifts: Array,
+    lay: Callable[[Edges, Image, Array], Array],
+) -> Array:
+    """Drifts of pictures that show enough of some edges, looked for again near where they are."""
+    return np.array(
+        [
+            lay(edges, grey, near) if edges.lie_in(grey, near) else near
+            for grey, near in zip(greys, drifts, strict=True)
+        ]
+    )
 
 
-def _sharper(greys: Sequence[Image], one: tuple[Edges, Array], other: tuple[Edges, Array]) -> int:
-    """Return in how many more parts the edges lie sharper by the other drifts than by the one.
+def _costs(edges: Sequence[Edges], whole: Edges, greys: Sequence[Image], drifts: Array) -> Array:
+    """Distance that edges lie off in each part of most pictures [pixels], inf: none, (2, part).
 
-    An arm that swings before a plain wall is no camera that turns: the wall's foot stays.
+    Those of each picture in the next one, and of all together in each.
     """
-    costs = []
-    for edges, drifts in (one, other):
-        each = [edges.costs(g, d, _STILL.coded_still) for g, d in zip(greys, drifts, strict=True)]
-        costs.append(np.mean(each, axis=0))
-    factor, offset = _STILL.sharper
-    less, more = (np.sum(factor * a + offset < b) for a, b in (costs, costs[::-1]))
-    return int(more - less)
+    steps = [upon(after, before) for before, after in pairwise(drifts)]
+    one_by_one = zip(edges[:-1], greys[1:], steps, strict=True)
+    together = zip([whole] * len(greys), greys, drifts, strict=True)
+    each = [
+        np.array([e.costs(g, d, _STILL.coded_still) for e, g, d in some])
+        for some in (one_by_one, together)
+    ]
+    return np.stack([upper_median(np.nan_to_num(some.T, nan=np.inf)) for some in each])
 
 
-def _shown(edges: Edges, grey: Image, *, own: bool) -> Mask:
-    """Whether edges that no codec keeps in place span enough of a picture, by axis, (2,)."""
-    shown = edges.spans(grey.shape, _STILL.coded_still, own=own) >= _STILL.span[own]
-    return shown & (not own or edges.parts(grey.shape, _STILL.coded_still) >= _STILL.turn_parts)
+def _ratio(some: Array, others: Array) -> float:
+    """Median ratio of what edges lie off in parts where either has some."""
+    shown = np.isfinite(np.minimum(some, others))
+    some, others = (np.minimum(each[shown], FAR_OFF) + 1e-3 for each in (some, others))
+    return float(np.median(some / others)) if shown.any() else 1.0
+
+
+def _usual(drifts: Array) -> Array:
+    """Drifts of pictures by those about them: one or two in a row may be laid wrong."""
+    return np.asarray(ndimage.median_filter(drifts, (5, 1), mode="nearest"))
 
 
 def _stands_to(edges: Edges, shape: tuple[int, ...], greys: Sequence[Image]) -> float | None:
@@ -327,8 +319,10 @@ def _stands_to(edges: Edges, shape: tuple[int, ...], greys: Sequence[Image]) -> 
     Twice the slope of their shifts, or twice its standard uncertainty. None: nearly all are of one
     thing, which may move on its own.
     """
-    if edges.parts(shape, _STILL.coded_still) < _STILL.turn_parts:
+    if edges.parts(shape, _STILL.coded_still).sum() < _STILL.shown_parts:
         return None
+    if len(greys) < 3:
+        return 0.0
     steep, none = edges.steeper(_STILL.coded_still), np.zeros(4)
     shifts = np.array([steep.shifted(each, none, none)[:2] for each in greys])
     t = np.arange(len(greys)) - (len(greys) - 1) / 2
@@ -336,18 +330,6 @@ def _stands_to(edges: Edges, shape: tuple[int, ...], greys: Sequence[Image]) -> 
     rest = shifts - shifts.mean(axis=0) - t[:, None] * slope
     u = np.sqrt((rest**2).sum(axis=0) / (len(t) - 2) / (t @ t))
     return float(2 * np.maximum(np.abs(slope), u).max())
-
-
-def _misfits(edges: Sequence[Edges], whole: Edges, greys: Sequence[Image], drifts: Array) -> Array:
-    """Mean shift of edges [pixels], (2,): of each picture in the next one, of all in each.
-
-    A turning camera shows in the former alone, one that drifts before a plain wall in the latter.
-    """
-    steps = [upon(after, before) for before, after in pairwise(drifts)]
-    pairs = zip(edges[:-1], greys[1:], steps, strict=True)
-    one_by_one = [one.cost(grey, step) for one, grey, step in pairs]
-    together = [whole.cost(grey, drift) for grey, drift in zip(greys, drifts, strict=True)]
-    return np.array([np.mean(one_by_one or 0.0), np.mean(together)])
 
 
 def eight_bits(frame: Frame, depth: int) -> Image:

@@ -82,7 +82,7 @@ def watch(
         drifted = still.drift(small, *near) - drift
         if (np.abs(drifted[:2]) < still.fastest * since).all():
             leapt = float(np.hypot(*(drifted - since * ahead)[:2]))
-            if number > 1 and leapt > max(LEAP_PX, LEAP_SHARE * still.fastest.max()):
+            if number > 1 and leapt > max(LEAP_PX, LEAP_SHARE * still.fastest):
                 leaps[number] = leapt
             drift, ahead, since = drift + drifted, drifted / since, 1
         else:
