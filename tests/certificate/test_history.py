@@ -59,6 +59,10 @@ def test_the_scatter_is_that_of_all_tests(earlier: Path, tmp_path: Path) -> None
     assert 2 <= int(told[1]) <= 30
     folder = test.save(tmp_path / "today")
     assert not verify(folder).code
+    plain = alone.save(tmp_path / "alone")
+    reduced = vl.reduce(plain / "records", history=folders)
+    assert hits(reduced.document) == (u, dof)
+    assert hits(vl.reduce(folder / "records").document) == (u, dof)
 
 
 def test_a_history_of_other_tests_is_refused(earlier: Path, tmp_path: Path) -> None:
@@ -74,7 +78,9 @@ def test_a_history_of_other_tests_is_refused(earlier: Path, tmp_path: Path) -> N
         ([rules, first, second], r"bbcor: procedure; is another"),
         ([first, first, second], r"is the test of .*test-1 once more"),
         ([first, second, third, tmp_path / "daily"], r"daily: .*stands neither here nor below"),
-        ([first, second, tmp_path / "none"], r"none"),
+        ([first, second, tmp_path / "none"], r"none: result folder; no such folder"),
+        ([tmp_path / "none"], r"none: result folder; no such folder"),
+        (first, r"history = '1 test'; allowed: 3 earlier tests and more"),
     ):
         with pytest.raises(InputError, match=said) as caught:
             vl.certify("r161", seed=7, test=4, history=history)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from virtual_lab.measurement.certification import Certification
     from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.output.metrics import MetricFormat
-    from virtual_lab.records.session import PackedSession
+    from virtual_lab.records.session import PackedSession, Session
     from virtual_lab.simulation.truth import SealedTruth
     from virtual_lab.studies.bats.ball_law import sensitivity
     from virtual_lab.studies.bats.compare import BatComparison, profile
@@ -616,32 +616,43 @@ load = load_folder
 
 @reads_arguments
 def reduce(
-    records: str | Path, *, replaces: str | Path | None = None, reason: str = ""
+    records: str | Path,
+    *,
+    replaces: str | Path | None = None,
+    reason: str = "",
+    history: str | Path | Sequence[str | Path] = (),
 ) -> Certificate:
     """Return the certificate of a folder of raw records, without the truth.
 
     The folder has a ``session.json`` (written by `certify`) or a ``laboratory.toml`` (the form of
     another laboratory). The certificate names the report in the folder that it `replaces`, with
-    the reason.
+    the reason. `history` is that of `certify`, in place of what the records name.
 
     Raises
     ------
     InputError
         A record, calibration or procedure that is missing or cannot be used, a folder without a
-        certificate to replace, a reason without a folder or the other way about.
+        certificate to replace, a reason without a folder or the other way about, a history of
+        other tests.
     """
     from virtual_lab.certificate.chain import replaced_report
+    from virtual_lab.certificate.history import earlier_scatter, kind_of
 
     replaced = replaced_report(None if replaces is None else Path(replaces), reason)
-    found = _reduced(Path(records))
-    if replaced:
-        session = found.session
-        particulars = replace(session.particulars, replaces=replaced)
-        found = replace(found, session=replace(session, particulars=particulars))
-    return Certificate(certification=found)
+    folders = cast("Sequence[Path]", history)
+
+    def asked(session: Session) -> Session:
+        particulars = session.particulars
+        return replace(
+            session,
+            particulars=replace(particulars, replaces=replaced) if replaced else particulars,
+            history=earlier_scatter(folders, kind_of(session)) or session.history,
+        )
+
+    return Certificate(certification=_reduced(Path(records), asked))
 
 
-def _reduced(folder: Path) -> Certification:
+def _reduced(folder: Path, asked: Callable[[Session], Session]) -> Certification:
     from virtual_lab.measurement.certification import certify_session
     from virtual_lab.records.foreign.laboratory import FORM
     from virtual_lab.records.session import SESSION, load_session
@@ -649,11 +660,11 @@ def _reduced(folder: Path) -> Certification:
     if (folder / FORM).exists():
         from virtual_lab.studies.foreign import certify_laboratory
 
-        return certify_laboratory(folder)
+        return certify_laboratory(folder, asked)
     inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
     if inner and not (folder / SESSION).exists():
         raise InputError("", "records", str(folder), f"they are in {inner[0]}; give that folder")
-    return certify_session(load_session(folder))
+    return certify_session(asked(load_session(folder)))
 
 
 @reads_arguments

@@ -52,8 +52,10 @@ def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification
 
 
 def result_folders(folder: Path) -> list[Path]:
-    """Return the folder, or the results in it."""
-    if (folder / CERTIFICATE).exists() or not folder.is_dir():
+    """Return the folder, or the results in it. `InputError` for one without a result."""
+    if not folder.is_dir():
+        raise InputError(str(folder), "result folder", None, "no such folder")
+    if (folder / CERTIFICATE).exists():
         return [folder]
     inner = sorted(path.parent for path in folder.glob(f"*/{CERTIFICATE}"))
     if not inner:

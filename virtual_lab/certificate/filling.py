@@ -412,8 +412,8 @@ def _scatter(certification: Certification, metric: Budget) -> str:
         linear, known = combine(metric.value, metric.components), combine(metric.value, longer)
         less = 1 - np.ptp(known.interval_95) / np.ptp(linear.interval_95) if linear.u else 0.0
         return (
-            f"{alone}: with that of {HISTORY} earlier ones, as large, the interval would be "
-            f"{less:.0%} shorter. Without, one that is short by chance holds the truth less often."
+            f"{alone}: with that of {HISTORY} earlier tests, as large, the interval would be "
+            f"{less:.0%} shorter. If the hits of one test agree by chance, it is too short."
         )
     if "metric" in today and larger_today(today["metric"], earlier):
         return f"{alone}: it is larger than in {earlier.source}, beyond chance (F test, 1 %)."

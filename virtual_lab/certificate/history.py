@@ -39,7 +39,7 @@ def earlier_scatter(folders: Sequence[Path], asked: Mapping[str, str]) -> dict[s
     every = [inner for folder in folders for inner in result_folders(folder)]
     if len(every) < FEWEST:
         allowed = f"allowed: {FEWEST} earlier tests and more; ten serve well"
-        raise InputError("", "history", f"{len(every)} tests", allowed)
+        raise InputError("", "history", _count(len(every)), allowed)
     tests: list[dict[str, HitVariance]] = []
     seen: dict[str | None, Path] = {}
     for folder in every:
@@ -62,3 +62,7 @@ def earlier_scatter(folders: Sequence[Path], asked: Mapping[str, str]) -> dict[s
         name: HitVariance.pooled([test[name] for test in tests]).known(source).of(0)
         for name in tests[0]
     }
+
+
+def _count(tests: int) -> str:
+    return f"{tests} test" if tests == 1 else f"{tests} tests"

@@ -26,6 +26,17 @@ if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
 
 
+history_option = click.option(
+    "--history",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    metavar="FOLDER",
+    help="Result folder of an earlier test of this bat design by the same procedure in this "
+    "laboratory, or a folder of such; may be given several times. The scatter of their hits "
+    "counts, too.",
+)
+
+
 def saving_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a command with the options of how a certificate is saved."""
     for option in (
@@ -152,15 +163,7 @@ def saved_so(
     help="Number of this test in its laboratory, with --seed: the same calibrations, another bat, "
     "other balls.",
 )
-@click.option(
-    "--history",
-    type=click.Path(path_type=Path),
-    multiple=True,
-    metavar="FOLDER",
-    help="Result folder of an earlier test of this bat design by the same procedure in this "
-    "laboratory, or a folder of such; may be given several times. The scatter of their hits "
-    "counts, too.",
-)
+@history_option
 @click.option(
     "--uncertainty",
     type=click.Choice(["first-order", "second-order", "monte-carlo"]),
@@ -190,14 +193,15 @@ def certify(
 
 @command("reduce", keeps=True, picture=True)
 @click.argument("records", type=click.Path(path_type=Path))
+@history_option
 @saving_options
-def reduce(records: Path, pdf: bool, paper: str, sign: Path | None, **replaced: Any) -> Any:
+def reduce(records: Path, pdf: bool, paper: str, sign: Path | None, **asked: Any) -> Any:
     """Compute the results from a folder of raw RECORDS, without the truth.
 
     RECORDS is the folder `records` that `certify` wrote, or a folder with the form of another
     laboratory (`template`).
     """
-    return saved_so(pdf, paper, sign, lambda: api.reduce(records, **replaced))
+    return saved_so(pdf, paper, sign, lambda: api.reduce(records, **asked))
 
 
 @command("score", table=True)

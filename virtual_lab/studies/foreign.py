@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from virtual_lab.catalog import load, names
@@ -33,8 +34,8 @@ def our_own(procedure: str) -> Session:
     return certify_bat(setup).certification.session
 
 
-def certify_laboratory(folder: Path) -> Certification:
-    """Reduce and evaluate a laboratory's form and tables.
+def certify_laboratory(folder: Path, asked: Callable[[Session], Session]) -> Certification:
+    """Reduce and evaluate a laboratory's form and tables, with what else is asked of them.
 
     Raises
     ------
@@ -55,7 +56,7 @@ def certify_laboratory(folder: Path) -> Certification:
         spared = (DENSITY,) if read else (LOGGER,)  # the density follows from the climate
         _require_constants(list(session.calibration), needed, spared, str(form))
     try:
-        return certify_session(session)
+        return certify_session(asked(session))
     except InputError as fault:
         sources = {"session.json": str(form), "procedure.toml": procedure}
         where = sources.get(fault.where, fault.where)
