@@ -27,12 +27,10 @@ from virtual_lab.simulation.instruments.climate import (
 )
 from virtual_lab.simulation.instruments.indicator import Rule, RuleSpec, Scale, ScaleSpec
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
-from virtual_lab.simulation.physics.beam import outer_diameter
+from virtual_lab.simulation.physics.beam import barrel_radius
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
-from virtual_lab.units import INCH
 
-SWEET_SPOT = np.array(6 * INCH)  # where the barrel's radius is taken, from the tip
 Repeats = Annotated[int, Gt(1), Dimension("number")]
 
 
@@ -131,7 +129,7 @@ class BenchStation(FittedStation):
                 ),
                 "length": self.rule.measure(bat.length, repeats, draws, "bench.length"),
                 "barrel-radius": self.rule.measure(
-                    outer_diameter(specimen.bat.body.profile, SWEET_SPOT) / 2,
+                    barrel_radius(specimen.bat.body.profile),
                     repeats,
                     draws,
                     "bench.barrel-radius",

@@ -55,11 +55,10 @@ def found(monkeypatch: pytest.MonkeyPatch) -> tuple[Rows[Effect], np.ndarray, np
         )
         for k in range(COUNT)
     ]
-    sound = SimpleNamespace(certification=SimpleNamespace(verdict=SimpleNamespace(value="PASS")))
-    numbered: Any = iter(cases)
-    shared = SimpleNamespace(run=lambda *_: [sound] * COUNT)
+    block = SimpleNamespace(certified=SimpleNamespace(invalid=np.zeros(COUNT, bool)))
+    shared = SimpleNamespace(each_block=lambda take, *_: [take(block)])
     monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_, **__: shared))
-    monkeypatch.setattr(study, "_case", lambda _: next(numbered))
+    monkeypatch.setattr(study, "_cases", lambda _: cases)
     return effects("r161"), error, off
 
 

@@ -86,9 +86,9 @@ def coverage(
         return api.clip_coverage(bat, procedure=rules, clips=clips, progress=progress, **asked)
     asked |= {"procedure": procedure or "astm-f1881", "laboratories": laboratories}
     if effects:
-        if individual or earlier_tests or workers > 1:
-            usage("--effects goes without --individual, --history and --workers")
-        return api.effects(bat, progress=progress, **asked)
+        if individual or earlier_tests:
+            usage("--effects goes without --individual and --history")
+        return api.effects(bat, workers=workers, progress=progress, **asked)
     asked |= {"individual": individual, "earlier_tests": earlier_tests, "workers": workers}
     return api.coverage(bat, progress=progress, **asked)
 

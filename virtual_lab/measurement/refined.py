@@ -20,7 +20,7 @@ from virtual_lab.uncertainty.propagated import Propagated
 from virtual_lab.uncertainty.propagating import propagate_inputs
 from virtual_lab.units import Array
 
-ROWS = 2048  # of constants, that the model takes at once
+ROWS = 1024  # of constants, that the model takes at once
 
 
 def refined(

@@ -8,10 +8,11 @@ found by a scan, the bias of the scan itself, found by rehearsals.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from math import sqrt
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ WORDS = (
     "percentage (Clopper-Pearson). SI: unit of the quantity, 1 or m/s. Tenths of the\n"
     "laboratories: those with the smallest u, or the fewest degrees of freedom, first."
 )
+Taken = TypeVar("Taken")
 TENTHS = 10
 TENTH_LABELS = {"by_u": "tenth by u", "by_dof": "tenth by degrees of freedom"}
 
@@ -108,19 +110,49 @@ def coverage(
     InputError
         Unknown names, or fewer than 2 laboratories.
     """
-    names = ("metric", *QUANTITIES)
-    require_some(laboratories)
     round_robin = RoundRobin.of(bat, procedure, summed=summed, individual=individual)
     round_robin = replace(round_robin, history=earlier_tests)
+    samples = each_laboratory(round_robin, sample, laboratories, seed, workers, progress)
+    return counted(samples, bat, procedure, seed)
+
+
+def each_laboratory(
+    round_robin: RoundRobin,
+    take: Callable[[BlockTest], Taken],
+    laboratories: int,
+    seed: int,
+    workers: int,
+    progress: Progress,
+) -> Iterator[Taken]:
+    """Yield what `take`, a function of a module, makes of each block of laboratories, in turn.
+
+    `InputError` for fewer laboratories than have a scatter.
+    """
+    if laboratories < 2:
+        raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
+    done = 0
+    counting = partial(_counting, take=take)
+    for count, part in round_robin.each_block(counting, laboratories, seed, workers):
+        done += count
+        progress("laboratories", done, laboratories)
+        yield part
+
+
+def _counting(tested: BlockTest, take: Callable[[BlockTest], Taken]) -> tuple[int, Taken]:
+    return tested.certified.invalid.size, take(tested)
+
+
+def counted(samples: Iterable[Sample], bat: str, procedure: str, seed: int) -> Rows[Coverage]:
+    """Return the table of the study by what it took from the laboratories of a seed."""
+    names = ("metric", *QUANTITIES)
     nominal = RoundRobin.of(bat, procedure)
     found: dict[str, list[Array]] = {name: [] for name in names}
     strayed: list[Array] = []
     bends: dict[str, float] = {}
     rehearsal = None
     done, invalid, valid, fired = 0, 0, 0, 0
-    for part in round_robin.each_block(_sample, laboratories, seed, workers):
+    for part in samples:
         done += part.sound.size
-        progress("laboratories", done, laboratories)
         valid, fired = valid + int(part.valid.sum()), fired + int(part.fired.sum())
         invalid += int((~part.sound).sum())
         if not part.sound.any():
@@ -138,7 +170,7 @@ def coverage(
     metric, *rows = (_row(np.concatenate(found[name]), quantity=name, **about) for name in names)
     if rehearsal:
         straying = rehearsal.straying(*np.sqrt(np.mean(np.concatenate(strayed), axis=0)))
-        bias, bias_se = rehearsal.bias(straying, Streams(seed), laboratories)
+        bias, bias_se = rehearsal.bias(straying, Streams(seed), done)
         metric = replace(metric, expected=metric.expected + bias, expected_se=bias_se)
     return Rows(
         name="coverage",
@@ -147,12 +179,6 @@ def coverage(
         words=WORDS,
         rows=[metric, *rows],
     )
-
-
-def require_some(laboratories: int) -> None:
-    """Raise `InputError` for fewer laboratories than have a scatter."""
-    if laboratories < 2:
-        raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,7 +214,8 @@ class Sample:
     results: Mapping[str, Results]  # by the quantities' names
 
 
-def _sample(tested: BlockTest) -> Sample:
+def sample(tested: BlockTest) -> Sample:
+    """Return what the study takes from a block."""
     certified, reduced, owner = tested.certified, tested.reduced, tested.reduced.owner
     count = certified.invalid.size
     marks = tested.sessions.impact["aim"]

@@ -15,7 +15,7 @@ from math import sqrt
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.lab import BatTest, RoundRobin
+from virtual_lab.lab import BatTest, BlockTest, RoundRobin
 from virtual_lab.measurement.procedure import CHOICE
 from virtual_lab.measurement.reduction.observations import (
     REPEATABILITY,
@@ -31,10 +31,10 @@ from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.relations.pendulum import mean_amplitude_factor
-from virtual_lab.simulation.physics.beam import outer_diameter
-from virtual_lab.studies.coverage import require_some
+from virtual_lab.simulation.physics.beam import barrel_radius
+from virtual_lab.studies.coverage import each_laboratory
 from virtual_lab.uncertainty.budget import HITS, Component
-from virtual_lab.units import INCH, Array
+from virtual_lab.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +72,7 @@ def effects(
     laboratories: int = 1000,
     seed: int = 1,
     summed: bool = False,
+    workers: int = 1,
     progress: Progress = quiet,
 ) -> Rows[Effect]:
     """Return one row per component of the metric's budget, largest first.
@@ -88,13 +89,9 @@ def effects(
     InputError
         Unknown names, or too few laboratories for the number of terms.
     """
-    cases: list[_Case] = []
-    require_some(laboratories)
     round_robin = RoundRobin.of(bat, procedure, summed=summed)
-    for number, tested in enumerate(round_robin.run(laboratories, seed), 1):
-        progress("laboratories", number, laboratories)
-        if tested.certification.verdict.value != "INVALID":
-            cases.append(_case(tested))
+    found_of_all = each_laboratory(round_robin, _cases, laboratories, seed, workers, progress)
+    cases = [case for block in found_of_all for case in block]
     names = list(dict.fromkeys(name for case in cases for name in case.components))
     if len(cases) < 4 * len(names) or not cases:
         least = f"{4 * len(names)} and more with a result, 4 for each of {len(names)} terms"
@@ -131,6 +128,10 @@ def effects(
         words="Effect: what one standard uncertainty of the term does to the metric. SI: its unit.",
         rows=sorted(rows, key=lambda row: -abs(row.stated)),
     )
+
+
+def _cases(tested: BlockTest) -> list[_Case]:
+    return [_case(tested.of(one)) for one in np.flatnonzero(~tested.certified.invalid).tolist()]
 
 
 def _case(tested: BatTest) -> _Case:
@@ -175,12 +176,11 @@ def _readings_off(tested: BatTest, true: Mapping[str, float]) -> dict[str, float
         np.array(first - offset), np.array(last - offset), swings
     )
     period = 2 * np.pi * sqrt(swung / (moment * true["hall.gravity"]))
-    radius = float(outer_diameter(body.profile, np.array(6 * INCH))) / 2  # where the bench takes it
     exact = {
         "bat.mass": float(bat["mass"]) * true["bench.scale.span"] + true["bench.scale.zero"],
         "bat.length": float(bat["length"]) + true["bench.rule.offset"],
         "bat.balance": float(bat["z_cm"]) + true["bench.stand.offset"],
-        "bat.barrel_radius": radius + true["bench.rule.offset"],
+        "bat.barrel_radius": float(barrel_radius(body.profile)) + true["bench.rule.offset"],
         "bat.period": period * true["bench.pendulum.clock"] / float(faster),
     }
     return {name: found[name] - value for name, value in exact.items()}

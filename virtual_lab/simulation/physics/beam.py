@@ -20,7 +20,7 @@ from scipy.interpolate import PchipInterpolator
 from virtual_lab.catalog.specs import BatBody, Lump, Profile
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.mesh import Mesh, gauss_points, mesh_through, reference_element
-from virtual_lab.units import Array
+from virtual_lab.units import INCH, Array
 
 ORDER = 8
 ELEMENT_SIZE = 0.05  # m
@@ -97,6 +97,11 @@ def outer_diameter(profile: Profile, z: Array) -> Array:
     barrel stays straight.
     """
     return _between_stations(profile, profile.outer_diameter, z)
+
+
+def barrel_radius(profile: Profile) -> Array:
+    """Return the outer radius [m] where a bench takes it, six inches from the tip."""
+    return outer_diameter(profile, np.array(6 * INCH)) / 2
 
 
 def radius_cubics(profile: Profile) -> tuple[Array, Array]:
