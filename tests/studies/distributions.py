@@ -1,10 +1,12 @@
 """JCGM 101 beside the first order in the same tests: which intervals hold the true value.
 
-    python -m tests.studies.distributions TESTS OUT.CSV [PROCEDURE …]
+    python -m tests.studies.distributions tests TESTS ENDS.CSV [PROCEDURE …]
+    python -m tests.studies.distributions table ENDS.CSV OUT.CSV
 
 20 000 draws a test by numpy, of its whole measurement model: constants and the scatter of its hits,
-normal or t, and the interval of equal tails. Intervals of Clopper and Pearson. Of r161; softball-34
-for `asa`.
+normal or t, and the interval of equal tails. The first command adds the ends of the intervals of
+each test to a file and goes on where that stands, the procedures in turn; the second counts them.
+Intervals of Clopper and Pearson. Of r161; softball-34 for `asa`.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from __future__ import annotations
 import csv
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
@@ -20,20 +23,22 @@ from virtual_lab.lab import RoundRobin
 from virtual_lab.measurement.refined import model_of
 
 DRAWS, SEED = 20_000, 1
+SHARE = 20  # tests of a procedure before the next one's turn
 PROCEDURES = ("astm-f1881", "asa", "bbcor", "proposed", "ncaa-besr", "ncaa-modified")
+ENDS = ("true", "first_low", "first_high", "draws_low", "draws_high")
 
 
-def intervals(procedure: str, tests: int) -> np.ndarray:
-    """Return true value and both intervals of each test with a result, (test, 5)."""
-    bat = "softball-34" if procedure == "asa" else "r161"
-    rng, rows = np.random.default_rng(SEED), []
-    for block in RoundRobin.of(bat, procedure).blocks(tests, SEED):
-        for number in np.flatnonzero(block.certified.some & ~block.certified.invalid):
-            linear = block.certified.results["metric"].of(int(number))
+def intervals(rules: RoundRobin, first: int, tests: int) -> list[list[float]]:
+    """Return number, true value and both intervals of each test with a result."""
+    rows = []
+    for block in rules.blocks(tests, SEED, first):
+        for at in np.flatnonzero(block.certified.some & ~block.certified.invalid).tolist():
+            rng = np.random.default_rng([SEED, first + at])
+            linear = block.certified.results["metric"].of(at)
             model, inputs = model_of(
-                block.reduced.of(int(number), block.readings),
+                block.reduced.of(at, block.readings),
                 linear,
-                float(block.certified.variances["metric"].dof[number]),
+                float(block.certified.variances["metric"].dof[at]),
             )
             drawn = {}
             for name, each in inputs.items():
@@ -41,28 +46,60 @@ def intervals(procedure: str, tests: int) -> np.ndarray:
                 error = rng.standard_t(each.dof, DRAWS) if finite else rng.standard_normal(DRAWS)
                 drawn[name] = each.value + each.u * error
             ends = np.quantile(model(**drawn), [0.025, 0.975])
-            rows.append([block.measurands["metric"][number], *linear.interval_95, *ends])
-    return np.array(rows)
+            true = block.measurands["metric"][at]
+            rows.append([first + at, true, *linear.interval_95, *ends.tolist()])
+    return rows
 
 
-def main(tests: str, path: str, *procedures: str) -> None:
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
+def run(tests: int, path: Path, procedures: tuple[str, ...]) -> None:
+    done = dict.fromkeys(procedures, 0)
+    if path.exists():
+        for row in read(path):
+            done[row["procedure"]] = int(row["number"]) + 1
+    bats = {"asa": "softball-34"}
+    rules = {name: RoundRobin.of(bats.get(name, "r161"), name) for name in procedures}
+    with path.open("a", encoding="utf-8", newline="") as file:
+        out = csv.writer(file)
+        if not file.tell():
+            out.writerow(["procedure", "number", *ENDS])
+        for first in range(0, tests, SHARE):
+            for name in procedures:
+                if first >= done[name]:
+                    out.writerows([name, *row] for row in intervals(rules[name], first, SHARE))
+                    file.flush()
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8") as lines:
+        return list(csv.DictReader(lines))
+
+
+def table(ends: Path, path: Path) -> None:
+    every = read(ends)
+    with path.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file)
         ways = [f"{way}_{what}" for way in ("first", "draws") for what in ("held", "low", "high")]
         out.writerow(["procedure", "tests", *ways, "only_first", "only_draws", "length_ratio"])
-        for procedure in procedures or PROCEDURES:
-            true, *ends = intervals(procedure, int(tests)).T
-            row: list[str] = []
-            held = [(low <= true) & (true <= high) for low, high in (ends[:2], ends[2:])]
-            for each in held:
-                band = binomtest(int(each.sum()), true.size).proportion_ci(0.95, method="exact")
-                row += [f"{x:.4f}" for x in (each.mean(), band.low, band.high)]
-            first, draws = held
-            ratio = float(np.median((ends[3] - ends[2]) / (ends[1] - ends[0])))
-            apart = [int((first & ~draws).sum()), int((draws & ~first).sum())]
-            out.writerow([procedure, true.size, *row, *apart, f"{ratio:.4f}"])
-            file.flush()
+        for procedure in dict.fromkeys(row["procedure"] for row in every):
+            own = [row for row in every if row["procedure"] == procedure]
+            numbers = [[float(row[key]) for key in ENDS] for row in own]
+            out.writerow([procedure, len(own), *counted(numbers)])
+
+
+def counted(rows: list[list[float]]) -> list[Any]:
+    true, *ends = np.array(rows).T
+    row: list[Any] = []
+    held = [(low <= true) & (true <= high) for low, high in (ends[:2], ends[2:])]
+    for each in held:
+        band = binomtest(int(each.sum()), true.size).proportion_ci(0.95, method="exact")
+        row += [f"{x:.4f}" for x in (each.mean(), band.low, band.high)]
+    first, draws = held
+    ratio = float(np.median((ends[3] - ends[2]) / (ends[1] - ends[0])))
+    return [*row, int((first & ~draws).sum()), int((draws & ~first).sum()), f"{ratio:.4f}"]
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    if sys.argv[1] == "tests":
+        run(int(sys.argv[2]), Path(sys.argv[3]), tuple(sys.argv[4:]) or PROCEDURES)
+    else:
+        table(Path(sys.argv[2]), Path(sys.argv[3]))
