@@ -774,22 +774,24 @@ class Track:
 
     @cached_property
     def flights(self) -> pd.DataFrame:
-        """One row per flight: frames, positions, speeds, acceleration, each with its u."""
-        return _table(self.document["flights"])
+        """One row per flight, as in ``speeds.csv``, each quantity with its u."""
+        from virtual_lab.video.show.track_text import flight_rows
+
+        return _table(flight_rows(self.clip.followed))
 
     @cached_property
     def contacts(self) -> pd.DataFrame:
         """One row per contact: time, frame, kind, restitution with its u."""
-        return _table(self.document["contacts"])
+        from virtual_lab.video.show.track_text import contact_rows
+
+        return _table(contact_rows(self.clip.followed))
 
     @cached_property
     def places(self) -> pd.DataFrame:
         """One row per position, as in ``track.csv``."""
-        import pandas as pd
+        from virtual_lab.video.show.course import course_of, course_rows
 
-        from virtual_lab.video.show.course import COLUMNS, course_rows
-
-        return pd.DataFrame(list(course_rows(self.clip.course)), columns=list(COLUMNS))
+        return _table(course_rows(course_of(self.clip.followed)))
 
     def save(self, folder: str | Path) -> Path:
         """Write track, result, plot, contact sheet and film into a new folder."""
@@ -848,16 +850,9 @@ def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
     """Return rows as a table, with value and u in adjacent columns."""
     import pandas as pd
 
-    flat = []
-    for row in rows:
-        cells: dict[str, Any] = {}
-        for name, value in row.items():
-            if isinstance(value, dict):
-                cells |= {name: value["value"], f"{name}_u": value["u"]}
-            else:
-                cells[name] = value
-        flat.append(cells)
-    return pd.DataFrame(flat)
+    from virtual_lab.video.show.track_text import in_columns
+
+    return pd.DataFrame([in_columns(row) for row in rows])
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ from tests.video.boards import (
 )
 from tests.video.calibration.test_plane import located
 from virtual_lab.errors import InputError
-from virtual_lab.relations.board import board_of
+from virtual_lab.relations.board import Board, board_of
 from virtual_lab.simulation.instruments.camera.views import board_views
 from virtual_lab.streams import Streams
 from virtual_lab.video.calibration import calibrating
@@ -38,6 +39,10 @@ SMALL = board_of("charuco:9x6:60mm:44mm")
 NOISE = 0.01  # pixels
 
 
+def plan_of(board: Board = BOARD, height: float = 0.0, **known: Any) -> Plan:
+    return Plan(board=board, height=height, **{"square_u": 0.0, "height_u": 0.0} | known)
+
+
 def calibrated(
     monkeypatch: pytest.MonkeyPatch, seen: list[BoardView], plan: Plan | None = None
 ) -> Calibrated:
@@ -46,7 +51,7 @@ def calibrated(
     monkeypatch.setattr(calibrating, "find_board", lambda *_: next(waiting))
     names = (f"{number}.png" for number in range(len(seen)))
     blank = np.zeros(SIZE[::-1], np.uint8)
-    return calibrate_camera(((name, blank) for name in names), plan or Plan(board=BOARD))
+    return calibrate_camera(((name, blank) for name in names), plan or plan_of())
 
 
 @pytest.mark.parametrize("name", ["charuco:14x9:40mm:30mm", "chessboard:14x9:40mm"])
@@ -108,7 +113,7 @@ def test_rendered_pictures_lead_to_the_lens() -> None:
     """Pictures to file to places: within five stated u, the scale to .02 %."""
     cv2.setNumThreads(1)
     camera = small_camera(4)
-    found = calibrate_camera(pictures_of(camera, SMALL, 6, 5), Plan(board=SMALL))
+    found = calibrate_camera(pictures_of(camera, SMALL, 6, 5), plan_of(board=SMALL))
     model, lens = found.model, camera.lens
     assert model.fit is not None
     assert (model.fit.views, len(found.warnings)) == (6, 3), found.warnings
@@ -122,7 +127,7 @@ def test_rendered_pictures_lead_to_the_lens() -> None:
 def test_track_reads_what_calibrate_writes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Points of a plane 30 mm over the board, drawn by the true lens, come back where they were."""
     lens = camera_with(7).lens
-    plan = Plan(board=BOARD, square_u=2e-6, height=0.03, height_u=0.001)
+    plan = plan_of(board=BOARD, square_u=2e-6, height=0.03, height_u=0.001)
     found = calibrated(monkeypatch, corners_seen(lens, BOARD, 8, 8, 1e-4), plan)
     path = tmp_path / "cal.toml"
     path.write_text("frames_per_second = 5000\n" + calibration_toml(found))
@@ -193,7 +198,7 @@ def test_axes_run_with_the_picture_however_the_board_lies(
     seen = corners_seen(lens, board, 6, 3, 1e-4)
     order = np.rot90(np.arange(100).reshape(10, 10), turns).ravel()
     seen = [replace(each, ids=order[each.ids]) for each in seen]
-    found = calibrated(monkeypatch, seen, Plan(board=board))
+    found = calibrated(monkeypatch, seen, plan_of(board=board))
     axes = cv2.Rodrigues(np.array(found.model.rotation))[0]
     assert np.diagonal(axes).min() > 0.99
 
@@ -206,22 +211,22 @@ def test_pictures_that_do_not_belong_together(monkeypatch: pytest.MonkeyPatch) -
     )
     pictures = [(f"in/{grey}.png", np.full(SIZE[::-1], grey, np.uint8)) for grey in range(7)]
     with pytest.raises(InputError, match=r"5\.png: size = '1279 x 800'; the first is 1280 x 800"):
-        calibrate_camera([*pictures[:5], ("5.png", pictures[5][1][:, 1:])], Plan(board=BOARD))
+        calibrate_camera([*pictures[:5], ("5.png", pictures[5][1][:, 1:])], plan_of(board=BOARD))
     with pytest.raises(InputError, match=r"6\.png: plane view; no board"):
-        calibrate_camera(pictures, Plan(board=BOARD, plane="6.png"))
+        calibrate_camera(pictures, plan_of(board=BOARD, plane="6.png"))
     with pytest.raises(InputError, match=r"6\.png: plane view; no board"):
         calibrate_camera(
-            pictures[::-1], Plan(board=BOARD)
+            pictures[::-1], plan_of(board=BOARD)
         )  # the first one given is meant, if none is named
     with pytest.raises(InputError, match=r"--height = '9 m'; the camera itself is"):
-        calibrate_camera(pictures, Plan(board=BOARD, height=9.0))
+        calibrate_camera(pictures, plan_of(board=BOARD, height=9.0))
     with pytest.raises(InputError, match=r"--plane = 'flat.png'; allowed: in/0\.png"):
-        calibrate_camera(pictures, Plan(board=BOARD, plane="flat.png"))
+        calibrate_camera(pictures, plan_of(board=BOARD, plane="flat.png"))
     with pytest.raises(InputError, match="14x9 squares, not inner corners"):
-        calibrate_camera(pictures[:2] + pictures[6:], Plan(board=BOARD))
+        calibrate_camera(pictures[:2] + pictures[6:], plan_of(board=BOARD))
     with pytest.raises(InputError, match="pictures = 0"):
-        calibrate_camera([], Plan(board=BOARD))
-    found = calibrate_camera(pictures[::-1], Plan(board=BOARD, plane="1.png"))
+        calibrate_camera([], plan_of(board=BOARD))
+    found = calibrate_camera(pictures[::-1], plan_of(board=BOARD, plane="1.png"))
     assert "no board was found in in/6.png" in found.warnings
     assert found.views[found.plane] == "in/1.png"
 

@@ -85,6 +85,25 @@ def test_each_ruler_checks_the_other(seen: Seen) -> None:
     assert [each.source for each in again(found, ruler="ball").checks] == ["gravity"]
 
 
+def test_a_rolled_camera_is_said_and_moves_no_speed(seen: Seen) -> None:
+    """All places turned by 8 degrees about the picture's middle: gravity's direction is fitted."""
+    _, found = seen("flat")
+    turn, rows, columns = np.radians(8), *found.clip.shape
+    blobs, straight = found.watched.found.copy(), track_document(found)["scale"]["roll_deg"]
+    for x, y in (("x", "y"), ("picture_x", "picture_y")):
+        right, down = blobs[x] - columns / 2, blobs[y] - rows / 2
+        blobs[x] = columns / 2 + np.cos(turn) * right + np.sin(turn) * down
+        blobs[y] = rows / 2 - np.sin(turn) * right + np.cos(turn) * down
+    rolled = following(found.clip, replace(found.watched, found=blobs), found.known)
+    assert rolled.scale is not None
+    assert rolled.scale.source == "gravity"
+    for one, other in zip(speeds_of(rolled), speeds_of(found), strict=True):
+        assert one.value == pytest.approx(other.value, rel=2e-3)
+    roll = track_document(rolled)["scale"]["roll_deg"]
+    assert roll - straight == pytest.approx(8, abs=0.1)
+    assert f"points {roll:.0f} deg to the right of the picture's down" in track_text(rolled)
+
+
 def test_a_wrong_diameter_is_a_flag_and_moves_no_speed(seen: Seen) -> None:
     _, found = seen("flat")
     wrong = again(found, ball=1.25 * 0.073)

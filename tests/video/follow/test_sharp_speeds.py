@@ -76,6 +76,7 @@ def told(
             source="given",
             places=places,
             sizes=np.ones(count),
+            sense=1.0,
         ),
         exposure=exposure,
         background=np.zeros(SIZE, np.float32),

@@ -12,7 +12,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array, Mask
-from virtual_lab.video.locate.located import Located, PlaceFlag, Regions
+from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, part_of
 from virtual_lab.video.locate.noise import ROUNDING, Noise
 from virtual_lab.video.locate.sharp import place
 
@@ -23,7 +23,6 @@ Known = Mapping[str, Estimate]
 class Search:
     """How a ball is found in the windows of a shot, and which of them are used."""
 
-    at_once: int = 512  # windows that are looked at together
     standing_out: float = 0.9  # quantile of a window's pixels: how much the ball stands out
     ball: float = 0.45  # of that: what stands out more is the ball
     near_bat: float = 8e-3  # m, from the farthest the ball comes: nearer it may be on the bat
@@ -84,31 +83,28 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
             raise InputError("impact/camera", name, None, "this array is missing")
     assert pixels is not None
     assert background is not None
-    shot, frame = np.nonzero(np.isfinite(record.times))
-    corners = np.stack([record.left[shot, frame], record.top[shot, frame]], axis=1)
-    _require_within(pixels, background, corners)
-    began = np.full((*record.times.shape, 2), np.nan)
-    for part in _parts(len(shot)):
-        some = shot[part], frame[part]
-        began[some] = _start(pixels[some], corners[part], background, size * radius)
-    blurs = _blurs(record.times, began, known["exposure"].value)
-    free, out = _free(record.times, began[..., 0], size)
-    kept = _spread(free & ~out) | _spread(free & out)
-    chosen = np.flatnonzero(kept[shot, frame])
     table = np.full((4, *record.times.shape), np.nan)
-    for mine in _whole_shots(chosen, shot[chosen]):
-        some = shot[mine], frame[mine]
+    for shot, times in enumerate(record.times):
+        own = np.flatnonzero(np.isfinite(times))
+        if own.size < SEARCH.least:
+            continue
+        corners = np.stack([record.left[shot, own], record.top[shot, own]], axis=1)
         seen = Regions(
-            pixels=pixels[some],
-            background=_behind(background, corners[mine], pixels.shape[2:]),
-            corners=corners[mine],
+            pixels=pixels[shot, own],
+            background=_behind(background, corners, pixels.shape[2:]),
+            corners=corners,
         )
-        found = _placed(seen, began[some], blurs[some], size * radius, known)
+        began = _start(seen, size * radius)
+        free, out = (each[0] for each in _free(times[None, own], began[None, :, 0], size))
+        kept = np.flatnonzero(_spread(free & ~out) | _spread(free & out))
+        blurs = _blurs(times[own], began, out, known["exposure"].value)
+        if not kept.size:
+            continue
+        found = _placed(part_of(seen, kept), began[kept], blurs[kept], size * radius, known)
         useful = (found.flags & USELESS) == 0
         u = np.hypot(found.x_u, found.y_u) / np.sqrt(2)
-        table[:, *some] = np.where(useful, [found.x, found.y, u, found.pattern_u], np.nan)
-    x, y, u, pattern_u = table
-    return _ways(record.times, x, y, u, pattern_u, size)
+        table[:, shot, own[kept]] = np.where(useful, [found.x, found.y, u, found.pattern_u], np.nan)
+    return _ways(record.times, *table, size)
 
 
 def noise_of(known: Known) -> Noise:
@@ -124,43 +120,24 @@ def noise_of(known: Known) -> Noise:
     )
 
 
-def _parts(count: int) -> list[slice]:
-    return [slice(start, start + SEARCH.at_once) for start in range(0, count, SEARCH.at_once)]
-
-
-def _whole_shots(chosen: NDArray[np.intp], shot: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """Return the chosen windows in parts; those of a shot stay together."""
-    part = shot // (SEARCH.at_once // (2 * SEARCH.most))
-    return np.split(chosen, np.flatnonzero(np.diff(part)) + 1) if len(chosen) else []
-
-
-def _require_within(
-    pixels: NDArray[np.generic], background: NDArray[np.generic], corners: Array
-) -> None:
-    last = np.array(background.shape)[::-1] - pixels.shape[:1:-1]
-    wrong = (corners < 0) | (corners > last)
-    if wrong.any():
-        allowed = f"windows must lie within the frame: 0 to {last[0]}, 0 to {last[1]}"
-        raise InputError("impact/camera", "left_px, top_px", corners[wrong.any(axis=1)][0], allowed)
-
-
 def _behind(
     background: NDArray[np.generic], corners: Array, side: tuple[int, ...]
 ) -> NDArray[np.float32]:
+    """Background of windows by their corners, (window, row, column)."""
+    last = np.array(background.shape)[::-1] - side[::-1]
+    wrong = ((corners < 0) | (corners > last)).any(axis=1)
+    if wrong.any():
+        allowed = f"windows must lie within the frame: 0 to {last[0]}, 0 to {last[1]}"
+        raise InputError("impact/camera", "left_px, top_px", corners[wrong][0], allowed)
     views = np.lib.stride_tricks.sliding_window_view(background, side)
     left, top = corners.astype(int).T
     return np.asarray(views[top, left], dtype=np.float32)
 
 
-def _start(
-    windows: NDArray[np.generic],
-    corners: Array,
-    background: NDArray[np.generic],
-    radius: float,
-) -> Array:
-    """Return the approximate position of the ball in each window, frame pixels (region, 2)."""
-    rows, columns = windows.shape[1:]
-    off = windows.astype(np.float64) - _behind(background, corners, (rows, columns))
+def _start(seen: Regions, radius: float) -> Array:
+    """Approximate place of the ball in each window, frame pixels (window, 2)."""
+    rows, columns = seen.pixels.shape[1:]
+    off = seen.pixels.astype(np.float64) - seen.background
     middle = np.hypot(*np.ogrid[-rows / 2 : rows / 2, -columns / 2 : columns / 2]) < radius / 2
     bright = np.where(np.median(off[:, middle], axis=1) < 0, -1.0, 1.0)
     off *= bright[:, None, None]
@@ -169,28 +146,21 @@ def _start(
     count = np.maximum(ball.sum(axis=(1, 2)), 1.0)
     x = (ball.sum(axis=1) @ np.arange(columns)) / count
     y = (ball.sum(axis=2) @ np.arange(rows)) / count
-    return np.asarray(corners + np.stack([x, y], axis=1))
+    return np.asarray(seen.corners + np.stack([x, y], axis=1))
 
 
-def _blurs(times: Array, places: Array, exposure: float) -> Array:
-    """Return the motion of the ball in each exposure from its median speed [px], as `places`.
-
-    `places` are (shot, frame, 2), NaN where there is no frame.
-    """
-    speed = np.diff(places, axis=1) / np.diff(times, axis=1)[..., None]
-    turn = np.nan_to_num(places[..., 0], nan=-np.inf).argmax(axis=1)[:, None]
-    after = np.arange(times.shape[1] - 1) >= turn
-    ways = np.stack([np.where(way[..., None], speed, np.nan) for way in (~after, after)])
-    usual = np.zeros((2, len(times), 2))
-    some = np.isfinite(ways).all(axis=3).any(axis=2)
-    usual[some] = np.nanmedian(ways[some], axis=1)
-    out = np.arange(times.shape[1]) > turn
-    usual *= exposure
-    return np.asarray(np.where(out[..., None], usual[1][:, None], usual[0][:, None]))
+def _blurs(times: Array, places: Array, out: Mask, exposure: float) -> Array:
+    """Motion of the ball in each exposure, of its way's median speed, as `places` [px]."""
+    blurs = np.zeros(places.shape)
+    for way in (~out, out):
+        if way.sum() > 1:
+            steps = np.diff(places[way], axis=0) / np.diff(times[way])[:, None]
+            blurs[way] = exposure * np.median(steps, axis=0)
+    return blurs
 
 
 def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
-    """Return the frames in which the ball cannot touch the bat, and those after the contact."""
+    """Frames in which the ball cannot touch the bat, and those after the contact."""
     seen = np.isfinite(times + x)
     forth = np.where(seen, x, -np.inf)
     out = np.arange(times.shape[1]) > forth.argmax(axis=1)[:, None]
@@ -198,12 +168,13 @@ def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
 
 
 def _spread(free: Mask) -> Mask:
-    """Return at most `SEARCH.most` frames of each shot, evenly spread over those in free flight."""
-    count = free.sum(axis=1)[:, None]
-    rank = np.cumsum(free, axis=1)
-    share = np.minimum(SEARCH.most / np.maximum(count, 1), 1.0)
-    steps = np.floor(rank * share + 1e-9) > np.floor((rank - 1) * share + 1e-9)
-    return np.asarray(free & steps)
+    """At most `SEARCH.most` of a shot's frames in free flight, evenly spread."""
+    some = np.flatnonzero(free)
+    kept = np.zeros_like(free)
+    if some.size:
+        count = min(some.size, SEARCH.most)
+        kept[some[np.linspace(0, some.size - 1, count).round().astype(int)]] = True
+    return kept
 
 
 def _placed(seen: Regions, places: Array, blur: Array, radius: float, known: Known) -> Located:

@@ -48,9 +48,9 @@ class Plan:
     """What is known of the board and of the plane."""
 
     board: Board
-    square_u: float = 0.0  # of every square's side alike [m]
-    height: float = 0.0  # of the ball's plane over the plane view's board, toward the camera [m]
-    height_u: float = 0.0  # [m]
+    square_u: float  # of every square's side alike [m]
+    height: float  # of the ball's plane over the plane view's board, toward the camera [m]
+    height_u: float  # [m]
     plane: str | None = None  # name of the plane view; None: the first picture
 
 
@@ -330,9 +330,11 @@ def _fit(
     lens, poses, rest = [], [], []
     for view, (points, each) in enumerate(zip(known, seen, strict=True)):
         drawn, slopes = cv2.projectPoints(points, turns[view], shifts[view], matrix, distortion)
-        slopes = _local(np.asarray(slopes, np.float64), np.asarray(turns[view], np.float64))
+        shifts_by = np.asarray(slopes, np.float64)[:, 3:6]
+        # a turn by w after the pose's own moves a point p of the board by w x R p
+        turned = np.repeat(points @ cv2.Rodrigues(turns[view])[0].T, 2, axis=0)
         lens.append(slopes[:, 6 : 10 + bent])
-        poses.append(slopes[:, :6])
+        poses.append(np.hstack([np.cross(turned, shifts_by), shifts_by]))
         rest.append(each.places - drawn.reshape(-1, 2))
     residuals = np.concatenate(rest)
     slopes = np.hstack([np.concatenate(lens), block_diag(*poses)])
@@ -357,15 +359,3 @@ def _fit(
     if bent == 5 and not abs(whole.values[8]) > 3 * whole.u[8]:
         return _fit(corners, seen, size, plane, bent=4)
     return whole
-
-
-def _local(slopes: Array, turn: Array) -> Array:
-    """Return slopes by a small turn after the pose's own, in place of those by its vector."""
-    rotation, by_vector = cv2.Rodrigues(turn)
-    # rows: the vector's three numbers; columns: the matrix's nine, row by row
-    change = np.asarray(by_vector).reshape(3, 3, 3) @ rotation.T
-    local = np.stack([change[:, 2, 1], change[:, 0, 2], change[:, 1, 0]], axis=1)  # (3, axis)
-    out = slopes.copy()
-    # d/dvector = local @ d/dturn
-    out[:, :3] = np.linalg.solve(local, slopes[:, :3].T).T
-    return np.asarray(out)

@@ -30,7 +30,7 @@ class Plane(PixelScale):
 
     places: Array  # (frame, 2) [m]
     sizes: Array  # how large a ball in the plane looks in each frame, by its place, (frame,)
-    sense: float = 1.0  # -1 where Y runs up the picture and X to its right
+    sense: float  # -1 where Y runs up the picture and X to its right
 
 
 def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
@@ -73,6 +73,7 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
         relative_u=relative,
         source=source,
         sizes=np.ones(len(pixels)),
+        sense=1.0,
     )
 
 

@@ -25,9 +25,8 @@ class Memory:
     """What of a clip stays in memory."""
 
     samples: int = 25  # frames to learn the background from
-    samples_bytes: float = 50e6  # of large frames fewer, as many as it holds
     least_samples: int = 9
-    clip_bytes: float = 60e6  # a shorter clip is decoded once and stays
+    most_bytes: float = 50e6  # of large frames fewer are sampled; a smaller clip stays as a whole
 
 
 MEMORY = Memory()
@@ -79,7 +78,7 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
         wide, high = camera.image_size
         allowed = f"the calibrated camera's are {wide} x {high}: is it another camera's?"
         raise InputError(str(source.path), "frames", f"{size[0]} x {size[1]}", allowed)
-    room = MEMORY.samples_bytes / first.nbytes
+    room = MEMORY.most_bytes / first.nbytes
     count = int(np.clip(room, MEMORY.least_samples, MEMORY.samples))
     every = max(1, -(-source.declared // count))
     # filled in place: a list and its stack would take the memory twice
@@ -88,7 +87,7 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
     sampled: list[int] = []
     kept: list[tuple[Frame, float]] = []
     brightest = 0
-    stays = source.declared * first.nbytes <= MEMORY.clip_bytes
+    stays = source.declared * first.nbytes <= MEMORY.most_bytes
     whole = stays or first.dtype != np.uint8
     for number, (frame, stamp) in enumerate(source.skimmed(1 if whole else every)):
         stamps.append(stamp)

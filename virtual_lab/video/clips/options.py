@@ -10,12 +10,17 @@ from virtual_lab.relations.board import length_of
 
 
 def ball_of(text: str) -> tuple[float, float, bool]:
-    """Return a ball's diameter, its u [m], and whether that was assumed: `73mm±0.5mm`."""
+    """Diameter of a ball, its u [m], and whether that was assumed: `73mm±0.5mm`."""
+    diameter, u = _length_and_u(text, "--ball", 1.0)
+    # a baseball's may vary by 1.4 %, a tennis ball's by 2.4 %
+    return diameter, 0.01 * diameter if u is None else u, u is None
+
+
+def _length_and_u(text: str, key: str, most: float) -> tuple[float, float | None]:
+    """Length of 1 mm to `most` and its u [m], None where there is none: `73mm±0.5mm`."""
     size, sign, more = re.sub(r"\+/-|\+-", "±", text).partition("±")
-    diameter = length_of(size, "--ball", 1e-3, 1.0)
-    if not sign:  # a baseball's may vary by 1.4 %, a tennis ball's by 2.4 %
-        return diameter, 0.01 * diameter, True
-    return diameter, length_of(more, "--ball", 0.0, diameter / 2), False
+    length = length_of(size, key, 1e-3, most)
+    return length, length_of(more, key, 0.0, length / 2) if sign else None
 
 
 def seconds_of(text: str, key: str) -> float:
@@ -61,7 +66,7 @@ def place_of(text: str) -> tuple[float, float, int]:
 
 def scale_of(text: str) -> tuple[float, float]:
     """Return metres per pixel and their u by two points and their distance: `x,y:x,y=50cm`."""
-    points, sign, length = re.sub(r"\+/-|\+-", "±", text).partition("=")
+    points, sign, length = text.partition("=")
     first, between, second = points.partition(":")
     form = "x,y:x,y=length, e.g. 100,200:300,200=50cm"
     if not sign or not between:
@@ -71,10 +76,8 @@ def scale_of(text: str) -> tuple[float, float]:
     clicked = 1.0  # pixels, u of a point that a person gives
     if apart < 10 * clicked:
         raise InputError("", "--scale", text, f"the points are {apart:.3g} pixels apart: too near")
-    size, also, more = length.partition("±")
-    metres = length_of(size, "--scale", 1e-3, 1000.0)
-    metres_u = length_of(more, "--scale", 0.0, metres / 2) if also else 0.0
-    relative = hypot(metres_u / metres, hypot(clicked, clicked) / apart)
+    metres, metres_u = _length_and_u(length, "--scale", 1000.0)
+    relative = hypot((metres_u or 0.0) / metres, hypot(clicked, clicked) / apart)
     return metres / apart, metres / apart * relative
 
 

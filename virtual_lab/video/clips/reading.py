@@ -96,7 +96,7 @@ def open_source(path: Path | Frame) -> Source:
         read = cine if path.suffix.lower() == ".cine" else mraw
         count, rate, exposure, frames = read(path)
         return Source(path=path, declared=count, rate=rate, exposure=exposure, read=frames)
-    return _stack(path) if path.suffix.lower() in (".tif", ".tiff") else _video(path)
+    return _stack(path) if path.suffix.lower() in IMAGES else _video(path)
 
 
 def _image_files(path: Path) -> list[Path]:
@@ -119,17 +119,11 @@ def _folder(path: Path) -> Source:
         raise InputError(str(path), "images", ", ".join(kinds), "one kind of image in a folder")
     for file in files:
         require_sizes(file)
-
-    def read(_: int) -> Iterator[tuple[Frame, float]]:
-        import cv2
-
-        for file in files:
-            image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-            if image is None:
-                raise InputError(str(file), "image", None, "cannot be read (is it cut short?)")
-            yield image, np.nan
-
-    return Source(path=path, declared=len(files), read=read)
+    return Source(
+        path=path,
+        declared=len(files),
+        read=lambda _: ((next(_pages(file)), np.nan) for file in files),
+    )
 
 
 def _stack(path: Path) -> Source:
@@ -137,19 +131,22 @@ def _stack(path: Path) -> Source:
 
     require_sizes(path)
     pages = cv2.imcount(str(path), cv2.IMREAD_UNCHANGED)
-    if pages == 0:
-        raise InputError(str(path), "TIFF", None, "cannot be read as a stack of images")
+    return Source(
+        path=path, declared=pages, read=lambda _: ((page, np.nan) for page in _pages(path))
+    )
 
-    def read(_: int, at_once: int = 8) -> Iterator[tuple[Frame, float]]:
-        for start in range(0, pages, at_once):
-            count = min(at_once, pages - start)
-            _, images = cv2.imreadmulti(
-                str(path), start=start, count=count, flags=cv2.IMREAD_UNCHANGED
-            )
-            for image in images:
-                yield image, np.nan
 
-    return Source(path=path, declared=pages, read=read)
+def _pages(file: Path, at_once: int = 8) -> Iterator[Frame]:
+    """Yield the pictures in an image file; `InputError` where there is none."""
+    import cv2
+
+    count, path = cv2.imcount(str(file), cv2.IMREAD_UNCHANGED), str(file)
+    for start in range(0, max(count, 1), at_once):
+        some, flags = min(at_once, count - start), cv2.IMREAD_UNCHANGED
+        read = count and cv2.imreadmulti(path, start=start, count=some, flags=flags)[1]
+        if not read:
+            raise InputError(str(file), "image", None, "cannot be read (is it cut short?)")
+        yield from read
 
 
 def _require_frames(shape: tuple[int, ...], where: Path | str) -> None:
@@ -169,18 +166,13 @@ def _array(path: Path) -> Source:
     except (ValueError, OSError, EOFError, OverflowError) as fault:
         why = f"cannot be read as an array (is it cut short?): {fault}"
         raise InputError(str(path), "array", None, why) from fault
-    shape, dtype, offset = whole.shape, whole.dtype, getattr(whole, "offset", 0)
-    if not whole.flags.c_contiguous:
-        raise InputError(str(path), "array", f"shape {shape}", "expected it in C order")
+    shape = whole.shape
     del whole
     _require_frames(shape, path)
-    size = int(np.prod(shape[1:]))
 
     def read(_: int) -> Iterator[tuple[Frame, float]]:
-        # pages of a mapped file would count as memory of this process
-        for index in range(shape[0]):
-            start = offset + index * size * dtype.itemsize
-            yield np.fromfile(path, dtype, size, offset=start).reshape(shape[1:]), np.nan
+        for index in range(shape[0]):  # mapped anew: pages read would count as memory
+            yield np.array(np.load(path, mmap_mode="r")[index], order="C"), np.nan
 
     return Source(path=path, declared=shape[0], read=read)
 
@@ -283,18 +275,7 @@ def read_pictures(paths: Iterable[Path]) -> Iterator[tuple[str, Frame]]:
     A picture out of a stack or a clip is named by its number, ``clip.mp4:12``. Raises `InputError`
     where there is no such file, none that can be read, or a folder without images.
     """
-    import cv2
-
     for file in chain.from_iterable(_image_files(e) if e.is_dir() else (e,) for e in paths):
-        if file.suffix.lower() in IMAGES and file.is_file():
-            require_sizes(file)
-            pictures = cv2.imreadmulti(str(file), flags=cv2.IMREAD_UNCHANGED)[1]
-            if not pictures:
-                raise InputError(str(file), "image", None, "cannot be read (is it cut short?)")
-            for number, picture in enumerate(pictures):
-                name = str(file) if len(pictures) == 1 else f"{file}:{number}"
-                _require_picture(picture, name)
-                yield name, grey_of(picture)
-        else:
-            for number, (frame, _) in enumerate(open_source(file).pictures()):
-                yield f"{file}:{number}", grey_of(frame)
+        source = open_source(file)
+        for number, (frame, _) in enumerate(source.pictures()):
+            yield str(file) if source.declared == 1 else f"{file}:{number}", grey_of(frame)

@@ -31,11 +31,9 @@ Places = NDArray[np.int_]
 class EdgeFit:
     """Settings of the fit, and what a fit must show; shares are of the outline."""
 
-    depth_px: float = 3.0  # of the ball that is looked at, blur apart
-    sector_length_px: float = 3.0  # along the rim
+    cell_px: float = 3.0  # of the rim: how deep it is, blur apart, and how long a sector is
     sectors: tuple[int, int] = (24, 96)
     oval_u: float = 0.003  # as far as nobody knows: a camera that looks at the ball squarely
-    greatest_slope_dn: float = 1e3  # over a region: a background's is less
     greatest_shading: float = 2.0  # of the ball's brightness: what it may be
     held_weight: float = 1e12  # of a parameter that stays as it is
 
@@ -48,9 +46,7 @@ class EdgeFit:
     first_pattern: float = 0.06
 
     settling_step_px: float = 0.2  # with less the outline stands still
-    settling_rounds: int = 7
-    rounds: int = 4  # after that
-    last_step_over_u: float = 1.0  # a smaller one ends them
+    rounds: int = 7  # until it does, and after that until a step is less than its u
     strength_rounds: int = 12  # of a solution for the pattern's strength
     strength_step_over_u: float = 0.1
 
@@ -59,8 +55,7 @@ class EdgeFit:
     least_seen: float = 0.12  # a fit on less has lost the ball
     least_radius_over_u: float = 100.0  # with less it is no outline
     greatest_misfit: float = 3.0  # chi^2 on the outline, of a pattern finer than a sector too
-    flagged_share: float = 0.02  # at full scale or out of the picture
-    stray_share: float = 0.02  # of the pixels: what fits nothing
+    flagged_share: float = 0.02  # at full scale, out of the picture, or of pixels that fit nothing
 
     # how much of the rim is hidden: where the picture shows the background in its place
     ring_depth_px: tuple[float, float] = (1.5, 4.5)  # inside the outline, wherever the ball is
@@ -108,7 +103,7 @@ def fit_edge(
     p[:, [AT.oval_c, AT.oval_s]] = oval
     prior = np.zeros(len(AT))
     prior[[AT.oval_c, AT.oval_s]] = 1 / oval_u**2 if oval_u else RIM_FIT.held_weight
-    prior[[AT.level, AT.slope_x, AT.slope_y]] = 1e-12, *[1 / RIM_FIT.greatest_slope_dn**2] * 2
+    prior[[AT.level, AT.slope_x, AT.slope_y]] = 1 / RIM_FIT.held_weight  # free
     none = np.full(3, np.nan)
     lost = Outline(p[0] * np.nan, np.diag(none), none, np.full(len(TALLY), np.nan), 0.0, 0.0)
     found = [lost] * len(p)
@@ -117,8 +112,8 @@ def fit_edge(
         width = sqrt(lens**2 + 1 / 12)  # a square pixel's variance is 1/12 along any direction
         radius = float(np.median(p[usable, AT.radius]))
         blur = float(np.hypot(*ways[usable].T).max())
-        rim = blurred_profiles(radius, width, RIM_FIT.depth_px, blur)
-        sectors = int(np.clip(round(2 * pi * radius / RIM_FIT.sector_length_px), *RIM_FIT.sectors))
+        rim = blurred_profiles(radius, width, RIM_FIT.cell_px, blur)
+        sectors = int(np.clip(round(2 * pi * radius / RIM_FIT.cell_px), *RIM_FIT.sectors))
         for k in np.flatnonzero(usable):
             here, behind = (
                 np.ascontiguousarray(each[k], float) for each in (seen.pixels, seen.background)
@@ -152,7 +147,7 @@ def _outline(
     pattern, amplitude = np.zeros((sectors, knots)), np.full(sectors, RIM_FIT.settling_pattern)
     sums = np.empty((sectors + 1, *[len(AT) + 2 * knots + 1] * 2))
     change, settling, rounds = pattern, True, 0
-    for turn in range(RIM_FIT.settling_rounds + RIM_FIT.rounds):
+    for turn in range(2 * RIM_FIT.rounds):
         tally = sector_sums(view, rim, noise.figures, p, pattern, settling, sums)
         if tally[TALLY.pixels] < 4 * len(AT):
             raise np.linalg.LinAlgError("too few pixels")
@@ -184,11 +179,9 @@ def _outline(
         p[AT.level :] += step[AT.level :]
         pattern += change
         rounds += not settling
-        if rounds == RIM_FIT.rounds or (rounds > 1 and far < RIM_FIT.last_step_over_u * u):
+        if rounds == RIM_FIT.rounds or (rounds > 1 and far < u):
             break
-        if settling and (
-            (far <= RIM_FIT.settling_step_px and turn) or turn + 1 == RIM_FIT.settling_rounds
-        ):
+        if settling and ((far <= RIM_FIT.settling_step_px and turn) or turn + 1 == RIM_FIT.rounds):
             settling, amplitude = False, np.full(sectors, RIM_FIT.first_pattern)
     return Outline(
         p=p,
@@ -360,7 +353,7 @@ def _judged(found: list[Outline], start: Located, seen: Regions) -> Located:
         lost |= whole.max(axis=1) * RIM_FIT.least_radius_over_u > radius
         for place, side in zip(p[:, [AT.x, AT.y]].T, seen.pixels.shape[:0:-1], strict=True):
             lost |= (place < -0.5 * radius) | (place > side - 1 + 0.5 * radius)
-        stray = stray / np.maximum(pixels, 1.0) > RIM_FIT.stray_share
+        stray = stray / np.maximum(pixels, 1.0) > RIM_FIT.flagged_share
         tests = {
             PlaceFlag.SATURATED: full > RIM_FIT.flagged_share,
             PlaceFlag.CLIPPED: 1 - shown > RIM_FIT.flagged_share,

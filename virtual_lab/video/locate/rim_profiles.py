@@ -21,10 +21,10 @@ from virtual_lab.units import Array
 Shared = namedtuple(
     "Shared", "x y radius oval_c oval_s level slope_x slope_y plain side_x side_y face"
 )
-AT = Shared(*range(12))
+AT = Shared._make(range(len(Shared._fields)))
 # and what is counted over the pixels
 Tally = namedtuple("Tally", "pixels near around seen full stray")
-TALLY = Tally(*range(6))
+TALLY = Tally._make(range(len(Tally._fields)))
 
 
 class Table(NamedTuple):

@@ -23,7 +23,6 @@ class SharpSettings:
     lenses_px: tuple[float, ...] = (0.45, 0.6, 0.8, 1.1, 1.5, 2.0, 2.7)
     usual_lens_px: float = 0.8
     lens_step: float = 0.07  # relative, between those tried about the best: it is found to 3 %
-    worst_score: float = 50.0  # of a lens by which a ball is lost
     lit_share: float = 0.93  # of the ball's radius: less of it is light, the rest in the dark
     light_edge: float = 0.5  # of the light's contrast: its outline
     # from start to end: more, and the fit may have taken outline for pattern
@@ -62,12 +61,12 @@ def lens_of(seen: Regions, start: Located, noise: Noise) -> float:
         found = fit_edge(regions, begin, noise=noise, lens=lens)
         assert found.pattern_u is not None
         score = np.log(found.chi_square * (found.x_u**2 + found.y_u**2 + 2 * found.pattern_u**2))
-        return float(np.median(np.where(np.isfinite(score), score, SHARP.worst_score)))
+        return float(np.median(np.where(np.isfinite(score), score, np.inf)))
 
     best = min(SHARP.lenses_px, key=misfit)
     beside = np.log(best) + SHARP.lens_step * np.arange(-2, 3)
     scores = np.array([misfit(each) for each in np.exp(beside)])
-    good = scores < SHARP.worst_score
+    good = np.isfinite(scores)
     if good.sum() < 3 or (square := np.polyfit(beside[good], scores[good], 2))[0] <= 0:
         return best
     return float(np.exp(np.clip(-square[1] / (2 * square[0]), beside[0], beside[-1])))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from math import floor, log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.output.style import STYLE
 from virtual_lab.video.calibration.calibrating import Calibrated, lengths_of
 from virtual_lab.video.calibration.plane import relative_u_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 NOTES = {
     "matrix": "pixels",
@@ -31,7 +27,6 @@ HEAD = """\
 
 [camera]
 """
-COLOURS = {"other views": "#0072b2", "plane view": "#d55e00"}
 
 
 def calibration_toml(found: Calibrated) -> str:
@@ -91,52 +86,34 @@ def _entry(key: str, value: Any) -> str:
 
 
 def draw_calibration(found: Calibrated, path: Path) -> None:
-    """Draw a calibration's residuals as PNG."""
+    """Draw what the lens leaves of each corner as PNG."""
     from matplotlib import style
     from matplotlib.figure import Figure
 
+    solved, (wide, high) = found.solved, found.model.image_size
     with style.context(STYLE, after_reset=True):
-        wide, high = found.model.image_size
-        tall = min(4.6, 5.2 * high / wide)
-        figure = Figure(figsize=(7.6, tall + 2.3), dpi=150, layout="constrained")
-        over, below = figure.subplots(2, 1, height_ratios=(tall, 1.7))
-        _over_picture(over, found)
-        _by_view(below, found)
+        figure = Figure(figsize=(7.6, 6.6 * high / wide + 0.8), dpi=150, layout="constrained")
+        axes = figure.add_subplot()
+        own = solved.view == found.plane
+        for some, name, colour in (
+            (~own, "other views", "#0072b2"),
+            (own, "plane view", "#d55e00"),
+        ):
+            # the rms residual is some 2 % of the picture's width
+            arrows = axes.quiver(
+                *solved.places[some].T,
+                *solved.residuals[some].T,
+                color=colour,
+                label=name,
+                angles="xy",
+                scale_units="xy",
+                scale=max(solved.rms, 1e-6) / (0.02 * wide),
+                width=0.0012,
+                headwidth=4,
+            )
+        axes.quiverkey(arrows, 0.9, 1.03, solved.rms, f"rms, {solved.rms:.2g} pixels")
+        axes.set(xlim=(-0.5, wide - 0.5), ylim=(high - 0.5, -0.5), aspect="equal")
+        axes.set(xlabel="x, pixels", ylabel="y, pixels")
+        axes.set_title("what the lens leaves of each corner", pad=16)
+        axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2, borderpad=0)
         figure.savefig(path)
-
-
-def _over_picture(axes: Axes, found: Calibrated) -> None:
-    solved = found.solved
-    wide, high = found.model.image_size
-    # the rms residual is some 2 % of the picture's width
-    times = _round(0.02 * wide / solved.rms) if solved.rms else 1.0
-    x, y = solved.places.T
-    right, down = times * solved.residuals.T
-    own = solved.view == found.plane
-    drawn: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1}
-    drawn |= {"width": 0.0012, "headwidth": 4}
-    for some, (name, colour) in zip((~own, own), COLOURS.items(), strict=True):
-        arrows = x[some], y[some], right[some], down[some]
-        axes.quiver(*arrows, color=colour, label=name, **drawn)
-    axes.set(xlim=(-0.5, wide - 0.5), ylim=(high - 0.5, -0.5), aspect="equal")
-    axes.set(xlabel="x, pixels", ylabel="y, pixels")
-    axes.set_title(f"what the lens leaves of each corner, drawn {times:.0f} times as long", pad=16)
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2, borderpad=0, handlelength=1.4)
-
-
-def _round(number: float) -> float:
-    """Return the 1, 2 or 5 with zeros next below a number above 1."""
-    power = 10.0 ** floor(log10(number))
-    return max(power * digit for digit in (1, 2, 5) if power * digit <= number)
-
-
-def _by_view(axes: Axes, found: Calibrated) -> None:
-    rms = found.solved.view_rms
-    number = np.arange(len(rms))
-    other, plane = COLOURS.values()
-    axes.bar(number, rms, color=[plane if n == found.plane else other for n in number], width=0.7)
-    axes.axhline(found.solved.rms, color="0.3", linewidth=0.8, linestyle="--")
-    axes.set(xlabel="picture", ylabel="rms each way, pixels")
-    axes.set_xticks(number)
-    labels = [Path(name).stem for name in found.views]
-    axes.set_xticklabels(labels, rotation=0 if max(map(len, labels)) < 5 else 45, ha="right")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from textwrap import fill
 from typing import TYPE_CHECKING
 
 import cv2
@@ -16,273 +15,214 @@ from numpy.typing import NDArray
 from virtual_lab.output.style import STYLE, as_drawn
 from virtual_lab.video.clips.reading import Frame
 from virtual_lab.video.find.still import moved_back
-from virtual_lab.video.show.course import BallCourse
+from virtual_lab.video.follow.following import FollowedClip
+from virtual_lab.video.show.course import course_of, names_of, spots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Image = NDArray[np.uint8]
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # of flights
+NONE = "#969696"  # of places outside of them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """How large pictures are, and how many."""
 
-    tiles: int = 24  # of the sheet, at most
-    sheet_px: float = 3.6e6  # all of it
+    tile_px: float = 1.5e5  # a picture of sheet, film and plot, at most
     tile_width_px: int = 400  # at most
-    film_px: float = 2.4e5  # a picture of it
-    film_frames: int = 80  # at most
+    tiles: int = 12  # of the sheet, beside those about contacts
+    frames: int = 80  # of the film, at most
     frame_ms: int = 60
-    strip_px: int = 20  # above a picture, for its frame and time
-    fine_bits: int = 4  # binary places below a pixel
     balls: int = 14  # drawn into one picture, about
-    title_letters: int = 105  # in a line
 
 
 LAYOUT = Layout()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Pictures:
-    """Frames of a clip as they are shown, made smaller by a factor."""
+    """Pictures of a ball's course through a clip, small ones: sheet, film and plot."""
 
-    frames: dict[int, Image]  # by number, (row, column, 3)
-    scale: float
-    sheet: list[int]  # places of the course that the sheet shows
-    film: list[int]
+    def __init__(self, found: FollowedClip) -> None:
+        """Read the frames that are shown: those that were searched are kept as JPEG."""
+        self.clip, self.contacts, self.places = found.clip, found.contacts, course_of(found)
+        self.names = names_of(self.places)
+        self.up = -found.sharp.plane.sense if found.sharp else -1.0  # of metres
+        self.film = _spread(len(self.places), LAYOUT.frames)
+        self.sheet = self._about_contacts()
+        rows, columns = self.clip.shape
+        self.scale = min(LAYOUT.tile_width_px / columns, (LAYOUT.tile_px / (rows * columns)) ** 0.5)
+        size = max(1, round(columns * self.scale)), max(1, round(rows * self.scale))
+        wanted = np.unique(self.places["frame"][sorted({*self.sheet, *self.film})])
+        # kept ones are of 8 bits
+        kept = found.watched.thumbs if self.clip.samples.dtype == np.uint8 else {}
+        small = [
+            (k, np.asarray(cv2.imdecode(kept[k], cv2.IMREAD_UNCHANGED)))
+            for k in map(int, wanted)
+            if k in kept
+        ]
+        left = np.array([each for each in wanted if each not in kept], np.intp)
+        way, light = cv2.INTER_AREA if self.scale < 1 else cv2.INTER_LINEAR, self._light()
+        self.frames = {
+            number: np.asarray(cv2.resize(_shown(frame, *light), size, interpolation=way), np.uint8)
+            for number, frame in chain(small, self.clip.chosen(left))
+        }
 
+    def _about_contacts(self) -> list[int]:
+        """Places about contacts, and others spread evenly."""
+        near = {int(np.argmin(np.abs(self.places["time_s"] - e.time.value))) for e in self.contacts}
+        near = {k + step for k in near for step in (-1, 0, 1) if 0 <= k + step < len(self.places)}
+        return sorted({*near, *_spread(len(self.places), LAYOUT.tiles)})
 
-def pictures_of(course: BallCourse, thumbs: Mapping[int, Image]) -> Pictures:
-    """Return the frames that sheet and film show, out of small JPEGs; others are read."""
-    sheet, film = _for_sheet(course), _spread(len(course.frames), LAYOUT.film_frames)
-    rows, columns = course.clip.shape
-    tile_px = LAYOUT.sheet_px / len(sheet)
-    scale = min(LAYOUT.tile_width_px / columns, np.sqrt(tile_px / (rows * columns)))
-    wanted = np.unique(course.frames[sorted({*sheet, *film})])
-    low, high = _range(course)
-    size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
-    way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    eight_bits = course.clip.samples.dtype == np.uint8  # as thumbs have
-    kept = [int(each) for each in wanted if each in thumbs and eight_bits]
-    small = {k: np.asarray(cv2.imdecode(thumbs[k], cv2.IMREAD_UNCHANGED)) for k in kept}
-    left = np.array([each for each in wanted if each not in small], np.intp)
-    frames = {
-        number: np.asarray(cv2.resize(_shown(frame, low, high), size, interpolation=way), np.uint8)
-        for number, frame in chain(small.items(), course.clip.chosen(left))
-    }
-    return Pictures(frames=frames, scale=float(scale), sheet=sheet, film=film)
+    def _light(self) -> tuple[float, float]:
+        """Grey values that are shown black and white."""
+        samples = self.clip.samples
+        if samples.ndim == 4 and samples.dtype == np.uint8:
+            return 0.0, 255.0  # a colour clip is as its maker wants it seen
+        low, high = np.quantile(samples[:: max(1, len(samples) // 4)], (0.001, 0.9995))
+        return float(min(low, 0.2 * high)), float(max(high, low + 1))
 
+    def write_sheet(self, path: Path) -> None:
+        """Write frames side by side as PNG, those about contacts among them."""
+        edge = (2, 2, 2, 2, cv2.BORDER_CONSTANT)
+        tiles = [
+            cv2.copyMakeBorder(self._marked(k), *edge, value=(255, 255, 255)) for k in self.sheet
+        ]
+        rows, columns = tiles[0].shape[:2]
+        across = int(np.clip(round(np.sqrt(1.4 * len(tiles) * rows / columns)), 1, len(tiles)))
+        tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % across)
+        lines = [np.hstack(tiles[k : k + across]) for k in range(0, len(tiles), across)]
+        cv2.imwrite(str(path), np.vstack(lines))
 
-def write_sheet(course: BallCourse, pictures: Pictures, path: Path) -> None:
-    """Write frames side by side as PNG, those about flights' ends and contacts among them."""
-    tiles = [_one(course, pictures, k, pictures.scale) for k in pictures.sheet]
-    rows, columns = tiles[0].shape[:2]
-    across = int(np.clip(round(np.sqrt(1.4 * len(tiles) * rows / columns)), 1, len(tiles)))
-    blank = np.full_like(tiles[0], 255)
-    tiles += [blank] * (-len(tiles) % across)
-    edge = (2, 2, 2, 2, cv2.BORDER_CONSTANT)
-    framed = [cv2.copyMakeBorder(tile, *edge, value=(255, 255, 255)) for tile in tiles]
-    lines = [np.hstack(framed[k : k + across]) for k in range(0, len(framed), across)]
-    cv2.imwrite(str(path), np.vstack(lines))
+    def write_film(self, path: Path) -> None:
+        """Write the frames that show the ball as an animated WebP."""
+        animation = cv2.Animation()
+        animation.frames = [self._marked(k) for k in self.film]
+        animation.durations = [LAYOUT.frame_ms] * len(self.film)
+        cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 75])
 
+    def _marked(self, k: int) -> Image:
+        """Frame of a place with its number and time, the ball's outline and earlier places."""
+        one, fine = self.places[k], 4  # bits below a pixel
+        image = self.frames[int(one["frame"])].copy()
+        drift = np.array([one["drift_x_px"], one["drift_y_px"]])
+        dots = [(j, 1.5, -1) for j in range(k + 1)]
+        for j, radius, line in (*dots, (k, float(one["radius_px"]) * self.scale, 1)):
+            # earlier places lie where the still frame has them in this picture
+            at = (spots(self.places)[j] + drift + 0.5) * self.scale - 0.5
+            if np.isfinite([*at, radius]).all():
+                x, y, r = (round(2**fine * float(each)) for each in (*at, radius))
+                colour = self._colour(self.places["flight"][j])
+                bgr = tuple(bytes.fromhex(colour[1:]))[::-1]
+                cv2.circle(image, (x, y), r, bgr, line, cv2.LINE_AA, fine)
+        strip = np.full((20, image.shape[1], 3), 255, np.uint8)
+        words, face = f"{one['frame']}: {one['time_s']:.4g} s", cv2.FONT_HERSHEY_SIMPLEX
+        wide = cv2.getTextSize(words, face, 0.5, 1)[0][0]
+        letters = 0.5 * min(1.0, (strip.shape[1] - 8) / wide)
+        cv2.putText(strip, words, (4, 14), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
+        return np.vstack([strip, image])
 
-def write_film(course: BallCourse, pictures: Pictures, path: Path) -> None:
-    """Write the frames that show the ball as an animated WebP."""
-    rows, columns = course.clip.shape
-    scale = min(pictures.scale, float(np.sqrt(LAYOUT.film_px / (rows * columns))))
-    animation = cv2.Animation()
-    animation.frames = [_one(course, pictures, k, scale) for k in pictures.film]
-    animation.durations = [LAYOUT.frame_ms] * len(animation.frames)
-    cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 75])
+    def _colour(self, name: str) -> str:
+        return COLOURS[self.names.index(name) % len(COLOURS)] if name else NONE
 
+    def strobe(self) -> Image:
+        """Picture that shows the ball at several of its places, as small as they are."""
+        shown = [k for k, one in enumerate(self.places) if int(one["frame"]) in self.frames]
+        seen = [k for k in shown if np.isfinite(self.places["radius_px"][k])]
+        # what stands about, a bat too, is shown as it is at a contact
+        time = self.contacts[0].time.value if self.contacts else float(self.places["time_s"][0])
+        stands = min(shown, key=lambda k: abs(self.places["time_s"][k] - time))
+        whole = self._still(stands).copy()
+        rows, columns = np.ogrid[: whole.shape[0], : whole.shape[1]]
+        for k in seen[:: max(1, len(seen) // LAYOUT.balls)]:
+            x, y = (spots(self.places)[k] + 0.5) * self.scale - 0.5
+            reach = (self.places["reach_px"][k] + 2) * self.scale
+            inside = np.hypot(columns - x, rows - y) < reach
+            whole[inside] = self._still(k)[inside]
+        return whole[..., ::-1]
 
-def _for_sheet(course: BallCourse) -> list[int]:
-    """Return places about contacts, at the ends and in the middle of flights, others between."""
-    last = len(course.frames) - 1
-    chosen: list[int] = []
-    for time, _, _ in course.contacts:
-        near = int(np.argmin(np.abs(course.times - time)))
-        chosen += [each for each in range(near - 1, near + 2) if 0 <= each <= last]
-    for name in course.flights:
-        own = np.flatnonzero(course.of(name))
-        chosen += [int(own[0]), int(own[len(own) // 2]), int(own[-1])]
-    chosen = list(dict.fromkeys(chosen))
-    for count in (12, 16, LAYOUT.tiles):
-        if len(chosen) < count // 2 + 6:
-            break
-    chosen = list(dict.fromkeys(chosen + _spread(last + 1, count)))[:count]
-    return sorted(chosen)
+    def _still(self, k: int) -> Image:
+        """Picture where the still frame has it."""
+        one = self.places[k]
+        picture = self.frames[int(one["frame"])]
+        drift = np.array([one["drift_x_px"], one["drift_y_px"], 0.0, 0.0]) * self.scale
+        return moved_back(picture, drift, (0, 0), picture)
+
+    def draw(self, title: str, path: Path) -> None:
+        """Draw the course as PNG: the picture, places and speeds, residuals."""
+        from matplotlib import style
+        from matplotlib.figure import Figure
+
+        with style.context(STYLE, after_reset=True):
+            rows, columns = self.clip.shape
+            high = min(6.0, 7.2 * rows / columns)
+            figure = Figure(figsize=(7.6, high + 5.6), dpi=150, layout="constrained")
+            heights = (high, 1.3, 1.3, 0.9, 0.9)
+            picture, *below = figure.subplots(5, 1, height_ratios=heights)
+            self._draw_picture(picture)
+            self._draw_motion(below)
+            figure.suptitle(as_drawn(title), fontsize=9, wrap=True)
+            figure.savefig(path, pil_kwargs={"compress_level": 3})
+
+    def _draw_picture(self, axes: Axes) -> None:
+        rows, columns = self.clip.shape
+        extent = (-0.5, columns - 0.5, rows - 0.5, -0.5)
+        axes.imshow(self.strobe(), extent=extent, interpolation="antialiased")
+        flight = self.places["flight"]
+        for name in [*self.names, *({""} & set(flight.tolist()))]:
+            label = f"flight {name}" if name else "left out" if self.names else "seen"
+            x, y = spots(self.places)[flight == name].T
+            axes.plot(x, y, ".", color=self._colour(name), markersize=3, label=label)
+        for k, each in enumerate(self.contacts):
+            label = "_" if k else "contact"
+            axes.plot(*each.place, "k+", markersize=8, markeredgewidth=1.2, label=label)
+        axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
+        axes.set(xlabel="x, pixels", ylabel="y, pixels")
+        wide = columns > rows
+        at = {"bbox_to_anchor": (0.0, 1.0) if wide else (1.02, 1.0), "ncols": 5 if wide else 1}
+        box = {"facecolor": "white", "framealpha": 0.75, "frameon": True, "edgecolor": "none"}
+        axes.legend(loc="upper left", markerscale=1.5, **at, **box)
+
+    def _draw_motion(self, below: Iterable[Axes]) -> None:
+        """Draw places and speeds over the clip's time, right and up, and what the fit leaves."""
+        place, speed, along, across = below
+        for axes in (speed, along, across):
+            axes.sharex(place)
+        metres = np.stack([self.places["x_m"], self.up * self.places["y_m"]])
+        metres -= metres[:, np.isfinite(metres).all(axis=0)][:, :1]
+        for name in self.names:
+            used, colour = self.places["flight"] == name, self._colour(name)
+            some, (right, up) = self.places[used], metres[:, used]
+            t = some["time_s"]
+            place.plot(t, right, "--", t, up, "-", color=colour)
+            speed.plot(t, np.hypot(some["right_mps"], some["up_mps"]), color=colour)
+            noise = (some["x_u_px"] + some["y_u_px"]) / 2
+            for axes, off in ((along, some["along_px"]), (across, some["across_px"])):
+                axes.errorbar(t, off, noise, fmt=".", color=colour, markersize=4, linewidth=0.6)
+        place.set_ylabel("place, m\n(- -: right, —: up)")
+        speed.set_ylabel("speed\nalong the fit, m/s")
+        speed.set_ylim(bottom=0.0)
+        along.set_ylabel("off the flight\nalong, pixels")
+        across.set_ylabel("off the flight\nacross, pixels")
+        across.set_xlabel("time, s (bars: u)")
+        for axes in (place, speed, along, across):
+            axes.tick_params(labelbottom=axes is across)
+            axes.grid(True, linewidth=0.3)
+            for each in self.contacts:
+                axes.axvline(each.time.value, color="k", linewidth=0.8, zorder=0)
 
 
 def _spread(places: int, count: int) -> list[int]:
-    """Return up to so many of the places, spread evenly, in order."""
+    """Up to so many of the places, spread evenly, in order."""
     chosen = np.linspace(0, places - 1, min(count, places)).round()
     return [int(each) for each in np.unique(chosen)]
 
 
-def _one(course: BallCourse, pictures: Pictures, k: int, scale: float) -> Image:
-    image = pictures.frames[int(course.frames[k])]
-    if scale != pictures.scale:
-        high, wide = (max(1, round(side * scale)) for side in course.clip.shape)
-        image = np.asarray(cv2.resize(image, (wide, high), interpolation=cv2.INTER_AREA), np.uint8)
-    image = image.copy()
-    names, fine = course.flights, 2**LAYOUT.fine_bits
-    circles = [(j, 24, -1) for j in range(k + 1) if np.isfinite(course.xy[j]).all()]
-    if np.isfinite(course.radius[k]):
-        circles.append((k, round(course.radius[k] * scale * fine), 1))
-    for j, radius, line in circles:
-        # earlier places lie where the still frame has them in this picture
-        u, v = ((course.xy[j] + course.drift[k] + 0.5) * scale - 0.5) * fine
-        at, colour = (round(u), round(v)), _colour(course, names, j)
-        cv2.circle(image, at, radius, colour, line, cv2.LINE_AA, LAYOUT.fine_bits)
-    return np.vstack([_label(f"{int(course.frames[k])}: {course.times[k]:.4g} s", image), image])
-
-
-def _label(words: str, image: Image) -> Image:
-    """Return a strip as wide as an image with words that fit into it."""
-    strip = np.full((LAYOUT.strip_px, image.shape[1], 3), 255, np.uint8)
-    face, letters = cv2.FONT_HERSHEY_SIMPLEX, 0.5
-    wide = cv2.getTextSize(words, face, letters, 1)[0][0]
-    letters *= min(1.0, (strip.shape[1] - 8) / wide)
-    cv2.putText(strip, words, (4, LAYOUT.strip_px - 6), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
-    return strip
-
-
-def _colour(course: BallCourse, names: list[str], k: int) -> tuple[int, ...]:
-    """Return the colour of a place as OpenCV has it, blue first."""
-    if not (name := course.flight[k]):
-        return 150, 150, 150
-    return tuple(bytes.fromhex(COLOURS[names.index(name) % len(COLOURS)][1:]))[::-1]
-
-
-def _range(course: BallCourse) -> tuple[float, float]:
-    samples = course.clip.samples
-    if samples.ndim == 4 and samples.dtype == np.uint8:
-        return 0.0, 255.0  # a colour clip is as its maker wants it seen
-    some = samples[:: max(1, len(samples) // 4)]
-    low, high = np.quantile(some, (0.001, 0.9995))
-    return float(min(low, 0.2 * high)), float(max(high, low + 1))
-
-
-def _shown(frame: Frame, darkest: float, brightest: float) -> Image:
-    """Return a frame in 8 bits and three colours."""
-    if (darkest, brightest) == (0.0, 255.0) and frame.dtype == np.uint8:
-        seen = frame
-    else:
-        stretched = (frame.astype(np.float32) - darkest) * (255 / (brightest - darkest))
+def _shown(frame: Frame, black: float, white: float) -> Image:
+    """Frame in 8 bits and three colours."""
+    seen = frame if frame.ndim == 3 else frame[..., None]
+    if (black, white) != (0.0, 255.0) or frame.dtype != np.uint8:
+        stretched = (seen.astype(np.float32) - black) * (255 / (white - black))
         seen = np.clip(stretched, 0, 255).astype(np.uint8)
-    if seen.ndim == 2 or seen.shape[2] == 1:
-        return np.repeat(seen.reshape(*seen.shape[:2], 1), 3, axis=2)
-    return np.ascontiguousarray(seen[..., :3])
-
-
-def draw_track(course: BallCourse, pictures: Pictures, title: str, path: Path) -> None:
-    """Draw a tracked clip as PNG."""
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
-    with style.context(STYLE, after_reset=True):
-        rows, columns = course.clip.shape
-        high = min(6.0, 7.2 * rows / columns)
-        figure = Figure(figsize=(7.6, high + 5.6), dpi=150, layout="constrained")
-        heights = (high, 1.3, 1.3, 0.9, 0.9)
-        picture, place, speed, along, across = figure.subplots(5, 1, height_ratios=heights)
-        _picture(picture, course, pictures)
-        _motion(place, speed, course)
-        _residuals(along, across, course)
-        wrapped = "\n".join(fill(line, LAYOUT.title_letters) for line in title.splitlines())
-        figure.suptitle(as_drawn(wrapped), fontsize=9)
-        figure.savefig(path, pil_kwargs={"compress_level": 3})
-
-
-def strobe(course: BallCourse, pictures: Pictures) -> NDArray[np.uint8]:
-    """Return one picture that shows the ball at several of its places, as small as they are."""
-    shown = [k for k in range(len(course.frames)) if int(course.frames[k]) in pictures.frames]
-    seen = [k for k in shown if np.isfinite(course.radius[k])]
-    chosen = seen[:: max(1, len(seen) // LAYOUT.balls)]
-    scale = pictures.scale
-    # what stands about, a bat too, is shown as it is at a contact
-    time = course.contacts[0][0] if course.contacts else float(course.times[0])
-    stands = min(shown, key=lambda k: abs(course.times[k] - time))
-    whole = _still(pictures, course, stands).copy()
-    rows, columns = np.ogrid[: whole.shape[0], : whole.shape[1]]
-    for k in chosen:
-        x, y = (course.xy[k] + 0.5) * scale - 0.5
-        inside = np.hypot(columns - x, rows - y) < (course.reach[k] + 2) * scale
-        whole[inside] = _still(pictures, course, k)[inside]
-    return whole[..., ::-1]
-
-
-def _still(pictures: Pictures, course: BallCourse, k: int) -> NDArray[np.uint8]:
-    """Return a picture where the still frame has it."""
-    picture = pictures.frames[int(course.frames[k])]
-    drift = np.append(course.drift[k] * pictures.scale, (0.0, 0.0))
-    return moved_back(picture, drift, (0, 0), picture)
-
-
-def _picture(axes: Axes, course: BallCourse, pictures: Pictures) -> None:
-    rows, columns = course.clip.shape
-    extent = (-0.5, columns - 0.5, rows - 0.5, -0.5)
-    axes.imshow(strobe(course, pictures), extent=extent, interpolation="antialiased")
-    names = course.flights
-    for k, name in enumerate([*names, ""]):
-        used = course.of(name)
-        if used.any():
-            colour = COLOURS[k % len(COLOURS)] if name else "0.45"
-            label = name or ("left out" if names else "seen")
-            axes.plot(*course.xy[used].T, ".", color=colour, markersize=3, label=label)
-    for k, (_, x, y) in enumerate(course.contacts):
-        mark = "contact" if k == 0 else None
-        axes.plot(x, y, "+", color="k", markersize=8, markeredgewidth=1.2, label=mark)
-    axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
-    axes.set(xlabel="x, pixels", ylabel="y, pixels")
-    axes.legend(
-        loc="upper left",
-        bbox_to_anchor=(0.0, 1.0) if columns > rows else (1.02, 1.0),
-        facecolor="white",
-        framealpha=0.75,
-        frameon=True,
-        edgecolor="none",
-        ncols=5 if columns > rows else 1,
-        markerscale=1.5,
-    )
-
-
-def _motion(place: Axes, speed: Axes, course: BallCourse) -> None:
-    """Draw places and speeds over the clip's time, of an axis to the right and one up."""
-    start = course.metres[np.isfinite(course.metres).all(axis=1)][:1]
-    for k, name in enumerate(course.flights):
-        used, colour = course.of(name), COLOURS[k % len(COLOURS)]
-        t, off = course.times[used], (course.metres[used] - start) * [1, course.up]
-        place.plot(t, off[:, 0], "--", t, off[:, 1], "-", color=colour, linewidth=1.0)
-        speed.plot(t, np.hypot(*course.velocity[used].T), color=colour, linewidth=1.0)
-    place.set_ylabel("place, m\n(- -: right, —: up)")
-    speed.set_ylabel("speed\nalong the fit, m/s")
-    speed.set_ylim(bottom=0.0)
-    speed.set_xlabel("time, s")
-    place.tick_params(labelbottom=False)
-    for axes in (place, speed):
-        axes.grid(True, linewidth=0.3)
-        for time, _, _ in course.contacts:
-            axes.axvline(time, color="k", linewidth=0.8, zorder=0)
-
-
-def _residuals(along: Axes, across: Axes, course: BallCourse) -> None:
-    origin = course.contacts[0][0] if course.contacts else float(course.times[0])
-    for k, name in enumerate(course.flights):
-        used = course.of(name)
-        t = 1e3 * (course.times[used] - origin)
-        noise = course.u[used].mean(axis=1)
-        for axes, off in zip((along, across), course.residuals[used].T, strict=True):
-            colour = COLOURS[k % len(COLOURS)]
-            axes.errorbar(t, off, noise, fmt=".", color=colour, markersize=4, linewidth=0.6)
-    for axes, name in ((along, "along"), (across, "across")):
-        axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)
-        for time, _, _ in course.contacts:
-            axes.axvline(1e3 * (time - origin), color="k", linewidth=0.8, zorder=0)
-        axes.set_ylabel(f"off the flight\n{name}, pixels")
-        axes.grid(True, linewidth=0.3)
-    along.tick_params(labelbottom=False)
-    across.set_xlabel(f"time from the {'first contact' if course.contacts else 'start'}, ms")
+    return np.repeat(seen, 3, axis=2) if seen.shape[2] == 1 else np.ascontiguousarray(seen[..., :3])

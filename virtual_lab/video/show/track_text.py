@@ -1,8 +1,11 @@
-"""What `virtual-lab track` prints of a clip, and writes of it as JSON."""
+"""What `virtual-lab track` says of a clip: one table of flights, as text, JSON and CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,95 +15,136 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, miles_per_hour
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.follow.following import Flight, FollowedClip
+from virtual_lab.video.follow.known import GRAVITY
 from virtual_lab.video.follow.ruler import SAID, off_u
-from virtual_lab.video.locate.located import PlaceFlag
 
 RATIOS = {"floor": "speeds along the vertical", "wall": "speeds along the level"}
+Row = dict[str, Any]
 
 
-def motion_of(found: FollowedClip) -> str:
-    """Motion that a clip shows: flights or none."""
-    return "flights" if found.flights else "none"
+def flight_rows(found: FollowedClip) -> list[Row]:
+    """Rows of the flights, each with the contact that ends it; quantities are estimates or None."""
+    contacts = {each.before: each for each in found.contacts}
+    return [
+        {
+            "flight": k + 1,
+            "first_frame": flight.first_frame,
+            "last_frame": flight.last_frame,
+            "places": flight.places,
+            "speed_in_mps": flight.speed_in,
+            "speed_out_mps": flight.speed_out,
+            "angle_in_deg": _degrees(flight.angle_in),
+            "angle_out_deg": _degrees(flight.angle_out),
+            "acceleration_mps2": flight.acceleration,
+            "contact_after": met.kind if met else None,
+            "contact_s": met.time if met else None,
+            "restitution": met.restitution if met else None,
+        }
+        for k, flight in enumerate(found.flights)
+        for met in [contacts.get(k)]
+    ]
 
 
-def track_document(found: FollowedClip) -> dict[str, Any]:
+def contact_rows(found: FollowedClip) -> list[Row]:
+    """Rows of the contacts; `frame` lies between stored ones."""
+    return [
+        {"time_s": e.time.value, "frame": e.frame, "kind": e.kind, "restitution": e.restitution}
+        for e in found.contacts
+    ]
+
+
+def in_columns(row: Mapping[str, Any]) -> Row:
+    """Row with the value and the standard uncertainty of an estimate in columns of their own."""
+    cells: Row = {}
+    for name, each in row.items():
+        estimate = isinstance(each, Estimate)
+        cells |= {name: each.value, f"{name}_u": each.u} if estimate else {name: each}
+    return cells
+
+
+def write_table(rows: Iterable[Mapping[str, Any]], path: Path) -> None:
+    """Write rows as CSV; what is None or NaN stays empty."""
+    cells = [{name: _cell(name, each) for name, each in in_columns(row).items()} for row in rows]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, dict.fromkeys(name for row in cells for name in row))
+        writer.writeheader()
+        writer.writerows(cells)
+
+
+def _cell(name: str, value: object) -> object:
+    if not isinstance(value, float) or name == "time_s":  # a time as it is: it finds its frame
+        return value
+    return "" if np.isnan(value) else f"{value:.7g}"
+
+
+def _told(value: Any) -> Any:
+    """Value for JSON."""
+    if isinstance(value, Estimate):
+        return {"value": value.value, "u": value.u}
+    if isinstance(value, Mapping):
+        return {name: _told(each) for name, each in value.items()}
+    return [_told(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+def track_document(found: FollowedClip) -> Row:
     """Write the result for JSON; keys of one contact are None where there is none or several."""
     before, after = _hit(found)
     one = found.contacts[0] if len(found.contacts) == 1 else None
-    scale = found.scale
-    return {
+    rate = Estimate(value=found.known.rate, u=found.known.rate * found.known.rate_u)
+    document = {
         "clip": found.clip.source.path.name,
         "motion": motion_of(found),
-        "flights": [
-            {
-                "first_frame": each.first_frame,
-                "last_frame": each.last_frame,
-                "places": each.places,
-                "speed_in_mps": _value_and_u(each.speed_in),
-                "speed_out_mps": _value_and_u(each.speed_out),
-                "acceleration_mps2": _value_and_u(each.acceleration),
-            }
-            for each in found.flights
-        ],
-        "contacts": [
-            {
-                "time_s": each.time.value,
-                "frame": each.frame,  # between stored ones
-                "kind": each.kind,
-                "restitution": _value_and_u(each.restitution),
-            }
-            for each in found.contacts
-        ],
-        "gravity_mps2": _value_and_u(found.gravity),
-        "speed_in_mps": _value_and_u(before.speed_out if before else None),
-        "speed_out_mps": _value_and_u(after.speed_in if after else None),
-        "restitution": _value_and_u(one.restitution if one else None),
+        "flights": flight_rows(found),
+        "contacts": contact_rows(found),
+        "gravity_mps2": found.gravity,
+        "speed_in_mps": before and before.speed_out,
+        "speed_out_mps": after and after.speed_in,
+        "restitution": one and one.restitution,
         "restitution_of": RATIOS.get(one.kind, "speeds") if one and one.restitution else None,
-        "angle_in_deg": _value_and_u(before.angle_out if before else None, DEGREE),
-        "angle_out_deg": _value_and_u(after.angle_in if after else None, DEGREE),
-        "contact": None
-        if one is None
-        else {
-            "time_s": _value_and_u(one.time),
+        "angle_in_deg": before and _degrees(before.angle_out),
+        "angle_out_deg": after and _degrees(after.angle_in),
+        "contact": one
+        and {
+            "time_s": one.time,
             "x_m": float(one.metres[0]),
             "y_m": float(one.metres[1]),
             "u_m": one.metres_u,
         },
-        "scale": None
-        if scale is None
-        else {
-            "metres_per_pixel": scale.metres_per_pixel,
-            "relative_u": scale.relative_u,
-            "from": scale.source,
-            "checks": [
-                {
-                    "metres_per_pixel": each.metres_per_pixel,
-                    "relative_u": each.relative_u,
-                    "from": each.source,
-                    "off_u": off_u(scale, each),
-                }
-                for each in found.checks
-            ],
+        "scale": found.scale
+        and {
+            **_scale(found.scale),
+            "roll_deg": _roll(found),
+            "checks": [_scale(e) | {"off_u": off_u(found.scale, e)} for e in found.checks],
         },
-        "frames_per_second": {
-            "value": found.known.rate,
-            "u": found.known.rate * found.known.rate_u,
-            "from": found.known.rate_of,
-        },
+        "frames_per_second": _told(rate) | {"from": found.known.rate_of},
         "exposure_s": found.sharp.exposure if found.sharp else found.known.exposure,
         "drag_per_m": found.drag_per_m,
         "counts": {
             "frames": found.clip.count,
             "with_ball": _with_ball(found),
-            "in": before.places if before else 0,
-            "out": after.places if after else 0,
-            "in_contact": _in_contact(found),
             "lost": sum(found.lost.values()),
         },
-        "flags": list(found.flags),
-        "frame_flags": _frame_flags(found),
-        "warnings": list(found.warnings),
+        "flags": found.flags,
+        "warnings": found.warnings,
     }
+    return {name: _told(each) for name, each in document.items()}
+
+
+def _scale(scale: PixelScale) -> Row:
+    return {
+        "metres_per_pixel": scale.metres_per_pixel,
+        "relative_u": scale.relative_u,
+        "from": scale.source,
+    }
+
+
+def _roll(found: FollowedClip) -> float | None:
+    """Angle of the fitted gravity off the picture's down, toward its right, None without [deg]."""
+    rulers = (found.scale, *found.checks)
+    if found.fit is None or not any(each and each.source == GRAVITY for each in rulers):
+        return None
+    right, down = found.fit.pull[0]
+    return float(np.arctan2(right, down) / DEGREE)
 
 
 def _hit(found: FollowedClip) -> tuple[Flight | None, Flight | None]:
@@ -112,21 +156,13 @@ def _hit(found: FollowedClip) -> tuple[Flight | None, Flight | None]:
     return (found.flights[0], found.flights[1]) if found.sharp else (None, None)
 
 
-def _value_and_u(result: Estimate | None, unit: float = 1.0) -> dict[str, float] | None:
-    return {"value": result.value / unit, "u": result.u / unit} if result else None
+def _degrees(angle: Estimate) -> Estimate:
+    return replace(angle, value=angle.value / DEGREE, u=angle.u / DEGREE)
 
 
-def _frame_flags(found: FollowedClip) -> dict[str, int]:
-    flags = found.sharp.located.flags if found.sharp else np.zeros(0, np.uint16)
-    return {str(e.name): count for e in PlaceFlag if (count := int(((flags & e) > 0).sum()))}
-
-
-def _in_contact(found: FollowedClip) -> int:
-    """Count of frames between the flights of a sharp hit, in which it is struck."""
-    if not found.sharp or not found.contacts:
-        return 0
-    before, after = found.flights[:2]
-    return after.first_frame - before.last_frame - 1
+def motion_of(found: FollowedClip) -> str:
+    """Motion that a clip shows: flights or none."""
+    return "flights" if found.flights else "none"
 
 
 def _with_ball(found: FollowedClip) -> int:
@@ -138,57 +174,57 @@ def _with_ball(found: FollowedClip) -> int:
 
 def track_text(found: FollowedClip) -> str:
     """Write the result in a few lines."""
-    flights = found.flights
     lines = [
         f"{found.clip.source.path.name}: {found.clip.count} frames, {motion_of(found)}, "
         f"the ball in {_with_ball(found)}"
     ]
     contacts = {each.before: each for each in found.contacts}
-    for k, flight in enumerate(flights):
-        speeds = [flight.speed_in, flight.speed_out]
+    for k, row in enumerate(flight_rows(found)):
+        speeds = [row["speed_in_mps"], row["speed_out_mps"]]
         if abs(speeds[0].value - speeds[1].value) < 0.1 * speeds[0].u:  # a hit's, by a calibration
             speeds = speeds[:1]
         mph = " to ".join(f"{miles_per_hour(each.value):.2f}" for each in speeds)
         words = (
-            f"  flight {k + 1}: frames {flight.first_frame} to {flight.last_frame}, "
-            f"{flight.places} places, {' to '.join(map(_rounded, speeds))} m/s ({mph} mph)"
+            f"  flight {k + 1}: frames {row['first_frame']} to {row['last_frame']}, "
+            f"{row['places']} places, {' to '.join(map(_rounded, speeds))} m/s ({mph} mph)"
         )
-        pull = flight.acceleration
+        pull = row["acceleration_mps2"]
         if pull and pull.u < pull.value:  # else it bends too little to say
             words += f", acceleration {_rounded(pull)} m/s²"
         lines.append(words)
         if contact := contacts.get(k):
-            value = contact.restitution
-            of = RATIOS.get(contact.kind, "speeds")
-            turned = flights[contact.after].angle_in.value - flight.angle_out.value
+            value, of = contact.restitution, RATIOS.get(contact.kind, "speeds")
+            turned = found.flights[contact.after].angle_in.value / DEGREE
+            turned -= row["angle_out_deg"].value
             lines.append(
                 f"  {contact.kind} at frame {contact.frame:.2f}, {contact.time.value:.4f} s: "
                 f"restitution {f'{_rounded(value)} (ratio of {of})' if value else 'not stated'}, "
-                f"turned by {turned / DEGREE % 360:.1f} deg"
+                f"turned by {turned % 360:.1f} deg"
             )
-    if found.scale and flights:
-        lines.append(f"  {_scale_said(found.scale, found.checks)}")
+    if found.scale and found.flights:
+        lines.append(f"  {_scale_said(found, found.scale)}")
     lines += [f"  flags: {', '.join(found.flags)}"] if found.flags else []
     return "\n".join([*lines, *(f"  warning: {each}" for each in found.warnings)])
 
 
-def _scale_said(scale: PixelScale, checks: Sequence[PixelScale]) -> str:
-    """Say which ruler sets the scale, its u, and how far others are off."""
+def _scale_said(found: FollowedClip, scale: PixelScale) -> str:
+    """Ruler that sets the scale, its u, and how far others are off."""
+    size = 1e3 * scale.metres_per_pixel
     said = (
-        f"scale {with_uncertainty(1e3 * scale.metres_per_pixel, 1e3 * _scale_u(scale))} mm a pixel "
+        f"scale {with_uncertainty(size, size * scale.relative_u)} mm a pixel "
         f"by {SAID[scale.source]} ({100 * scale.relative_u:.2g} %)"
     )
-    for each in checks:
+    for each in found.checks:
         ratio = 100 * (each.metres_per_pixel / scale.metres_per_pixel - 1)
         said += (
             f"; by {SAID[each.source]} {ratio:+.2g} % (u {100 * each.relative_u:.2g} %, "
             f"{abs(off_u(scale, each)):.1f} u off)"
         )
+    roll = _roll(found) or 0.0
+    if abs(roll) >= 1:
+        side = "right" if roll > 0 else "left"
+        said += f"; gravity points {abs(roll):.0f} deg to the {side} of the picture's down"
     return said
-
-
-def _scale_u(scale: PixelScale) -> float:
-    return scale.metres_per_pixel * scale.relative_u
 
 
 def track_title(found: FollowedClip) -> str:

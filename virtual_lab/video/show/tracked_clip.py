@@ -26,8 +26,14 @@ from virtual_lab.video.clips.timing import UNSURE_RATE
 from virtual_lab.video.follow.correction import read_track
 from virtual_lab.video.follow.following import FollowedClip, follow, following
 from virtual_lab.video.follow.known import BALL, FILE, GRAVITY, ClipKnowledge, known_of
-from virtual_lab.video.show.course import BallCourse, course_of, write_speeds, write_table
-from virtual_lab.video.show.track_text import track_document, track_text, track_title
+from virtual_lab.video.show.course import course_rows
+from virtual_lab.video.show.track_text import (
+    flight_rows,
+    track_document,
+    track_text,
+    track_title,
+    write_table,
+)
 
 
 def _within(text: str, least: float, most: float, allowed: str) -> Callable[[float], float]:
@@ -80,7 +86,6 @@ class TrackedClip:
     """The result."""
 
     followed: FollowedClip
-    course: BallCourse
     document: dict[str, Any]
     text: str
     title: str
@@ -91,18 +96,18 @@ class TrackedClip:
 
         Raises `InputError` where the folder is not empty or cannot be written.
         """
-        from virtual_lab.video.show import pictures as drawn
+        from virtual_lab.video.show.pictures import Pictures
 
         self.progress("drawing")
-        pictures = drawn.pictures_of(self.course, self.followed.watched.thumbs)
+        pictures = Pictures(self.followed)
         with new_folder(folder) as draft, ThreadPoolExecutor(1) as beside:
-            film = beside.submit(drawn.write_film, self.course, pictures, draft / "track.webp")
-            write_table(self.course, draft / "track.csv")
-            write_speeds(self.followed, draft / "speeds.csv")
+            film = beside.submit(pictures.write_film, draft / "track.webp")
+            write_table(course_rows(pictures.places), draft / "track.csv")
+            write_table(flight_rows(self.followed), draft / "speeds.csv")
             text = json.dumps(self.document, indent=2, allow_nan=False)
             (draft / "result.json").write_text(text + "\n", encoding="utf-8")
-            drawn.draw_track(self.course, pictures, self.title, draft / "track.png")
-            drawn.write_sheet(self.course, pictures, draft / "sheet.png")
+            pictures.draw(self.title, draft / "track.png")
+            pictures.write_sheet(draft / "sheet.png")
             film.result()
 
 
@@ -137,7 +142,6 @@ def track_clip(
     found = replace(found, clip=replace(clip, samples=clip.samples[:2].copy()))
     return TrackedClip(
         followed=found,
-        course=course_of(found),
         document=track_document(found),
         text=track_text(found),
         title=track_title(found),
