@@ -189,7 +189,7 @@ def test_tables_have_closed_forms() -> None:
     """A level's edge is the normal distribution, a level that falls with depth its integral."""
     radius, width = 20.0, 0.8
     table = blurred_profiles(radius, width, 6.0, 0.0).table
-    t = TABLE.first + np.arange(len(table)) / TABLE.per_width
+    t = -TABLE.widths + np.arange(len(table)) / TABLE.per_width
     density = np.exp(-(t**2) / 2) / np.sqrt(2 * np.pi)
     columns = table.shape[1] // 2
     near = t < 8

@@ -69,7 +69,7 @@ class CameraComparison:
 
 @constants_known()
 def compare_camera(session: Session, reduced: SessionReduction) -> CameraComparison | None:
-    """Return the camera results of a session, None without a camera.
+    """Camera results of a session, None without a camera.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def compare_camera(session: Session, reduced: SessionReduction) -> CameraCompari
 
 
 def camera_constants(session: Session) -> dict[str, Estimate]:
-    """Return the calibration of the camera at the bat."""
+    """Calibration of the camera at the bat."""
     stem = "impact.camera."
     return {
         name.removeprefix(stem): known
@@ -159,7 +159,7 @@ def _by_both(
 def _shots_u(
     found: _Both, own: FramesU, known: Mapping[str, Array], risen: Mapping[str, Array]
 ) -> dict[str, Array]:
-    """Return each shot's standard uncertainties: calibrations, frames and heights together.
+    """Each shot's standard uncertainties: calibrations, frames and heights together.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def _shots_u(
 def _compared(
     variants: Variants, hits: Mapping[str, Array], weights: Array, places: Array
 ) -> ComparedQuantity:
-    """Return a quantity from gates and from video, combined, and their difference.
+    """Quantity from gates and from video, combined, and their difference.
 
     `hits` are those of the variants, (k, hit).
     """
@@ -211,7 +211,7 @@ def _compared(
 
 
 def _share(parts: Mapping[str, list[Component]], apart: Component) -> float:
-    """Return the weight of the video in the combination of least uncertainty.
+    """Weight of the video in the combination of least uncertainty.
 
     Only errors that differ between the two methods matter: the constants, and half of the scatter
     of the differences for each method. The scatter of the hits is common to both.

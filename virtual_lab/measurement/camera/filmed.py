@@ -32,7 +32,7 @@ class CameraResults:
 
 
 def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flights) -> CameraResults:
-    """Return the flights of the balls of a stage from its camera.
+    """Flights of the balls of a stage from its camera.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class FramesU:
 
 
 def frames_u(x: Constants, stage: str, seen: Sightings, found: CameraResults) -> FramesU:
-    """Return the uncertainties of what was `found` from the frames alone.
+    """Uncertainties of what was `found` from the frames alone.
 
     Noise is independent in every frame. The seam pattern causes similar errors in neighbouring
     frames: the spin is unknown, so the least favourable spin is assumed.
@@ -100,7 +100,7 @@ def frames_u(x: Constants, stage: str, seen: Sightings, found: CameraResults) ->
 
 
 def _at_contact(seen: Sightings, found: CameraResults) -> Array:
-    """Return the weight of each frame in the place of contact, (shot, frame)."""
+    """Weight of each frame in the place of contact, (shot, frame)."""
     slope, middle, moment = _line_weights(seen, ~seen.out)
     return np.asarray(middle + slope * (found.met - moment)[:, None])
 
@@ -123,7 +123,7 @@ def _u(seen: Sightings, parts: Array) -> Array:
 
 
 def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[Array, Array]:
-    """Return the ball's centre in the rig's axes from its picture: X, Y (..., shot, frame) [m]."""
+    """Centre of the ball in the rig's axes from its picture: X, Y (..., shot, frame) [m]."""
 
     def of(name: str) -> Array:
         return np.asarray(x[f"{stage}.camera.{name}"])[..., None]
@@ -146,7 +146,7 @@ def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[A
 
 
 def _rays(x: Constants, stage: str, seen: Sightings) -> list[Array]:
-    """Return the directions of pixels in axes of the camera, x/z, y/z, (..., shot, frame).
+    """Directions of pixels in axes of the camera, x/z, y/z, (..., shot, frame).
 
     And the extra shift of the middle of a disc, compared with its centre, by lens distortion.
     Many sets of constants share a lens; each lens is computed once.
@@ -168,14 +168,14 @@ def _of(stage: str, name: str) -> bool:
 
 
 def _from_first(seen: Sightings) -> Array:
-    """Return times from the first frame used, 0 for frames not used, (shot, frame)."""
+    """Return the times from the first frame used, 0 for frames not used, (shot, frame)."""
     times = np.where(np.isfinite(seen.x), seen.times, np.nan)
     first = np.nanmin(times, axis=1, initial=np.inf)[:, None]
     return np.asarray(np.nan_to_num(times - np.where(np.isfinite(first), first, 0.0)))
 
 
 def _line_weights(seen: Sightings, way: Mask) -> tuple[Array, Array, Array]:
-    """Return each frame's weights in the slope and in the middle of a line, and the mean time.
+    """Each frame's weights in the slope and in the middle of a line, and the mean time.
 
     (shot, frame) twice and (shot,); NaN without a frame.
     """
@@ -190,7 +190,7 @@ def _line_weights(seen: Sightings, way: Mask) -> tuple[Array, Array, Array]:
 def _line(
     seen: Sightings, way: Mask, values: Array, at: Array | None = None
 ) -> tuple[Array, Array]:
-    """Return the slope of a weighted line, and the time of its zero or its value `at` a time."""
+    """Slope of a weighted line, and the time of its zero or its value `at` a time."""
     slopes, middles, moment = _line_weights(seen, way)
     used = np.where(middles > 0, values, 0.0)
     slope, middle = np.sum(slopes * used, axis=-1), np.sum(middles * used, axis=-1)

@@ -57,7 +57,7 @@ class Sightings:
 
 
 def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sightings:
-    """Return the positions at which a camera saw the ball of each shot.
+    """Positions at which a camera saw the ball of each shot.
 
     Parameters
     ----------
@@ -104,11 +104,12 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
         useful = (found.flags & USELESS) == 0
         u = np.hypot(found.x_u, found.y_u) / np.sqrt(2)
         table[:, shot, own[kept]] = np.where(useful, [found.x, found.y, u, found.pattern_u], np.nan)
-    return _ways(record.times, *table, size)
+    x, y, u, pattern_u = table
+    return _ways(record.times, x, y, u, pattern_u, size)
 
 
 def noise_of(known: Known) -> Noise:
-    """Return the noise of a camera from its photon transfer measurement."""
+    """Noise of a camera from its photon transfer measurement."""
     gain = known["gain"].value
     dark = known["read_noise"].value ** 2 + known["dark_signal"].value ** 2
     return Noise(
@@ -178,7 +179,7 @@ def _spread(free: Mask) -> Mask:
 
 
 def _placed(seen: Regions, places: Array, blur: Array, radius: float, known: Known) -> Located:
-    """Return the ball in each window, its outline fitted by the camera's calibration."""
+    """Ball in each window, its outline fitted by the camera's calibration."""
     blank = np.full(len(places), np.nan)
     start = Located(
         x=places[:, 0],
@@ -203,7 +204,7 @@ def _placed(seen: Regions, places: Array, blur: Array, radius: float, known: Kno
 
 
 def _ways(times: Array, x: Array, y: Array, u: Array, pattern_u: Array, size: float) -> Sightings:
-    """Return the frames of both ways, without those in which the ball may touch the bat."""
+    """Frames of both ways, without those in which the ball may touch the bat."""
     free, out = _free(times, x + u, size)
     for way in (~out, out):
         free &= ~(way & ((free & way).sum(axis=1) < SEARCH.least)[:, None])

@@ -22,7 +22,7 @@ class BoardView:
 
 
 def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
-    """Return a board's corners in a grey picture; None where there are not enough.
+    """Corners of a board in a grey picture; None where there are not enough.
 
     A chessboard must be seen whole, of a board with markers any part. One whose first square is
     white, as OpenCV printed those of an even number of rows before 4.6, is found too.

@@ -36,7 +36,6 @@ class Demands:
     greatest_focal_u: float = 0.02  # relative: more is no calibration
     rough_rms_px: float = 0.3  # a warning
     greatest_rms_px: float = 1.5  # no calibration
-    outlying_rms_over_usual: float = 3.0  # of a view that does not fit; usual is the median
     least_covered: float = 0.4  # of the picture, within the outermost corners
 
 
@@ -97,7 +96,7 @@ class Calibrated:
 
 
 def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -> Calibrated:
-    """Return the camera that took some pictures: name and grey values (row, column), read once.
+    """Calibrate the camera that took some pictures: name and grey values (row, column), read once.
 
     Raises `InputError`: pictures of several sizes, fewer than three with a board, none in the
     plane view, boards all parallel, residuals that no lens leaves, a plane behind the camera.
@@ -131,7 +130,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
 
 
 def lengths_of(model: CameraModel) -> Array:
-    """Return the lengths in the plane that half the picture's width and height show, (2,) [m]."""
+    """Lengths in the plane that half the picture's width and height show, (2,) [m]."""
     wide, high = model.image_size
     middle = np.array([(wide - 1) / 2, (high - 1) / 2])
     reach = np.array([[wide / 4, 0.0], [0.0, high / 4]])
@@ -142,7 +141,7 @@ def lengths_of(model: CameraModel) -> Array:
 def _found(
     pictures: Iterable[tuple[str, NDArray[Any]]], board: Board
 ) -> tuple[list[tuple[str, BoardView | None]], tuple[int, int]]:
-    """Return the corners of the board in each picture, and width and height."""
+    """Corners of the board in each picture, and width and height."""
     looked: list[tuple[str, BoardView | None]] = []
     size: tuple[int, int] | None = None
     for name, picture in pictures:
@@ -187,7 +186,7 @@ def _require_sound(solved: Solved) -> None:
 
 
 def _turned(rotation: Array) -> Array:
-    """Return a pose's turn by axes as the module has them: quarter turns of the board's own."""
+    """Turn of a pose by axes as the module has them: quarter turns of the board's own."""
     facing = np.diag([1.0, np.sign(rotation[2, 2]), np.sign(rotation[2, 2])])
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turns = [rotation @ facing @ np.linalg.matrix_power(quarter, n) for n in range(4)]
@@ -195,7 +194,7 @@ def _turned(rotation: Array) -> Array:
 
 
 def _lens_and_pose(values: Array, rotation: Array, translation: Array) -> dict[str, Any]:
-    """Return a camera as `CameraModel` has it; `values` as in `Solved`."""
+    """Camera as `CameraModel` has it; `values` as in `Solved`."""
     fx, fy, cx, cy, *bent = map(float, values)
     return {
         "matrix": ((fx, 0.0, cx), (0.0, fy, cy), (0.0, 0.0, 1.0)),
@@ -229,7 +228,7 @@ def _model(
 
 
 def _length_u(solved: Solved, model: CameraModel) -> Array:
-    """Return the relative u of `lengths_of`, from the covariance of lens and pose."""
+    """Relative u of `lengths_of`, from the covariance of lens and pose."""
     rotation = cv2.Rodrigues(np.array(model.rotation))[0]
 
     def logs(step: Array) -> Array:
@@ -259,10 +258,7 @@ def _warnings(
         found.append(f"only {len(seen)} pictures show the board: {many} or more are better")
     if solved.rms > DEMANDS.rough_rms_px:
         found.append(f"residuals of {solved.rms:.2g} pixels are large: is the board flat?")
-    usual = float(np.median(solved.view_rms))
-    for name, rms, lost in zip(names, solved.view_rms, solved.left_out, strict=True):
-        if rms > DEMANDS.outlying_rms_over_usual * usual:
-            found.append(f"{name} does not fit the others: residuals of {rms:.2g} pixels")
+    for name, lost in zip(names, solved.left_out, strict=True):
         if lost:
             found.append(f"{name}: corners far off were left out, {lost} of them")
     hull = cv2.convexHull(np.concatenate([each.places for each in seen]).astype(np.float32))
@@ -280,7 +276,7 @@ def _warnings(
 
 
 def _solved(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int) -> Solved:
-    """Return lens and poses from a board's corners (corner, 3) [m] as they were seen in each view.
+    """Lens and poses from a board's corners (corner, 3) [m] as they were seen in each view.
 
     `size` is the pictures' width and height, `plane` the view whose pose is in the covariance.
     Raises `InputError` where OpenCV finds no camera for them.

@@ -34,7 +34,7 @@ class Plane(PixelScale):
 
 
 def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
-    """Return a ball's places in metres.
+    """Places of a ball in metres.
 
     A calibrated camera goes before metres_per_pixel, that before the ball's diameter.
     """
@@ -83,13 +83,13 @@ def distance_of(camera: CameraModel) -> float:
 
 
 def _pose(camera: CameraModel) -> tuple[Array, Array]:
-    """Return the turn of axes from the plane's to the camera's, and where the camera is [m]."""
+    """Turn of axes from the plane's to the camera's, and where the camera is [m]."""
     rotation = np.asarray(cv2.Rodrigues(np.array(camera.rotation))[0], np.float64)
     return rotation, -rotation.T @ np.array(camera.translation_m)
 
 
 def relative_u_of(camera: CameraModel) -> float:
-    """Return the relative u of lengths in the ball's plane: its height's share of the distance."""
+    """Relative u of lengths in the ball's plane: its height's share of the distance."""
     return float(np.hypot(camera.relative_scale_u, camera.plane_height_u_m / distance_of(camera)))
 
 
@@ -109,7 +109,7 @@ def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Arra
 
 
 def _rays(pixels: Array, camera: CameraModel) -> Array:
-    """Return the directions of pixels in axes of the camera, (n, 3), 1 along its own."""
+    """Directions of pixels in axes of the camera, (n, 3), 1 along its own."""
     matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
     good = np.isfinite(pixels).all(axis=1)
     rays = np.full((len(pixels), 3), np.nan)

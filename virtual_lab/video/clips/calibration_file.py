@@ -103,7 +103,7 @@ class ClipCalibration(Spec):
 def read_calibration(
     path: Path | None, keys: Mapping[str, Any] | None = None, needs_length: bool = True
 ) -> ClipCalibration:
-    """Return the calibration in a TOML file, None: of an unknown camera; `keys` replace the file's.
+    """Calibration in a TOML file, None: of an unknown camera; `keys` replace the file's.
 
     A relative name of `timestamps` counts from its folder. Raises `InputError`, also where no
     length is known though one is needed.

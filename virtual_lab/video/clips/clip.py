@@ -50,11 +50,11 @@ class Clip:
         return len(self.times)
 
     def grey_samples(self, every: int = 1) -> Frame:
-        """Return the samples in grey, (sample, row, column), of some rows and columns."""
+        """Grey values of the samples, (sample, row, column), of some rows and columns."""
         return np.stack([grey_of(each) for each in self.samples[:, ::every, ::every]])
 
     def pictures(self) -> Iterator[Frame]:
-        """Return every frame as it is stored, grey or in colour."""
+        """Every frame as it is stored, grey or in colour."""
         return (picture for picture, _ in ahead(self.source.pictures()))
 
     def chosen(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:
@@ -66,7 +66,7 @@ class Clip:
 
 
 def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
-    """Return a clip after reading it once: a file, a folder, or an array of its frames.
+    """Open a clip and read it once: a file, a folder, or an array of its frames.
 
     Raises `InputError`: no clip, a file cut short, no frames, frames of several sizes or another
     than the calibrated camera's, time stamps that do not fit.

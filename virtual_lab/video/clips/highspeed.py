@@ -21,7 +21,6 @@ from virtual_lab.video.clips.picture_size import require_size
 HIGHSPEED = (".cine", ".mraw", ".cihx", ".cih")
 # frames, rate [1/s], exposure [s], what yields them
 Header = tuple[int, float | None, float | None, Any]
-CINE_SETUP, CINE_SETUP_LENGTH = 28, 142  # B, of the setup's offset in the file, its length in it
 CINE_TIMES, CINE_EXPOSURES = 1002, 1003  # blocks of 64 and 32 bits an image, of 2^-32 s
 
 
@@ -54,9 +53,9 @@ def _cine_blocks(path: Path) -> dict[int, bytes]:
     """Read what stands between a .cine file's setup and its images, by the kind of block."""
     found = {}
     with path.open("rb") as file:
-        setup, images = struct.unpack_from("<II", file.read(44), CINE_SETUP)
-        file.seek(setup + CINE_SETUP_LENGTH)
-        at = setup + struct.unpack("<H", file.read(2))[0]
+        setup, images = struct.unpack("<28xII8x", file.read(44))
+        file.seek(setup)
+        at = setup + struct.unpack("<142xH", file.read(144))[0]
         while at + 8 <= images:
             file.seek(at)
             size, kind, _ = struct.unpack("<IHH", file.read(8))
@@ -99,7 +98,7 @@ def mraw(path: Path) -> Header:
 
 
 def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:
-    """Return grey values; two of 12 bits lie in three bytes, the greater digits first."""
+    """Grey values; two of 12 bits lie in three bytes, the greater digits first."""
     if bits == 8:
         return raw
     if bits == 16:

@@ -24,7 +24,7 @@ def _length_and_u(text: str, key: str, most: float) -> tuple[float, float | None
 
 
 def seconds_of(text: str, key: str) -> float:
-    """Return a time [s]: `8ms`, `0.008 s`, `1/120`."""
+    """Time [s]: `8ms`, `0.008 s`, `1/120`."""
     found = re.fullmatch(r"\s*([0-9.]+(?:e-?\d+)?)\s*(?:/\s*([0-9.]+)\s*)?([a-zµ]*)\s*", text)
     form = "expected a time with its unit, e.g. 8ms or 1/120"
     if not found or not (found[2] or found[3]):
@@ -40,7 +40,7 @@ def seconds_of(text: str, key: str) -> float:
 
 
 def frames_of(text: str) -> tuple[int, int]:
-    """Return the first and last frame of a range: `17:52`."""
+    """First and last frame of a range: `17:52`."""
     found = re.fullmatch(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", text)
     if not found or int(found[2]) <= int(found[1]):
         raise InputError("", "--frames", text, "expected first:last, e.g. 17:52")
@@ -65,7 +65,7 @@ def place_of(text: str) -> tuple[float, float, int]:
 
 
 def scale_of(text: str) -> tuple[float, float]:
-    """Return metres per pixel and their u by two points and their distance: `x,y:x,y=50cm`."""
+    """Metres per pixel and their u by two points and their distance: `x,y:x,y=50cm`."""
     points, sign, length = text.partition("=")
     first, between, second = points.partition(":")
     form = "x,y:x,y=length, e.g. 100,200:300,200=50cm"

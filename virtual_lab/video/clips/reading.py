@@ -74,7 +74,7 @@ class Source:
 
 
 def open_source(path: Path | Frame) -> Source:
-    """Return the frames of a clip; `InputError` where there is none that can be read.
+    """Frames of a clip; `InputError` where there is none that can be read.
 
     `path`: a file or a folder; or the frames, (frame, row, column) or with a last axis of colours,
     blue first as OpenCV has them.
@@ -100,7 +100,7 @@ def open_source(path: Path | Frame) -> Source:
 
 
 def _image_files(path: Path) -> list[Path]:
-    """Return the images in a folder, image9 before image10; `InputError` where there are none."""
+    """Images in a folder, image9 before image10; `InputError` where there are none."""
 
     def counted(file: Path) -> list[tuple[int, str]]:
         parts = re.split(r"(\d+)", file.name.lower())
@@ -254,7 +254,7 @@ def _require_picture(frame: Frame, where: str) -> None:
 
 
 def grey_of(frame: Frame) -> Frame:
-    """Return a frame as grey of its own depth."""
+    """Frame as grey of its own depth."""
     import cv2
 
     if frame.ndim == 2:

@@ -20,7 +20,7 @@ UNSURE_RATE = "the frame rate is the file's own"
 def frame_times(
     source: Source, stamps: Array, calibration: ClipCalibration
 ) -> tuple[Array, tuple[str, ...]]:
-    """Return the time of each frame [s] and warnings.
+    """Time of each frame [s] and warnings.
 
     `stamps` (frame,) came with the frames, NaN where the file has none [s]. Time stamps of the
     calibration go before its frame rate, that before the file's word. Raises `InputError` where
@@ -71,7 +71,7 @@ def frame_times(
 
 
 def usual_step(times: Array) -> float:
-    """Return the time between frames [s]: the mean where it is even, else the median."""
+    """Time between frames [s]: the mean where it is even, else the median."""
     steps = np.diff(times)
     if not len(steps):
         return 1.0
@@ -97,7 +97,7 @@ def uneven(times: Array) -> bool:
 
 
 def _read_stamps(path: Path, count: int) -> Array:
-    """Return the time stamps [s] in a CSV file: one column, or the one called time_s."""
+    """Time stamps [s] in a CSV file: one column, or the one called time_s."""
     lines = [line for line in read_text(path).splitlines() if len(line) < 10_000]
     rows = [row for row in csv.reader(lines) if any(map(str.strip, row))]
     head = [cell.strip() for cell in rows[0]] if rows else []

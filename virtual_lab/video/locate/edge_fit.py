@@ -76,7 +76,7 @@ def fit_edge(
     oval: ArrayLike = 0.0,
     oval_u: float = RIM_FIT.oval_u,
 ) -> Located:
-    """Return the balls of a batch of regions by their outlines.
+    """Balls of a batch of regions by their outlines.
 
     `x_u` and `y_u` are noise alone; `pattern_u` is what the pattern may shift x or y by.
 
@@ -203,7 +203,7 @@ class Equations(NamedTuple):
 
 
 def _equations(sums: Array, knots: int) -> Equations:
-    """Return the equations of the kernel's sums."""
+    """Equations of the kernel's sums."""
     count = len(AT)
     begin, end = np.s_[count : count + knots], np.s_[count + knots : -1]
     rest = np.r_[:count, -1]
@@ -219,7 +219,7 @@ def _equations(sums: Array, knots: int) -> Equations:
 def _solved(
     equations: Equations, pattern: Array, spread: Array, stiffness: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Return steps of shared parameters and pattern, with what they are known to.
+    """Return the steps of shared parameters and pattern, with what they are known to.
 
     The pattern is believed to be alike over some way along the rim, of a standard deviation
     `spread` (sector,). Then come the covariance of x, y and radius, and theirs with the pattern,
@@ -245,12 +245,12 @@ def _solved(
 
 
 def _like(sectors: int) -> float:
-    """Return the correlation of a pattern from one sector to the next."""
+    """Correlation of a pattern from one sector to the next."""
     return exp(-2 * pi / sectors / TABLE.alike)
 
 
 def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
-    """Return the solution of a ring of blocks of which only neighbours meet, as `right`.
+    """Solution of a ring of blocks of which only neighbours meet, as `right`.
 
     `blocks` (block, n, n) are on the diagonal, `links` from each to the next, the last's to the
     first; `right` (block, n, m). Folded, 0, last, 1, …, neighbours are two places apart: a band.
@@ -273,7 +273,7 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
 
 @lru_cache
 def _folded(count: int, n: int) -> tuple[Places, tuple[Places, Places], tuple[Places, Places]]:
-    """Return the rows of each block of a folded ring; where in the band blocks and links stand."""
+    """Rows of each block of a folded ring; where in the band blocks and links stand."""
     step = np.minimum(2 * np.arange(count), 2 * count - 1 - 2 * np.arange(count))
     first = step[:, None] * n + np.arange(n)
     places = []
@@ -294,14 +294,14 @@ def _before(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _shifts(by_pattern: Array, stiffness: Array) -> Array:
-    """Return the variance a pattern gives x, y and radius, from their rows of the inverse."""
+    """Variance a pattern gives x, y and radius, from their rows of the inverse."""
     like = _like(len(by_pattern))
     along = (1 + like**2) * by_pattern - 2 * like * _next(by_pattern)
     return np.asarray(np.einsum("ska,kl,sla->a", by_pattern, stiffness, along) / (1 - like**2))
 
 
 def _brightness(region: Array, p: Array, noise: Noise) -> float:
-    """Return the root mean square of the ball's grey values over the black."""
+    """Root mean square of the ball's grey values over the black."""
     row, col = np.ogrid[: region.shape[0], : region.shape[1]]
     ball = np.hypot(row - p[AT.y], col - p[AT.x]) < 0.9 * p[AT.radius]
     return max(1.0, sqrt(float(np.mean((region[ball] - noise.black) ** 2)))) if ball.any() else 1.0
@@ -315,7 +315,7 @@ def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> f
 
 
 def covered(view: View, p: Array, noise: Noise) -> float:
-    """Return the share of the rim's pixels that are as bright as their background, alone.
+    """Share of the rim's pixels that are as bright as their background, alone.
 
     What stands before the ball stood there before it came: a bat, a cable, the sabot's catcher.
     """

@@ -22,7 +22,6 @@ class Summing(NamedTuple):
     """Which pixels about an outline are summed, and how they weigh."""
 
     coarse_rows: int = 3  # from one to the next until the fit settles
-    blurred_widths: float = 4.6  # from the edge: farther off a pixel is all ball or background
     outside_px: float = 4.0  # of background beyond the edge
     loose_sigmas: float = 5.0  # beyond which a residual weighs less
     stray_variances: float = 36.0  # a residual's square: such a pixel fits nothing
@@ -69,7 +68,7 @@ def _fill(
         u, v = u / r, v / r
         cos2, sin2 = u * u - v * v, 2.0 * u * v
         edge = p[AT.radius] * (1.0 + p[AT.oval_c] * cos2 + p[AT.oval_s] * sin2)
-        entry = ((edge - r) / s - bend - TABLE.first) * TABLE.per_width
+        entry = ((edge - r) / s - bend + TABLE.widths) * TABLE.per_width
         if entry <= 0.0:
             continue
         i = min(int(entry), table.shape[0] - 2)
@@ -100,7 +99,7 @@ def _fill(
 def _weigh(
     value: float, mean: float, ball: float, edge: float, first: bool, noise: Noises, tally: Array
 ) -> float:
-    """Return a pixel's weight, and tally it.
+    """Weigh a pixel, and tally it.
 
     It is 0 where full scale hides what the pixel would have shown, and where what is behind the
     ball has moved: a bat that recoils. `ball` and `edge`: the ball's and its outline's share of it.
@@ -143,7 +142,7 @@ def sector_sums(
     tally, row, light = np.zeros(len(TALLY)), np.empty(n), np.empty(TABLE.shades + knots)
     along = sqrt(way[0] * way[0] + way[1] * way[1])
     oval = p[AT.radius] * (abs(p[AT.oval_c]) + abs(p[AT.oval_s]))
-    blurred = SUM.blurred_widths * rim.width + oval
+    blurred = TABLE.widths * rim.width + oval
     most = p[AT.radius] + 0.5 * along + blurred + SUM.outside_px
     top, low = max(0, int(p[AT.y] - most)), min(rows, int(p[AT.y] + most) + 2)
     for i in range(top, low, SUM.coarse_rows if first else 1):

@@ -60,14 +60,14 @@ Parts = TypeVar("Parts", Located, Regions)
 
 
 def part_of(whole: Parts, which: NDArray[np.intp] | slice) -> Parts:
-    """Return some of the regions."""
+    """Part of the regions."""
     every = {each.name: getattr(whole, each.name) for each in fields(whole)}
     part: dict[str, Any] = {n: None if v is None else v[which] for n, v in every.items()}
     return replace(whole, **part)
 
 
 def squares(start: Located, shape: tuple[int, int]) -> list[tuple[slice, slice]]:
-    """Return rows and columns of one square region about the ball of each frame.
+    """Rows and columns of one square region about the ball of each frame.
 
     A region that would leave the frame is moved back into it: the frame's edge cuts the ball.
     """

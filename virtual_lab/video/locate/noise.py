@@ -49,13 +49,13 @@ class Noise:
         return tuple(map(float, (self.gain, self.read, self.black, self.prnu, self.full_scale)))
 
     def variance(self, mean: ArrayLike) -> Array:
-        """Return the variance of pixels of some mean grey values, same shape [DN^2]."""
+        """Variance of pixels of some mean grey values, same shape [DN^2]."""
         light = np.maximum(np.asarray(mean, float) - self.black, 0.0)
         return self.gain * light + (self.prnu * light) ** 2 + self.read
 
     @classmethod
     def measured(cls, frames: NDArray[np.generic], full_scale: float) -> Self:
-        """Return the noise of frames of a still scene, by the photon-transfer method.
+        """Noise of frames of a still scene, by the photon-transfer method.
 
         `frames` (frame, row, col) are two or more, without the ball; no light is a grey value of
         0. Differences of successive frames show the noise in time alone: `prnu` is 0. What moves
@@ -87,7 +87,7 @@ def _spread(change: Array) -> float:
 
 
 def _line(levels: Array, variances: Array) -> tuple[float, float]:
-    """Return slope and intercept of variance over level, neither less than there can be."""
+    """Slope and intercept of variance over level, neither less than there can be."""
     from scipy.optimize import nnls
 
     weights = 1 / variances  # a variance's own spread goes with it

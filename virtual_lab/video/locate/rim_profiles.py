@@ -30,7 +30,7 @@ TALLY = Tally._make(range(len(Tally._fields)))
 class Table(NamedTuple):
     """How the tables are laid out, and what is believed of a pattern."""
 
-    first: float = -5.0  # where they begin, widths inside the edge
+    widths: float = 5.0  # beyond the edge a pixel is all ball or all background: they begin there
     per_width: int = 32  # entries
     shades: int = 3  # columns before the pattern's: a level, the way to the side, the facing
     depths: int = 900  # of the quadrature
@@ -54,7 +54,7 @@ class Profiles(NamedTuple):
 
 
 def blurred_profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
-    """Return tables for balls of about a radius that move by `blur` in an exposure [pixel]."""
+    """Tables for balls of about a radius that move by `blur` in an exposure [pixel]."""
     depth = min(inside + blur, radius)
     deepest = min(float(_facing(np.array(depth), radius)), TABLE.deepest_knot)
     facings = np.linspace(0.0, deepest, max(3, 1 + round(deepest / TABLE.knot_spacing)))
@@ -64,8 +64,8 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     facing = _facing(middles, radius)
     hats = [np.interp(facing, facings, one) for one in np.eye(facings.size)]
     columns = np.stack([np.ones(TABLE.depths), 1 - middles / radius, facing, *hats], axis=1)
-    entries = int(np.ceil((reach / width - TABLE.first) * TABLE.per_width)) + 1
-    t = TABLE.first + np.arange(entries) / TABLE.per_width
+    entries = int(np.ceil((reach / width + TABLE.widths) * TABLE.per_width)) + 1
+    t = -TABLE.widths + np.arange(entries) / TABLE.per_width
     away = t[:, None] - middles / width
     weight = np.exp(-(away**2) / 2) / np.sqrt(2 * np.pi) * steps / width
     # beyond the last depth brightness goes on as it is there

@@ -143,7 +143,7 @@ def _places(found: Located) -> Array:
 
 
 def on_the_limb(seen: Regions, start: Located) -> Located:
-    """Return places from the lit limb, to a pixel or two; those of the start where there is none.
+    """Places from the lit limb, to a pixel or two; those of the start where there is none.
 
     A lamp from the side lights a part of a ball alone: limb on one side of the light, on the other
     the line between light and shade. Of all circles of the ball's size, that on which most of the

@@ -30,7 +30,7 @@ HEAD = """\
 
 
 def calibration_toml(found: Calibrated) -> str:
-    """Return the calibration file."""
+    """Write the calibration file."""
     known = asdict(found.model)
     fit = known.pop("fit")
     lines = [*map(_entry, known, known.values()), "", "[camera.fit]"]
@@ -39,7 +39,7 @@ def calibration_toml(found: Calibrated) -> str:
 
 
 def calibration_document(found: Calibrated) -> dict[str, Any]:
-    """Return the calibration as JSON has it."""
+    """Write the calibration for JSON."""
     across, down = lengths_of(found.model) / (np.array(found.model.image_size) / 2)
     return {
         "camera": asdict(found.model),
@@ -52,13 +52,14 @@ def calibration_document(found: Calibrated) -> dict[str, Any]:
 
 
 def calibration_text(found: Calibrated) -> str:
-    """Return the calibration in a few lines."""
+    """Write the calibration in a few lines."""
     model, fit = found.model, found.model.fit
     assert fit is not None
     (fx, _, cx), (_, fy, cy), _ = model.matrix
     across, down = 1e3 * lengths_of(model) / (np.array(model.image_size) / 2)
     k1, k2, p1, p2, k3 = map(with_uncertainty, model.distortion, fit.distortion_u)
     far = float(np.linalg.norm(model.translation_m))
+    rms, worst = found.solved.view_rms, int(found.solved.view_rms.argmax())
     lines = [
         f"{fit.board}: {fit.views} pictures, {fit.corners} corners, residuals "
         f"{fit.rms_px:.2g} pixels rms",
@@ -72,6 +73,7 @@ def calibration_text(found: Calibrated) -> str:
         _line("without it", f"{model.relative_scale_u:.1e}"),
         _line("camera to board, m", with_uncertainty(far, fit.translation_u_m[2])),
         _line("plane view", Path(found.views[found.plane]).name),
+        _line("largest residuals", f"{rms[worst]:.2g} pixels rms", Path(found.views[worst]).name),
     ]
     return "\n".join([*lines, *(f"  warning: {each}" for each in found.warnings)])
 
@@ -111,7 +113,8 @@ def draw_calibration(found: Calibrated, path: Path) -> None:
                 width=0.0012,
                 headwidth=4,
             )
-        axes.quiverkey(arrows, 0.9, 1.03, solved.rms, f"rms, {solved.rms:.2g} pixels")
+        words = f"rms each way, {solved.rms:.2g} pixels"
+        axes.quiverkey(arrows, 0.95, 1.03, solved.rms, words, labelpos="W")
         axes.set(xlim=(-0.5, wide - 0.5), ylim=(high - 0.5, -0.5), aspect="equal")
         axes.set(xlabel="x, pixels", ylabel="y, pixels")
         axes.set_title("what the lens leaves of each corner", pad=16)

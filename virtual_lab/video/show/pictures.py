@@ -30,12 +30,10 @@ NONE = "#969696"  # of places outside of them
 class Layout:
     """How large pictures are, and how many."""
 
-    tile_px: float = 1.5e5  # a picture of sheet, film and plot, at most
-    tile_width_px: int = 400  # at most
-    tiles: int = 12  # of the sheet, beside those about contacts
+    tile_px: float = 1e5  # a picture of sheet, film and plot, at most
+    tiles: int = 12  # of the sheet, beside those about contacts; about so many balls in the plot
     frames: int = 80  # of the film, at most
     frame_ms: int = 60
-    balls: int = 14  # drawn into one picture, about
 
 
 LAYOUT = Layout()
@@ -52,7 +50,7 @@ class Pictures:
         self.film = _spread(len(self.places), LAYOUT.frames)
         self.sheet = self._about_contacts()
         rows, columns = self.clip.shape
-        self.scale = min(LAYOUT.tile_width_px / columns, (LAYOUT.tile_px / (rows * columns)) ** 0.5)
+        self.scale = (LAYOUT.tile_px / (rows * columns)) ** 0.5
         size = max(1, round(columns * self.scale)), max(1, round(rows * self.scale))
         wanted = np.unique(self.places["frame"][sorted({*self.sheet, *self.film})])
         # kept ones are of 8 bits
@@ -135,7 +133,7 @@ class Pictures:
         stands = min(shown, key=lambda k: abs(self.places["time_s"][k] - time))
         whole = self._still(stands).copy()
         rows, columns = np.ogrid[: whole.shape[0], : whole.shape[1]]
-        for k in seen[:: max(1, len(seen) // LAYOUT.balls)]:
+        for k in seen[:: max(1, len(seen) // LAYOUT.tiles)]:
             x, y = (spots(self.places)[k] + 0.5) * self.scale - 0.5
             reach = (self.places["reach_px"][k] + 2) * self.scale
             inside = np.hypot(columns - x, rows - y) < reach
