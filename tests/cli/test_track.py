@@ -83,6 +83,7 @@ def test_options_go_before_the_calibration_file(folder: Path, tmp_path: Path, wo
     found = json.loads(done.stdout)
     u = np.hypot(0.01, np.sqrt(2) / 100)
     assert found["scale"].pop("checks") == []
+    assert found["scale"].pop("roll_deg") is None
     assert found["scale"] == pytest.approx(
         {"metres_per_pixel": 2e-3, "relative_u": u, "from": "given"}
     )

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -94,8 +92,6 @@ def track(clip: Path, progress: Progress, **asked: Any) -> Any:
     """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its messages would stand beside ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-    # the plot's library loads while the clip is decoded
-    Thread(target=import_module, args=("matplotlib.figure",)).start()
     return api.track(clip, progress=progress, **asked)
 
 
