@@ -14,10 +14,11 @@ from math import nan
 
 from tests.bench.inspector import faults_on, margins
 from virtual_lab.bench.day.actions import Action, action_of
+from virtual_lab.bench.day.day import ready_steps
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.operators import Look
 from virtual_lab.bench.day.scenario import load_scenario
-from virtual_lab.bench.day.table import MAKE_READY, detectable, preparation
+from virtual_lab.bench.day.table import detectable, preparation
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import laboratory_of, taken
 from virtual_lab.bench.pages.page import day_page
@@ -70,7 +71,7 @@ def looker(shots: int) -> object:
         yield action_of("set-place", {"place": round((place or 0.163) * 1e3, 3)})
         for shot in range(shots):
             yield action_of("load-ball", {"ball": shot % 12 + 1})
-            yield from map(action_of, (*MAKE_READY, "fire"))
+            yield from map(action_of, (*ready_steps(look().day), "fire"))
         yield from map(action_of, ("tap-bat", "recheck-balls"))
 
     return taken_so

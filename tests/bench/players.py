@@ -14,10 +14,9 @@ from itertools import cycle, islice
 import numpy as np
 
 from virtual_lab.bench.day.actions import Action, action_of
-from virtual_lab.bench.day.day import Day
+from virtual_lab.bench.day.day import Day, ready_steps
 from virtual_lab.bench.day.operators import Look, Operator, operator_of
 from virtual_lab.bench.day.scenario import SCORES, load_scenario
-from virtual_lab.bench.day.table import MAKE_READY
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import laboratory_of, taken
 from virtual_lab.bench.scoring.debrief import debrief
@@ -42,7 +41,7 @@ def only_fires(look: Look) -> Iterator[Action]:
     yield action_of("set-place", {"place": 163})
     for shot in range(6):
         yield action_of("load-ball", {"ball": shot + 1})
-        yield from map(action_of, (*MAKE_READY, "fire"))
+        yield from map(action_of, (*ready_steps(look().day), "fire"))
     yield from _refusing(look)
 
 
@@ -85,7 +84,7 @@ def _until_it_passes(look: Look) -> Iterator[Action]:
         highest = int(np.where(counted, look().by_rules.shot_metric, -np.inf).argmax())
         yield action_of("reject", {"shot": highest + 1, "because": "did not sound right"})
         yield action_of("load-ball", {"ball": look().next_ball + 1})
-        yield from map(action_of, (*MAKE_READY, "fire"))
+        yield from map(action_of, (*ready_steps(look().day), "fire"))
         shot, why = len(look().day.fired), look().reasons[-1]
         because = {"because": why} if why else {}
         yield action_of("reject" if why else "accept", {"shot": shot, **because})

@@ -8,11 +8,11 @@ import pytest
 
 from tests.bench.days import PLACE_MM, PLAIN, apparatus, asked
 from virtual_lab.bench.day.actions import Action, action_of
+from virtual_lab.bench.day.day import ready_steps
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.operators import Look, Operator, operator_of
 from virtual_lab.bench.day.readings import doubts
 from virtual_lab.bench.day.table import (
-    MAKE_READY,
     action_table,
     detectable,
     preparation,
@@ -33,20 +33,20 @@ def mending(fault: str) -> Operator:
     name, given = remedy
     sheet = action_table().actions[name]
 
-    def fires() -> Iterator[Action]:
+    def fires(look: Look) -> Iterator[Action]:
         yield action_of("set-place", {"place": PLACE_MM})
         for shot in range(SHOTS):
             yield action_of("load-ball", {"ball": shot + 1})
-            yield from map(action_of, (*MAKE_READY, "fire"))
+            yield from map(action_of, (*ready_steps(look().day), "fire"))
 
     def taken_so(look: Look) -> Iterator[Action]:
         yield from map(action_of, preparation())
         checks = [each for each in detectable()[fault].actions if each not in preparation()]
         shoots = "fire" in checks
-        checks = [each for each in checks if each not in {*MAKE_READY, "fire"}]
+        checks = [each for each in checks if each not in {*ready_steps(look().day), "fire"}]
         yield from map(action_of, checks)
         if shoots:
-            yield from fires()
+            yield from fires(look)
         assert fault in {row.fault for row in doubts(look())}
         if fault == "ball-worn-out":
             worn = next(row for row in doubts(look()) if row.fault == fault)
@@ -56,7 +56,7 @@ def mending(fault: str) -> Operator:
         yield from (action_of(each) for each in sheet.again if look().day.times(each))
         yield from map(action_of, checks)
         if shoots:
-            yield from fires()
+            yield from fires(look)
 
     return taken_so
 

@@ -16,7 +16,6 @@ import pytest
 from tests.bench.days import PLAIN, asked
 from virtual_lab import catalog
 from virtual_lab.bench.day.actions import ARGUMENTS
-from virtual_lab.bench.day.log import LOG
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.entrance.served_day import DEBRIEFS, ServedDay
 from virtual_lab.bench.pages.page import day_page
@@ -127,7 +126,8 @@ def test_the_first_page_lists_the_days_and_begins_one(tmp_path: Path) -> None:
     assert browser.ask("/begin", {"scenario": "college-friday"}).status == 303
     page = browser.ask("/").text
     assert "A college Friday" in re.search("<h1>(.*?)</h1>", page)[1]
-    assert (tmp_path / "college-friday" / LOG).exists()
+    assert "Zero the encoder" not in page  # its rig has none
+    assert [each.name for each in tmp_path.iterdir()] == ["day"]  # nothing is left of the other
     assert 'name="scenario"' in page
     browser.do("tare")
     assert 'name="scenario"' not in browser.ask("/").text

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.bench.day.actions import Action, action_of
+from virtual_lab.bench.day.day import ready_steps
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.protocol import excused, left_out
 from virtual_lab.bench.day.readings import doubts
 from virtual_lab.bench.day.table import (
-    MAKE_READY,
     action_table,
     detectable,
     preparation,
@@ -134,7 +134,7 @@ def _hits(look: Look, habits: Habits) -> Iterator[Action]:
             yield action_of("set-place", {"place": round(place * 1e3, 3)})
         if not (shot and habits.slips(habits.forgets, "load-ball", shot)):
             yield action_of("load-ball", {"ball": look().next_ball + 1})
-        for step in MAKE_READY:
+        for step in ready_steps(look().day):
             if not habits.slips(habits.forgets, step, shot):
                 yield action_of(step)
         yield action_of("fire")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from virtual_lab.bench.day.day import Day, Shown
-from virtual_lab.bench.day.table import MAKE_READY, PREPARING, action_table
+from virtual_lab.bench.day.day import Day, Shown, ready_steps
+from virtual_lab.bench.day.table import PREPARING, action_table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +31,7 @@ def steps_due(day: Day) -> Iterator[StepDue]:
         seen.add(event.action)
         since.add(event.action)
         if event.action == "fire":
-            for step in (*MAKE_READY, "load-ball"):
+            for step in (*ready_steps(day), "load-ball"):
                 if shot or step != "clear-scrap":  # before the first shot there is none
                     yield StepDue(step=step, before=at, done=step in since, shot=shot)
             since.clear()

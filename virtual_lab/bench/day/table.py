@@ -43,6 +43,7 @@ class ActionSheet(Spec):
     mends: tuple[str, ...] = ()  # faults that are over once it is done
     takes: tuple[Argument, ...] = ()  # what it is told
     again: tuple[str, ...] = ()  # actions whose readings it makes old
+    needs: str = ""  # instrument of the rig, as calibration keys name it
     channel: str = ""  # of the bench, that it writes
     check_after: str = ""  # a check: the step of the book that it fits best after
     on_checklist: YesNo = False  # before the first shot

@@ -234,12 +234,17 @@ class ServedDay:
         return {} if self.chosen or self.desk.day.events else scenarios_to_choose()
 
     def begin(self, name: str) -> ServedDay:
-        """Return another day in a folder beside this one; `InputError` where it is not offered."""
+        """Return another day in the place of this one; `InputError` where it is not offered."""
         if name not in self.others:
             allowed = f"allowed before the first entry: {', '.join(self.others) or 'none'}"
             raise InputError("", "scenario", name, allowed)
-        target = first_free(self.folder.with_name(name))
-        day = ServedDay(target, load_scenario(name), chosen=False)
+        from virtual_lab.bench.machines.keeping import SECRET
+
+        _ = self.kept  # set up, so that nothing is written to the folder any more
+        for each in (LOG, SECRET):
+            (self.folder / each).unlink()
+        self.folder.rmdir()
+        day = ServedDay(self.folder, load_scenario(name), chosen=False)
         day.open()
         return day
 

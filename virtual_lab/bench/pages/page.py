@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from virtual_lab.bench.day.actions import ARGUMENTS
 from virtual_lab.bench.day.arguments import Argument
-from virtual_lab.bench.day.day import Day, DayEvent, offered
+from virtual_lab.bench.day.day import Day, DayEvent, offered, ready_steps
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.doubts import known_doubts
 from virtual_lab.bench.day.readings import rows_of
 from virtual_lab.bench.day.scenario import UNITS, Scenario
-from virtual_lab.bench.day.table import MAKE_READY, action_table, in_buttons, preparation
+from virtual_lab.bench.day.table import action_table, in_buttons, preparation
 from virtual_lab.bench.pages.papers import wall_pages
 from virtual_lab.bench.pages.slow_motion import Motion, SlowMotion, sketched, slow_motion
 from virtual_lab.bench.pages.tally import in_units, residual_chart, run_chart, swings, tally
@@ -122,7 +122,7 @@ def day_page(
     sheets = table.actions.items()
     shown = [name for name, each in sheets if each.part != "hits" and offered(day, name)]
     suggested = _suggested(desk, briefing)
-    each_shot = ("load-ball", *MAKE_READY, "fire")  # what the button of several does
+    each_shot = ("load-ball", *ready_steps(day), "fire")  # what the button of several does
     return page_template(PACKAGE, "day.html").render(
         **_shown(desk, briefing, hits, shot, true_motion),
         briefing=briefing,
@@ -151,7 +151,7 @@ def day_page(
         hits_note=in_buttons(desk.missing),
         suggested=suggested,
         can_fire=offered(day, "fire"),
-        ready=[(table.actions[name].title, name in day.ready) for name in MAKE_READY],
+        ready=[(table.actions[name].title, name in day.ready) for name in ready_steps(day)],
         each_shot=f"{sum(table.actions[name].minutes for name in each_shot) / 60:g}",
         doubts=_doubts(day),
         entries=_entries(day)[::-1],

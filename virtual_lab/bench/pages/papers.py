@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from virtual_lab.bench.day.desk import Desk
     from virtual_lab.uncertainty.estimate import Estimate
 
-SCALES = {"mm": 1e3, "ppm": 1e6, "deg": 1 / DEGREE, "kg mm²": 1e6, "kg mm": 1e3, "g": 1e3}
+SCALES = {"mm": 1e3, "ppm": 1e6, "deg": 1 / DEGREE, "kg mm²": 1e6, "kg mm": 1e3, "g": 1e3, "%": 1e2}
 
 
 @cache

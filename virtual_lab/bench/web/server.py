@@ -27,9 +27,9 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from virtual_lab.bench.day.actions import Action, action_of
-from virtual_lab.bench.day.day import DayEvent
+from virtual_lab.bench.day.day import DayEvent, ready_steps
 from virtual_lab.bench.day.scenario import UNITS, Scenario
-from virtual_lab.bench.day.table import MAKE_READY, in_buttons
+from virtual_lab.bench.day.table import in_buttons
 from virtual_lab.bench.pages.page import (
     Refusal,
     day_page,
@@ -88,7 +88,7 @@ class Room(Protocol):
         ...
 
     def begin(self, name: str) -> Room:
-        """Return another day that begins; `InputError` where it is not offered."""
+        """Return another day that begins in its place; `InputError` where it is not offered."""
         ...
 
     def branch(self, entry: int) -> Room:
@@ -350,7 +350,7 @@ def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
             if room.desk.rule_off:
                 room.do(action_of("set-place", {"place": round(place * 1e3, 3)}))
         room.do(action_of("load-ball", {"ball": room.desk.next_ball + 1}))
-        for step in MAKE_READY:
+        for step in ready_steps(room.desk.day):
             room.do(action_of(step))
         room.do(action_of("fire"))
         odd = bool(room.desk.reasons[-1])
