@@ -101,7 +101,7 @@ def debriefed(monkeypatch: pytest.MonkeyPatch) -> Any:
             DayEvent(number=at, action=each.name, arguments=each.arguments, seconds=60 * ACTION)
             for at, each in enumerate(asked(actions), 1)
         )
-        untouched: Any = None
+        untouched: Any = SimpleNamespace(calibration={})
         seen.clear()
         seen.update(dict.fromkeys(visible, 1))
         day = replayed(Day(morning=untouched, balls=6), events)
