@@ -31,7 +31,7 @@ from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.day.table import detectable
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import laboratory_of, played, taken
-from virtual_lab.bench.scoring.debrief import Debrief, debrief
+from virtual_lab.bench.scoring.debrief import Debrief, TimeLine, debrief
 from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
@@ -288,7 +288,8 @@ def test_the_debrief_sets_an_experts_day_beside_the_trainees() -> None:
     same = [(mine, theirs) for mine, theirs in debriefed("book").hits]
     assert all(mine == theirs for mine, theirs in same)
     review = found.fault_reviews[0]
-    assert (review.visible, review.named, review.checks) == (0, 0, ("Gauge the gate distances",))
+    assert review.yours == TimeLine(seen=None, named=None, acted=None)
+    assert review.checks == ("Gauge the gate distances",)
     assert "missed it" in debrief_page(found)
     assert found.change.startswith(("protocol", "detection", "record", "result"))
 
@@ -333,9 +334,10 @@ def test_a_fault_is_told_with_the_entry_that_showed_it_and_the_one_that_named_it
     found = debriefed("expert", "bat-cracked")
     events = {event.number: event for event in day_by("expert", "bat-cracked").events}
     (review,) = found.fault_reviews
-    assert events[review.visible].action == "tap-bat"
-    assert events[review.named].arguments["doubt"] == "bat-cracked"
-    assert review.visible < review.named
+    seen, named = review.yours.seen.entry, review.yours.named.entry
+    assert events[seen].action == "tap-bat"
+    assert events[named].arguments["doubt"] == "bat-cracked"
+    assert seen < named
 
 
 def test_the_confidence_in_the_verdict_is_scored_by_brier() -> None:

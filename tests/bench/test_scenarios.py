@@ -124,7 +124,8 @@ def test_records_of_another_laboratory_are_judged_with_its_machines_far(tmp_path
     assert told.found == ("gate-doubles",)
     assert {score.name: score.value for score in told.scores}["record"] == 1
     assert any(step.done != "done" and step.excuse for step in told.steps)
-    assert told.fault_reviews[0].visible <= day.day.came_with < told.fault_reviews[0].named
+    line = told.fault_reviews[0].yours
+    assert line.seen.entry <= day.day.came_with < line.named.entry
 
 
 def test_the_seal_holds_until_the_sealed_file_is_another(tmp_path: Path) -> None:

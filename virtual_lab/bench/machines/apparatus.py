@@ -330,9 +330,7 @@ class Apparatus:
 
     def _measure_pivot(self, day: Day, action: Action) -> Reading:
         pivot = instrument_of(self.laboratory.stations[Stage.IMPACT], "pivot")
-        known = day.morning.calibration.get("impact.pivot.from_knob")
-        if pivot is None or known is None:
-            raise InputError(action.name, "pivot", None, "this rig has none")
+        known = day.morning.calibration["impact.pivot.from_knob"]
         off = self._table.pivot_rule_u * self._off(day, action)
         measured = _millimetres("axis from the knob, measured", pivot.true["from_knob"] + off, 1)
         return Reading(

@@ -21,22 +21,12 @@ Units = tuple[tuple[str, float], tuple[str, float]]  # of a length and a speed i
 SETTLED = 3e-3  # s after the contact: ball gone
 
 
-class ShotTally(NamedTuple):
-    """A shot as printed: what the instruments saw of it."""
+class TallyColumn(NamedTuple):
+    """What one instrument made of each shot, as printed."""
 
-    shot: int
-    ball: int
-    place: str  # as set
-    aimed: str  # as corrected by the aim paper
-    speed: str
-    gates_in: str
-    gates_back: str
-    chords: str  # time in the first gate over that in the last, coming in
-    recoil: str  # e_A by it
-    rebound: str
-    residual: str  # of the encoder's fit
-    before: str  # rate of the bat before the hit
-    odd: str
+    title: str
+    cells: list[str]
+    words: bool = False  # not numbers
 
 
 class SwingShown(NamedTuple):
@@ -82,45 +72,39 @@ def in_units(sentence: str, system: str) -> str:
     return re.sub(pattern, printed, sentence) if system == "SI" else sentence
 
 
-def tally(desk: Desk, system: str) -> list[ShotTally]:
-    """Return every shot of a day as its instruments saw it; nothing while it cannot be reduced."""
+def tally(desk: Desk, system: str) -> list[TallyColumn]:
+    """Return what each instrument of the rig saw of all shots; nothing before it can be reduced."""
     if not desk.day.fired or desk.missing:
         return []
-    (_, metre), (_, metre_a_second) = UNITS[system]
-    found = desk.by_rules
-    log: Any = desk.session.records["impact"]["log"]
-    record = desk.session.records["impact"]["gates"]
-    way_in, back, chords = _seen(record, len(desk.day.fired))
-    turning = found.readings.recoil
-    turn = desk.session.calibration.get("impact.encoder.counts_per_turn")
-    places = 3 if metre > 0.01 else 1
+    (length, metre), (speed, metre_a_second) = UNITS[system]
+    found, impact = desk.by_rules, desk.session.records["impact"]
+    way_in, back, chords = _seen(impact["gates"], len(desk.day.fired))
+    place = ".3f" if metre > 0.01 else ".1f"
+    log: Any = impact["log"]
 
-    def number(value: float, form: str) -> str:
-        return format(float(value) + 0.0, form) if np.isfinite(value) else "not seen"
+    def column(title: str, values: Array, form: str) -> TallyColumn:
+        number = (format(each + 0.0, form) if np.isfinite(each) else "not seen" for each in values)
+        return TallyColumn(title, list(number))
 
-    rows = []
-    for shot, (ball, _) in enumerate(desk.day.fired):
-        beyond = desk.reasons[shot]
-        rows.append(
-            ShotTally(
-                shot=shot + 1,
-                ball=ball + 1,
-                place=number(log.place[shot] / metre, f".{places}f"),
-                aimed=number(found.readings.place[shot] / metre, f".{places}f"),
-                speed=number(found.shots.speed[shot] / metre_a_second, ".2f"),
-                gates_in=way_in[shot],
-                gates_back=back[shot],
-                chords=number(chords[shot], ".4f"),
-                recoil=number(found.shots.recoil_efficiency[shot], ".4f") if turning else "–",
-                rebound=number(found.shots.rebound_efficiency[shot], ".4f"),
-                residual=number(turning.residual[shot], ".3f") if turning else "–",
-                before=number(turning.before[shot] * 2 * np.pi / turn.value, "+.3f")
-                if turning and turn
-                else "–",
-                odd=in_units(beyond, system) or "within",
-            )
-        )
-    return rows
+    columns = [
+        column("Shot", np.arange(1.0, len(desk.day.fired) + 1), ".0f"),
+        column("Ball", np.array([ball + 1.0 for ball, _ in desk.day.fired]), ".0f"),
+        column(f"Place set [{length}]", log.place / metre, place),
+        column(f"With the aim paper [{length}]", found.readings.place / metre, place),
+        column(f"Speed [{speed}]", found.shots.speed / metre_a_second, ".2f"),
+        TallyColumn("Gates, in", way_in, words=True),
+        TallyColumn("Gates, back", back, words=True),
+        column("First gate over last", chords, ".4f"),
+        column("e_A by rebound", found.shots.rebound_efficiency, ".4f"),
+    ]
+    if turning := found.readings.recoil:
+        turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / (2 * np.pi)
+        columns += [
+            column("e_A by recoil", found.shots.recoil_efficiency, ".4f"),
+            column("Residual [counts]", turning.residual, ".3f"),
+            column("Bat before [rad/s]", turning.before / turn, "+.3f"),
+        ]
+    return columns
 
 
 def _seen(record: Any, shots: int) -> tuple[list[str], list[str], Array]:

@@ -14,7 +14,7 @@ from typing import Any
 from virtual_lab.bench.day.actions import OWN_RESULTS, Action
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import DecidedHit, Desk, OwnResult
-from virtual_lab.bench.day.doubts import fault_sheets, known_doubts
+from virtual_lab.bench.day.doubts import known_doubts
 from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.protocol import StepDue, excused, steps_due
 from virtual_lab.bench.day.readings import doubts
@@ -82,19 +82,11 @@ class TimeLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultReview:
-    """A fault of the day: its cue, when it could be seen, and when it was named."""
+    """A fault of the day: when it could be seen and was named, and what it did."""
 
     name: str
-    title: str
-    cue: str
-    response: str
-    missed: str  # what it does to a result if nobody sees it
     checks: tuple[str, ...]  # actions that find it
-    number: str  # which decides
-    visible: int  # entry after which something showed it; 0: nothing that was done did
-    named: int  # entry; 0: it was not
     moved: float | None  # the result, from what it is without this fault; None: one is missing
-    moved_u: float | None  # the same in standard uncertainties of the result
     yours: TimeLine
     expert: TimeLine
 
@@ -322,22 +314,11 @@ def _fault_reviews(
     (desk, beside), sheets = desks, action_table().actions
     theirs = _visible(beside.day) if scenario.faults else {}
     for name in scenario.faults or ():
-        sheet, found_by = fault_sheets()[name], detectable()[name]
-        yours = _time_line(desk.day, name, visible)
-        moved = _moved(apparatus, scenario, desk, name)
         yield FaultReview(
             name=name,
-            title=sheet.title,
-            cue=sheet.cue,
-            response=sheet.response,
-            missed=sheet.missed,
-            checks=tuple(sheets[each].title for each in found_by.actions),
-            number=found_by.number,
-            visible=visible.get(name, 0),
-            named=yours.named.entry if yours.named else 0,
-            moved=moved,
-            moved_u=moved / desk.result[1] if moved is not None and desk.result else None,
-            yours=yours,
+            checks=tuple(sheets[each].title for each in detectable()[name].actions),
+            moved=_moved(apparatus, scenario, desk, name),
+            yours=_time_line(desk.day, name, visible),
             expert=_time_line(beside.day, name, theirs),
         )
 

@@ -6,7 +6,7 @@ import json
 from functools import partial
 from pathlib import Path
 
-from virtual_lab.bench.day.doubts import known_doubts
+from virtual_lab.bench.day.doubts import fault_sheets, known_doubts
 from virtual_lab.bench.day.scenario import UNITS
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.bench.pages.tally import in_units
@@ -22,6 +22,7 @@ def debrief_page(told: Debrief, *, linked: bool = False) -> str:
         linked=linked,
         sheets=action_table().actions,
         titles=known_doubts(),
+        faults=fault_sheets(),
         printed=partial(in_units, system=told.units),
         length=UNITS[told.units][0],
         speed=UNITS[told.units][1],
