@@ -1,6 +1,6 @@
 """Propagation of uncertainty: speed and errors beside other programs, tolerances met, memory.
 
-    python -m tests.benchmarks.uncertainty [OUT.CSV]             the rows of the benchmark
+    python -m tests.benchmarks.uncertainty [PART …] [OUT.CSV]    the rows of the benchmark
     python -m tests.benchmarks.uncertainty methods [OUT.CSV]     the table of the chart
 
 Of other programs (uncertainties, GTC, metrolopy, suncal, OpenTURNS) those that are installed.
@@ -11,10 +11,13 @@ from __future__ import annotations
 import csv
 import resource
 import sys
+import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -22,11 +25,14 @@ import virtual_lab as vl
 from tests.benchmarks.machine import processor_seconds
 from tests.benchmarks.rows import Row, tell
 from tests.uncertainty import models
+from virtual_lab.lab import RoundRobin, certify_block, test_day
+from virtual_lab.measurement import certification
 from virtual_lab.uncertainty.inputs import read_inputs
 from virtual_lab.uncertainty.models import Model
 from virtual_lab.uncertainty.monte_carlo import BLOCK, Batches, Drawing, drawn_block
 
 DRAWS, REFERENCE, SEEDS = 2**20, 2**27, 100
+LABORATORIES = 1024  # of a block
 Numbers = tuple[float, float, float]  # u and both ends
 
 
@@ -152,6 +158,43 @@ def by_numpy() -> Numbers:
 def ends(y: Any) -> Numbers:
     low, high = np.quantile(y, [0.025, 0.975])
     return float(np.std(y, ddof=1)), float(low), float(high)
+
+
+def budget() -> Iterator[Row]:
+    """Budgets of a block of laboratories by astm-f1881: a laboratory's, the best of nine rounds."""
+    given: list[Any] = []
+    whole = certification.evaluate_block
+
+    def kept(*args: Any) -> Any:
+        given[:] = args
+        return whole(*args)
+
+    setup = RoundRobin.of("r161", "astm-f1881").setup
+    with patch.object(test_day, "evaluate_block", kept):
+        certify_block(replace(setup, seed=1, number=np.arange(LABORATORIES)))
+    budgets, spent = certification._results, []
+
+    def timed_one(*args: Any) -> Any:
+        begin = time.process_time()
+        found = budgets(*args)
+        spent.append(time.process_time() - begin)
+        return found
+
+    rounds = []
+    with patch.object(certification, "_results", timed_one):
+        for _ in range(9):
+            spent.clear()
+            results = whole(*given).results
+            rounds.append(sum(spent) / LABORATORIES)
+    first = 1e6 * min(rounds)
+
+    def means() -> list[Any]:
+        return [each.value + each.components.shift.sum(axis=1) for each in results.values()]
+
+    second = first + 1e6 * processor_seconds(means, 9) / LABORATORIES
+    hits = "metric and five quantities of six hits"
+    yield Row(part="budget", what="first order", value=first, unit="us", at_most=100, note=hits)
+    yield Row(part="budget", what="second-order mean too", value=second, unit="us", at_most=120)
 
 
 def draws() -> Iterator[Row]:
@@ -281,13 +324,24 @@ def methods(path: str) -> None:
             file.flush()
 
 
-def rows() -> Iterator[Row]:
-    for part in (linear, draws, tolerance, memory):
-        yield from part()
+PARTS = {
+    "linear": linear,
+    "budget": budget,
+    "draws": draws,
+    "tolerance": tolerance,
+    "memory": memory,
+}
+
+
+def rows(*parts: str) -> Iterator[Row]:
+    for part in parts or PARTS:
+        yield from PARTS[part]()
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["methods"]:
         methods(*sys.argv[2:])
     else:
-        tell("Propagation of uncertainty", rows(), sys.argv[1:])
+        parts = [each for each in sys.argv[1:] if each in PARTS]
+        paths = [each for each in sys.argv[1:] if each not in PARTS]
+        tell("Propagation of uncertainty", rows(*parts), paths)
