@@ -8,13 +8,12 @@ from pathlib import Path
 from virtual_lab.errors import InputError
 
 LARGEST = 50e6  # pixels of a picture: a film of 8K has 33 million
-ALLOWED = f"allowed: up to {LARGEST / 1e6:.0f} million pixels in a picture"
 
 
 def require_size(path: Path, wide: int, high: int) -> None:
     """Raise `InputError` where a picture of a file is larger than a clip's can be."""
     if wide * high > LARGEST:
-        raise InputError(str(path), "size", f"{wide} x {high}", ALLOWED)
+        raise _too_large(path, f"{wide} x {high}")
 
 
 def require_sizes(path: Path) -> None:
@@ -30,8 +29,13 @@ def require_sizes(path: Path) -> None:
             with Image.open(path) as image:
                 sizes = [page.size for page in ImageSequence.Iterator(image)]
         except Image.DecompressionBombError as fault:
-            raise InputError(str(path), "size", None, ALLOWED) from fault
+            raise _too_large(path, None) from fault
         except (OSError, SyntaxError, ValueError):
             sizes = []
     for size in sizes:
         require_size(path, *size)
+
+
+def _too_large(path: Path, size: str | None) -> InputError:
+    allowed = f"allowed: up to {LARGEST / 1e6:.0f} million pixels in a picture"
+    return InputError(str(path), "size", size, allowed)

@@ -34,21 +34,20 @@ class EdgeFit:
     cell_px: float = 3.0  # of the rim: how deep it is, blur apart, and how long a sector is
     sectors: tuple[int, int] = (24, 96)
     oval_u: float = 0.003  # as far as nobody knows: a camera that looks at the ball squarely
-    greatest_shading: float = 2.0  # of the ball's brightness: what it may be
     held_weight: float = 1e12  # of a parameter that stays as it is
 
     # standard deviations of a pattern, of the ball's brightness
     faintest_pattern: float = 0.004
     strongest_pattern: float = 0.5
     unseen_pattern: float = 0.6  # of a pixel's noise: a fainter pattern would not be seen
-    settling_pattern: float = 0.01  # until the outline stands still
-    # when it first does: with more it would explain an outline in a wrong place
+    # until the outline stands still (less leaves half of a rim in the dark misfitting), and when it
+    # first does: more would explain an outline in a wrong place
+    settling_pattern: float = 0.01
     first_pattern: float = 0.06
 
-    settling_step_px: float = 0.2  # with less the outline stands still
-    rounds: int = 7  # until it does, and after that until a step is less than its u
-    strength_rounds: int = 12  # of a solution for the pattern's strength
-    strength_step_over_u: float = 0.1
+    settling_step_px: float = 0.2  # with less it stands still
+    rounds: int = 7  # until it does, after that until a step is less than its u, and of a solution
+    strength_step_over_u: float = 0.1  # of the pattern's strength: less ends its rounds
 
     pattern_factor: float = 1.5  # seams are no random field: what hides at the rim shifts more
     sway_share: float = 0.3  # of what a pattern would shift the place by, were it the outline
@@ -58,9 +57,7 @@ class EdgeFit:
     flagged_share: float = 0.02  # at full scale, out of the picture, or of pixels that fit nothing
 
     # how much of the rim is hidden: where the picture shows the background in its place
-    ring_depth_px: tuple[float, float] = (1.5, 4.5)  # inside the outline, wherever the ball is
     alike_sigmas: float = 3.0  # standard deviations of noise: the background and nothing else
-    apart_sigmas: float = 12.0  # of them that ball and background are apart, else they are alike
     covered_share: float = 0.27  # a side that no light reaches may be as dark as the background
 
 
@@ -154,12 +151,12 @@ def _outline(
         weight = prior.copy()
         if not turn:
             weight[: AT.level] = RIM_FIT.held_weight
-        weight[AT.plain :] = 1.0 / (RIM_FIT.greatest_shading * bright) ** 2
+        weight[AT.plain :] = 1.0 / bright**2  # shading is as strong, about
         equations = _equations(sums, knots)
         equations.shared[:, :-1] += np.diag(weight)
         equations.shared[:, -1] += weight * (start - p)
         last = np.full(2, np.inf)
-        for again in range(1 if settling else RIM_FIT.strength_rounds):
+        for again in range(1 if settling else RIM_FIT.rounds):
             if again:
                 power = np.mean(((pattern + change) / bright) ** 2, axis=1)
                 power = np.maximum(power, np.maximum(_before(power), _next(power)))
@@ -323,15 +320,15 @@ def covered(view: View, p: Array, noise: Noise) -> float:
     u, v = col - p[AT.x], row - p[AT.y]
     ends = [np.hypot(u + side * view.way[0], v + side * view.way[1]) for side in (-0.5, 0.5)]
     far, radius = np.maximum(*ends), p[AT.radius]
-    rim = (far > radius - RIM_FIT.ring_depth_px[1]) & (far < radius - RIM_FIT.ring_depth_px[0])
+    # a cell deep and half a cell inside, wherever the ball is
+    rim = np.abs(radius - far - RIM_FIT.cell_px) < RIM_FIT.cell_px / 2
     if not rim.any():
         return 0.0
     seen, expected = view.pixels[rim], p[AT.level] * view.background[rim]
-    if (seen - expected).mean() ** 2 < RIM_FIT.apart_sigmas**2 * noise.variance(expected.mean()):
+    sigmas = (seen - expected) / np.sqrt(noise.variance(expected))
+    if abs(sigmas.mean()) < 4 * RIM_FIT.alike_sigmas:  # ball and background are all alike
         return 0.0
-    return float(
-        ((seen - expected) ** 2 < RIM_FIT.alike_sigmas**2 * noise.variance(expected)).mean()
-    )
+    return float((np.abs(sigmas) < RIM_FIT.alike_sigmas).mean())
 
 
 def _judged(found: list[Outline], start: Located, seen: Regions) -> Located:

@@ -23,8 +23,7 @@ class Summing(NamedTuple):
 
     coarse_rows: int = 3  # from one to the next until the fit settles
     outside_px: float = 4.0  # of background beyond the edge
-    loose_sigmas: float = 5.0  # beyond which a residual weighs less
-    stray_variances: float = 36.0  # a residual's square: such a pixel fits nothing
+    loose_sigmas: float = 5.0  # beyond which a residual weighs less, and a pixel fits nothing
 
 
 SUM = Summing()
@@ -114,11 +113,11 @@ def _weigh(
         return 0.0
     misfit = (value - mean) * (value - mean) / v
     tally[TALLY.pixels] += 1.0
-    tally[TALLY.stray] += misfit > SUM.stray_variances
+    tally[TALLY.stray] += misfit > SUM.loose_sigmas * SUM.loose_sigmas
     if edge > 0.02:
-        tally[TALLY.near] += min(misfit, SUM.stray_variances)
+        tally[TALLY.near] += min(misfit, SUM.loose_sigmas * SUM.loose_sigmas)
         tally[TALLY.around] += 1.0
-    elif misfit > SUM.stray_variances and ball < 0.02:
+    elif misfit > SUM.loose_sigmas * SUM.loose_sigmas and ball < 0.02:
         return 0.0
     return float((1.0 if first else min(1.0, SUM.loose_sigmas / sqrt(misfit + 1e-30))) / v)
 

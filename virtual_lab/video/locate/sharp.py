@@ -20,8 +20,7 @@ class SharpSettings:
     noise_sample_px: float = 5e5  # of the frames sampled: their noise to 1 %
     lens_regions: int = 4  # in which lenses are tried
     # pixels, a third apart: one that is wrong by a third loses every ball, by a sixth none
-    lenses_px: tuple[float, ...] = (0.45, 0.6, 0.8, 1.1, 1.5, 2.0, 2.7)
-    usual_lens_px: float = 0.8
+    lenses_px: tuple[float, ...] = (0.45, 0.6, 0.8, 1.1, 1.5, 2.0, 2.7)  # the third is usual
     lens_step: float = 0.07  # relative, between those tried about the best: it is found to 3 %
     lit_share: float = 0.93  # of the ball's radius: less of it is light, the rest in the dark
     light_edge: float = 0.5  # of the light's contrast: its outline
@@ -51,7 +50,7 @@ def lens_of(seen: Regions, start: Located, noise: Noise) -> float:
     regions, begin = part_of(seen, some), part_of(start, some)
     # a hull may be too large or small by some pixels, which a lens must not explain
     for _ in range(SHARP.rounds):
-        near = fit_edge(regions, begin, noise=noise, lens=SHARP.usual_lens_px)
+        near = fit_edge(regions, begin, noise=noise, lens=SHARP.lenses_px[2])
         radius = np.where(np.isfinite(near.radius), near.radius, begin.radius)
         moved, begin = np.abs(radius - begin.radius).max(), replace(begin, radius=radius)
         if moved < SHARP.refit_shift_px:

@@ -11,22 +11,15 @@ from virtual_lab.units import Array
 from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.locate.located import PlaceFlag
 
-# a record a place, in the still frame; NaN: not known; the first 16 are the columns of track.csv
+# a record a place, in the still frame; NaN: not known
 Places = NDArray[np.void]
-NUMBERS = (
-    *("time_s", "x_px", "y_px", "x_u_px", "y_u_px", "radius_px", "x_m", "y_m", "chi_square"),
-    *("drift_x_px", "drift_y_px", "right_mps", "up_mps"),
-    *("along_px", "across_px", "reach_px"),  # off its flight; from its middle to its blur's end
-)
-PLACE = np.dtype(
-    [
-        ("frame", int),
-        *((name, float) for name in NUMBERS[:9]),
-        *(("flight", "U8"), ("flags", "U64")),  # number, "" outside of flights
-        *((name, float) for name in NUMBERS[9:]),
-    ]
-)
-WRITTEN = PLACE.names[:16] if PLACE.names else ()
+FIRST = ("time_s", "x_px", "y_px", "x_u_px", "y_u_px", "radius_px", "x_m", "y_m", "chi_square")
+LAST = ("drift_x_px", "drift_y_px", "right_mps", "up_mps")
+DRAWN = ("along_px", "across_px", "reach_px")  # off its flight; from its middle to its blur's end
+NUMBERS = (*FIRST, *LAST, *DRAWN)
+WORDS = {"flight": "U8", "flags": "U64"}  # number, "" outside of flights
+PLACE = np.dtype([("frame", int), *WORDS.items(), *((name, float) for name in NUMBERS)])
+WRITTEN = ("frame", *FIRST, *WORDS, *LAST)  # columns of track.csv
 
 
 def course_of(found: FollowedClip) -> Places:
@@ -88,7 +81,7 @@ def course_of(found: FollowedClip) -> Places:
 def course_rows(places: Places) -> list[dict[str, Any]]:
     """Rows of track.csv, one a place that is known or flagged."""
     shown = places[np.isfinite(places["x_px"]) | (places["flags"] != "")]
-    return [dict(zip(WRITTEN, row, strict=False)) for row in shown.tolist()]
+    return [dict(zip(WRITTEN, row, strict=True)) for row in shown[list(WRITTEN)].tolist()]
 
 
 def spots(places: Places) -> Array:

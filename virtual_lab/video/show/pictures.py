@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Image = NDArray[np.uint8]
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # of flights
-NONE = "#969696"  # of places outside of them
+NONE = "#ff00ff"  # of places outside of them: seen before any wall
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,12 +154,14 @@ class Pictures:
 
         with style.context(STYLE, after_reset=True):
             rows, columns = self.clip.shape
-            high = min(6.0, 7.2 * rows / columns)
-            figure = Figure(figsize=(7.6, high + 5.6), dpi=150, layout="constrained")
-            heights = (high, 1.3, 1.3, 0.9, 0.9)
-            picture, *below = figure.subplots(5, 1, height_ratios=heights)
-            self._draw_picture(picture)
-            self._draw_motion(below)
+            heights = [min(6.0, 7.2 * rows / columns)]
+            heights += [1.3, 1.3, 0.9, 0.9] if self.names else []
+            size = (7.6, sum(heights) + 1.2)
+            figure = Figure(figsize=size, dpi=150, layout="constrained")
+            axes = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+            self._draw_picture(axes[0])
+            if self.names:
+                self._draw_motion(axes[1:])
             figure.suptitle(as_drawn(title), fontsize=9, wrap=True)
             figure.savefig(path, pil_kwargs={"compress_level": 3})
 

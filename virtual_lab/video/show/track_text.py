@@ -228,11 +228,12 @@ def _scale_said(found: FollowedClip, scale: PixelScale) -> str:
 
 
 def track_title(found: FollowedClip) -> str:
-    """Write the result in a line, and the flags."""
+    """Write the result in a line, and the flags; without a flight, why and what to try."""
     ratios = [_rounded(each.restitution) for each in found.contacts if each.restitution]
     parts = [motion_of(found), *([f"restitution {', '.join(ratios)}"] if ratios else [])]
-    title = f"{found.clip.source.path.name}: {'; '.join(parts)}"
-    return f"{title}\nflags: {', '.join(found.flags)}" if found.flags else title
+    lines = [f"{found.clip.source.path.name}: {'; '.join(parts)}"]
+    lines += [f"flags: {', '.join(found.flags)}"] if found.flags else []
+    return "\n".join([*lines, *(() if found.flights else found.warnings)])
 
 
 def _rounded(result: Estimate) -> str:
