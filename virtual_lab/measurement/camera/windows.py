@@ -14,7 +14,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, part_of
 from virtual_lab.video.locate.noise import ROUNDING, Noise
-from virtual_lab.video.locate.sharp import place
+from virtual_lab.video.locate.sharp import place, standing_out
 
 Known = Mapping[str, Estimate]
 
@@ -23,8 +23,6 @@ Known = Mapping[str, Estimate]
 class Search:
     """How a ball is found in the windows of a shot, and which of them are used."""
 
-    standing_out: float = 0.9  # quantile of a window's pixels: how much the ball stands out
-    ball: float = 0.45  # of that: what stands out more is the ball
     near_bat: float = 8e-3  # m, from the farthest the ball comes: nearer it may be on the bat
     least: int = 4  # frames of a way
     most: int = 24  # that are refined: more add little that is new, as the ball's pattern is slow
@@ -137,17 +135,16 @@ def _behind(
 
 def _start(seen: Regions, radius: float) -> Array:
     """Approximate place of the ball in each window, frame pixels (window, 2)."""
+    import cv2
+
     rows, columns = seen.pixels.shape[1:]
-    off = seen.pixels.astype(np.float64) - seen.background
+    off = seen.pixels.astype(np.float32) - seen.background
     middle = np.hypot(*np.ogrid[-rows / 2 : rows / 2, -columns / 2 : columns / 2]) < radius / 2
-    bright = np.where(np.median(off[:, middle], axis=1) < 0, -1.0, 1.0)
-    off *= bright[:, None, None]
-    high = np.quantile(off.reshape(len(off), -1), SEARCH.standing_out, axis=1)
-    ball = (off > SEARCH.ball * high[:, None, None]).astype(np.float64)
-    count = np.maximum(ball.sum(axis=(1, 2)), 1.0)
-    x = (ball.sum(axis=1) @ np.arange(columns)) / count
-    y = (ball.sum(axis=2) @ np.arange(rows)) / count
-    return np.asarray(seen.corners + np.stack([x, y], axis=1))
+    found = []
+    for one in off:
+        ball = cv2.moments(standing_out(one if np.median(one[middle]) > 0 else -one), True)
+        found.append(np.array([ball["m10"], ball["m01"]]) / max(ball["m00"], 1.0))
+    return np.asarray(seen.corners + found)
 
 
 def _blurs(times: Array, places: Array, out: Mask, exposure: float) -> Array:

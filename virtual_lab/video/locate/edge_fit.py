@@ -32,7 +32,6 @@ class EdgeFit:
     """Settings of the fit, and what a fit must show; shares are of the outline."""
 
     cell_px: float = 3.0  # of the rim: how deep it is, blur apart, and how long a sector is
-    sectors: tuple[int, int] = (24, 96)
     oval_u: float = 0.003  # as far as nobody knows: a camera that looks at the ball squarely
     held_weight: float = 1e12  # of a parameter that stays as it is
 
@@ -110,7 +109,7 @@ def fit_edge(
         radius = float(np.median(p[usable, AT.radius]))
         blur = float(np.hypot(*ways[usable].T).max())
         rim = blurred_profiles(radius, width, RIM_FIT.cell_px, blur)
-        sectors = int(np.clip(round(2 * pi * radius / RIM_FIT.cell_px), *RIM_FIT.sectors))
+        sectors = max(3, round(2 * pi * radius / RIM_FIT.cell_px))
         for k in np.flatnonzero(usable):
             here, behind = (
                 np.ascontiguousarray(each[k], float) for each in (seen.pixels, seen.background)

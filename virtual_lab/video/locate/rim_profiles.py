@@ -33,7 +33,6 @@ class Table(NamedTuple):
     widths: float = 5.0  # beyond the edge a pixel is all ball or all background: they begin there
     per_width: int = 32  # entries
     shades: int = 3  # columns before the pattern's: a level, the way to the side, the facing
-    depths: int = 900  # of the quadrature
     knot_spacing: float = 0.11  # of the facing, between a pattern's knots
     deepest_knot: float = 0.9  # facing beyond which a pattern goes on as it is
     hiding_blur: float = 0.15  # share: what is so near the outline is easily taken for it
@@ -59,12 +58,13 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     deepest = min(float(_facing(np.array(depth), radius)), TABLE.deepest_knot)
     facings = np.linspace(0.0, deepest, max(3, 1 + round(deepest / TABLE.knot_spacing)))
     reach = 6.0 * width + depth
-    ends = min(reach, radius) * np.linspace(0.0, 1.0, TABLE.depths + 1) ** 2
+    entries = int(np.ceil((reach / width + TABLE.widths) * TABLE.per_width)) + 1
+    # twice as many depths, the nearer to the edge the denser
+    ends = min(reach, radius) * np.linspace(0.0, 1.0, 2 * entries + 1) ** 2
     middles, steps = (ends[1:] + ends[:-1]) / 2, np.diff(ends)
     facing = _facing(middles, radius)
     hats = [np.interp(facing, facings, one) for one in np.eye(facings.size)]
-    columns = np.stack([np.ones(TABLE.depths), 1 - middles / radius, facing, *hats], axis=1)
-    entries = int(np.ceil((reach / width + TABLE.widths) * TABLE.per_width)) + 1
+    columns = np.stack([np.ones_like(middles), 1 - middles / radius, facing, *hats], axis=1)
     t = -TABLE.widths + np.arange(entries) / TABLE.per_width
     away = t[:, None] - middles / width
     weight = np.exp(-(away**2) / 2) / np.sqrt(2 * np.pi) * steps / width

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from virtual_lab.units import Array
 from virtual_lab.video.clips.clip import Clip
@@ -23,7 +24,6 @@ class SharpSettings:
     lenses_px: tuple[float, ...] = (0.45, 0.6, 0.8, 1.1, 1.5, 2.0, 2.7)  # the third is usual
     lens_step: float = 0.07  # relative, between those tried about the best: it is found to 3 %
     lit_share: float = 0.93  # of the ball's radius: less of it is light, the rest in the dark
-    light_edge: float = 0.5  # of the light's contrast: its outline
     # from start to end: more, and the fit may have taken outline for pattern
     refit_shift_px: float = 0.3
     rounds: int = 4
@@ -141,6 +141,14 @@ def _places(found: Located) -> Array:
     return np.stack([found.x, found.y], axis=1)
 
 
+def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Pixels that stand out of a picture less its background, 1, by Otsu's threshold."""
+    import cv2
+
+    grey = np.clip(255 * off / max(float(off.max()), 1.0), 0, 255).astype(np.uint8)
+    return np.asarray(cv2.threshold(grey, 0, 1, cv2.THRESH_OTSU)[1], np.uint8)
+
+
 def on_the_limb(seen: Regions, start: Located) -> Located:
     """Places from the lit limb, to a pixel or two; those of the start where there is none.
 
@@ -155,8 +163,9 @@ def on_the_limb(seen: Regions, start: Located) -> Located:
     for k, (left, top) in enumerate(seen.corners):
         off = np.abs(seen.pixels[k].astype(np.float32) - seen.background[k])
         smooth = cv2.GaussianBlur(off, (0, 0), 1.0)
-        bright = (smooth > SHARP.light_edge * np.percentile(smooth, 90)).astype(np.uint8)
-        contours, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        contours, _ = cv2.findContours(
+            standing_out(smooth), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+        )
         largest = max(contours, key=cv2.contourArea, default=None)
         if largest is None or len(largest) < start.radius[k]:
             continue
