@@ -115,6 +115,10 @@ def test_speeds_are_right_to_their_uncertainty(scene: str, flown: Flown) -> None
     places, sides = np.stack(film.places()), np.array(film.shape[::-1])[:, None]
     inside = ((places > film.radius + 2) & (places < sides - film.radius - 2)).all(axis=0)
     assert set(np.flatnonzero(inside)) <= set(tracked.frames.tolist())
+    located, true = tracked.located, places[:, tracked.frames]
+    pulls = [(located.x - true[0]) / located.x_u, (located.y - true[1]) / located.y_u]
+    # of some 80 degrees of freedom
+    assert 0.5 < np.mean(np.square(pulls)[:, located.flags == 0]) < 2.0
 
 
 def test_sixteen_bits_and_an_unknown_exposure_and_lens(tmp_path: Path) -> None:
