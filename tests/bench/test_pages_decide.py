@@ -14,7 +14,7 @@ from tests.bench.inspected import (
     inspected,
     page_of,
 )
-from tests.bench.inspector import faults_on, margins
+from tests.bench.inspector import faults_on, margins, rows
 from virtual_lab.errors import InputError
 
 FEW = (3, 11)  # of EACH, taken in the suite beside the sound days
@@ -39,6 +39,18 @@ def test_a_sound_page_shows_no_fault_and_its_limits_are_far(seed: int) -> None:
 @pytest.mark.parametrize(("scenario", "fault"), [EACH[at] for at in range(*FEW)])
 def test_a_page_shows_a_fault(scenario: str, fault: str) -> None:
     assert check(scenario, fault, 1).found == 1
+
+
+def test_what_is_beyond_its_limit_stands_first_and_a_rig_has_its_own_columns() -> None:
+    """One page of a rig without an encoder: nothing is asked of one, and nothing shown."""
+    page = page_of("college-day", "gate-misses", FAULTY)
+    within = [row[1] for row in rows(page[page.index('id="checks"') :])]
+    assert len(within) > 20
+    assert "beyond" in within[0]
+    assert not any("beyond" in each for each in within[1:])
+    assert "First gate over last" in page
+    assert "Residual [counts]" not in page
+    assert ">Zero the encoder</button>" not in page
 
 
 @pytest.mark.long
