@@ -115,7 +115,7 @@ def decide(day: Day, action: Action) -> float:
         raise InputError(name, "day", None, "is not handed in yet")
     if name in CHECKLISTS and not day.checklists:
         raise InputError(name, "day", None, "has no checklists")
-    if not _has_instrument(day, name):
+    if not has_instrument(day, name):
         part = action_table().actions[name].needs.rpartition(".")[2]
         raise InputError(name, "rig", None, f"has no {part}")
     if not _at_hand(day, name):
@@ -145,15 +145,15 @@ def offered(day: Day, action: str) -> bool:
         return day.handed_in and action == DISPUTE and not day.exam
     if action in CHECKLISTS:
         return day.checklists
-    return _at_hand(day, action) and _has_instrument(day, action)
+    return _at_hand(day, action) and has_instrument(day, action)
 
 
 def ready_steps(day: Day) -> tuple[str, ...]:
     """Return the steps that make the rig ready for a shot."""
-    return tuple(step for step in MAKE_READY if _has_instrument(day, step))
+    return tuple(step for step in MAKE_READY if has_instrument(day, step))
 
 
-def _has_instrument(day: Day, action: str) -> bool:
+def has_instrument(day: Day, action: str) -> bool:
     """Return whether the rig has what an action is done to; while nothing is set up, true."""
     needs, known = action_table().actions[action].needs, day.morning.calibration
     return not known or any(key.startswith(needs) for key in known)

@@ -8,6 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from virtual_lab import catalog
+from virtual_lab.bench.day.day import Day, has_instrument
 from virtual_lab.bench.day.doubts import fault_sheets
 from virtual_lab.bench.day.table import action_table, remedy_of, repairs
 from virtual_lab.errors import InputError
@@ -83,12 +84,12 @@ def instruments_of(desk: Desk) -> Iterator[InstrumentShown]:
         )
 
 
-def prices() -> list[tuple[str, str, str]]:
-    """Return what each action costs, and what leaving it out does."""
+def prices(day: Day) -> list[tuple[str, str, str]]:
+    """Return what each action at this rig costs, and what leaving it out does."""
     return [
         (each.title, f"{each.minutes / 60:g}", each.skipped)
         for name, each in action_table().actions.items()
-        if name not in repairs()
+        if name not in repairs() and has_instrument(day, name)
     ]
 
 
@@ -100,6 +101,7 @@ def _constant(key: str, name: str, known: Estimate, now: Estimate) -> ConstantSh
     changed = f"{(now.value - off) * factor:.{places}f}" if now != known else ""
     if numbered := re.fullmatch(r"(\w+)_(\d+)", name):
         name = f"gate {int(numbered[2]) + 1}, {numbered[1]}"
+    name = wall()["names"].get(name, name)
     return ConstantShown(_words(name), text, digits(u) if u else "–", unit, changed)
 
 
@@ -154,6 +156,6 @@ def wall_pages(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
         "laboratory": briefing.get("laboratory", {}),
         "invalid": wall()["invalid"],
         "instruments": list(instruments_of(desk)) if desk.day.morning.calibration else [],
-        "prices": prices(),
+        "prices": prices(desk.day),
         "may_go_wrong": may_go_wrong(briefing.get("may_go_wrong", {})),
     }
