@@ -18,6 +18,7 @@ def test_a_day_by_keyboard_takes_no_longer(
 ) -> None:
     with served(tmp_path / "day", scenario) as (day, address), opened() as browser:
         page = browser.new_page()
+        page.set_default_navigation_timeout(180_000)  # ms: in a new clone it is compiled first
         page.goto(address)
         hands = take(page, day)
         assert day.desk.day.handed_in
