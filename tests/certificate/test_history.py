@@ -85,5 +85,7 @@ def test_a_history_of_other_tests_is_refused(earlier: Path, tmp_path: Path) -> N
         with pytest.raises(InputError, match=said) as caught:
             vl.certify("r161", seed=7, test=4, history=history)
         assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="test-2: history; is the test of these records once more"):
+        vl.reduce(second / "records", history=[first, second, third])
     with pytest.raises(InputError, match="test = 4; allowed with a seed"):
         vl.certify("r161", test=4)

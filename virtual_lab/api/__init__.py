@@ -646,7 +646,7 @@ def reduce(
         return replace(
             session,
             particulars=replace(particulars, replaces=replaced) if replaced else particulars,
-            history=earlier_scatter(folders, kind_of(session)) or session.history,
+            history=earlier_scatter(folders, kind_of(session), session) or session.history,
         )
 
     return Certificate(certification=_reduced(Path(records), asked))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from virtual_lab.certificate.chain import result_folders, stated_and_reduced
 from virtual_lab.errors import InputError
-from virtual_lab.records.session import Session
+from virtual_lab.records.particulars import Particulars
+from virtual_lab.records.session import Session, packed
 from virtual_lab.uncertainty.estimate import Estimate, Known
 from virtual_lab.uncertainty.scatter import HitVariance
 
@@ -24,15 +26,19 @@ def kind_of(session: Session) -> dict[str, str]:
     }
 
 
-def earlier_scatter(folders: Sequence[Path], asked: Mapping[str, str]) -> dict[str, Estimate]:
+def earlier_scatter(
+    folders: Sequence[Path], asked: Mapping[str, str], today: Session | None = None
+) -> dict[str, Estimate]:
     """Return the variance of a hit in each result, by the certificates of earlier tests.
 
-    `folders` are result folders, or folders of such. `asked` is what `kind_of` says of today's.
+    `folders` are result folders, or folders of such. `asked` is what `kind_of` says of the test of
+    `today`, whose session exists where its records are reduced.
 
     Raises
     ------
     InputError
-        Fewer than three, one that stands twice or is of another kind, INVALID, or no certificate.
+        Fewer than three, one that stands twice, is that of today or of another kind, INVALID, or no
+        certificate.
     """
     if not folders:
         return {}
@@ -41,9 +47,9 @@ def earlier_scatter(folders: Sequence[Path], asked: Mapping[str, str]) -> dict[s
         allowed = f"allowed: {FEWEST} earlier tests and more; ten serve well"
         raise InputError("", "history", _count(len(every)), allowed)
     tests: list[dict[str, HitVariance]] = []
-    seen: dict[str | None, Path] = {}
+    seen = {_digest(today): "these records"} if today else {}
     for folder in every:
-        document, found = stated_and_reduced(folder)
+        _, found = stated_and_reduced(folder)
         for key, there in kind_of(found.session).items():
             if there != asked[key]:
                 which = "is another" if key == "procedure" else f"is {there!r}, not {asked[key]!r}"
@@ -52,9 +58,11 @@ def earlier_scatter(folders: Sequence[Path], asked: Mapping[str, str]) -> dict[s
         if not found.variances:
             allowed = "an INVALID test tells nothing; allowed: one with a result"
             raise InputError(str(folder), "history", None, allowed)
-        first = seen.setdefault(document.session_digest, folder)
-        if first is not folder:
-            raise InputError(str(folder), "history", None, f"is the test of {first} once more")
+        digest = _digest(found.session)
+        if digest in seen:
+            allowed = f"is the test of {seen[digest]} once more"
+            raise InputError(str(folder), "history", None, allowed)
+        seen[digest] = str(folder)
         own = found.variances.items()
         tests.append({name: HitVariance.of(Known.stacked([each])) for name, each in own})
     source = f"{len(tests)} earlier tests"
@@ -62,6 +70,12 @@ def earlier_scatter(folders: Sequence[Path], asked: Mapping[str, str]) -> dict[s
         name: HitVariance.pooled([test[name] for test in tests]).known(source).of(0)
         for name in tests[0]
     }
+
+
+def _digest(session: Session) -> str:
+    """Return the digest of what was recorded, however it was evaluated."""
+    plain = replace(session, history={}, uncertainty="first-order", particulars=Particulars())
+    return packed(plain).digest
 
 
 def _count(tests: int) -> str:
