@@ -243,6 +243,8 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
     clearly better in most of the picture, from one to the next or in all of them together. In the
     end each is looked for where those about it lie.
     """
+    if len(greys) == 1:
+        return np.zeros((1, 4))
     edges = [edges_of(each) for each in greys]
     shifted, turned, step = [np.zeros(4)], [np.zeros(4)], np.zeros(4)
     for one, grey in zip(edges[:-1], greys[1:], strict=True):
