@@ -22,6 +22,7 @@ Blobs = NDArray[np.void]
 BlobRow = tuple[Any, ...]  # as of `BLOB`
 Hull = tuple[float, float, float, float]  # x, y, shorter and longer half axis [pixels]
 
+CLEAN = 0.35  # of a ring, that is no background: more is a hand, or the ball on something
 BLOB = np.dtype(
     [
         ("frame", np.int32),

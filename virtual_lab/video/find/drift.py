@@ -45,7 +45,6 @@ class _Alignment:
     least_spread: float = 0.1  # pixels
     least_shown: float = 0.2  # of the edges, that lie in the other picture
     far: float = 0.6  # of the cost near the guess, that a shift far from it has at most
-    turned: float = 1.1  # of the cost without, that a turn has at most
     # of what shows a shift, that keeps growth and turn near where they were, and near none
     near_turn: float = 0.02
     no_turn: float = 0.002
@@ -54,7 +53,6 @@ class _Alignment:
 
 _ALIGN = _Alignment()
 FAR_OFF = 2.0  # pixels: what is farther off moves on its own
-_SHIFTED, _TURNED = [0, 1], [0, 1, 2, 3]  # parts of a drift that are free
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +91,7 @@ class Edges:
             drift = np.array(guess, float)
             for k in range(first, finest + 1):
                 scale = np.array([2.0 ** (finest - k)] * 2 + [1.0, 1.0])
-                drift = scale * _settled(self.levels[k], pictures[k], drift / scale, _SHIFTED)
+                drift = scale * _settled(self.levels[k], pictures[k], drift / scale, 2)
             tried.append(drift)
             near = np.hypot(*(drift - guess)[:2]) < _ALIGN.near
             if near and _cost(self.levels[-1], pictures[-1], drift) < _ALIGN.fits:
@@ -107,12 +105,11 @@ class Edges:
     def turned(self, grey: Image, drift: Array) -> Array:
         """Find the drift (4,) of a picture from this one: shift, growth and turn, near a drift.
 
-        The drift itself where that fits clearly better: what is beside a hand shows little.
+        The drift itself where that fits better: what is beside a hand shows little.
         """
         level, picture = self.levels[-1], _pyramid(grey, 1)[0]
-        other = _settled(level, picture, drift, _TURNED)
-        costs = [_cost(level, picture, each) for each in (other, drift)]
-        return other if costs[0] < _ALIGN.turned * costs[1] else drift
+        tried = [_settled(level, picture, drift, 4), drift]
+        return min(tried, key=lambda each: _cost(level, picture, each))
 
     def lie_in(self, grey: Image, drift: Array) -> bool:
         """Whether enough of them lie in a drifted picture to show its drift."""
@@ -321,19 +318,17 @@ def _seen(level: _Level, picture: NDArray[np.float32], drift: Array) -> Array:
     return np.asarray(seen.ravel(), float)
 
 
-def _settled(
-    level: _Level, picture: NDArray[np.float32], start: Array, free: Sequence[int]
-) -> Array:
-    """Return the drift of a picture, of which some parts are free, from one near by.
+def _settled(level: _Level, picture: NDArray[np.float32], start: Array, free: int) -> Array:
+    """Drift of a picture, of which the first `free` parts are, from one near by.
 
     Growth and turn stay near that, and near none at all, the nearer the less shows them: where all
     edges are in one place they would run off.
     """
     if level.x.size < 4:
         return start
-    count, far = len(free), float(level.middle.max())
-    units, turns = np.array([1.0, 1.0, far, far])[free], np.array([0.0, 0.0, 1.0, 1.0])[free]
-    design = level.design[:, [*free, 4, 5]]
+    far = float(level.middle.max())
+    units, turns = np.array([1.0, 1.0, far, far])[:free], np.array([0.0, 0.0, 1.0, 1.0])[:free]
+    design = level.design[:, [*range(free), 4, 5]]
     drift, gain, offset = start.copy(), 1.0, 0.0
     for _ in range(_ALIGN.steps):
         inside = _inside(level, picture, drift)
@@ -352,11 +347,11 @@ def _settled(
         near, none = _ALIGN.near_turn * most * turns, _ALIGN.no_turn * most * turns
         normal += np.diag([*(_ALIGN.ridge * most + near + none), 1e-3, 1e-3])
         right = weighted.T @ left
-        right[:count] += units * (near * (drift - start)[free] + none * drift[free])
+        right[:free] += units * (near * (drift - start)[:free] + none * drift[:free])
         step = np.linalg.solve(normal, right)
         # a picture shifted by s has, at x + s, the value of x
-        drift[free] -= step[:count] / units
+        drift[:free] -= step[:free] / units
         gain, offset = gain + step[-2], offset + step[-1]
-        if np.abs(step[:count]).max() < _ALIGN.settled:
+        if np.abs(step[:free]).max() < _ALIGN.settled:
             break
     return drift

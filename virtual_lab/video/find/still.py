@@ -251,7 +251,8 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
         step = one.shifted(grey, step)
         shifted.append(onward(shifted[-1], step))
         turned.append(onward(turned[-1], one.turned(grey, step)))
-    best, middles = np.zeros((len(greys), 4)), edges_of(_median(greys))
+    best = np.zeros((len(greys), 4))
+    middles = edges_of(_median(greys, best))
     costs = _costs(edges, middles, greys, best)
     for chain, lay in ((shifted, Edges.shifted), (turned, Edges.turned)):
         whole = edges_of(_median(greys, np.array(chain)))
@@ -449,11 +450,10 @@ def _lit(behind: Image, light: Array) -> Image:
     return np.asarray(cv2.LUT(behind, values.reshape(1, 256, -1)), np.uint8).reshape(behind.shape)
 
 
-def _median(pictures: Sequence[Image], shifts: Array | None = None) -> Image:
-    """Return the median of pictures, each moved by its shift [pixels]."""
-    if shifts is not None:
-        pictures = [moved_back(p, s, (0, 0), p) for p, s in zip(pictures, shifts, strict=True)]
-    return _quantile(pictures, 0.5)
+def _median(pictures: Sequence[Image], drifts: Array) -> Image:
+    """Median of pictures, each moved back by its drift."""
+    pairs = zip(pictures, drifts, strict=True)
+    return _quantile([moved_back(p, each, (0, 0), p) for p, each in pairs], 0.5)
 
 
 def _quantile(pictures: Sequence[Image], share: float) -> Image:

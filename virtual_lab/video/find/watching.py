@@ -13,15 +13,13 @@ from virtual_lab.errors import InputError
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import grey_of
-from virtual_lab.video.find.blobs import BLOB, Blobs, blobs
+from virtual_lab.video.find.blobs import BLOB, CLEAN, Blobs, blobs
 from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 
-# off where the frames before lead: no hand moves a camera by more pixels, or turns it by more of
-# what it turns it by at most
-LEAP_PX, LEAP_SHARE = 3.0, 0.2
-# of second differences of neighbouring rows to those of every other row, in so many blobs about
-# which so much may be no background: of combs 1.5 to 3, of whole frames 0.4 to 1
-COMB_RATIO, COMB_BLOBS, COMB_DIRTY = 1.25, 3, 0.5
+LEAP_SHARE = 0.4  # of the fastest drift: by more no hand moves a camera off the way it went
+# of second differences of neighbouring rows to those of every other row, in so many blobs that
+# stand free: of combs 1.5 to 3, of whole frames 0.4 to 1
+COMB_RATIO, COMB_BLOBS = 1.25, 3
 NEAR_FRAMES = 12  # between samples: they lead better than the picture before
 
 
@@ -82,7 +80,7 @@ def watch(
         drifted = still.drift(small, *near) - drift
         if (np.abs(drifted[:2]) < still.fastest * since).all():
             leapt = float(np.hypot(*(drifted - since * ahead)[:2]))
-            if number > 1 and leapt > max(LEAP_PX, LEAP_SHARE * still.fastest):
+            if number > 1 and leapt > LEAP_SHARE * still.fastest:
                 leaps[number] = leapt
             drift, ahead, since = drift + drifted, drifted / since, 1
         else:
@@ -120,7 +118,7 @@ def _combed(clip: Clip, found: Blobs) -> bool:
     it differs less, or as much where there is noise alone.
     """
     combed = []
-    free = found[(found["dirty"] < COMB_DIRTY) & ~found["cut"]]
+    free = found[(found["dirty"] < CLEAN) & ~found["cut"]]
     for number, sample in zip(clip.sampled, clip.samples, strict=True):
         for blob in free[free["frame"] == number]:
             reach = blob["length"] + 3
@@ -153,7 +151,7 @@ def repeated(watched: Watched) -> Mask:
     A ball at the top of a low hop hardly changes a picture, but for where it is.
     """
     found, same = watched.found, repeats(watched.change)
-    clean = found[(found["dirty"] < 0.35) & ~found["cut"]]
+    clean = found[(found["dirty"] < CLEAN) & ~found["cut"]]
     for k in np.flatnonzero(same):
         old, moved = clean[clean["frame"] == k - 1], []
         for one in clean[clean["frame"] == k]:
