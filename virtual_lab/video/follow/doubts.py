@@ -25,7 +25,7 @@ class DoubtSettings:
     """How far off g, or one ruler off another, is no chance: u of it, and a share of it."""
 
     moved: float = 0.1  # radii a frame: a ball that moves less may well look the same
-    drift_matters: float = 0.005  # of a flight's speed
+    drift_matters: float = 0.002  # of a flight's speed
 
     apart: tuple[float, float] = (3.0, 0.04)  # all flights together
     apart_alone: tuple[float, float] = (5.0, 0.1)  # one flight

@@ -23,7 +23,6 @@ from virtual_lab.video.follow.doubts import (
     of_readout,
     without_flight,
 )
-from virtual_lab.video.follow.flights import FLIGHTS, outer_places
 from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.known import FILE, GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import EVEN_SHARE, FittedFlights, refit
@@ -162,7 +161,8 @@ def measure(
     falls, flights = None, []
     contacts: list[Contact] = []
     if model and scale:
-        notes += of_camera(model, drift) if not sharp else []
+        hidden = drift > 0 and watched.still.stands_to is None
+        notes += of_camera(model, drift if hidden else 0.0) if not sharp else []
         contacts, against = contacts_of(scene, ways, model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)
         if size and not sharp:
@@ -238,30 +238,23 @@ def _flights(
     found = []
     for k, way in enumerate(ways):
         late = float(np.median(scene.late(way.blobs)))
-        ends = []
-        for met, end in ((before, 1), (after, -1)):
+        ends: dict[str, Estimate] = {}
+        for name, met, end in (("in", before, 1), ("out", after, -1)):
             t = met.get(k, float(way.t[::end][0]))
             speed_at = partial(_speed, k, t, late, scale)
             speed = estimate_of(speed_at, fit, others, unit=1 / step, relative_u=scale.rest_u)
             right, down = fit.at(k, t + fit.readout * late)[0, 2:]
             if k not in met and way.u is None:
-                left = fit.residuals[k][::end]
-                off = max(fit.spread, float(np.hypot(*left[0])))
+                off = max(fit.spread, float(np.hypot(*fit.residuals[k][::end][0])))
                 speed = _let_go(speed, unit, off, np.array([right, down]), fit.pull[k])
-                strays = unit * _strays(way.t[::end], left, fit.spread)
-                speed = replace(speed, u=float(np.hypot(speed.u, strays)))
             angle = Estimate(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)
-            ends.append((speed, angle))
-        (speed_in, angle_in), (speed_out, angle_out) = ends
+            ends |= {f"speed_{name}": speed, f"angle_{name}": angle}
         found.append(
             Flight(
                 first_frame=int(way.frames[0]),
                 last_frame=int(way.frames[-1]),
                 places=len(way.t),
-                speed_in=speed_in,
-                speed_out=speed_out,
-                angle_in=angle_in,
-                angle_out=angle_out,
+                **ends,
                 acceleration=falls.pulls[k] if falls else None,
             )
         )
@@ -310,18 +303,6 @@ def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Arr
         return speed
     across = abs(float(velocity[0] * pull[1] - velocity[1] * pull[0])) / size
     return replace(speed, u=float(np.hypot(speed.u, speed.value - unit * across)))
-
-
-def _strays(t: Array, left: Array, spread: float) -> float:
-    """Speed at which the first places leave their flight's way [pixels/frame], 0: by chance.
-
-    A ball that still rolls or is still held has another speed there.
-    """
-    some = slice(max(FLIGHTS.side_places, outer_places(len(t))))
-    late = t[some] - t[some].mean()
-    size = float(np.linalg.norm(late))
-    speed = float(np.hypot(*(late @ left[some]))) / size**2
-    return speed if speed * size > FALLS.apart[0] * spread else 0.0
 
 
 def _pull(flight: int, fit: Fit) -> float:
