@@ -114,6 +114,7 @@ def test_a_hand_s_drift_that_a_codec_nearly_hides(seed: int, crf: int, tmp_path:
             assert abs(each.restitution.value - true.restitution) < 5 * each.restitution.u
 
 
+@pytest.mark.long  # the drift alone: tests/video/find
 def test_a_phone_that_turns_in_the_hand(tmp_path: Path) -> None:
     """A degree and a half over the clip: shifted alone, flights lie 2 px off."""
     scene = UNSEEN["rolled"]

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from virtual_lab.units import Array, Mask
+from virtual_lab.video.find.blobs import CLEAN
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, fit_flights
 from virtual_lab.video.follow.pieces import GROWTH, Piece, parabola
 from virtual_lab.video.follow.scene import FlightScene
@@ -22,7 +23,6 @@ class FlightSearch:
     least_places: int = 6  # of a flight
     side_places: int = 4  # on each side of a contact, to state a restitution
     contact_frames: float = 6.0  # between two flights that a contact joins
-    rounds: int = 4
     # one gravity
     # that flights may differ by before drag and tilt are known; a piece whose acceleration is not
     # known to it shows none
@@ -40,7 +40,6 @@ class FlightSearch:
     # the same beyond the places a piece had, and of the first and the last in the end
     end_room: tuple[float, float] = (0.07, 4.0)
     end_length: float = 1.25  # radii that these are long, but for what they move in a frame
-    outer_share: float = 0.125  # of a flight's places at a free end: a fit without them shows u
     dirty: float = 0.75  # of the ring: so much may be beside a place on a flight
     # radii that two flights may miss each other by at a contact, or one that is broken its own way
     meeting_radii: float = 0.5
@@ -57,12 +56,11 @@ FLIGHTS = FlightSearch()
 
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
     """Return the flights among pieces, of one ball and one gravity, and their fit; or none."""
-    long = [each for each in pieces if len(each.t) >= FLIGHTS.least_places - 1]
-    flights = _of_one_gravity(scene, long)
+    flights = _of_one_gravity(scene, pieces)
     if not flights:
         return [], None
     fit_of = partial(fit_flights, scene, readout=readout_of(scene, flights))
-    for _ in range(FLIGHTS.rounds):
+    for _ in range(2):
         flights = _merged(scene, flights, fit_of(flights))
         flights = _aligned(scene, flights, fit_of(flights))
         before = [each.frames.tolist() for each in flights]
@@ -72,16 +70,12 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
             break
     flights = [each for each in flights if len(each.t) >= FLIGHTS.least_places]
     while flights:
-        readout = readout_of(scene, flights)
-        fit = fit_flights(scene, flights, readout=readout)
+        fit = fit_flights(scene, flights, readout=readout_of(scene, flights))
         ended = _ended(scene, flights, fit)
-        if [len(each.t) for each in ended] != [len(each.t) for each in flights]:
-            flights = [each for each in ended if len(each.t) >= FLIGHTS.least_places]
-            flights = [each for each in flights if _travel(each) >= GROWTH.hop * each.radius]
-            continue
-        if _holds(scene, flights, fit):
+        if [len(each.t) for each in ended] == [len(each.t) for each in flights]:
             return flights, fit
-        flights.pop(int(np.argmax([(left**2).mean() for left in fit.residuals])))
+        flights = [each for each in ended if len(each.t) >= FLIGHTS.least_places]
+        flights = [each for each in flights if _travel(each) >= GROWTH.travel * each.radius]
     return [], None
 
 
@@ -106,36 +100,10 @@ def _ended(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> list[Piece
     return ended
 
 
-def inner(flights: Sequence[Piece]) -> list[Piece]:
-    """Return flights without the first and last places of ends at no contact.
-
-    A hand that opens and a table's edge lead the ball on: they bend a way by less than shows.
-    """
-    free, parts = _free(flights), []
-    for k, piece in enumerate(flights):
-        outer = outer_places(len(piece.t))
-        parts.append(piece.part(slice(outer * free[k], len(piece.t) - outer * free[k + 1])))
-    return parts
-
-
-def outer_places(places: int) -> int:
-    """Count of the places of a flight that are taken for its end."""
-    return int(np.ceil(FLIGHTS.outer_share * places))
-
-
 def _free(flights: Sequence[Piece]) -> Mask:
     """Find the ends at no contact: each flight's start and the last one's end, (flight + 1,)."""
     gaps = [np.inf, *(two.t[0] - one.t[-1] for one, two in pairwise(flights)), np.inf]
     return np.asarray(np.array(gaps) > FLIGHTS.contact_frames)
-
-
-def _holds(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> bool:
-    """Whether flights fitted together still fall as gravity lets them."""
-    longest = max(flights, key=lambda each: len(each.t))
-    own = 1.0 if len(flights) > 1 else FLIGHTS.sharp
-    u = float(np.sqrt(fit.covariance[0, 0]))
-    smooth = _smooth(longest, fit.pull[0], fit.spread)
-    return smooth and _falls(scene, longest, fit.pull[0], u, own * fit.spread)
 
 
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
@@ -146,6 +114,8 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     for piece in pieces:
         pull, u, rms = _bent(scene, piece)
         if len(piece.t) < FLIGHTS.least_places + 2 or not _smooth(piece, pull, rms, FLIGHTS.sharp):
+            continue
+        if _travel(piece) < piece.radius:
             continue
         if np.isin(piece.blobs, taken).any():
             continue
@@ -213,7 +183,7 @@ def _aligned(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     return aligned
 
 
-def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
+def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
     """Return the pieces, one at a time, that share the acceleration with most places behind it."""
     bends = [(each, *_bent(scene, each)) for each in pieces]
     # a shadow on the ground goes as its ball does, but across
@@ -228,15 +198,12 @@ def _of_one_gravity(scene: FlightScene, pieces: list[Piece]) -> list[Piece]:
         size = float(np.hypot(*pull))
         shows = size > _chance(piece, u)
         bent = _sag(pull, piece) > FLIGHTS.sag * piece.radius
+        drag = (FLIGHT_FIT.drag + FLIGHT_FIT.drag_u) / piece.radius
         for (other, own, own_u, _), also in zip(bends, falls, strict=True):
             if not (bent or also):
                 continue  # leaves sail as one that is too short to show what it does
             chance = _chance(other, own_u)
-            slowed = (
-                (FLIGHT_FIT.drag + FLIGHT_FIT.drag_u)
-                / piece.radius
-                * max(_fast(piece), _fast(other)) ** 2
-            )
+            slowed = drag * max(_fast(piece), _fast(other)) ** 2
             room = max(chance, slowed, FLIGHTS.pull_share * size)
             ratio = max(other.radius, piece.radius) / min(other.radius, piece.radius)
             colour = np.abs(_colour(scene, other) - _colour(scene, piece)).max() < GROWTH.colour
@@ -263,7 +230,7 @@ def _smooth(piece: Piece, pull: Array, rms: float, share: float = 1.0) -> bool:
 
 
 def _chance(piece: Piece, u: float) -> float:
-    """Return the acceleration that a piece may show by chance [pixels/frame²]."""
+    """Acceleration that a piece may show by chance [pixels/frame²]."""
     return 3 * u + 8 * FLIGHTS.chance_bend * piece.radius / float(np.ptp(piece.t)) ** 2
 
 
@@ -292,12 +259,8 @@ def _sag(pull: Array, piece: Piece) -> float:
 
 
 def _bent(scene: FlightScene, piece: Piece) -> tuple[Array, float, float]:
-    """Return `parabola` of a piece, by the readout that it goes with best."""
-    late = scene.late(piece.blobs)
-    readouts = FLIGHTS.readouts if scene.readout is None else (scene.readout,)
-    tried = [parabola(piece.t + each * late, piece.xy) for each in readouts]
-    best = min(tried, key=lambda each: each[2])
-    return best if FLIGHTS.readout_gain * best[2] ** 2 < tried[0][2] ** 2 else tried[0]
+    """Return `parabola` of a piece."""
+    return parabola(piece.t + (scene.readout or 0.0) * scene.late(piece.blobs), piece.xy)
 
 
 def _falls(scene: FlightScene, piece: Piece, pull: Array, u: float, rms: float) -> bool:
@@ -349,21 +312,12 @@ def _merged(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     for k, piece in enumerate(flights[1:]):
         one = merged[-1]
         near = piece.t[0] - one.t[-1] <= 3 * FLIGHTS.contact_frames
-        if (near or _away(scene, fit, k, one, piece)) and (
-            lost := _one_way(fit, k, one, piece)
-        ) is not None:
+        if near and (lost := _one_way(fit, k, one, piece)) is not None:
             both = np.concatenate([one.blobs, piece.blobs])
             merged[-1] = Piece.of(scene.found, both, np.concatenate([one.t, piece.t + lost]))
         else:
             merged.append(piece)
     return merged
-
-
-def _away(scene: FlightScene, fit: Fit, first: int, before: Piece, after: Piece) -> bool:
-    """Whether a flight's way lies outside of the picture between two parts of it."""
-    t = np.arange(before.t[-1] + 1, after.t[0])
-    at, room = fit.pictured(first, t), before.radius
-    return bool(((at < room) | (at > np.array(scene.size) - room)).any(axis=1).all())
 
 
 def _one_way(fit: Fit, first: int, before: Piece, after: Piece) -> int | None:
@@ -441,7 +395,7 @@ def _nearest(
     beyond = max(0.0, float(piece.t[0] - t), float(t - piece.t[-1]))
     radii, spreads = FLIGHTS.place_room
     if beyond and not struck:  # a hand that lets go leads the ball on
-        if some["dirty"][best] > GROWTH.dirty:
+        if some["dirty"][best] > CLEAN:
             return None
         radii, spreads = (each * (1 + 0.3 * min(beyond, 3.0)) for each in FLIGHTS.end_room)
     room = max(radii * piece.radius, spreads * fit.spread)

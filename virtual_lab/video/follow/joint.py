@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
-from virtual_lab.video.follow.pieces import Piece
+from virtual_lab.video.follow.pieces import FAR_U, Piece
 from virtual_lab.video.follow.scene import FlightScene
 
 Ints = NDArray[np.intp]
@@ -41,8 +41,7 @@ class FlightFit:
     runge_kutta_steps: int = 2  # from a flight's middle to a place: 1e-6 of the way
     rounds: int = 12
     settled_u: float = 0.02  # standard uncertainties that a parameter still moves by at the end
-    outlier_spreads: float = 4.0  # standard deviations: places beyond count less and less,
-    outlier_radii: float = 0.05  # but none within so many radii
+    outlier_radii: float = 0.05  # that a place may be off and count whole, if FAR_U is less
     least_spread: float = 0.02  # pixels
     correlation: float = 0.8  # of neighbouring residuals, at most
     lags: tuple[float, float] = (0.02, 30.0)  # of a pattern, in times that the flight is seen
@@ -215,7 +214,7 @@ def _solved(model: _FlightModel, before: Array, u: Array, k: int) -> tuple[Array
             room, spread = np.inf, 1.0
         else:
             room = FLIGHT_FIT.outlier_radii * model.radius
-            room = max(FLIGHT_FIT.outlier_spreads * spread, room)
+            room = max(FAR_U * spread, room)
         jacobian = model.jacobian(vector, free) / model.own[:, None, None]
         weighted = jacobian * (1 / np.sqrt(1 + (off / room) ** 2))[:, None, None]
         normal = np.einsum("rci,rcj->ij", weighted, jacobian) / spread**2

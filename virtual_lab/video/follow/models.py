@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.video.follow.flights import FLIGHTS, inner, readout_of
+from virtual_lab.video.follow.flights import FLIGHTS, readout_of
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, fit_flights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
@@ -17,7 +17,7 @@ EVEN_SHARE = 1 / np.sqrt(3)  # of a difference is u, where anything up to it is 
 STEEPEST = 2.0  # FLIGHT_FIT.level_u: a perspective that is larger is no level camera's
 DRAG_SHARE = 0.35  # of the difference between fits with and without drag
 
-Others = list[tuple[Fit, float]]  # fits, with the share of the difference to each that is u
+Others = Sequence[tuple[Fit, float]]  # fits, with the share of the difference to each that is u
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,12 +29,12 @@ class FittedFlights:
     """
 
     fit: Fit
-    tilted: bool  # the camera looks up or down by more than a level one does
     rest: Others
-    dragless: Others  # with one g
-    parabolas: Others  # each flight with its own
-    longest: Others  # readout
-    near: Others  # readout
+    tilted: bool = False  # the camera looks up or down by more than a level one does
+    dragless: Others = ()  # with one g
+    parabolas: Others = ()  # each flight with its own
+    longest: Others = ()  # readout
+    near: Others = ()  # readout
 
     @classmethod
     def of(cls, scene: FlightScene, ways: Sequence[Piece], drift: float = 0.0) -> FittedFlights:
@@ -43,16 +43,7 @@ class FittedFlights:
             fit = fit_flights(scene, ways)
             drag, u = scene.drag or (0.0, 0.0)
             more = fit_flights(replace(scene, drag=(drag + u, 0.0)), ways)
-            none: Others = []
-            return cls(
-                fit=fit,
-                tilted=False,
-                rest=[(more, 1.0)],
-                dragless=none,
-                parabolas=none,
-                longest=none,
-                near=none,
-            )
+            return cls(fit=fit, rest=[(more, 1.0)])
         fit = fit_flights(scene, ways, readout=readout_of(scene, ways))
         longest, near = [], []
         if scene.readout is None:
@@ -67,7 +58,6 @@ class FittedFlights:
             tilted=tilted,
             rest=[
                 *([(refit(scene, ways, fit, tilt_u=0.0), 1.0)] if tilted else []),
-                (refit(scene, inner(ways), fit), 1.0),
                 *((fit.drifting(each), 1.0) for each in drift * np.eye(2) if drift),
             ],
             dragless=[(refit(scene, ways, fit, drag=False), DRAG_SHARE)],

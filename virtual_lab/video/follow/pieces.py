@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array
-from virtual_lab.video.find.blobs import Blobs
+from virtual_lab.video.find.blobs import CLEAN, Blobs
 
 Ints = NDArray[np.intp]
+FAR_U = 4.0  # standard uncertainties: what lies farther off is no chance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,45 +28,25 @@ class PieceGrowth:
 
     gap_frames: int = 4  # in a row that need not show the ball
     lost_frames: int = 3  # that may have been left out at one place
-    sure_places: int = 4  # before a step may be read as lost frames
-    least_step: float = 0.25  # radii of it
     least_places: int = 5
-    travel: float = 1.0  # radii it covers
-    # a way that travels less is a hop where g is known, bends it by so many radii at least, and it
-    # strays off that parabola by so many at most
-    hop: float = 0.25
-    hop_stray: float = 0.03
-    hop_ends: int = 3  # places at its ends that may be drawn out of shape by what was struck
+    travel: float = 0.25  # radii it covers: a low hop is a flight, too
     recent_places: int = 6  # that show where the next one is
     seeds: int = 4  # triples tried from a blob
-    slowest: float = 0.01  # radii a frame
-    fastest: float = 9.0
     # radii and steps that a place may be off where the ones before it lead: where g is not known
     # three times that of the third, which is off a line, and twice that of the fourth
     room: tuple[float, float] = (0.25, 0.12)
     size_ratio: float = 1.6  # of the radii of one ball's blobs
     colour: float = 70.0  # DN between its blobs
-    dirty: float = 0.35  # of the ring: more is a hand, or the ball on something
     # of a piece that shows its own acceleration; asked of shorter ones too, a short flight in a
     # thinned clip is lost (test_frames_left_out_of_a_phone_s_file)
     shown_places: int = 8
-    # a piece is given other times where they shrink its misfit
-    mended_share: float = 0.5  # to this share
-    mended_radii: float = 0.3  # by so many radii for each change
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PieceCuts:
-    """Where a grown piece ends after all."""
-
-    turn: float = 0.22  # of the speed that it must change by for a contact
-    turn_u: float = 6.0  # standard uncertainties of that change
-    better: float = 0.5  # of the rms off a parabola, that a cut leaves at most
-    scatters: float = 4.0  # that a place may be off the others' parabola
+    # of its misfit, that is left where a piece is given other times, or is cut at a contact
+    better: float = 0.5
+    turn_u: float = 6.0  # of the velocity's change at a cut: a shutter that rolls bends ways, too
+    mended_radii: float = 0.3  # that the misfit shrinks by with each change of times
 
 
 GROWTH = PieceGrowth()
-CUTS = PieceCuts()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,7 +119,7 @@ def pieces(found: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
 
 class _Growth:
     def __init__(self, found: Blobs, time: Array, pull: Array | None) -> None:
-        usable = (found["dirty"] < GROWTH.dirty) & ~found["cut"]
+        usable = (found["dirty"] < CLEAN) & ~found["cut"]
         usable &= np.isfinite(time[found["frame"]])
         self.found, self.index, self.pull = found, np.flatnonzero(usable), pull
         some = found[usable]
@@ -160,36 +141,13 @@ class _Growth:
             if len(places) < GROWTH.least_places:
                 continue
             piece = Piece.of(self.found, self.index[places], np.array(t))
-            radius, travel = piece.radius, np.ptp(piece.xy, axis=0).max()
-            goes = travel >= GROWTH.travel * radius
-            if not goes and (self.pull is None or travel < GROWTH.hop * radius):
+            if np.ptp(piece.xy, axis=0).max() < GROWTH.travel * piece.radius:
                 continue
             if self.pull is not None:
                 piece = _retimed(piece, self.time, self.pull)
-            parts = [_trimmed(each) for each in _broken(piece)]
-            if not goes:  # nor is it a hop, with the next one's first place
-                parts = [hop for each in parts if (hop := self._hop(each))]
-            for each in [piece] if goes else parts:
-                self.used[np.isin(self.index, each.blobs)] = True
-            found += parts
+            self.used[np.isin(self.index, piece.blobs)] = True
+            found += _broken(piece)
         return found
-
-    def _hop(self, piece: Piece) -> Piece | None:
-        """Cut a piece to a low hop, bent as gravity bends it; None: there is none."""
-        pull = self.pull
-        if pull is None:
-            return None
-        for _ in range(GROWTH.hop_ends + 1):
-            if len(piece.t) < GROWTH.least_places:
-                break
-            sag = float(np.hypot(*pull)) * np.ptp(piece.t) ** 2 / 8
-            squares = _off_parabola(piece.t[None], piece.xy, pull)[0]
-            stray = float(np.sqrt(squares / (2 * len(piece.t) - 4)))
-            if sag > GROWTH.hop * piece.radius and stray < GROWTH.hop_stray * piece.radius:
-                return piece
-            ends = [piece.part(slice(1, None)), piece.part(slice(-1))]
-            piece = min(ends, key=lambda each: _off_parabola(each.t[None], each.xy, pull)[0])
-        return None
 
     def _like(self, one: int, frame: int, radius: float) -> Ints:
         """Return the unused blobs of a frame that look like one."""
@@ -209,14 +167,12 @@ class _Growth:
                 continue
             t0, t1, t2 = (self.time[k] for k in (self.frame[a], one, other))
             speed = (self.xy[second] - self.xy[a]) / (t1 - t0)
-            fast = np.hypot(*speed.T)
-            good = (fast < GROWTH.fastest * radius) & (fast > GROWTH.slowest * radius)
             expected = self.xy[second] + speed * (t2 - t1)
             if self.pull is not None:
                 expected += self.pull * (t2 - t0) * (t2 - t1) / 2
             off = np.linalg.norm(self.xy[third][None] - expected[:, None], axis=2)
-            most = self._room(2, radius, fast) * (t2 - t1)
-            off[(off > most[:, None]) | ~good[:, None]] = np.inf
+            most = self._room(2, radius, np.hypot(*speed.T)) * (t2 - t1)
+            off[off > most[:, None]] = np.inf
             for k in np.argsort(off, axis=None)[: GROWTH.seeds]:
                 m, n = np.unravel_index(k, off.shape)
                 if np.isfinite(off[m, n]):
@@ -263,8 +219,7 @@ class _Growth:
         speed = float(np.hypot(*(xy[-1] - xy[-2]))) / (recent[-1] - recent[-2])
         later = time - recent[-1]
         most = self._room(len(places), radius, speed) * (1 + 0.5 * (later - 1))
-        sure = len(places) >= GROWTH.sure_places and speed > GROWTH.least_step * radius
-        for lost in range(GROWTH.lost_frames + 1 if sure else 1):
+        for lost in range(GROWTH.lost_frames + 1):
             ahead = later + lost
             expected = np.array([1.0, ahead, ahead**2]) @ solved
             off = np.hypot(*(self.xy[there] - expected).T)
@@ -284,8 +239,7 @@ def _retimed(piece: Piece, time: Array, pull: Array) -> Piece:
     moved = np.concatenate([later, np.eye(count, dtype=bool)])
     lost = np.arange(-GROWTH.lost_frames, GROWTH.lost_frames + 1)
     steps = (lost[:, None, None] * moved).reshape(-1, count)
-    fast = np.hypot(*np.gradient(piece.xy, piece.t, axis=0).T) > GROWTH.least_step * piece.radius
-    steps = steps[((steps != 0) & fast).any(axis=1)]
+    steps = steps[steps.any(axis=1)]
     least = (GROWTH.mended_radii * piece.radius) ** 2
     before, plain = _off_parabola(np.stack([piece.t, even]), piece.xy, pull).tolist()
     # frames are left out only where that explains clearly more
@@ -306,7 +260,7 @@ def _retimed(piece: Piece, time: Array, pull: Array) -> Piece:
     if count >= GROWTH.shown_places:
         free = min(parabola(each, piece.xy)[2] for each in (piece.t, even))
         plain = min(plain, 2 * (count - 2) * free**2)
-    mended = cost <= GROWTH.mended_share * min(plain, before)
+    mended = cost <= GROWTH.better * min(plain, before)
     return replace(piece, t=t if mended else start[0])
 
 
@@ -322,15 +276,12 @@ def _off_parabola(t: Array, xy: Array, pull: Array) -> Array:
 def _broken(piece: Piece) -> list[Piece]:
     """Return a piece cut where its velocity changes at once: a contact that growth went through."""
     count, cut = len(piece.t), 0
-    least = CUTS.better * parabola(piece.t, piece.xy)[2]
+    least = GROWTH.better * parabola(piece.t, piece.xy)[2]
     for k in range(4, count - 3):
         moment = (piece.t[k - 1] + piece.t[k]) / 2
         before, u_before, rms_before = _velocity(piece.part(slice(k)), moment)
         after, u_after, rms_after = _velocity(piece.part(slice(k, count)), moment)
-        turn = max(
-            CUTS.turn * max(np.hypot(*before), np.hypot(*after)),
-            CUTS.turn_u * np.hypot(u_before, u_after),
-        )
+        turn = GROWTH.turn_u * np.hypot(u_before, u_after)
         rms = float(np.sqrt((k * rms_before**2 + (count - k) * rms_after**2) / count))
         if np.hypot(*(after - before)) > turn and rms < least:
             least, cut = rms, k
@@ -343,21 +294,3 @@ def _velocity(piece: Piece, moment: float) -> tuple[Array, float, float]:
     """Return velocity at a moment, its u and the rms residual."""
     solved, solver, rms = _polynomial(piece.t - moment, piece.xy, 2 if len(piece.t) > 4 else 1)
     return solved[1], rms * float(np.linalg.norm(solver[1])), rms
-
-
-def _trimmed(piece: Piece) -> Piece:
-    """Return a piece without ends that its other places' parabola denies."""
-    while (count := len(piece.t)) > GROWTH.least_places:
-        rests, off = (slice(1, None), slice(count - 1)), []
-        for end, rest in zip((0, -1), rests, strict=True):
-            s = piece.t[rest] - piece.t[end]
-            near = np.argsort(np.abs(s), kind="stable")[:8]
-            degree = 2 if len(near) > 4 else 1
-            solved, solver, rms = _polynomial(s[near], piece.xy[rest][near], degree)
-            own = max(rms, 0.02 * piece.radius) * np.hypot(1, np.linalg.norm(solver[0]))
-            off.append(float(np.hypot(*(piece.xy[end] - solved[0]))) / own)
-        worst = int(np.argmax(off))
-        if off[worst] < CUTS.scatters:
-            break
-        piece = piece.part(rests[worst])
-    return piece

@@ -22,8 +22,6 @@ from virtual_lab.video.follow.scene import FlightScene
 class TimeSettings:
     """How a clip's time is read."""
 
-    rounds: int = 4  # that pieces grow in, each knowing the gravity that the last one found
-    same_pull: float = 0.01  # of gravity: nothing new will be found by it
     least_repeats: int = 2  # among the frames of flights, to ask whether they stand for time
     every_other: float = 0.4  # of the frames that are repeats: every frame was stored twice
     thinned_periods: range = range(3, 11)  # frames, of those left out of 30 a second to make 25
@@ -80,18 +78,16 @@ def clip_scene(
 
 def _searched(watched: Watched, known: ClipKnowledge, scene: FlightScene) -> FlightsFound:
     best, pull = FlightsFound(scene=scene), None
-    for _ in range(TIME.rounds):  # where gravity is known also through frames that are missing
+    for _ in range(2):  # where gravity is known also through frames that are missing
         found = pieces(watched.found, scene.time, pull)
         found = [p for p in found if not known.ball_at or _passes(watched, p, known.ball_at)]
         ways, fit = flights_of(scene, found)
         support = _support(scene, ways, fit) if fit else 0.0
-        before, pull = pull, fit.pull[0] if fit else None
         if support > best.support:
             best = FlightsFound(scene=scene, support=support, pieces=found, ways=ways)
-        if pull is None:
+        if fit is None:
             break
-        if before is not None and np.hypot(*(pull - before)) < TIME.same_pull * np.hypot(*pull):
-            break
+        pull = fit.pull[0]
     return best
 
 

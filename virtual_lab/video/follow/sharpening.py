@@ -23,7 +23,7 @@ from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import meetings, without_contacts
 from virtual_lab.video.follow.joint import Fit, fit_flights
 from virtual_lab.video.follow.known import GRAVITY, ClipKnowledge, Note
-from virtual_lab.video.follow.pieces import Piece
+from virtual_lab.video.follow.pieces import FAR_U, Piece
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.searching import FlightsFound
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, squares
@@ -42,16 +42,14 @@ class SharpnessSettings:
     # of a ball's radius to the one expected: what is farther off is another thing; the hull of a
     # ball lit from the side is half a disc, half a radius wide
     size_ratios: tuple[float, float] = (0.4, 1.45)
-    exposure_frames: int = 8  # from which an exposure is read,
+    frames: int = 8  # from which an exposure is read, and at least a trend of the radius
     fast: float = 0.8  # of the greatest speed, at least: slower ones show less
     faint: float = 0.1  # of the ball's brightness: less is noise
     shown: int = 3  # frames that must show a pixel's background for their mean to be taken
     rounds: int = 3
     outlier_spreads: float = 8.0  # robust standard deviations: a place this far off is left out
-    contact_u: float = 4.0  # standard uncertainties that a place lies off, to be pressed
     contact_share: float = 0.34  # of a flight's places: no contact is seen in more
     crooked_u: float = 3.0  # of a place, noise and pattern together, that residuals scatter by
-    trend_frames: int = 8  # fewer show no trend of the radius
     trend: float = 0.004  # of the radius through a flight: less is no matter
     trend_u: float = 6.0  # standard uncertainties of it
 
@@ -264,7 +262,7 @@ def _clear(scene: FlightScene, way: Piece, end: int) -> Piece:
         assert way.u is not None
         scatter = float(np.sqrt(np.mean(fit.residuals[0] ** 2)))
         own = max(float(way.u[end]), way.pattern_u, scatter)
-        if np.hypot(*off) <= SHARPNESS.contact_u * np.sqrt(own**2 + np.trace(known) / 2):
+        if np.hypot(*off) <= FAR_U * np.sqrt(own**2 + np.trace(known) / 2):
             break
         way = others
     return way
@@ -274,7 +272,7 @@ def _nearing(way: Piece, ball: SharpBall, shape: tuple[int, int]) -> Array:
     """Velocity (2,) that a ball seems to have as it comes nearer [px/frame], 0: it does not."""
     located = ball.located
     good = np.isin(ball.frames, way.frames) & (located.flags == 0)
-    if good.sum() < SHARPNESS.trend_frames:
+    if good.sum() < SHARPNESS.frames:
         return np.zeros(2)
     t = ball.t[good] - ball.t[good].mean()
     size = np.log(located.radius[good] / ball.plane.sizes[good])
@@ -392,7 +390,7 @@ def _exposure(
     fast = np.flatnonzero(inside & (speed > SHARPNESS.fast * speed.max()))
     if not fast.size:
         return 0.0
-    count = min(fast.size, SHARPNESS.exposure_frames)
+    count = min(fast.size, SHARPNESS.frames)
     tried = fast[np.linspace(0, fast.size - 1, count).astype(int)]
     squares = []
     for k, (_, frame) in zip(tried, clip.chosen(frames[tried]), strict=True):
