@@ -362,14 +362,18 @@ def shots_before_repair(desk: Desk) -> int:
     return before
 
 
+def edges_of(record: Record) -> Array:
+    """Return when each gate broke and cleared, (shot, way, gate, edge) [s]; NaN: not seen."""
+    assert isinstance(record, GateRecord | BoardRecord)
+    broke, cleared = record.times[..., 0], record.times[..., 1]
+    if broke.ndim == 4:  # a board is broken while any of its beams is
+        broke, cleared = np.fmin.reduce(broke, axis=3), np.fmax.reduce(cleared, axis=3)
+    return np.stack([broke, cleared], axis=-1)
+
+
 def beam_passages(record: Record) -> Array:
     """Return how long each ball that comes in breaks each gate, (shot, gate) [s]; NaN: unseen."""
-    assert isinstance(record, GateRecord | BoardRecord)
-    broke, cleared = record.times[:, 0, ..., 0], record.times[:, 0, ..., 1]
-    if broke.ndim == 3:  # a board is broken while any of its beams is
-        broke = np.fmin.reduce(broke, axis=2)
-        cleared = np.fmax.reduce(cleared, axis=2)
-    return np.asarray(cleared - broke)
+    return np.asarray(np.diff(edges_of(record)[:, 0], axis=-1)[..., 0])
 
 
 def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[CheckRow]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from virtual_lab.bench.day.entries import record_of
-from virtual_lab.bench.day.readings import beam_passages
+from virtual_lab.bench.day.readings import beam_passages, edges_of
 from virtual_lab.bench.day.scenario import UNITS
 from virtual_lab.output.svg import Panel, figure
 from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, PendulumRecord
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from virtual_lab.bench.day.desk import Desk
 
 Units = tuple[tuple[str, float], tuple[str, float]]  # of a length and a speed in print
-SETTLED = 3e-3  # s after the contact: ball gone
 
 
 class TallyColumn(NamedTuple):
@@ -111,8 +110,7 @@ def _seen(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
     """Return which gates saw each ball come in and go back, and the times in first over last."""
     if not isinstance(record, GateRecord | BoardRecord):
         return ["–"] * shots, ["–"] * shots, np.full(shots, np.nan)
-    seen: Any = np.isfinite(record.times).all(axis=-1)
-    seen = seen.any(axis=-1) if seen.ndim == 4 else seen
+    seen = np.asarray(np.isfinite(edges_of(record)).all(axis=-1))
 
     def words(one: Any) -> str:
         missed = [str(gate + 1) for gate in np.flatnonzero(~one)]
@@ -176,25 +174,20 @@ def residual_chart(desk: Desk, shot: int) -> str:
     record = desk.session.records.get("impact", {}).get("encoder")
     if not isinstance(record, EncoderRecord) or desk.missing:
         return ""
-    fit = desk.by_rules.readings.recoil
+    from virtual_lab.measurement.reduction.recoil import RECOIL, project, turn_and_rings
+
+    found = desk.by_rules.readings
+    fit = found.recoil
     if fit is None or not np.isfinite(fit.span[shot - 1]):
         return ""
-    contact = _contact(desk, shot)
-    chosen = record.times > contact + SETTLED
-    chosen &= record.times <= contact + SETTLED + fit.span[shot - 1]
+    after = record.times - found.flights.raw.contact[shot - 1]
+    span = float(fit.span[shot - 1])
+    chosen = (after > RECOIL.settling_time) & (after <= RECOIL.settling_time + span)
     clock, counts = record.times[chosen], record.counts[shot - 1, chosen]
     if clock.size < 40:
         return ""
-    since = (clock - clock[0]) / (clock[-1] - clock[0])
-    columns = [since**power for power in range(4)]
-    for frequency, decay in zip(fit.ring_frequency, fit.ring_decay, strict=True):
-        phase, dies = (
-            2 * np.pi * frequency * (clock - clock[0]),
-            np.exp(-decay * (clock - clock[0])),
-        )
-        columns += [dies * np.cos(phase), dies * np.sin(phase)]
-    basis = np.stack(columns, axis=1)
-    left = counts - basis @ np.linalg.lstsq(basis, counts, rcond=None)[0]
+    rings = span * np.stack([fit.ring_frequency, fit.ring_decay], axis=1)
+    left = project(turn_and_rings((clock - clock[0]) / span, rings), counts)[1]
     some = np.unique(np.linspace(0, clock.size - 1, 400).astype(int))
     reach = max(1.5, 1.1 * float(np.abs(left).max()))
     panel = Panel(
@@ -212,16 +205,3 @@ def residual_chart(desk: Desk, shot: int) -> str:
     words = f"{float(np.sqrt(np.mean(left**2))):.2f} counts rms; counting alone leaves 0.29"
     drawn = figure([panel], 142.0, "residual", f"Residual of the encoder's fit, shot {shot}", words)
     return drawn.replace('font-size="8"', 'font-size="9.5"')
-
-
-def _contact(desk: Desk, shot: int) -> float:
-    """Return about when the ball of a shot met the bat, by the last gate it broke coming in [s]."""
-    record = cast(GateRecord, desk.session.records["impact"]["gates"])
-    broke = record.times[shot - 1, 0, ..., 0]
-    last = float(np.nanmax(broke)) if np.isfinite(broke).any() else 0.0
-    known = desk.session.calibration
-    nearest = min(
-        (each.value for key, each in known.items() if key.startswith("impact.gates.distance_")),
-        default=0.0,
-    )
-    return last + nearest / desk.rules.spec.ball_speed

@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from virtual_lab.bench.day.entries import record_of
+from virtual_lab.bench.day.readings import edges_of
 from virtual_lab.output.svg import Panel
 from virtual_lab.units import Array
 
@@ -84,17 +86,11 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
     )
 
 
-def _edges(record: Mapping[str, Any]) -> Array:
+def _edges(entry: Mapping[str, Any]) -> Array:
     """Return when each gate broke and cleared [ms], (way, gate, edge), NaN: not seen."""
-    if record["kind"] not in {"gates", "boards"}:
+    if entry["kind"] not in {"gates", "boards"}:
         return np.full((2, 1, 2), np.nan)
-    times = np.array(record["times"][0], dtype=float) * 1e3
-    if times.ndim == 4:  # a board is broken while any of its beams is
-        first = np.nanmin(np.where(np.isnan(times[..., 0]), np.inf, times[..., 0]), axis=2)
-        last = np.nanmax(np.where(np.isnan(times[..., 1]), -np.inf, times[..., 1]), axis=2)
-        times = np.stack([first, last], axis=-1)
-        times[~np.isfinite(times)] = np.nan
-    return times
+    return np.asarray(1e3 * edges_of(record_of(entry))[0])
 
 
 def _of_gate(edges: Array, gate: int) -> list[list[float]]:

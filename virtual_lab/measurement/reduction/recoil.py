@@ -85,7 +85,7 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
     no_ring = RECOIL.residual_of_counts if whole else RECOIL.residual
     searched = counts[: RECOIL.shots_searched].T
     rings, basis = _find_rings(clock, searched, span, no_ring)
-    left = np.sqrt((_project(basis, searched)[1] ** 2).mean(axis=0))
+    left = np.sqrt((project(basis, searched)[1] ** 2).mean(axis=0))
     odd = left > RECOIL.odd * np.median(left)  # a jump in one shot is a ring of none
     if odd.any():
         rings, basis = _find_rings(clock, searched[:, ~odd], span, no_ring)
@@ -154,9 +154,9 @@ def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tup
     """
     rings = np.empty((0, 2))  # frequency and decay in units of 1/span
     slowest = max(RECOIL.polynomial_order, RECOIL.slowest_ring * span)
-    basis = _basis(clock, rings)
+    basis = turn_and_rings(clock, rings)
     while len(rings) < RECOIL.most_rings:
-        _, residual = _project(basis, counts)
+        _, residual = project(basis, counts)
         small = np.sqrt((residual**2).mean()) < no_ring
         peak = None if small else _strongest(clock, residual, slowest)
         if peak is None:
@@ -167,7 +167,7 @@ def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tup
             )
         except np.linalg.LinAlgError:
             break  # the new ring fell upon one already there
-        wider = _basis(clock, more)
+        wider = turn_and_rings(clock, more)
         if np.linalg.matrix_rank(wider) < wider.shape[1]:
             break
         rings, basis = more, wider
@@ -191,7 +191,7 @@ def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
     """Return the vibrations of least residual, by Gauss-Newton from a near start."""
     fastest_decay = RECOIL.greatest_decay * span
     for _ in range(RECOIL.most_steps):
-        basis = _basis(clock, rings)
+        basis = turn_and_rings(clock, rings)
         orthogonal, triangle = np.linalg.qr(basis)
         seen = orthogonal.T @ counts
         coefficients, residual = np.linalg.solve(triangle, seen), counts - orthogonal @ seen
@@ -223,7 +223,7 @@ def _shares(coefficients: Array) -> Array:
     return shares.reshape(moves, moves, shots)
 
 
-def _basis(clock: Array, rings: Array) -> Array:
+def turn_and_rings(clock: Array, rings: Array) -> Array:
     """Return powers of time, then a decaying cosine and sine for each vibration."""
     columns = [clock**power for power in range(RECOIL.polynomial_order + 1)]
     for frequency, decay in rings:
@@ -233,7 +233,7 @@ def _basis(clock: Array, rings: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-def _project(basis: Array, data: Array) -> tuple[Array, Array]:
+def project(basis: Array, data: Array) -> tuple[Array, Array]:
     """Return least-squares coefficients and the residual."""
     orthogonal, triangle = np.linalg.qr(basis)
     seen = orthogonal.T @ data
