@@ -362,7 +362,7 @@ def shots_before_repair(desk: Desk) -> int:
     return before
 
 
-def edges_of(record: Record) -> Array:
+def gate_edges(record: Record) -> Array:
     """Return when each gate broke and cleared, (shot, way, gate, edge) [s]; NaN: not seen."""
     assert isinstance(record, GateRecord | BoardRecord)
     broke, cleared = record.times[..., 0], record.times[..., 1]
@@ -373,7 +373,7 @@ def edges_of(record: Record) -> Array:
 
 def beam_passages(record: Record) -> Array:
     """Return how long each ball that comes in breaks each gate, (shot, gate) [s]; NaN: unseen."""
-    return np.asarray(np.diff(edges_of(record)[:, 0], axis=-1)[..., 0])
+    return np.asarray(np.diff(gate_edges(record)[:, 0], axis=-1)[..., 0])
 
 
 def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[CheckRow]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from virtual_lab.bench.day.entries import record_of
-from virtual_lab.bench.day.readings import beam_passages, edges_of
+from virtual_lab.bench.day.readings import beam_passages, gate_edges
 from virtual_lab.bench.day.scenario import UNITS
 from virtual_lab.output.svg import Panel, figure
 from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, PendulumRecord
@@ -110,7 +110,7 @@ def _seen(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
     """Return which gates saw each ball come in and go back, and the times in first over last."""
     if not isinstance(record, GateRecord | BoardRecord):
         return ["–"] * shots, ["–"] * shots, np.full(shots, np.nan)
-    seen = np.asarray(np.isfinite(edges_of(record)).all(axis=-1))
+    seen = np.asarray(np.isfinite(gate_edges(record)).all(axis=-1))
 
     def words(one: Any) -> str:
         missed = [str(gate + 1) for gate in np.flatnonzero(~one)]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from virtual_lab.bench.day.entries import record_of
-from virtual_lab.bench.day.readings import edges_of
+from virtual_lab.bench.day.readings import gate_edges
 from virtual_lab.output.svg import Panel
 from virtual_lab.units import Array
 
@@ -90,7 +90,7 @@ def _edges(entry: Mapping[str, Any]) -> Array:
     """Return when each gate broke and cleared [ms], (way, gate, edge), NaN: not seen."""
     if entry["kind"] not in {"gates", "boards"}:
         return np.full((2, 1, 2), np.nan)
-    return np.asarray(1e3 * edges_of(record_of(entry))[0])
+    return np.asarray(1e3 * gate_edges(record_of(entry))[0])
 
 
 def _of_gate(edges: Array, gate: int) -> list[list[float]]:
