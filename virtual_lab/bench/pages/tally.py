@@ -20,42 +20,34 @@ if TYPE_CHECKING:
 Units = tuple[tuple[str, float], tuple[str, float]]  # of a length and a speed in print
 
 
-class TallyColumn(NamedTuple):
-    """What one instrument made of each shot, as printed."""
+class PrintedColumn(NamedTuple):
+    """What one instrument made of each shot or swing, as printed."""
 
     title: str
     cells: list[str]
     words: bool = False  # not numbers
 
 
-class SwingShown(NamedTuple):
-    """A release of the pendulum, as printed."""
-
-    release: int
-    first_amplitude: str  # [deg]
-    last_amplitude: str
-    periods: tuple[str, ...]  # [s]
-    shortened: str  # first less last [ms]
+def printed_column(title: str, values: Array, form: str) -> PrintedColumn:
+    """Return numbers as printed, a format each; NaN: not seen."""
+    number = (format(each + 0.0, form) if np.isfinite(each) else "not seen" for each in values)
+    return PrintedColumn(title, list(number))
 
 
-def swings(desk: Desk) -> list[SwingShown]:
-    """Return the pendulum's amplitudes and periods, as read."""
+def swings(desk: Desk) -> list[PrintedColumn]:
+    """Return the pendulum's amplitudes and periods, as read, a release in each row."""
     event = desk.last("swing")
     if event is None:
         return []
     record = cast(PendulumRecord, record_of(event.records["pendulum"]))
     periods = np.diff(record.times, axis=1)
+    each = ["  ".join(f"{period:.5f}" for period in swung) for swung in periods]
     return [
-        SwingShown(
-            release=number,
-            first_amplitude=f"{first / DEGREE:.1f}",
-            last_amplitude=f"{last / DEGREE:.1f}",
-            periods=tuple(f"{each:.5f}" for each in swung),
-            shortened=f"{1e3 * (swung[0] - swung[-1]):+.3f}",
-        )
-        for number, (first, last, swung) in enumerate(
-            zip(record.first_amplitude, record.last_amplitude, periods, strict=True), 1
-        )
+        printed_column("Release", np.arange(1.0, len(periods) + 1), ".0f"),
+        printed_column("First amplitude [°]", record.first_amplitude / DEGREE, ".1f"),
+        printed_column("Last [°]", record.last_amplitude / DEGREE, ".1f"),
+        printed_column("Shortened by [ms]", 1e3 * (periods[:, 0] - periods[:, -1]), "+.3f"),
+        PrintedColumn("Periods [s]", each, words=True),
     ]
 
 
@@ -71,7 +63,7 @@ def in_units(sentence: str, system: str) -> str:
     return re.sub(pattern, printed, sentence) if system == "SI" else sentence
 
 
-def tally(desk: Desk, system: str) -> list[TallyColumn]:
+def tally(desk: Desk, system: str) -> list[PrintedColumn]:
     """Return what each instrument of the rig saw of all shots; nothing before it can be reduced."""
     if not desk.day.fired or desk.missing:
         return []
@@ -81,27 +73,23 @@ def tally(desk: Desk, system: str) -> list[TallyColumn]:
     place = ".3f" if metre > 0.01 else ".1f"
     log: Any = impact["log"]
 
-    def column(title: str, values: Array, form: str) -> TallyColumn:
-        number = (format(each + 0.0, form) if np.isfinite(each) else "not seen" for each in values)
-        return TallyColumn(title, list(number))
-
     columns = [
-        column("Shot", np.arange(1.0, len(desk.day.fired) + 1), ".0f"),
-        column("Ball", np.array([ball + 1.0 for ball, _ in desk.day.fired]), ".0f"),
-        column(f"Place set [{length}]", log.place / metre, place),
-        column(f"With the aim paper [{length}]", found.readings.place / metre, place),
-        column(f"Speed [{speed}]", found.shots.speed / metre_a_second, ".2f"),
-        TallyColumn("Gates, in", way_in, words=True),
-        TallyColumn("Gates, back", back, words=True),
-        column("First gate over last", chords, ".4f"),
-        column("e_A by rebound", found.shots.rebound_efficiency, ".4f"),
+        printed_column("Shot", np.arange(1.0, len(desk.day.fired) + 1), ".0f"),
+        printed_column("Ball", np.array([ball + 1.0 for ball, _ in desk.day.fired]), ".0f"),
+        printed_column(f"Place set [{length}]", log.place / metre, place),
+        printed_column(f"With the aim paper [{length}]", found.readings.place / metre, place),
+        printed_column(f"Speed [{speed}]", found.shots.speed / metre_a_second, ".2f"),
+        PrintedColumn("Gates, in", way_in, words=True),
+        PrintedColumn("Gates, back", back, words=True),
+        printed_column("First gate over last", chords, ".4f"),
+        printed_column("e_A by rebound", found.shots.rebound_efficiency, ".4f"),
     ]
     if turning := found.readings.recoil:
         turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / (2 * np.pi)
         columns += [
-            column("e_A by recoil", found.shots.recoil_efficiency, ".4f"),
-            column("Residual [counts]", turning.residual, ".3f"),
-            column("Bat before [rad/s]", turning.before / turn, "+.3f"),
+            printed_column("e_A by recoil", found.shots.recoil_efficiency, ".4f"),
+            printed_column("Residual [counts]", turning.residual, ".3f"),
+            printed_column("Bat before [rad/s]", turning.before / turn, "+.3f"),
         ]
     return columns
 
