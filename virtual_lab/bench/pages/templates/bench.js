@@ -163,9 +163,9 @@ function turned(page) {  // to the page after an action
   const number = page.querySelector("[name=entry_number]")?.value;
   document.querySelectorAll("[name=entry_number]").forEach((each) => { each.defaultValue = number; });
   for (const form of document.forms) form.reset();
-  history.replaceState(null, "", "/");
   scrollTo(0, 0);
   document.querySelector("[autofocus]")?.focus();
+  history.replaceState(null, "", "/");  // last: who waits for it finds the page laid out
 }
 
 let sending = false;
