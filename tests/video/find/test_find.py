@@ -35,7 +35,7 @@ def test_a_shift_is_found_to_a_hundredth_of_a_pixel_whatever_moves_before() -> N
     for way in ((0.0, 0.0), (1.37, -0.62), (-5.2, 4.9)):
         other = scene(*way, light=1.05)
         other[40:75, 60:100] = 250
-        found = edges.shifted(other, NONE)
+        found = edges.shift(other, NONE)
         assert found == pytest.approx((-way[0], -way[1], 0, 0), abs=0.03)
 
 
@@ -60,7 +60,7 @@ def test_a_turn_is_found_to_a_hundredth_of_a_pixel_at_the_rim() -> None:
         other[40:75, 60:100] = 250
         found = NONE
         for _ in range(3):  # each time it stays near where it was
-            found = edges.turned(other, found)
+            found = edges.turn(other, found)
         assert found * [1, 1, 80, 80] == pytest.approx(np.array(drift) * [1, 1, 80, 80], abs=0.03)
 
 
@@ -84,7 +84,7 @@ def test_a_shift_stays_where_nothing_shows_it(covered: str) -> None:
     shown = cv2.GaussianBlur(coat.astype(np.uint8), (0, 0), 2.0)
     shown = shown if covered == "another" else np.full_like(shown, 90)
     before, guess = np.array([6.0, -3.0, 0.0, 0.0]), np.array([7.5, -2.5, 0.0, 0.0])
-    np.testing.assert_allclose(edges.shifted(shown, guess, before), before, atol=1.5)
+    np.testing.assert_allclose(edges.shift(shown, guess, before), before, atol=1.5)
 
 
 def test_drift_and_background_of_a_hand_held_phone() -> None:

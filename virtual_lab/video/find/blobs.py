@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array
-from virtual_lab.video.find.drift import matrix_of
+from virtual_lab.video.find.drift import matrix_of, upper_median
 from virtual_lab.video.find.still import Image, Still, difference_of
 
 Blobs = NDArray[np.void]
@@ -169,14 +169,13 @@ def _blob(
     bright = inner[inner > _SEARCH.faint]
     if bright.size < _SEARCH.least_area:
         return None
-    chosen = _contrasted(off, bright)
+    chosen = _contrast(off, bright)
     if chosen is None:
         return None
     (x, y, short, long), contrast = chosen
     ring = _disc(off.shape, x, y, 1.5 * long + 3) & ~_disc(off.shape, x, y, 1.25 * long + 1.5)
-    colour = np.median(
-        part[_disc(off.shape, x, y, 0.6 * short)].reshape(-1, 1 if part.ndim == 2 else 3), axis=0
-    )
+    inside = part[_disc(off.shape, x, y, 0.6 * short)].reshape(-1, 1 if part.ndim == 2 else 3)
+    colour = upper_median(inside.T)
     dirty = float((off[ring] > _SEARCH.ring_level * contrast).mean()) if ring.any() else 1.0
     near = off[_disc(off.shape, x, y, 1.25 * long + 1.5)]
     outer, inward = (
@@ -191,7 +190,7 @@ def _blob(
     return number, *at, short, long, edge, contrast, dirty, cut, *there, np.broadcast_to(colour, 3)
 
 
-def _contrasted(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[Hull, float] | None:
+def _contrast(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[Hull, float] | None:
     """Hull at half of a contrast that fits, and that contrast [DN].
 
     Parameters
@@ -203,7 +202,8 @@ def _contrasted(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[
     """
     chosen, least = None, 0.0
     for percentile, even in zip(_SEARCH.brightness, (True, False), strict=True):
-        contrast = float(np.percentile(bright, percentile))
+        place = int(percentile / 100 * (bright.size - 1))
+        contrast = float(np.partition(bright, place)[place])
         if contrast < (2 if even else 4) * _SEARCH.faint:
             break
         hull = _hull(off, 0.5 * contrast)

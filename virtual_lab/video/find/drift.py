@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -78,7 +79,7 @@ class Edges:
         names = ("x", "y", "value", "design", "slope")
         return Edges(levels=[replace(level, **{n: getattr(level, n)[kept] for n in names})])
 
-    def shifted(self, grey: Image, guess: Array, before: Array | None = None) -> Array:
+    def shift(self, grey: Image, guess: Array, before: Array | None = None) -> Array:
         """Find the drift (4,) of a picture from this one: a shift alone, near a guess.
 
         `before`: how the picture before does, or those about it, if that is known; so does this one
@@ -91,7 +92,7 @@ class Edges:
             drift = np.array(guess, float)
             for k in range(first, finest + 1):
                 scale = np.array([2.0 ** (finest - k)] * 2 + [1.0, 1.0])
-                drift = scale * _settled(self.levels[k], pictures[k], drift / scale, 2)
+                drift = scale * _settle(self.levels[k], pictures[k], drift / scale, 2)
             tried.append(drift)
             near = np.hypot(*(drift - guess)[:2]) < _ALIGN.near
             if near and _cost(self.levels[-1], pictures[-1], drift) < _ALIGN.fits:
@@ -102,13 +103,13 @@ class Edges:
         costs[far] /= _ALIGN.far
         return tried[int(np.argmin(costs))]
 
-    def turned(self, grey: Image, drift: Array) -> Array:
+    def turn(self, grey: Image, drift: Array) -> Array:
         """Find the drift (4,) of a picture from this one: shift, growth and turn, near a drift.
 
         The drift itself where that fits better: what is beside a hand shows little.
         """
         level, picture = self.levels[-1], _pyramid(grey, 1)[0]
-        tried = [_settled(level, picture, drift, 4), drift]
+        tried = [_settle(level, picture, drift, 4), drift]
         return min(tried, key=lambda each: _cost(level, picture, each))
 
     def lie_in(self, grey: Image, drift: Array) -> bool:
@@ -145,8 +146,8 @@ class Edges:
         return np.asarray(shown & ~max(own, key=np.sum, default=~shown & shown)).ravel()
 
 
-def upper_median(values: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return the upper median along the last axis: without numpy's checks, which cost ten times."""
+def upper_median(values: NDArray[Any]) -> NDArray[Any]:
+    """Upper median along the last axis: without numpy's checks, which cost ten times."""
     place = values.shape[-1] // 2
     return np.asarray(np.partition(values, place, axis=-1)[..., place])
 
@@ -154,7 +155,7 @@ def upper_median(values: NDArray[np.floating]) -> NDArray[np.floating]:
 def edges_of(
     grey: Image, origin: tuple[int, int] = (0, 0), size: tuple[int, int] | None = None
 ) -> Edges:
-    """Return the steep pixels of a picture (row, column).
+    """Steep pixels of a picture (row, column).
 
     Parameters
     ----------
@@ -247,7 +248,7 @@ def _level(picture: NDArray[np.float32], first: Array, middle: Array) -> _Level:
 
 
 def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
-    """Return row and column of the steepest pixels of each part of a picture, (pixel, 2)."""
+    """Row and column of the steepest pixels of each part of a picture, (pixel, 2)."""
     rows, columns = slope.shape
     share, chosen = _ALIGN.pixels // (2 * _ALIGN.parts**2), []
     for i in range(_ALIGN.parts):
@@ -266,7 +267,7 @@ def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
 
 
 def _part(level: _Level, shape: tuple[int, ...]) -> NDArray[np.intp]:
-    """Return in which part of a picture (row, column) edges lie, numbered row by row."""
+    """Part of a picture (row, column) in which each edge lies, numbered row by row."""
     places = np.stack([level.x, level.y])
     # what a drifting camera sees begins left of the first picture, or above it
     places = (places - places.min(axis=1, keepdims=True, initial=0.0)) / [[shape[1]], [shape[0]]]
@@ -305,12 +306,12 @@ def _off(
     inside = _inside(level, picture, drift)
     if not inside.any():
         return inside, np.full(inside.shape, FAR_OFF)
-    left = _seen(level, picture, drift) - level.value
+    left = _values_at(level, picture, drift) - level.value
     off = np.abs(left - upper_median(left[inside])) / level.slope
     return inside, np.minimum(off, FAR_OFF)
 
 
-def _seen(level: _Level, picture: NDArray[np.float32], drift: Array) -> Array:
+def _values_at(level: _Level, picture: NDArray[np.float32], drift: Array) -> Array:
     if not level.x.size:
         return np.zeros(0)
     x, y = (each.astype(np.float32) for each in _at(level, drift))
@@ -318,7 +319,7 @@ def _seen(level: _Level, picture: NDArray[np.float32], drift: Array) -> Array:
     return np.asarray(seen.ravel(), float)
 
 
-def _settled(level: _Level, picture: NDArray[np.float32], start: Array, free: int) -> Array:
+def _settle(level: _Level, picture: NDArray[np.float32], start: Array, free: int) -> Array:
     """Drift of a picture, of which the first `free` parts are, from one near by.
 
     Growth and turn stay near that, and near none at all, the nearer the less shows them: where all
@@ -334,7 +335,7 @@ def _settled(level: _Level, picture: NDArray[np.float32], start: Array, free: in
         inside = _inside(level, picture, drift)
         if not inside.any():
             break
-        left = (_seen(level, picture, drift) - gain * level.value - offset) / level.slope
+        left = (_values_at(level, picture, drift) - gain * level.value - offset) / level.slope
         spread = max(_ALIGN.least_spread, 1.4826 * float(upper_median(np.abs(left[inside]))))
         weight = np.where(
             inside, np.maximum(0, 1 - (left / (_ALIGN.tukey * spread)) ** 2) ** 2, 0.0

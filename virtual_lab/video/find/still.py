@@ -109,15 +109,15 @@ class Still:
         if not self.drifts:
             return np.zeros(4)
         grey, full = grey_of(small), self._full
-        found = self.edges.shifted(grey, guess / full, before / full)
-        return full * (self.edges.turned(grey, found) if self.turns else found)
+        found = self.edges.shift(grey, guess / full, before / full)
+        return full * (self.edges.turn(grey, found) if self.turns else found)
 
     @property
     def _full(self) -> Array:
         return np.array([self.shrink, self.shrink, 1, 1])
 
     def shrunk(self, picture: Image) -> Image:
-        """Return a picture in the size that is searched."""
+        """Picture in the size that is searched."""
         return _shrunk(picture, self.shrink)
 
     def light(self, small: Image, drift: Array) -> Array:
@@ -142,12 +142,12 @@ class Still:
 
         The channel that differs most counts, less what the pixel does without a ball.
         """
-        behind = _lit(self.small, light)
+        behind = _as_bright(self.small, light)
         apart = _strongest(cv2.absdiff(self.here(small, drift, behind), behind))
         return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
 
     def here(self, small: Image, drift: Array, behind: Image, every: int = 1) -> Image:
-        """Return a small picture in the still frame, what it does not show as it is behind.
+        """Small picture in the still frame, what it does not show as it is behind.
 
         `every`: pixels from one to the next that is asked for, each way.
         """
@@ -162,12 +162,12 @@ class Still:
         corner: tuple[int, int],
         size: tuple[int, int],
     ) -> tuple[Image, Image]:
-        """Return a region of a full picture in the still frame, and what is behind it.
+        """Region of a full picture in the still frame, and what is behind it.
 
         Corner (x, y) and size (columns, rows) are of the background.
         """
         x, y = corner
-        behind = _lit(self.background[y : y + size[1], x : x + size[0]], light)
+        behind = _as_bright(self.background[y : y + size[1], x : x + size[0]], light)
         return moved_back(picture, drift, (x + self.origin[0], y + self.origin[1]), behind), behind
 
 
@@ -179,7 +179,7 @@ def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
 def still_of(
     samples: Sequence[Frame], depth: int, apart: float = 1.0, *, stands: bool = False
 ) -> Still:
-    """Return the still frame of some pictures of a clip, the first of which does not drift.
+    """Still frame of some pictures of a clip, the first of which does not drift.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def still_of(
     drifts = np.zeros((len(greys), 4))
     if not stands:
         limits = np.array([_STILL.swung * max(rows, columns), _STILL.held]) * apart / shrink
-        drifts = _laid(greys, *limits.tolist())
+        drifts = _lay(greys, *limits.tolist())
     size = greys[0].shape[::-1]
     if np.ptp(drifts * at_rim(size) * shrink, axis=0).max() <= _STILL.no_drift:
         drifts[:] = 0
@@ -213,7 +213,7 @@ def still_of(
     origin = shrink * first
     drifts[:, :2] *= shrink
     wide, high = np.ceil(shrink * end).astype(int) - origin
-    background = _covered(pictures, drifts, origin, (high, wide), share_of(pictures))
+    background = _background_of(pictures, drifts, origin, (high, wide), share_of(pictures))
     behind = _shrunk(background, shrink)
     edges = edges_of(grey_of(behind), first, size)
     full = [shrink, shrink, 1, 1]
@@ -235,7 +235,7 @@ def still_of(
     )
 
 
-def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
+def _lay(greys: Sequence[Image], most: float, held: float) -> Array:
     """Drifts that lay pictures upon the first, (picture, 4) [pixels].
 
     From one to the next at most `most`, or `held` where few edges show that. Each is laid upon the
@@ -248,15 +248,15 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
     edges = [edges_of(each) for each in greys]
     shifted, turned, step = [np.zeros(4)], [np.zeros(4)], np.zeros(4)
     for one, grey in zip(edges[:-1], greys[1:], strict=True):
-        step = one.shifted(grey, step)
+        step = one.shift(grey, step)
         shifted.append(onward(shifted[-1], step))
-        turned.append(onward(turned[-1], one.turned(grey, step)))
+        turned.append(onward(turned[-1], one.turn(grey, step)))
     best = np.zeros((len(greys), 4))
     middles = edges_of(_median(greys, best))
     costs = _costs(edges, middles, greys, best)
-    for chain, lay in ((shifted, Edges.shifted), (turned, Edges.turned)):
+    for chain, lay in ((shifted, Edges.shift), (turned, Edges.turn)):
         whole = edges_of(_median(greys, np.array(chain)))
-        laid = _relaid(whole, greys, np.array(chain), lay)
+        laid = _lay_again(whole, greys, np.array(chain), lay)
         middle = _median(greys, laid)
         whole = edges_of(middle)
         own = _costs(edges, whole, greys, laid)
@@ -268,13 +268,13 @@ def _laid(greys: Sequence[Image], most: float, held: float) -> Array:
         if ratio < _STILL.better and fast < (held if few else most):
             best, middles, costs = laid, whole, own
     if best.any():
-        best = _relaid(middles, greys, _usual(best), Edges.shifted)
+        best = _lay_again(middles, greys, _usual(best), Edges.shift)
         if best[:, 2:].any():
-            best = _relaid(middles, greys, best, Edges.turned)
+            best = _lay_again(middles, greys, best, Edges.turn)
     return np.array([upon(each, best[0]) for each in best])
 
 
-def _relaid(
+def _lay_again(
     edges: Edges,
     greys: Sequence[Image],
     drifts: Array,
@@ -327,7 +327,7 @@ def _stands_to(edges: Edges, shape: tuple[int, ...], greys: Sequence[Image]) -> 
     if len(greys) < 3:
         return 0.0
     steep, none = edges.steeper(_STILL.coded_still), np.zeros(4)
-    shifts = np.array([steep.shifted(each, none, none)[:2] for each in greys])
+    shifts = np.array([steep.shift(each, none, none)[:2] for each in greys])
     t = np.arange(len(greys)) - (len(greys) - 1) / 2
     slope = t @ shifts / (t @ t)
     rest = shifts - shifts.mean(axis=0) - t[:, None] * slope
@@ -336,7 +336,7 @@ def _stands_to(edges: Edges, shape: tuple[int, ...], greys: Sequence[Image]) -> 
 
 
 def eight_bits(frame: Frame, depth: int) -> Image:
-    """Return a picture cut to 8 bits, of three channels or one."""
+    """Picture cut to 8 bits, of three channels or one."""
     if frame.ndim == 3 and frame.shape[2] != 3:
         frame = frame[..., :3] if frame.shape[2] == 4 else frame[..., 0]
     if frame.dtype == np.uint8:
@@ -347,7 +347,7 @@ def eight_bits(frame: Frame, depth: int) -> Image:
 def moved_back(
     picture: Image, drift: Array, corner: tuple[int, int], behind: Image, every: int = 1
 ) -> Image:
-    """Return a drifted picture where it lies before a background, elsewhere the background.
+    """Drifted picture where it lies before a background, elsewhere the background.
 
     The corner (x, y) is that of the background in the still frame, which has `every` pixel of it.
     """
@@ -368,7 +368,7 @@ def moved_back(
 
 
 def share_of(pictures: Sequence[Image]) -> float:
-    """Return the quantile at which the background is found.
+    """Quantile at which the background is found.
 
     The median; but before a camera in grey, a laboratory's, a slow ball may cover a pixel for most
     of the time. Of most pixels that it touches it covers the lesser part: that shows whether it is
@@ -380,14 +380,14 @@ def share_of(pictures: Sequence[Image]) -> float:
     low, high = (each.astype(int) for each in (stack.min(axis=0), stack.max(axis=0)))
     reach = high - low
     touched = reach > _STILL.touched * max(float(np.median(reach)) / 4, 1.0)
-    middle = ranked(stack, len(stack) // 2).astype(int)
+    middle = of_rank(stack, len(stack) // 2).astype(int)
     return _STILL.side if (low + high - 2 * middle)[touched].sum() >= 0 else 1 - _STILL.side
 
 
-def _covered(
+def _background_of(
     pictures: Sequence[Image], drifts: Array, origin: Array, shape: tuple[int, int], share: float
 ) -> Image:
-    """Return a quantile of drifted pictures where they reach; black where none does."""
+    """Quantile of drifted pictures where they reach; black where none does."""
     whole = np.zeros((*shape, *pictures[0].shape[2:]), np.uint8)
     size = pictures[0].shape[1::-1]
     for top in range(0, shape[0], _STILL.rows):
@@ -397,7 +397,7 @@ def _covered(
             [moved_back(p, d, corner, block) for p, d in zip(pictures, drifts, strict=True)]
         )
         if not drifts.any():
-            whole[top : top + _STILL.rows] = ranked(stack, round(share * (len(stack) - 1)))
+            whole[top : top + _STILL.rows] = of_rank(stack, round(share * (len(stack) - 1)))
             continue
         y, x = np.ogrid[: len(block), : shape[1]]
         x, y = x + corner[0], y + corner[1]
@@ -412,12 +412,12 @@ def _covered(
         if block.ndim == 3:
             count = count[..., None]
         rank = np.rint(share * (np.maximum(count, 1) - 1.0)).astype(np.uint8)
-        whole[top : top + _STILL.rows] = np.where(count > 0, ranked(stack, rank), 0)
+        whole[top : top + _STILL.rows] = np.where(count > 0, of_rank(stack, rank), 0)
     return whole
 
 
-def ranked(stack: NDArray[np.uint8], rank: int | NDArray[np.uint8]) -> Image:
-    """Return the value of a rank among pictures, by bisection: much quicker than sorting."""
+def of_rank(stack: NDArray[np.uint8], rank: int | NDArray[np.uint8]) -> Image:
+    """Value of a rank among pictures, by bisection: much quicker than sorting."""
     found = np.zeros(stack.shape[1:], np.uint8)
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):
         below = (stack < found + np.uint8(bit)).sum(axis=0, dtype=np.uint8)
@@ -426,7 +426,7 @@ def ranked(stack: NDArray[np.uint8], rank: int | NDArray[np.uint8]) -> Image:
 
 
 def _shrunk(picture: Image, shrink: int) -> Image:
-    """Return a picture halved some times over: much quicker than at once."""
+    """Picture halved some times over: much quicker than at once."""
     while shrink > 1:
         rows, columns = (2 * (side // 2) for side in picture.shape[:2])
         size = (columns // 2, rows // 2)
@@ -442,8 +442,8 @@ def _strongest(apart: NDArray[Any]) -> NDArray[Any]:
     return cv2.max(cv2.max(one, two), three)
 
 
-def _lit(behind: Image, light: Array) -> Image:
-    """Return a background as bright as a picture is, channel by channel."""
+def _as_bright(behind: Image, light: Array) -> Image:
+    """Background as bright as a picture is, channel by channel."""
     if (light == 1.0).all():
         return behind
     values = np.clip(np.rint(np.arange(256)[:, None] * light), 0, 255).astype(np.uint8)
@@ -457,4 +457,4 @@ def _median(pictures: Sequence[Image], drifts: Array) -> Image:
 
 
 def _quantile(pictures: Sequence[Image], share: float) -> Image:
-    return ranked(np.stack(pictures), round(share * (len(pictures) - 1)))
+    return of_rank(np.stack(pictures), round(share * (len(pictures) - 1)))

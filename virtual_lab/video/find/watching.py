@@ -96,7 +96,7 @@ def watch(
             thumbs[number] = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
         found.append(blobs(number, picture, small, drift, still))
     whole = in_region(np.concatenate(found), region)
-    if _combed(clip, whole):
+    if _has_combs(clip, whole):
         allowed = (
             "each holds two fields of other moments: deinterlace it to one frame a field, e.g. "
             "ffmpeg -i CLIP -vf bwdif=1 NEW, and give twice the rate"
@@ -111,7 +111,7 @@ def watch(
     )
 
 
-def _combed(clip: Clip, found: Blobs) -> bool:
+def _has_combs(clip: Clip, found: Blobs) -> bool:
     """Whether rows of what moves belong in turn to two moments.
 
     Then a row differs more from its neighbours than from the rows next to them; of a whole frame
@@ -137,7 +137,7 @@ def _combed(clip: Clip, found: Blobs) -> bool:
 
 
 def in_region(found: Blobs, region: tuple[float, float, float, float] | None) -> Blobs:
-    """Return the blobs of a region: x, y, width, height [pixels]."""
+    """Blobs of a region: x, y, width, height [pixels]."""
     if region is None:
         return found
     x, y, wide, high = region

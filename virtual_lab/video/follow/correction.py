@@ -21,7 +21,7 @@ from virtual_lab.video.follow.pieces import Piece
 
 
 def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
-    """Return the places in a track as blobs, and the flights that its column `flight` names.
+    """Places in a track as blobs, and the flights that its column `flight` names.
 
     Columns: frame, x_px and y_px in the still frame, flight (empty: of none); radius_px (else the
     median), time_s (else the frame's), drift_x_px and drift_y_px (else 0).
@@ -77,7 +77,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
 def _column(
     path: Path, rows: list[dict[str, str]], name: str, otherwise: float | None = None
 ) -> NDArray[np.float64]:
-    """Return the numbers of a column; `otherwise` where there is none."""
+    """Numbers of a column; `otherwise` where there is none."""
     values = np.full(len(rows), np.nan if otherwise is None else otherwise)
     for k, row in enumerate(rows):
         text = (row.get(name) or "").strip()

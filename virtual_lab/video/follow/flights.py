@@ -33,8 +33,6 @@ class FlightSearch:
     shown_sag: float = 0.3  # the same, for gravity to be missed where there is none
     # a flight's own scatter, rms: radii, pixels of a small ball, and a share of its sag
     smooth: tuple[float, float, float] = (0.12, 0.7, 0.015)
-    # of the first two, where the acceleration is far from g: no hand draws so clean a parabola
-    sharp: float = 1 / 3
     # places on a flight's way
     place_room: tuple[float, float] = (0.2, 5.0)  # radii, and standard deviations, off it
     # the same beyond the places a piece had, and of the first and the last in the end
@@ -55,23 +53,23 @@ FLIGHTS = FlightSearch()
 
 
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
-    """Return the flights among pieces, of one ball and one gravity, and their fit; or none."""
+    """Flights among pieces, of one ball and one gravity, and their fit; or none."""
     flights = _of_one_gravity(scene, pieces)
     if not flights:
         return [], None
     fit_of = partial(fit_flights, scene, readout=readout_of(scene, flights))
     for _ in range(2):
-        flights = _merged(scene, flights, fit_of(flights))
-        flights = _aligned(scene, flights, fit_of(flights))
+        flights = _merge(scene, flights, fit_of(flights))
+        flights = _align(scene, flights, fit_of(flights))
         before = [each.frames.tolist() for each in flights]
-        flights = without_contacts(scene, _refilled(scene, flights, fit_of(flights)))
+        flights = without_contacts(scene, _refill(scene, flights, fit_of(flights)))
         flights = [each for each in flights if len(each.t) >= FLIGHTS.side_places]
         if not flights or [each.frames.tolist() for each in flights] == before:
             break
     flights = [each for each in flights if len(each.t) >= FLIGHTS.least_places]
     while flights:
         fit = fit_flights(scene, flights, readout=readout_of(scene, flights))
-        ended = _ended(scene, flights, fit)
+        ended = _cut_ends(scene, flights, fit)
         if [len(each.t) for each in ended] == [len(each.t) for each in flights]:
             return flights, fit
         flights = [each for each in ended if len(each.t) >= FLIGHTS.least_places]
@@ -79,8 +77,8 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     return [], None
 
 
-def _ended(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> list[Piece]:
-    """Return flights without ends off their way, alone or longer: in a hand or on a table.
+def _cut_ends(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> list[Piece]:
+    """Flights without ends off their way, alone or longer: in a hand or on a table.
 
     Ends at a contact stay: there a rolling shutter draws the way out of shape.
     """
@@ -107,13 +105,13 @@ def _free(flights: Sequence[Piece]) -> Mask:
 
 
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
-    """Return pieces that fly as a second ball does, beside the flights and at the same time."""
+    """Pieces that fly as a second ball does, beside the flights and at the same time."""
     found = []
     taken = np.concatenate([each.blobs for each in flights])
     contrast = [np.median(scene.found["contrast"][each.blobs]) for each in flights]
     for piece in pieces:
-        pull, u, rms = _bent(scene, piece)
-        if len(piece.t) < FLIGHTS.least_places + 2 or not _smooth(piece, pull, rms, FLIGHTS.sharp):
+        pull, u, rms = _bend(scene, piece)
+        if len(piece.t) < FLIGHTS.least_places + 2 or not _smooth(piece, pull, rms):
             continue
         if _travel(piece) < piece.radius:
             continue
@@ -150,7 +148,7 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
 
 
 def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
-    """Return the readout [frames]; where it is unknown 0, unless the flights speak against it.
+    """Readout [frames]; where it is unknown 0, unless the flights speak against it.
 
     Their misfit must then shrink by a factor with another one.
     """
@@ -164,8 +162,8 @@ def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
     return best.readout if plain.cost > FLIGHTS.readout_gain * best.cost else 0.0
 
 
-def _aligned(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
-    """Return flights, later ones shifted by frames that were left out at a contact."""
+def _align(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
+    """Flights, later ones shifted by frames that were left out at a contact."""
     aligned, shift = [flights[0]], 0.0
     for k, (one, other) in enumerate(pairwise(flights)):
         shift -= scene.ahead(one, other)
@@ -184,8 +182,8 @@ def _aligned(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the pieces, one at a time, that share the acceleration with most places behind it."""
-    bends = [(each, *_bent(scene, each)) for each in pieces]
+    """Pieces, one at a time, that share the acceleration with most places behind it."""
+    bends = [(each, *_bend(scene, each)) for each in pieces]
     # a shadow on the ground goes as its ball does, but across
     bends = [e for e in bends if _smooth(e[0], e[1], e[3]) and _may_fall(e[0], e[1])]
     falls = [_falls(scene, *each) for each in bends]
@@ -223,10 +221,10 @@ def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
     return best[1]
 
 
-def _smooth(piece: Piece, pull: Array, rms: float, share: float = 1.0) -> bool:
-    """Whether a piece scatters by less than a share of what a flight may, or by next to nothing."""
+def _smooth(piece: Piece, pull: Array, rms: float) -> bool:
+    """Whether a piece scatters by less than a flight may."""
     radii, pixels, sag = FLIGHTS.smooth
-    return rms < max(share * max(radii * piece.radius, pixels), sag * _sag(pull, piece))
+    return rms < max(radii * piece.radius, pixels, sag * _sag(pull, piece))
 
 
 def _chance(piece: Piece, u: float) -> float:
@@ -244,7 +242,7 @@ def _adjoins(one: Piece, other: Piece) -> bool:
 
 
 def _fast(piece: Piece) -> float:
-    """Return the mean speed along a piece [pixels/frame]."""
+    """Mean speed along a piece [pixels/frame]."""
     return float(np.hypot(*(piece.xy[-1] - piece.xy[0])) / np.ptp(piece.t))
 
 
@@ -258,14 +256,14 @@ def _sag(pull: Array, piece: Piece) -> float:
     return float(np.hypot(*pull) * np.ptp(piece.t) ** 2 / 8)
 
 
-def _bent(scene: FlightScene, piece: Piece) -> tuple[Array, float, float]:
+def _bend(scene: FlightScene, piece: Piece) -> tuple[Array, float, float]:
     """Return `parabola` of a piece."""
     return parabola(piece.t + (scene.readout or 0.0) * scene.late(piece.blobs), piece.xy)
 
 
 def _falls(scene: FlightScene, piece: Piece, pull: Array, u: float, rms: float) -> bool:
     """Whether an acceleration may be gravity's, as far as scale and direction show."""
-    size, radius, bent = float(np.hypot(*pull)), piece.radius, _sag(pull, piece)
+    size, radius = float(np.hypot(*pull)), piece.radius
     expected = scene.expected(radius)
     least = max(FLIGHTS.shown_sag * radius, 6 * rms)
     if expected is None or expected * np.ptp(piece.t) ** 2 / 8 <= least:
@@ -274,9 +272,10 @@ def _falls(scene: FlightScene, piece: Piece, pull: Array, u: float, rms: float) 
     ratio = size / expected
     if scene.doubled and 0.125 < ratio < 0.5:
         ratio *= 4  # stored twice, and played at the rate it was filmed with
-    sharp = len(piece.t) >= 2 * FLIGHTS.least_places and _smooth(piece, pull, rms, FLIGHTS.sharp)
-    sharp &= size > 8 * u and bent > FLIGHTS.sag * radius
-    return _upright(pull) and (0.5 < ratio < 2.0 or sharp)
+    clear = len(piece.t) >= 2 * FLIGHTS.least_places and size > 8 * u
+    return _upright(pull) and (
+        0.5 < ratio < 2.0 or (clear and _sag(pull, piece) > FLIGHTS.sag * radius)
+    )
 
 
 def _upright(pull: Array) -> bool:
@@ -293,7 +292,7 @@ def _colour(scene: FlightScene, piece: Piece) -> Array:
 
 
 def _once(flights: list[Piece]) -> list[Piece]:
-    """Return flights that do not share frames: of two at a time the longer stays."""
+    """Flights that do not share frames: of two at a time the longer stays."""
     kept: list[Piece] = []
     for piece in sorted(flights, key=lambda each: -len(each.t)):
         free = np.ones(len(piece.t), bool)
@@ -306,8 +305,8 @@ def _once(flights: list[Piece]) -> list[Piece]:
     return sorted(kept, key=lambda each: each.frames[0])
 
 
-def _merged(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
-    """Return flights, neighbours that one way explains made one; lost frames are tried."""
+def _merge(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
+    """Flights, neighbours that one way explains made one; lost frames are tried."""
     merged = [flights[0]]
     for k, piece in enumerate(flights[1:]):
         one = merged[-1]
@@ -346,8 +345,8 @@ def _one_way(fit: Fit, first: int, before: Piece, after: Piece) -> int | None:
     return found
 
 
-def _refilled(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
-    """Return flights with every place that lies on their way, and none that does not."""
+def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
+    """Flights with every place that lies on their way, and none that does not."""
     counted = np.flatnonzero(np.isfinite(scene.time))
     refilled = []
     for k, piece in enumerate(flights):
@@ -380,7 +379,7 @@ def _refilled(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]
 def _nearest(
     scene: FlightScene, piece: Piece, fit: Fit, k: int, frame: int, t: float, struck: bool
 ) -> int | None:
-    """Return the blob on a flight's way in a frame, None without."""
+    """Blob on a flight's way in a frame, None without."""
     first, last = np.searchsorted(scene.found["frame"], [frame, frame + 1])
     some = scene.found[first:last]
     ratio = some["radius"] / piece.radius
@@ -403,7 +402,7 @@ def _nearest(
 
 
 def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
-    """Return flights without places whose exposure spans a contact."""
+    """Flights without places whose exposure spans a contact."""
     if len(flights) < 2:
         return flights
     half = (1.0 if scene.exposure is None else scene.exposure) / 2

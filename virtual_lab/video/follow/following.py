@@ -30,7 +30,7 @@ from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import Ruler, rulers_of
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.searching import FlightsFound, clip_scene, search, step_of
-from virtual_lab.video.follow.sharpening import NotSharpError, SharpBall, sharpened, wants_sharp
+from virtual_lab.video.follow.sharpening import NotSharpError, SharpBall, sharpen, wants_sharp
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +117,7 @@ def following(
     if not wants_sharp(known, watched, found.ways) or _while_moving(same, found.ways).any():
         return measure(clip, watched, known, found)
     try:
-        scene, ways, sharp = sharpened(clip, watched, known, found, progress)
+        scene, ways, sharp = sharpen(clip, watched, known, found, progress)
     except NotSharpError as fault:
         return measure(clip, watched, known, found, fault=str(fault))
     return measure(clip, watched, known, replace(found, scene=scene, ways=ways), sharp=sharp)

@@ -69,25 +69,25 @@ class Fit:
     readout: float  # [frames]
 
     def with_vector(self, vector: Array) -> Fit:
-        """Return the fit with other parameters."""
+        """Fit with other parameters."""
         return replace(self, vector=vector, **_parts(vector, len(self.states)))
 
     def drifting(self, velocity: Array) -> Fit:
-        """Return the fit of the same places if the still frame moves, (2,) [px/frame]."""
+        """Fit of the same places if the still frame moves, (2,) [px/frame]."""
         states = self.states.copy()
         states[:, :2] += self.middles[:, None] * velocity
         states[:, 2:] += velocity
         return self.with_vector(np.concatenate([self.vector[: -states.size], states.ravel()]))
 
     def at(self, flight: int, t: Array | float) -> Array:
-        """Return place and velocity of a flight in the plane, (time, 4) [pixels, frames]."""
+        """Place and velocity of a flight in the plane, (time, 4) [pixels, frames]."""
         dt = np.atleast_1d(np.asarray(t, float)) - self.middles[flight]
         states = np.broadcast_to(self.states[flight], (len(dt), 4))
-        return _flown(states, self.pull[flight], self.drag, dt)
+        return _fly(states, self.pull[flight], self.drag, dt)
 
     def pictured(self, flight: int, t: Array | float) -> Array:
         """Places of a flight as the picture shows them, (time, 2) [pixels]."""
-        return _pictured(self.at(flight, t)[:, :2], self.tilt, self.centre)
+        return _project(self.at(flight, t)[:, :2], self.tilt, self.centre)
 
 
 def estimate_of(
@@ -160,7 +160,7 @@ def fit_flights(
     if model.sharp:  # a pattern would pass for drag
         u[k] = 0.0
     u[k + 1 : k + 3] = 0.0 if model.sharp else tilt_u / max(scene.size)
-    vector, inverse, room = _solved(model, before, u, k)
+    vector, inverse, room = _solve(model, before, u, k)
     left = model.xy - model.places(vector)
     off = np.hypot(*left.T) / model.own
     clipped = np.minimum(off, room) ** 2
@@ -195,7 +195,7 @@ def fit_flights(
     )
 
 
-def _solved(model: _FlightModel, before: Array, u: Array, k: int) -> tuple[Array, Array, float]:
+def _solve(model: _FlightModel, before: Array, u: Array, k: int) -> tuple[Array, Array, float]:
     """Solve by Gauss and Newton: parameters, covariance by a scatter of 1, and room of a place.
 
     Parameters
@@ -315,14 +315,14 @@ class _FlightModel:
         return np.concatenate([pull.ravel(), np.zeros(3), np.hstack([place, velocity]).ravel()])
 
     def places(self, vector: Array) -> Array:
-        """Return the places of vectors (…, parameter), (…, place, 2)."""
+        """Places of vectors (…, parameter), (…, place, 2)."""
         parts = _parts(vector, self.of[-1] + 1)
         states, pull = (parts[name][..., self.of, :] for name in ("states", "pull"))
-        flown = _flown(states, pull, parts["drag"], self.dt)
-        return _pictured(flown[..., :2], parts["tilt"], self.centre)
+        flown = _fly(states, pull, parts["drag"], self.dt)
+        return _project(flown[..., :2], parts["tilt"], self.centre)
 
     def jacobian(self, vector: Array, free: Ints) -> Array:
-        """Return the derivative of places, (place, 2, free parameter).
+        """Jacobian of places, (place, 2, free parameter).
 
         A parameter is moved for all flights at once: a place depends on its own flight's alone.
         """
@@ -361,8 +361,8 @@ def _alike(left: Array, of: Ints) -> float:
     return (1 + alike) / (1 - alike)
 
 
-def _flown(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
-    """Return states (…, place, 4) after times (place,), by Runge and Kutta's method."""
+def _fly(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
+    """States (…, place, 4) after times (place,), by Runge and Kutta's method."""
     later, slowing = dt[:, None], np.asarray(drag)[..., None, None]
     if not np.any(drag):
         place = states[..., :2] + states[..., 2:] * later + pull * later**2 / 2
@@ -382,7 +382,7 @@ def _flown(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
     return np.concatenate([place, velocity], axis=-1)
 
 
-def _pictured(places: Array, tilt: Array, centre: Array) -> Array:
+def _project(places: Array, tilt: Array, centre: Array) -> Array:
     """Places of the plane as a tilted camera shows them, (place, 2) [pixels]."""
     if not tilt.any():
         return places

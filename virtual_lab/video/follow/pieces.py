@@ -63,7 +63,7 @@ class Piece:
 
     @classmethod
     def of(cls, found: Blobs, blobs: Ints, t: Array) -> Piece:
-        """Return the piece of some blobs at times."""
+        """Piece of some blobs at times."""
         some = found[blobs]
         return cls(
             blobs=blobs,
@@ -81,13 +81,13 @@ class Piece:
 
 
 def parabola(t: Array, xy: Array) -> tuple[Array, float, float]:
-    """Return acceleration (2,), the u of each part, and the rms residual of a parabola."""
+    """Acceleration (2,), the u of each part, and the rms residual of a parabola."""
     solved, solver, rms = _polynomial(t - t.mean(), xy, 2)
     return 2 * solved[2], 2 * rms * float(np.linalg.norm(solver[2])), rms
 
 
 def _polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
-    """Return a polynomial's coefficients, what takes places to them, and the rms residual."""
+    """Polynomial's coefficients, what takes places to them, and the rms residual."""
     design, solver = _solver(t.tobytes(), degree)
     solved = solver @ xy
     left = xy - design @ solved
@@ -96,13 +96,13 @@ def _polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
 
 @lru_cache(maxsize=4096)
 def _solver(times: bytes, degree: int) -> tuple[Array, Array]:
-    """Return a polynomial's powers at times and their inverse: growth meets few sets of times."""
+    """Polynomial's powers at times and their inverse: growth meets few sets of times."""
     design = np.vander(np.frombuffer(times), degree + 1, increasing=True)
     return design, np.asarray(np.linalg.pinv(design), np.float64)
 
 
 def pieces(found: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
-    """Return the pieces of smooth motion among blobs, in order of time.
+    """Pieces of smooth motion among blobs, in order of time.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ class _Growth:
         for start in range(len(self.frame)):
             if self.used[start]:
                 continue
-            grown = [self._grown(seed) for seed in self._seeds(start)]
+            grown = [self._grow(seed) for seed in self._seeds(start)]
             places, t = max(grown, key=lambda each: len(each[0]), default=([], []))
             if len(places) < GROWTH.least_places:
                 continue
@@ -144,13 +144,13 @@ class _Growth:
             if np.ptp(piece.xy, axis=0).max() < GROWTH.travel * piece.radius:
                 continue
             if self.pull is not None:
-                piece = _retimed(piece, self.time, self.pull)
+                piece = _retime(piece, self.time, self.pull)
             self.used[np.isin(self.index, piece.blobs)] = True
-            found += _broken(piece)
+            found += _break_up(piece)
         return found
 
     def _like(self, one: int, frame: int, radius: float) -> Ints:
-        """Return the unused blobs of a frame that look like one."""
+        """Unused blobs of a frame that look like one."""
         others = np.arange(self.first[frame], self.first[frame + 1])
         ratio = self.radius[others] / radius
         near = ~self.used[others] & (ratio < GROWTH.size_ratio) & (ratio > 1 / GROWTH.size_ratio)
@@ -158,7 +158,7 @@ class _Growth:
         return np.asarray(others[near])
 
     def _seeds(self, a: int) -> list[tuple[int, int, int]]:
-        """Return the triples from a blob that are nearest to a line."""
+        """Triples from a blob that are nearest to a line."""
         radius, here = float(self.radius[a]), self.place[int(self.frame[a])]
         tried: list[tuple[float, tuple[int, int, int]]] = []
         for one, other in combinations(self.counted[here + 1 : here + 4].tolist(), 2):
@@ -184,7 +184,7 @@ class _Growth:
         wider = 1 if self.pull is not None else max(1, 5 - places)
         return wider * (GROWTH.room[0] * radius + GROWTH.room[1] * speed)
 
-    def _grown(self, seed: tuple[int, int, int]) -> tuple[list[int], list[float]]:
+    def _grow(self, seed: tuple[int, int, int]) -> tuple[list[int], list[float]]:
         places, t = list(seed), [float(self.time[self.frame[k]]) for k in seed]
         ahead = 0.0  # lost so far
         radius = median(self.radius[places].tolist())
@@ -207,7 +207,7 @@ class _Growth:
     def _next(
         self, places: list[int], t: list[float], there: Ints, time: float, radius: float
     ) -> tuple[int, int] | None:
-        """Return the blob that goes on, and how many frames were left out before it."""
+        """Blob that goes on, and how many frames were left out before it."""
         recent = np.array(t[-GROWTH.recent_places :])
         xy = self.xy[places[-GROWTH.recent_places :]]
         s = recent - recent[-1]
@@ -229,8 +229,8 @@ class _Growth:
         return None
 
 
-def _retimed(piece: Piece, time: Array, pull: Array) -> Piece:
-    """Return a piece whose places have the times at which they lie on gravity's parabola best.
+def _retime(piece: Piece, time: Array, pull: Array) -> Piece:
+    """Piece whose places have the times at which they lie on gravity's parabola best.
 
     Tried are frames left out before each place, and one place that came a step early or late.
     """
@@ -265,7 +265,7 @@ def _retimed(piece: Piece, time: Array, pull: Array) -> Piece:
 
 
 def _off_parabola(t: Array, xy: Array, pull: Array) -> Array:
-    """Return the squares off a parabola of known acceleration, summed, for times (try, place)."""
+    """Squares off a parabola of known acceleration, summed, for times (try, place)."""
     t = t - t.mean(axis=1, keepdims=True)
     left = xy - pull * (t**2)[..., None] / 2
     left = left - left.mean(axis=1, keepdims=True)
@@ -273,8 +273,8 @@ def _off_parabola(t: Array, xy: Array, pull: Array) -> Array:
     return np.asarray(((left - t[..., None] * slope[:, None]) ** 2).sum(axis=(1, 2)))
 
 
-def _broken(piece: Piece) -> list[Piece]:
-    """Return a piece cut where its velocity changes at once: a contact that growth went through."""
+def _break_up(piece: Piece) -> list[Piece]:
+    """Piece cut where its velocity changes at once: a contact that growth went through."""
     count, cut = len(piece.t), 0
     least = GROWTH.better * parabola(piece.t, piece.xy)[2]
     for k in range(4, count - 3):
@@ -287,10 +287,10 @@ def _broken(piece: Piece) -> list[Piece]:
             least, cut = rms, k
     if not cut:
         return [piece]
-    return [*_broken(piece.part(slice(cut))), *_broken(piece.part(slice(cut, count)))]
+    return [*_break_up(piece.part(slice(cut))), *_break_up(piece.part(slice(cut, count)))]
 
 
 def _velocity(piece: Piece, moment: float) -> tuple[Array, float, float]:
-    """Return velocity at a moment, its u and the rms residual."""
+    """Velocity at a moment, its u and the rms residual."""
     solved, solver, rms = _polynomial(piece.t - moment, piece.xy, 2 if len(piece.t) > 4 else 1)
     return solved[1], rms * float(np.linalg.norm(solver[1])), rms

@@ -32,7 +32,7 @@ class FlightScene:
     readout_axis: tuple[int, int] = (1, 1)  # axis of the picture (0: x), and its sense
 
     def expected(self, radius: float) -> float | None:
-        """Return g [px/frame²] where scale and rate are known, for a ball of a radius [pixels]."""
+        """Gravity [px/frame²] where scale and rate are known, for a ball of a radius [pixels]."""
         return self.fall and self.fall * (radius if self.fall_in_radii else 1.0)
 
     def lost(self, flights: Sequence[Piece]) -> dict[int, int]:

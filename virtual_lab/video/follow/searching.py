@@ -49,7 +49,7 @@ def search(clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask) -> Fl
     if float(same.mean()) > TIME.every_other:
         readings = [True]
     scenes = (clip_scene(clip, watched, known, same, squeezed=each) for each in readings)
-    return max((_searched(watched, known, each) for each in scenes), key=lambda each: each.support)
+    return max((_read(watched, known, each) for each in scenes), key=lambda each: each.support)
 
 
 def clip_scene(
@@ -76,7 +76,7 @@ def clip_scene(
     )
 
 
-def _searched(watched: Watched, known: ClipKnowledge, scene: FlightScene) -> FlightsFound:
+def _read(watched: Watched, known: ClipKnowledge, scene: FlightScene) -> FlightsFound:
     best, pull = FlightsFound(scene=scene), None
     for _ in range(2):  # where gravity is known also through frames that are missing
         found = pieces(watched.found, scene.time, pull)
@@ -124,10 +124,10 @@ def step_of(known: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> 
         return 1 / known.rate
     first, last = counted[0], counted[-1]
     steps = (scene.stamped[last] - scene.stamped[first]) / (scene.time[last] - scene.time[first])
-    return float(steps * _thinned(scene, ways) / known.rate)
+    return float(steps * _thinning(scene, ways) / known.rate)
 
 
-def _thinned(scene: FlightScene, ways: Sequence[Piece]) -> float:
+def _thinning(scene: FlightScene, ways: Sequence[Piece]) -> float:
     """Share of a stored picture's time that a step of time takes.
 
     Where every so manieth frame was left out the file's rate is that of what is left: a step is

@@ -106,7 +106,7 @@ def wants_sharp(known: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -
     return sharp and known.ruler != GRAVITY and 0 < len(ways) <= 2
 
 
-def sharpened(
+def sharpen(
     clip: Clip,
     watched: Watched,
     known: ClipKnowledge,
@@ -220,7 +220,7 @@ def settle(
     ball = replace(
         ball,
         located=replace(located, flags=flags),
-        off_plane=np.array([_nearing(way, ball, shape) for way in freed]),
+        off_plane=np.array([_approach(way, ball, shape) for way in freed]),
     )
     return scene, freed, replace(ball, notes=tuple(_against(scene, freed, ball, known, lost)))
 
@@ -268,7 +268,7 @@ def _clear(scene: FlightScene, way: Piece, end: int) -> Piece:
     return way
 
 
-def _nearing(way: Piece, ball: SharpBall, shape: tuple[int, int]) -> Array:
+def _approach(way: Piece, ball: SharpBall, shape: tuple[int, int]) -> Array:
     """Velocity (2,) that a ball seems to have as it comes nearer [px/frame], 0: it does not."""
     located = ball.located
     good = np.isin(ball.frames, way.frames) & (located.flags == 0)
