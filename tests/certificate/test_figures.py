@@ -20,7 +20,7 @@ from virtual_lab.certificate.figures import (
 )
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.printed import printed_budget, printed_values
-from virtual_lab.output.svg import description_of
+from virtual_lab.output.svg import Panel, description_of
 from virtual_lab.units import INCH, MPH
 
 
@@ -165,3 +165,15 @@ def test_an_invalid_test_has_no_distribution_and_no_budget(
     found = certificate_figures(invalid)
     assert found["budget_figure"] is None
     assert "distribution" not in str(found["hits_figure"])
+
+
+@pytest.mark.parametrize("least", [1.0, 1e-2, 1e-4])
+def test_the_label_of_an_axis_stands_beside_its_numbers(least: float) -> None:
+    """Numbers end 5 pt from the axis; a digit of a sans-serif font is .556 of its height wide."""
+    drawn = Panel(
+        left=100, right=200, top=0, bottom=100, x=(0, 1), y=(-least, least), y_label="what"
+    ).drawn()
+    numbers = re.findall(r'text-anchor="end">([^<]+)<', drawn)
+    (label,) = re.findall(r'<text x="([\d.]+)"[^>]*rotate', drawn)
+    widest = 8 * 0.556 * max(len(words.replace(".", "").replace("−", "")) for words in numbers)
+    assert float(label) + 2 < 100 - 5 - widest

@@ -15,6 +15,7 @@ PAGE_WIDTH = 497.0  # pt, the text width of an A4 page
 BAND = "#d9d9d9"  # an interval: light enough that markers stand out on a grey printer
 DASHED = "5 2.5"
 TICK = 3.0  # pt
+DIGIT = 4.45  # width of a digit of a sans-serif font at 8 pt [pt]
 
 
 def figure(panels: Iterable[Panel], height: float, name: str, title: str, description: str) -> str:
@@ -168,9 +169,9 @@ class Panel:
         for number, words in enumerate(self.x_label.splitlines()):
             parts.append(_text(middle, below + 9.5 * number, words, "middle"))
         if self.y_label:
-            height = (self.top + self.bottom) / 2
-            turned = f' transform="rotate(-90 {_at(self.left - 33, height)})"'
-            parts.append(_text(self.left - 33, height, self.y_label, "middle", turned))
+            height, beside = (self.top + self.bottom) / 2, self.left - self._label_room()
+            turned = f' transform="rotate(-90 {_at(beside, height)})"'
+            parts.append(_text(beside, height, self.y_label, "middle", turned))
         across = self.left
         for sign, label in self._legend:
             parts.append(f'<g transform="translate({across:.2f},{self.top - 8:.2f})">{sign}</g>')
@@ -186,12 +187,21 @@ class Panel:
             at = self._x(value)
             frame += f"M{_at(at, self.bottom)}v{TICK:g}"
             labels.append(_text(at, self.bottom + 12, words, "middle"))
-        upward = _ticks(*self.y, 4) if self.y_ticks is None else list(self.y_ticks)
-        for value, words in zip(upward, self.y_words or _numbers(upward), strict=True):
+        for value, words in self._upward():
             at = self._y(value)
             frame += f"M{_at(self.left, at)}h{-TICK:g}"
             labels.append(_text(self.left - 5, at + 2.8, words, "end"))
         return f'<path d="{frame}" fill="none"{_stroke(0.6)}/>' + "".join(labels)
+
+    def _upward(self) -> list[tuple[float, str]]:
+        """Return the ticks of the upright axis with their words."""
+        upward = _ticks(*self.y, 4) if self.y_ticks is None else list(self.y_ticks)
+        return list(zip(upward, self.y_words or _numbers(upward), strict=True))
+
+    def _label_room(self) -> float:
+        """Return the distance of the upright axis's label, beyond the longest of its words [pt]."""
+        longest = max((len(words) for _, words in self._upward()), default=0)
+        return max(33.0, 8 + DIGIT * longest)
 
     def _put(self, mark: str) -> None:
         self._marks.append(mark)
