@@ -76,7 +76,7 @@ def draw_laboratory(rows: list[Row], title: str) -> Figure:
                 side, shift = "right", (-8, -3)
             look = {"textcoords": "offset points", "ha": side, "fontsize": 8}
             axes.annotate(words, (time, size), shift, **look)
-        axes.set(xscale="log", yscale="log", xlim=(0.02, 2e5), ylim=(LEAST / 1.5, 60))
+        axes.set(xscale="log", yscale="log", xlim=(0.005, 2e5), ylim=(LEAST / 1.5, 60))
         unit = "shot" if part == "camera" else "certificate"
         axes.set_xlabel(f"time a {unit}, one core [ms]")
         axes.set_title(f"{part}, {min(row['laboratories'] for row in own)} laboratories")
