@@ -7,13 +7,14 @@ from math import hypot, inf
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from virtual_lab.bench.day import readings
 from virtual_lab.bench.day.day import DayEvent
 from virtual_lab.bench.day.readings import CheckRow, rows_of
 from virtual_lab.bench.day.table import detectable
-from virtual_lab.bench.pages.tally import in_units
+from virtual_lab.bench.pages.tally import in_units, printed_column
 from virtual_lab.uncertainty.estimate import Estimate
 
 MM = 1e-3
@@ -256,3 +257,8 @@ def test_a_row_in_print() -> None:
 def test_a_day_has_one_system_of_units(said: str, printed: str) -> None:
     assert in_units(said, "SI") == printed
     assert in_units(said, "inch-ounce-mph") == said
+
+
+def test_what_rounds_to_nothing_has_no_minus() -> None:
+    column = printed_column("Shortened by [ms]", np.array([-4e-4, 4e-4, -6e-4, np.nan]), "+z.3f")
+    assert column.cells == ["+0.000", "+0.000", "-0.001", "not seen"]

@@ -30,7 +30,7 @@ class PrintedColumn(NamedTuple):
 
 def printed_column(title: str, values: Array, form: str) -> PrintedColumn:
     """Return numbers as printed, a format each; NaN: not seen."""
-    number = (format(each + 0.0, form) if np.isfinite(each) else "not seen" for each in values)
+    number = (format(each, form) if np.isfinite(each) else "not seen" for each in values)
     return PrintedColumn(title, list(number))
 
 
@@ -46,7 +46,7 @@ def swings(desk: Desk) -> list[PrintedColumn]:
         printed_column("Release", np.arange(1.0, len(periods) + 1), ".0f"),
         printed_column("First amplitude [°]", record.first_amplitude / DEGREE, ".1f"),
         printed_column("Last [°]", record.last_amplitude / DEGREE, ".1f"),
-        printed_column("Shortened by [ms]", 1e3 * (periods[:, 0] - periods[:, -1]), "+.3f"),
+        printed_column("Shortened by [ms]", 1e3 * (periods[:, 0] - periods[:, -1]), "+z.3f"),
         PrintedColumn("Periods [s]", each, words=True),
     ]
 
@@ -89,7 +89,7 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
         columns += [
             printed_column("e_A by recoil", found.shots.recoil_efficiency, ".4f"),
             printed_column("Residual [counts]", turning.residual, ".3f"),
-            printed_column("Bat before [rad/s]", turning.before / turn, "+.3f"),
+            printed_column("Bat before [rad/s]", turning.before / turn, "+z.3f"),
         ]
     return columns
 
