@@ -709,7 +709,9 @@ PRINTED_BAT = {
 }
 
 
-@pytest.mark.parametrize("procedure", [PROCEDURE, "bbcor", "proposed"])
+@pytest.mark.parametrize(
+    "procedure", [PROCEDURE, "bbcor", pytest.param("proposed", marks=pytest.mark.long)]
+)
 def test_every_uncertainty_printed_is_its_budgets(procedure: str, played: Play) -> None:
     """Metric, all quantities and bat properties: the root of the sum of (sensitivity u)²."""
     found = played("r161", procedure=procedure).certification
