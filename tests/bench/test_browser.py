@@ -18,14 +18,14 @@ LOW = {"width": 1280, "height": 800}
 LOOKS = [(WIDE, "light"), (NARROW, "dark"), (WIDE, "dark"), (NARROW, "light")]
 Visit = Callable[..., tuple[ServedDay, Any]]
 LOADED = """async () => {
-  const anew = new DOMParser().parseFromString(await (await fetch('/')).text(), 'text/html');
+  const loaded = new DOMParser().parseFromString(await (await fetch('/')).text(), 'text/html');
   const text = page => ['title', 'header', 'main', 'nav'].map(each => {
     const part = page.querySelector(each).cloneNode(true);
     part.querySelectorAll('output').forEach(output => output.remove());
     const hidden = [...part.querySelectorAll('input[type=hidden], [autofocus]')];
     return part.textContent.replace(/\\s+/g, '') + hidden.map(each => each.outerHTML).join();
   });
-  return text(document).join() === text(anew).join();
+  return text(document).join() === text(loaded).join();
 }"""  # whether a page is what it would be if it were loaded now
 
 

@@ -123,7 +123,7 @@ class RoundRobin:
     def each_block(
         self, take: Callable[[BlockTest], Taken], laboratories: int, seed: int, processes: int = 1
     ) -> Iterator[Taken]:
-        """Yield what `take`, a function of a module, makes of each block, in turn.
+        """Yield the result of `take`, a function of a module, for each block, in turn.
 
         So many processes of this machine share the blocks. `InputError` as `blocks`.
         """

@@ -124,7 +124,7 @@ def each_laboratory(
     workers: int,
     progress: Progress,
 ) -> Iterator[Taken]:
-    """Yield what `take`, a function of a module, makes of each block of laboratories, in turn.
+    """Yield the result of `take`, a function of a module, for each block, in turn.
 
     `InputError` for fewer laboratories than have a scatter.
     """
@@ -202,7 +202,7 @@ class Results:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """What the study takes from some laboratories, arrays (laboratory,)."""
+    """Results of some laboratories that the study counts, arrays (laboratory,)."""
 
     sound: Mask  # tests that are not INVALID
     fired: NDArray[Any]  # shots
@@ -215,7 +215,7 @@ class Sample:
 
 
 def sample(tested: BlockTest) -> Sample:
-    """Return what the study takes from a block."""
+    """Return the results, u and true values of a block's laboratories, (laboratory,) each."""
     certified, reduced, owner = tested.certified, tested.reduced, tested.reduced.owner
     count = certified.invalid.size
     marks = tested.sessions.impact["aim"]

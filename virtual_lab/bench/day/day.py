@@ -154,7 +154,7 @@ def ready_steps(day: Day) -> tuple[str, ...]:
 
 
 def has_instrument(day: Day, action: str) -> bool:
-    """Return whether the rig has what an action is done to; while nothing is set up, true."""
+    """Return True if the rig has the instrument of an action, or nothing is set up yet."""
     needs, known = action_table().actions[action].needs, day.morning.calibration
     return not known or any(key.startswith(needs) for key in known)
 

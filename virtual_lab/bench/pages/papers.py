@@ -85,7 +85,7 @@ def instruments_of(desk: Desk) -> Iterator[InstrumentShown]:
 
 
 def prices(day: Day) -> list[tuple[str, str, str]]:
-    """Return what each action at this rig costs, and what leaving it out does."""
+    """Return the minutes of each action at this rig, and the effect of leaving it out."""
     return [
         (each.title, f"{each.minutes / 60:g}", each.skipped)
         for name, each in action_table().actions.items()

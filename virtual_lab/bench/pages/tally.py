@@ -21,7 +21,7 @@ Units = tuple[tuple[str, float], tuple[str, float]]  # of a length and a speed i
 
 
 class PrintedColumn(NamedTuple):
-    """What one instrument made of each shot or swing, as printed."""
+    """A column of readings in print, one a shot or a swing of the pendulum."""
 
     title: str
     cells: list[str]
@@ -64,7 +64,7 @@ def in_units(sentence: str, system: str) -> str:
 
 
 def tally(desk: Desk, system: str) -> list[PrintedColumn]:
-    """Return what each instrument of the rig saw of all shots; nothing before it can be reduced."""
+    """Return the readings of all shots as columns; none before they can be reduced."""
     if not desk.day.fired or desk.missing:
         return []
     (length, metre), (speed, metre_a_second) = UNITS[system]

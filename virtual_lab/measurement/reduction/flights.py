@@ -87,7 +87,7 @@ class FlightReadings(Protocol):
 
     @property
     def shows_height(self) -> bool:
-        """Whether `corrected` gives the height at which each ball met the target."""
+        """True if `corrected` gives the height at which each ball met the target."""
         ...
 
     def corrected(self, x: Constants, drag: Array) -> Flights:

@@ -98,7 +98,7 @@ class Still:
 
     @property
     def fastest(self) -> float:
-        """How far it may drift each way [pixels a frame]."""
+        """Largest drift along each axis that is looked for [pixels a frame]."""
         return _STILL.swung * max(self.size)
 
     def drift(self, small: Image, guess: Array, before: Array) -> Array:
