@@ -30,6 +30,7 @@ from virtual_lab.video.calibration.calibrating import (
     calibrate_camera,
     lengths_of,
 )
+from virtual_lab.video.calibration.lens_blur import lens_blur_of
 from virtual_lab.video.calibration.plane import plane_of
 from virtual_lab.video.clips.calibration_file import read_calibration
 from virtual_lab.video.show.calibration import calibration_toml
@@ -69,6 +70,7 @@ def test_corners_are_placed_well_below_a_pixel(name: str) -> None:
     assert not board.marker or np.array_equal(order, seen.ids)
     off = seen.places - true[order]
     assert np.sqrt(np.mean(off**2)) < 0.03
+    assert lens_blur_of(picture, seen, board) == pytest.approx(camera.spec.blur, rel=0.02)
     assert np.abs(off.mean(axis=0)).max() < 0.004
 
 
@@ -122,6 +124,7 @@ def test_rendered_pictures_lead_to_the_lens() -> None:
     assert np.all(np.abs(relative) < 4 * found.length_u)
     assert found.length_u.max() < 1.5e-4
     assert model.fit.rms_px < 0.04
+    assert found.lens_blur == pytest.approx(camera.spec.blur, rel=0.02)
 
 
 def test_track_reads_what_calibrate_writes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -133,6 +136,7 @@ def test_track_reads_what_calibrate_writes(monkeypatch: pytest.MonkeyPatch, tmp_
     path.write_text("frames_per_second = 5000\n" + calibration_toml(found))
     known = read_calibration(path)
     assert known.camera == found.model
+    assert known.lens_blur_px == pytest.approx(found.lens_blur, rel=0.01)
     ends = np.array([[-0.2, 0.0, 0.03], [0.2, 0.1, 0.03]])
     ends[:, :2] += lens.place[:2]
     x, y = lens.drawn(lens.seen(ends)).T

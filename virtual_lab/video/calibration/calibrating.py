@@ -22,6 +22,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.relations.board import Board
 from virtual_lab.units import DEGREE, Array
 from virtual_lab.video.calibration.board_finding import BoardView, find_board
+from virtual_lab.video.calibration.lens_blur import lens_blur_of
 from virtual_lab.video.calibration.plane import on_plane
 from virtual_lab.video.clips.calibration_file import CameraFit, CameraModel
 
@@ -91,6 +92,7 @@ class Calibrated:
     solved: Solved
     views: tuple[str, ...]  # pictures that show the board
     plane: int  # which of them is the plane view
+    lens_blur: float  # there, standard deviation [pixels]
     length_u: Array  # relative, of lengths across and down the middle of the plane, (2,)
     warnings: tuple[str, ...]
 
@@ -124,6 +126,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
         solved=solved,
         views=names,
         plane=plane,
+        lens_blur=seen[plane].lens_blur,
         length_u=shares,
         warnings=_warnings(solved, seen, names, without, size, plan),
     )
@@ -150,7 +153,10 @@ def _found(
         if own != size:
             allowed = f"the first is {size[0]} x {size[1]}: all must be one camera's"
             raise InputError(name, "size", f"{own[0]} x {own[1]}", allowed)
-        looked.append((name, find_board(picture, board)))
+        found = find_board(picture, board)
+        if found:
+            found = replace(found, lens_blur=lens_blur_of(picture, found, board))
+        looked.append((name, found))
     if size is None:
         raise InputError("", "pictures", 0, f"at least {DEMANDS.least_views} of a board")
     return looked, size

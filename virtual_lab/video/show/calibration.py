@@ -25,6 +25,8 @@ HEAD = """\
 # camera, from the board's middle. Add here, above the tables: frames_per_second, exposure_s,
 # ball_diameter_m, timestamps, drag_per_m, each with its _u.
 
+lens_blur_px = {blur:.3g}  # standard deviation, in the plane view
+
 [camera]
 """
 
@@ -35,7 +37,7 @@ def calibration_toml(found: Calibrated) -> str:
     fit = known.pop("fit")
     lines = [*map(_entry, known, known.values()), "", "[camera.fit]"]
     lines += map(_entry, fit, fit.values())
-    return HEAD + "\n".join(lines) + "\n"
+    return HEAD.format(blur=found.lens_blur) + "\n".join(lines) + "\n"
 
 
 def calibration_document(found: Calibrated) -> dict[str, Any]:
@@ -44,6 +46,7 @@ def calibration_document(found: Calibrated) -> dict[str, Any]:
     return {
         "camera": asdict(found.model),
         "metres_per_pixel": {"across": float(across), "down": float(down)},
+        "lens_blur_px": found.lens_blur,
         "plane_view": found.views[found.plane],
         "views": dict(zip(found.views, map(float, found.solved.view_rms), strict=True)),
         "corners_left_out": int(found.solved.left_out.sum()),
@@ -68,6 +71,7 @@ def calibration_text(found: Calibrated) -> str:
         _line("k1, k2", k1, k2),
         _line("p1, p2", p1, p2),
         *([_line("k3", k3)] if fit.distortion_u[4] else []),
+        _line("lens blur, pixels", f"{found.lens_blur:.2g}", "standard deviation"),
         _line("scale across and down, mm a pixel", f"{across:.6f}", f"{down:.6f}"),
         _line("relative u of lengths", f"{relative_u_of(model):.1e}", "the plane's height in it"),
         _line("without it", f"{model.relative_scale_u:.1e}"),
