@@ -151,15 +151,16 @@ def fit_flights(
         centre=(np.array(scene.size) - 1) / 2,
         radius=radius,
     )
-    before = model.start(shared=shared, pull=scene.pull)
-    k = len(before) - 4 * len(flights) - 3  # drag's place in the vector, before the tilt's
+    k = 2 if shared else 2 * len(flights)  # drag's place in the vector, before the tilt's
+    before = np.zeros(k + 3 + 4 * len(flights))
     u = np.full(len(before), np.inf)
-    u[:k] = np.inf if scene.pull is None else 0.0
+    if scene.pull is not None:
+        before[:k], u[:k] = np.tile(scene.pull, k // 2), 0.0
     said = scene.drag or (FLIGHT_FIT.drag / radius, FLIGHT_FIT.drag_u / radius)
     before[k], u[k] = said if drag else (0.0, 0.0)
-    if model.sharp:  # a pattern would pass for drag
-        u[k] = 0.0
-    u[k + 1 : k + 3] = 0.0 if model.sharp else tilt_u / max(scene.size)
+    u[k + 1 : k + 3] = tilt_u / max(scene.size)
+    if model.sharp:  # a pattern would pass for drag, and the plane is known
+        u[k : k + 3] = 0.0
     vector, inverse, room = _solve(model, before, u, k)
     left = model.xy - model.places(vector)
     off = np.hypot(*left.T) / model.own
@@ -206,6 +207,11 @@ def _solve(model: _FlightModel, before: Array, u: Array, k: int) -> tuple[Array,
         The drag's place among them.
     """
     free, vector, dragless = np.flatnonzero(u > 0), before.copy(), False
+    for n in range(model.of[-1] + 1):
+        vector[k + 3 + 4 * n :][:2] = model.xy[model.of == n].mean(axis=0)
+    reach = max(1.0, float(np.abs(model.dt).max()))
+    steps = np.tile([0.1, 0.1, 0.1 / reach, 0.1 / reach], model.of[-1] + 1)
+    steps = np.concatenate([np.full(k, 0.1 / reach**2), [1e-4 / model.radius, 1e-6, 1e-6], steps])
     for _ in range(FLIGHT_FIT.rounds):
         left = (model.xy - model.places(vector)) / model.own[:, None]
         off = np.hypot(*left.T)
@@ -215,7 +221,7 @@ def _solve(model: _FlightModel, before: Array, u: Array, k: int) -> tuple[Array,
         else:
             room = FLIGHT_FIT.outlier_radii * model.radius
             room = max(FAR_U * spread, room)
-        jacobian = model.jacobian(vector, free) / model.own[:, None, None]
+        jacobian = model.jacobian(vector, steps)[..., free] / model.own[:, None, None]
         weighted = jacobian * (1 / np.sqrt(1 + (off / room) ** 2))[:, None, None]
         normal = np.einsum("rci,rcj->ij", weighted, jacobian) / spread**2
         right = np.einsum("rci,rc->i", weighted, left) / spread**2
@@ -299,21 +305,6 @@ class _FlightModel:
     centre: Array
     radius: float
 
-    def start(self, *, shared: bool, pull: Array | None) -> Array:
-        """Parameters of parabolas, without drag and tilt, by a pull (2,) that is known or not."""
-        solved, weights, xy = [], [], self.xy
-        if pull is not None:
-            xy = xy - pull * self.dt[:, None] ** 2 / 2
-        for k in range(self.of[-1] + 1):
-            own = self.of == k
-            powers = np.vander(self.dt[own], 3)[:, 0 if pull is None else 1 :]
-            solved.append(np.linalg.lstsq(powers, xy[own], rcond=None)[0])
-            weights.append(max(own.sum() - 3, 0.1) ** 2.5)
-        *half, velocity, place = np.moveaxis(np.array(solved), 1, 0)
-        if pull is None:
-            pull = 2 * (np.average(half[0], axis=0, weights=weights) if shared else half[0])
-        return np.concatenate([pull.ravel(), np.zeros(3), np.hstack([place, velocity]).ravel()])
-
     def places(self, vector: Array) -> Array:
         """Places of vectors (…, parameter), (…, place, 2)."""
         parts = _parts(vector, self.of[-1] + 1)
@@ -321,33 +312,10 @@ class _FlightModel:
         flown = _fly(states, pull, parts["drag"], self.dt)
         return _project(flown[..., :2], parts["tilt"], self.centre)
 
-    def jacobian(self, vector: Array, free: Ints) -> Array:
-        """Jacobian of places, (place, 2, free parameter).
-
-        A parameter is moved for all flights at once: a place depends on its own flight's alone.
-        """
-        rows = np.arange(len(self.dt))
-        reach = max(1.0, float(np.abs(self.dt).max()))
-        k = len(vector) - 4 * (self.of[-1] + 1) - 3
-        own = 0 * self.of if k == 2 else 2 * self.of
-        moves = [(slice(n, k, 2), n + own, 0.1 / reach**2) for n in range(2)]
-        moves += [
-            (slice(n, n + 1), np.array(n), step)
-            for n, step in ((k, 1e-4 / self.radius), (k + 1, 1e-6), (k + 2, 1e-6))
-            if n in free
-        ]
-        moves += [
-            (slice(k + 3 + n, None, 4), k + 3 + n + 4 * self.of, step)
-            for n, step in enumerate((0.1, 0.1, 0.1 / reach, 0.1 / reach))
-        ]
-        moved = np.tile(vector, (len(moves) + 1, 1))
-        for one, (some, _, step) in zip(moved, moves, strict=False):
-            one[some] += step
-        *there, base = self.places(moved)
-        jacobian = np.zeros((len(rows), 2, len(vector)))
-        for place, (_, columns, step) in zip(there, moves, strict=True):
-            jacobian[rows, :, columns] = (place - base) / step
-        return jacobian[:, :, free]
+    def jacobian(self, vector: Array, steps: Array) -> Array:
+        """Jacobian of places by steps of the parameters, (place, 2, parameter)."""
+        change = self.places(vector + np.diag(steps)) - self.places(vector)
+        return np.moveaxis(change, 0, -1) / steps
 
 
 def _alike(left: Array, of: Ints) -> float:
