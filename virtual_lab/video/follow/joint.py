@@ -253,33 +253,21 @@ def _pattern(flight: Piece, residuals: Array, late: Array) -> Array:
     design = np.stack([np.ones_like(late), late], axis=1)
     solver = np.linalg.pinv(design / u[:, None]) / u
     noise = (solver * u**2) @ solver.T
-    count, spare = len(t), len(t) - 2
-    if spare < 1:
-        return np.asarray(pattern_u**2 * solver @ solver.T)
-    excess = float(np.sum(residuals**2 - u[:, None] ** 2 * spare / count)) / (2 * spare)
-    if excess <= 0 and pattern_u == 0:
-        return np.zeros((2, 2))
-    shown, slow = [], []
-    for lag in np.geomspace(*FLIGHT_FIT.lags, 24) * float(np.ptp(t)):
-        like = np.exp(-0.5 * ((t[:, None] - t) / lag) ** 2)
-        moved = solver @ like
-        slow.append(moved @ solver.T)
-        # the trace of (1 - design solver) like (1 - design solver)^T
-        fitted = float(np.sum(design.T @ design * slow[-1])) - 2 * float(np.sum(moved * design.T))
-        shown.append((count + fitted) / spare)
-    # what the residuals show beyond noise the pattern may have made, or something unknown
-    power = max(pattern_u**2, excess / shown[0])
-    # a slow pattern shows little in the residuals of one flight, by chance still less
-    most = FLIGHT_FIT.pattern_odds * max(excess, float(np.mean(u**2)) / np.sqrt(spare))
-    possible = [each for each, part in zip(slow, shown, strict=True) if power * part <= most]
-    worst = max(possible or slow[:1], key=lambda each: float(each[1, 1]))
-    if excess <= pattern_u**2:
-        return np.asarray(power * worst)
-    # known by few residuals, and by nothing else
+    span, spare = float(np.ptp(t)), len(t) - 2
+    apart = np.subtract.outer(t, t) / span
+    slow = [
+        solver @ np.exp(-0.5 * (apart / lag) ** 2) @ solver.T
+        for lag in np.geomspace(*FLIGHT_FIT.lags, 24)
+    ]
+    worst = max(slow, key=lambda each: float(each[1, 1]))
+    excess = float(np.mean(residuals**2)) * len(t) / max(spare, 1) - float(np.mean(u**2))
+    if spare < 1 or excess <= pattern_u**2:
+        return np.asarray(pattern_u**2 * worst)
+    # what residuals show beyond noise and pattern is something unknown, known by few residuals
     from scipy.special import stdtrit
 
     wide = (float(stdtrit(2 * spare, 0.975)) / 1.959964) ** 2
-    return np.asarray(wide * (noise + power * worst) - noise)
+    return np.asarray(wide * (noise + excess * worst) - noise)
 
 
 def _parts(vector: Array, flights: int) -> dict[str, Any]:
