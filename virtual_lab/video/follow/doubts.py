@@ -47,14 +47,11 @@ class Falls:
     scale: Ruler
     step: float  # seconds of a frame
 
-    def sag(self, way: Piece) -> float:
-        """Radii by which 1 m/s² bends a flight."""
-        length = self.scale.metres_per_pixel * way.radius
-        return float((self.step * np.ptp(way.t)) ** 2 / 8 / length)
-
     def shown(self, way: Piece, pull: Estimate) -> bool:
-        """Whether gravity, or what a flight falls with, bends it by more than a radius."""
-        return self.sag(way) * max(self.known.gravity, pull.value) > 1
+        """Whether a pull bends a flight visibly otherwise than gravity does."""
+        radii = self.scale.metres_per_pixel * way.radius * FALLS.bent
+        off = abs(pull.value - self.known.gravity)
+        return float(off * (self.step * np.ptp(way.t)) ** 2 / 8) > radii
 
     @property
     def rate(self) -> float:
@@ -94,14 +91,12 @@ class Falls:
 
     def against(self) -> list[Note]:
         """Say what speaks against length and frame rate."""
-        g, judged = self.known.gravity, []
-        for way, pull in zip(self.ways, self.pulls, strict=True):
-            if self.shown(way, pull) or self.sag(way) * abs(pull.value - g) > FALLS.bent:
-                judged.append((pull, *FALLS.apart_alone))
-        if judged:
-            judged.append((self.shared, *FALLS.apart))
-        for each, coverage, share in judged:
-            if abs(each.value - g) > max(coverage * each.u, share * g):
+        g = self.known.gravity
+        judged = [(*each, FALLS.apart_alone) for each in zip(self.ways, self.pulls, strict=True)]
+        judged += [(way, self.shared, FALLS.apart) for way in self.ways]
+        for way, each, (coverage, share) in judged:
+            far = abs(each.value - g) > max(coverage * each.u, share * g)
+            if far and self.shown(way, each):
                 words = (
                     f"by {SAID[self.scale.source]} the ball falls with {each.value:.3g} m/s², not "
                     f"{g:.3g}: that length is wrong, or the frame rate and with it every speed "
