@@ -64,9 +64,8 @@ def contacts_of(
     found = []
     fit, others = model.fit, [*model.parabolas, *model.rest, *model.near]
     for k, near in meetings(ways, fit):
-        t = _closest(fit, k, near)[0]
+        t, into, out = _closest(fit, k, near)
         one, other = ways[k], ways[k + 1]
-        into, out = fit.at(k, t)[0, 2:], fit.at(k + 1, t)[0, 2:]
         if np.hypot(*(out - into)) < CONTACTS.least_change * np.hypot(*into):
             continue
         late = fit.readout * float(np.median(scene.late(one.blobs[-2:])))
@@ -77,19 +76,18 @@ def contacts_of(
             notes.append(_outside(ways, k, t, step))
             continue
         normal, kind = _normal(scene, fit.pull[0], out - into, ways)
-        frame, place = _frame(scene, one, other, t), (fit.at(k, t) + fit.at(k + 1, t))[0, :2] / 2
-        ratio = None
-        if (
-            min(len(one.t), len(other.t)) >= (3 if sharp else FLIGHTS.side_places)
-            and kind != "other"
-        ):
+        frame, ratio = _frame(scene, one, other, t), None
+        shown = min(len(one.t), len(other.t)) >= (3 if sharp else FLIGHTS.side_places)
+        if shown and kind != "other":
             ratio, flag, why = _restitution(fit, others, k, t, normal, kind, sharp is not None)
             if flag:
                 notes.append((flag, f"contact at frame {frame:.1f}: {why}"))
-        shown = fit.pictured(k, t) + fit.pictured(k + 1, t)
-        metres: Array = np.asarray(
-            sharp.metres(place) if sharp else scale.metres_per_pixel * shown[0] / 2
-        )
+        if sharp:
+            flat = (fit.at(k, t) + fit.at(k + 1, t))[0, :2] / 2
+            place, metres = sharp.pictured(flat, frame), sharp.metres(flat)
+        else:
+            place = (fit.pictured(k, t) + fit.pictured(k + 1, t))[0] / 2
+            metres = scale.metres_per_pixel * place
         ends = [estimate_of(partial(_place, axis, k, t), fit, others).u for axis in (0, 1)]
         place_u = scale.metres_per_pixel * float(np.sqrt(np.mean(np.square(ends))))
         found.append(
@@ -101,8 +99,8 @@ def contacts_of(
                 time=replace(time, value=step * (t - late)),
                 kind="struck" if kind == "other" else kind,
                 restitution=ratio,
-                place=np.asarray(sharp.pictured(place, frame) if sharp else shown[0] / 2),
-                metres=metres,
+                place=np.asarray(place),
+                metres=np.asarray(metres),
                 metres_u=float(np.hypot(place_u, scale.relative_u * np.hypot(*metres))),
             )
         )

@@ -113,14 +113,14 @@ def following(
     if given is not None:
         scene = clip_scene(clip, watched, known, same, squeezed=False)
         return measure(clip, watched, known, FlightsFound(scene=scene, pieces=given, ways=given))
-    found = search(clip, watched, known, same)
-    if not wants_sharp(known, watched, found.ways) or _while_moving(same, found.ways).any():
-        return measure(clip, watched, known, found)
-    try:
-        scene, ways, sharp = sharpen(clip, watched, known, found, progress)
-    except NotSharpError as fault:
-        return measure(clip, watched, known, found, fault=str(fault))
-    return measure(clip, watched, known, replace(found, scene=scene, ways=ways), sharp=sharp)
+    found, sharp, fault = search(clip, watched, known, same), None, ""
+    if wants_sharp(known, watched, found.ways) and not _while_moving(same, found.ways).any():
+        try:
+            scene, ways, sharp = sharpen(clip, watched, known, found, progress)
+            found = replace(found, scene=scene, ways=ways)
+        except NotSharpError as why:
+            fault = str(why)
+    return measure(clip, watched, known, found, sharp=sharp, fault=fault)
 
 
 def measure(
@@ -158,22 +158,24 @@ def measure(
         ball = watched.found[[k for each in ways or found for k in each.blobs]]
         rulers = rulers_of(known, ball, model, ways, step, where, bool(lost))
     scale = rulers[0] if rulers else None
-    falls, flights = None, []
+    shared, flights = None, []
     contacts: list[Contact] = []
     if model and scale:
         hidden = drift > 0 and watched.still.stands_to is None
         notes += of_camera(model, drift if hidden else 0.0) if not sharp else []
         contacts, against = contacts_of(scene, ways, model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)
+        alone: list[Estimate | None] = [None] * len(ways)
         if size and not sharp:
-            falls = _falls(known, scene, ways, model, size, step)
+            shared, alone[:] = _falls(scene, ways, model, size, step)
+            falls = Falls(known=known, shared=shared, scale=size)
             off = falls.against()
             if off and known.rate_of == FILE:
                 rated = measure(clip, watched, falls.rated(), search)
                 return replace(rated, notes=(falls.of_rate(), *rated.notes))
             falls.require_rate(where)
             against += off
-        flights = _flights(scene, ways, model, falls, contacts, scale, step)
+        flights = _flights(scene, ways, model, alone, contacts, scale, step)
         notes += against
         if known.readout is None and not model.fit.readout:
             rolled = replace(model, fit=refit(scene, ways, model.fit, readout=0.5))
@@ -200,7 +202,7 @@ def measure(
         contacts=contacts,
         scale=scale,
         checks=tuple(rulers[1:]),
-        gravity=falls.shared if falls else None,
+        gravity=shared,
         drag_per_m=model.fit.drag / scale.metres_per_pixel if model and scale else None,
         repeated=same,
         sharp=sharp,
@@ -223,7 +225,7 @@ def _flights(
     scene: FlightScene,
     ways: list[Piece],
     model: FittedFlights,
-    falls: Falls | None,
+    alone: Sequence[Estimate | None],
     contacts: list[Contact],
     scale: Ruler,
     step: float,
@@ -255,39 +257,28 @@ def _flights(
                 last_frame=int(way.frames[-1]),
                 places=len(way.t),
                 **ends,
-                acceleration=falls.pulls[k] if falls else None,
+                acceleration=alone[k],
             )
         )
     return found
 
 
 def _falls(
-    known: ClipKnowledge,
     scene: FlightScene,
     ways: list[Piece],
     model: FittedFlights,
     scale: Ruler,
     step: float,
-) -> Falls:
-    """Acceleration of each flight by a ruler, and that of all."""
+) -> tuple[Estimate, list[Estimate]]:
+    """Acceleration by a ruler that flights share, and that of each alone [m/s²]."""
     own, longest = refit(scene, ways, model.fit, shared=False, tilt_u=0.0), []
     if scene.readout is None:
         other = refit(scene, ways, model.fit, readout=1.0, shared=False, tilt_u=0.0)
         longest.append((other, EVEN_SHARE))
-    unit, relative_u = scale.metres_per_pixel / step**2, scale.relative_u
-    return Falls(
-        known=known,
-        ways=ways,
-        pulls=[
-            estimate_of(partial(_pull, k), own, longest, unit=unit, relative_u=relative_u)
-            for k in range(len(ways))
-        ],
-        shared=estimate_of(
-            partial(_pull, 0), model.fit, model.longest, unit=unit, relative_u=relative_u
-        ),
-        scale=scale,
-        step=step,
-    )
+    known = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
+    shared = estimate_of(partial(_pull, 0), model.fit, model.longest, **known)
+    alone = [estimate_of(partial(_pull, k), own, longest, **known) for k in range(len(ways))]
+    return shared, alone
 
 
 def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Array) -> Estimate:
