@@ -24,7 +24,6 @@ from virtual_lab.video.follow.sharpening import SharpBall
 class ContactSettings:
     """What is a contact, with what, and when its restitution is stated."""
 
-    least_change: float = 0.2  # of the speed: a smaller change is no contact
     off_normal: float = 35 * DEGREE  # that a change of velocity may be, to be along it
     slant_u: float = 0.5 * DEGREE  # of a floor or a wall off g, and of g as the camera sees it
     turned_back: float = 0.2  # of the speed into it, along a floor or wall: it was struck twice
@@ -66,8 +65,6 @@ def contacts_of(
     for k, near in meetings(ways, fit):
         t, into, out = _closest(fit, k, near)
         one, other = ways[k], ways[k + 1]
-        if np.hypot(*(out - into)) < CONTACTS.least_change * np.hypot(*into):
-            continue
         late = fit.readout * float(np.median(scene.late(one.blobs[-2:])))
         time = estimate_of(lambda f: _closest(f, k, t)[0], fit, others, unit=step)  # noqa: B023
         # it lies between the last place of the flight in and the first of the flight out
