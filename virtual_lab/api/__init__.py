@@ -835,10 +835,9 @@ def track(
     """
     import numpy as np
 
-    from virtual_lab.video.show.tracked_clip import require_options, track_clip
+    from virtual_lab.video.show.tracked_clip import track_clip
 
     asked = {"ball": ball, "calibration": calibration, "corrected": corrected} | known
-    require_options(asked)
     if not isinstance(clip, str | Path | np.ndarray):
         allowed = "expected a path, or a numpy array (frame, row, column) of 8 or 16 bits with fps="
         raise InputError("", "clip", type(clip).__name__, allowed)

@@ -59,7 +59,7 @@ def sharp_places(shot: Shot) -> Places:
         start.blur_x[side], start.blur_y[side] = way
     samples = empties(shot.kind, EMPTY)
     clip = Clip(
-        source=Source(path=Path("made"), declared=0, read=lambda _: iter(())),
+        source=Source(path=Path("made"), declared=0, read=lambda: iter(())),
         times=shot.times,
         shape=(800, 1280),
         full_scale=2.0 ** (8 * samples.itemsize) - 1,

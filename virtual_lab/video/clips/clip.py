@@ -84,31 +84,25 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
     # filled in place: a list and its stack would take the memory twice
     samples = np.empty((-(-source.declared // every) + 1, *first.shape), first.dtype)
     stamps: list[float] = []
-    sampled: list[int] = []
     kept: list[tuple[Frame, float]] = []
-    brightest = 0
-    stays = source.declared * first.nbytes <= MEMORY.most_bytes
-    whole = stays or first.dtype != np.uint8
-    for number, (frame, stamp) in enumerate(source.skimmed(1 if whole else every)):
+    brightest = 255
+    for number, (frame, stamp) in enumerate(source.pictures()):
         stamps.append(stamp)
-        if frame is None:
-            continue
-        if number % every == 0 and len(sampled) < len(samples):
-            samples[len(sampled)] = frame
-            sampled.append(number)
-        if stays:
+        if number % every == 0 and number // every < len(samples):
+            samples[number // every] = frame
+        if source.declared * first.nbytes <= MEMORY.most_bytes:
             kept.append((frame, stamp))
         if frame.dtype != np.uint8:
             brightest = max(brightest, int(frame.max()))
     times, warnings = frame_times(source, np.array(stamps), calibration)
-    bits = max(8, brightest.bit_length())
+    sampled = np.arange(0, len(stamps), every)[: len(samples)]
     return Clip(
-        source=replace(source, read=lambda _: iter(kept)) if kept else source,
+        source=replace(source, read=lambda: iter(kept)) if kept else source,
         times=times,
-        shape=(samples.shape[1], samples.shape[2]),
-        full_scale=float(2**bits - 1),
+        shape=(first.shape[0], first.shape[1]),
+        full_scale=float(2 ** brightest.bit_length() - 1),
         samples=samples[: len(sampled)],
-        sampled=np.array(sampled, np.intp),
+        sampled=sampled,
         warnings=warnings,
     )
 

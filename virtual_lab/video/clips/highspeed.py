@@ -6,118 +6,104 @@ Their headers are read by cinereader and pyMRAW, the extra ``highspeed``.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
-from importlib import import_module
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.errors import InputError, with_extra
-from virtual_lab.video.clips.picture_size import require_size
+from virtual_lab.errors import InputError, of_extra
+from virtual_lab.units import Array
 
-HIGHSPEED = (".cine", ".mraw", ".cihx", ".cih")
 # frames, rate [1/s], exposure [s], what yields them
-Header = tuple[int, float | None, float | None, Any]
-CINE_TIMES, CINE_EXPOSURES = 1002, 1003  # blocks of 64 and 32 bits an image, of 2^-32 s
+Frames = Callable[[], Iterator[tuple[NDArray[Any], float]]]
+Header = tuple[int, float | None, float | None, Frames]
+
+
+@contextmanager
+def _reading(path: Path, kind: str) -> Iterator[None]:
+    """Tell in one line what goes wrong within a library."""
+    try:
+        yield
+    except Exception as fault:
+        why = f"cannot be read (is it cut short?): {fault!r}"
+        raise InputError(str(path), kind, None, why) from fault
 
 
 def cine(path: Path) -> Header:
     """Read a .cine file: 8 to 16 bits, grey, P10 and P12L too, with time stamps and exposure."""
-    reader = _reader("cinereader", path, ".cine")
-    try:
+    reader = of_extra("cinereader", "highspeed", f"{path}: .cine")
+    with _reading(path, ".cine"):
         head = reader.read_metadata(str(path))
         count, first = int(head.ImageCount), int(head.FirstImageNo)
-        rate, blocks = float(head.FrameRate), _cine_blocks(path)
-        ticks = np.frombuffer(blocks.get(CINE_TIMES, b""), "<u8")
-        opened = np.frombuffer(blocks.get(CINE_EXPOSURES, b""), "<u4")
-    except Exception as fault:
-        raise _unreadable(path, ".cine", fault) from fault
+        rate, exposure_us, stamps = float(head.FrameRate), head.ExposureTime, _stamps(path, head)
 
-    def read(_: int) -> Iterator[tuple[NDArray[Any], float]]:
-        for number in range(first, first + count):
-            try:
-                image = np.asarray(reader.read_image(head, str(path), number))
-            except Exception as fault:
-                raise _unreadable(path, ".cine", fault) from fault
-            stamp = (ticks[number - first] - ticks[0]) / 2**32 if len(ticks) == count else np.nan
-            yield np.ascontiguousarray(image), float(stamp)
+    def read() -> Iterator[tuple[NDArray[Any], float]]:
+        for number in range(count):
+            with _reading(path, ".cine"):
+                image = reader.read_image(head, str(path), first + number)
+            yield np.ascontiguousarray(image), float(stamps[number])
 
-    exposure = float(np.median(opened)) / 2**32 if len(opened) == count else None
-    return count, _sane(rate), exposure, read
+    return count, _sane(rate), 1e-6 * exposure_us or None, read
 
 
-def _cine_blocks(path: Path) -> dict[int, bytes]:
-    """Read what stands between a .cine file's setup and its images, by the kind of block."""
-    found = {}
+def _stamps(path: Path, head: Any) -> Array:
+    """Time of each image since the first [s], NaN where a .cine file has no block of them."""
+    at, kind_of_stamps = head.OffSetup + head.Length, 1002  # of 64 bits each, in 2^-32 s
     with path.open("rb") as file:
-        setup, images = struct.unpack("<28xII8x", file.read(44))
-        file.seek(setup)
-        at = setup + struct.unpack("<142xH", file.read(144))[0]
-        while at + 8 <= images:
+        while at + 8 <= head.OffImageOffsets:
             file.seek(at)
-            size, kind, _ = struct.unpack("<IHH", file.read(8))
-            if not 8 < size <= images - at:
-                break
-            found[kind], at = file.read(size - 8), at + size
-    return found
+            size, kind = struct.unpack("<IH2x", file.read(8))
+            if kind == kind_of_stamps:
+                ticks = np.frombuffer(file.read(8 * head.ImageCount), "<u8")
+                return np.asarray((ticks - ticks[0]) / 2**32)
+            at += max(size, 8)
+    return np.full(head.ImageCount, np.nan)
 
 
 def mraw(path: Path) -> Header:
     """Read the frames of a .mraw file (8, 12 or 16 bits, grey) by the header beside it."""
-    reader = _reader("pyMRAW", path, ".mraw")
+    reader = of_extra("pyMRAW", "highspeed", f"{path}: .mraw")
     data = path.with_suffix(".mraw")
     headers = [data.with_suffix(each) for each in (".cihx", ".cih")]
-    beside = next((each for each in headers if each.is_file()), None)
-    if beside is None or not data.is_file():
-        missing = headers[0].name if beside is None else data.name
-        raise InputError(str(path), ".mraw", None, f"{missing} is not beside it")
-    try:
+    beside = next((each for each in headers if each.is_file()), headers[0])
+    for file in (beside, data):
+        if not file.is_file():
+            raise InputError(str(path), ".mraw", None, f"{file.name} is not beside it")
+    with _reading(beside, "header of .mraw"):
         head = reader.get_cih(str(beside))
         count, bits = int(head["Total Frame"]), int(head["Color Bit"])
-        rows, columns = int(head["Image Height"]), int(head["Image Width"])
+        shape = int(head["Image Height"]), int(head["Image Width"])
         rate = float(head["Record Rate(fps)"])
-    except Exception as fault:
-        raise _unreadable(beside, "header of .mraw", fault) from fault
     if bits not in {8, 12, 16}:
         raise InputError(str(path), ".mraw", f"{bits} bits", "allowed: grey of 8, 12 or 16 bits")
-    require_size(path, columns, rows)
-    size = rows * columns * bits // 8
+    size = shape[0] * shape[1] * bits // 8
 
-    def read(_: int) -> Iterator[tuple[NDArray[Any], float]]:
+    def read() -> Iterator[tuple[NDArray[Any], float]]:
         with data.open("rb") as file:
             for _ in range(count):
-                raw = np.frombuffer(file.read(size), np.uint8)
-                if raw.size < size:
+                if len(raw := file.read(size)) < size:
                     return
-                yield _grey(raw, bits).reshape(rows, columns), np.nan
+                yield _grey(np.frombuffer(raw, np.uint8), bits).reshape(shape), np.nan
 
     return count, _sane(rate), None, read
 
 
 def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:
     """Grey values; two of 12 bits lie in three bytes, the greater digits first."""
-    if bits == 8:
-        return raw
-    if bits == 16:
-        return raw.view("<u2")
+    if bits != 12:
+        return raw.view(f"<u{bits // 8}")
     one, two, three = raw.reshape(-1, 3).astype(np.uint16).T
     return np.stack([(one << 4) | (two >> 4), ((two & 15) << 8) | three], axis=1).ravel()
 
 
-def _reader(name: str, path: Path, kind: str) -> ModuleType:
-    try:
-        return import_module(name)
-    except ImportError as fault:
-        needed = f"{kind} needs the extra 'highspeed' ({name})"
-        raise InputError(str(path), needed, None, with_extra("highspeed")) from fault
-
-
-def _unreadable(path: Path, kind: str, fault: Exception) -> InputError:
-    return InputError(str(path), kind, None, f"cannot be read (is it cut short?): {fault!r}")
-
-
 def _sane(rate: float) -> float | None:
     return rate if 1 <= rate <= 1e7 else None
+
+
+HIGHSPEED: dict[str, Callable[[Path], Header]] = {
+    ".cine": cine,
+    **dict.fromkeys((".mraw", ".cihx", ".cih"), mraw),
+}

@@ -1,4 +1,4 @@
-"""Frames out of files: video, folders of images, TIFF stacks, arrays; one at a time, grey.
+"""Frames out of files: video, folders of images, TIFF stacks, arrays; one at a time, as stored.
 
 Frames are read in order and never kept, so a clip may be longer than the memory.
 """
@@ -6,8 +6,10 @@ Frames are read in order and never kept, so a clip may be longer than the memory
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,16 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.video.clips.highspeed import HIGHSPEED, cine, mraw
-from virtual_lab.video.clips.picture_size import require_size, require_sizes
+from virtual_lab.video.clips.highspeed import HIGHSPEED
 
 if TYPE_CHECKING:
     import cv2
 
 Frame = NDArray[Any]  # of 8 or 16 bits without sign
+Stamped = Iterator[tuple[Frame, float]]  # each with its time [s], NaN: it has none
 
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 KINDS = "a video (MP4, MOV, AVI, MKV, CINE, MRAW), a folder of images, a TIFF stack or a .npy array"
+LARGEST = 50e6  # pixels of a picture: a film of 8K has 33 million
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,32 +40,23 @@ class Source:
     estimated: bool = False  # estimated from the duration, not counted
     rate: float | None = None  # frames a second the file says
     exposure: float | None = None  # of a frame [s], that the file says
-    rotation: int = 0  # degrees clockwise that frames were turned as the file asks for
-    # every so manieth picture at least, others may be None; each with its time [s], NaN: none
-    read: Callable[[int], Iterator[tuple[Frame | None, float]]]
+    rotation: float | None = None  # degrees clockwise that frames were turned as the file asks for
+    read: Callable[[], Stamped]
 
-    def pictures(self) -> Iterator[tuple[Frame, float]]:
-        """Yield each frame, grey or in colour, with its own time stamp [s] (NaN: it has none).
-
-        Raises as `skimmed` does.
-        """
-        return ((frame, stamp) for frame, stamp in self.skimmed(1) if frame is not None)
-
-    def skimmed(self, every: int) -> Iterator[tuple[Frame | None, float]]:
-        """Yield the same, of which every so manieth at least is a picture, others may be None.
+    def pictures(self) -> Stamped:
+        """Yield each frame, grey or in colour, with its own time stamp.
 
         Raises `InputError` where a frame has another size or depth than the first, where
         fewer can be read than the file says it holds, or where there is none.
         """
-        first: Frame | None = None
-        count = 0
-        for frame, stamp in self.read(every):
-            if frame is not None:
-                _require_picture(frame, f"{self.path}: frame {count}")
-                first = frame if first is None else first
-                if (frame.shape[:2], frame.dtype) != (first.shape[:2], first.dtype):
-                    allowed = f"the first is {_size(first)}: all have one size and depth"
-                    raise InputError(str(self.path), f"frame {count}", _size(frame), allowed)
+        first, count = "", 0
+        for frame, stamp in self.read():
+            _require_picture(frame, f"{self.path}: frame {count}")
+            size = f"{frame.shape[1]} x {frame.shape[0]} of {8 * frame.dtype.itemsize} bits"
+            first = first or size
+            if size != first:
+                allowed = f"the first is {first}: all have one size and depth"
+                raise InputError(str(self.path), f"frame {count}", size, allowed)
             count += 1
             yield frame, stamp
         if count == 0:
@@ -80,167 +74,147 @@ def open_source(path: Path | Frame) -> Source:
     blue first as OpenCV has them.
     """
     if isinstance(path, np.ndarray):
-        _require_frames(path.shape, "array")
-        return Source(
-            path=Path("array"),
-            declared=len(path),
-            read=lambda _: ((np.ascontiguousarray(each), np.nan) for each in path),
-        )
+        return _array(Path("array"), lambda: path)
     if path.is_dir():
-        return _folder(path)
+        return _images(path, _image_files(path))
     if not path.is_file():
         raise InputError(str(path), "clip", None, f"no such file or folder, expected {KINDS}")
-    if path.suffix.lower() == ".npy":
-        return _array(path)
-    if path.suffix.lower() in HIGHSPEED:
-        read = cine if path.suffix.lower() == ".cine" else mraw
-        count, rate, exposure, frames = read(path)
-        return Source(path=path, declared=count, rate=rate, exposure=exposure, read=frames)
-    return _stack(path) if path.suffix.lower() in IMAGES else _video(path)
+    kind = path.suffix.lower()
+    if kind == ".npy":
+        # mapped anew for each frame: pages that were read would count as memory
+        return _array(path, partial(np.lib.format.open_memmap, path, "r"))
+    if kind in HIGHSPEED:
+        count, rate, exposure, read = HIGHSPEED[kind](path)
+        return Source(path=path, declared=count, rate=rate, exposure=exposure, read=read)
+    return _images(path, [path]) if kind in IMAGES else _video(path)
 
 
-def _image_files(path: Path) -> list[Path]:
+def _image_files(folder: Path) -> list[Path]:
     """Images in a folder, image9 before image10; `InputError` where there are none."""
 
-    def counted(file: Path) -> list[tuple[int, str]]:
-        parts = re.split(r"(\d+)", file.name.lower())
-        return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+    def counted(file: Path) -> str:
+        return re.sub(r"\d+", lambda number: number[0].zfill(20), file.name.lower())
 
-    shown = (each for each in path.iterdir() if not each.name.startswith("."))
+    shown = (each for each in folder.iterdir() if not each.name.startswith("."))
     files = sorted((each for each in shown if each.suffix.lower() in IMAGES), key=counted)
     if not files:
-        raise InputError(str(path), "images", 0, f"a folder holds {', '.join(IMAGES)}")
+        raise InputError(str(folder), "images", 0, f"a folder holds {', '.join(IMAGES)}")
     return files
 
 
-def _folder(path: Path) -> Source:
-    files = _image_files(path)
+def _images(path: Path, files: list[Path]) -> Source:
+    """Frames of a TIFF stack, or of the images in a folder."""
+    import cv2
+
     if len(kinds := sorted({each.suffix.lower() for each in files})) > 1:
         raise InputError(str(path), "images", ", ".join(kinds), "one kind of image in a folder")
     for file in files:
-        require_sizes(file)
-    return Source(
-        path=path,
-        declared=len(files),
-        read=lambda _: ((next(_pages(file)), np.nan) for file in files),
-    )
+        _require_sizes(file)
+    pages = [cv2.imcount(str(file), cv2.IMREAD_UNCHANGED) for file in files]
+
+    def read() -> Stamped:
+        for file, count in zip(files, pages, strict=True):
+            for page in _pages(file, count):
+                yield page, np.nan
+
+    return Source(path=path, declared=sum(pages), read=read)
 
 
-def _stack(path: Path) -> Source:
-    import cv2
-
-    require_sizes(path)
-    pages = cv2.imcount(str(path), cv2.IMREAD_UNCHANGED)
-    return Source(
-        path=path, declared=pages, read=lambda _: ((page, np.nan) for page in _pages(path))
-    )
-
-
-def _pages(file: Path, at_once: int = 8) -> Iterator[Frame]:
+def _pages(file: Path, count: int, at_once: int = 8) -> Iterator[Frame]:
     """Yield the pictures in an image file; `InputError` where there is none."""
     import cv2
 
-    count, path = cv2.imcount(str(file), cv2.IMREAD_UNCHANGED), str(file)
     for start in range(0, max(count, 1), at_once):
         some, flags = min(at_once, count - start), cv2.IMREAD_UNCHANGED
-        read = count and cv2.imreadmulti(path, start=start, count=some, flags=flags)[1]
+        read = count and cv2.imreadmulti(str(file), start=start, count=some, flags=flags)[1]
         if not read:
             raise InputError(str(file), "image", None, "cannot be read (is it cut short?)")
         yield from read
 
 
-def _require_frames(shape: tuple[int, ...], where: Path | str) -> None:
-    """Raise `InputError` unless an array of that shape is one of frames."""
-    if len(shape) not in {3, 4}:
-        allowed = "expected (frame, row, column) or (frame, row, column, colour)"
-        raise InputError(str(where), "array", f"shape {shape}", allowed)
-    require_size(Path(where), shape[2], shape[1])
-
-
-def _array(path: Path) -> Source:
+def _array(path: Path, load: Callable[[], Frame]) -> Source:
+    """Frames of an array."""
     try:
-        whole = np.load(path, mmap_mode="r", allow_pickle=False)
-        if not isinstance(whole, np.ndarray):
-            whole.close()
-            raise ValueError("it is an archive of arrays")
+        shape = load().shape
     except (ValueError, OSError, EOFError, OverflowError) as fault:
         why = f"cannot be read as an array (is it cut short?): {fault}"
         raise InputError(str(path), "array", None, why) from fault
-    shape = whole.shape
-    del whole
-    _require_frames(shape, path)
-
-    def read(_: int) -> Iterator[tuple[Frame, float]]:
-        for index in range(shape[0]):  # mapped anew: pages read would count as memory
-            yield np.array(np.load(path, mmap_mode="r")[index], order="C"), np.nan
-
-    return Source(path=path, declared=shape[0], read=read)
+    if len(shape) not in {3, 4}:
+        allowed = "expected (frame, row, column) or (frame, row, column, colour)"
+        raise InputError(str(path), "array", f"shape {shape}", allowed)
+    _require_size(path, (shape[2], shape[1]))
+    return Source(
+        path=path,
+        declared=shape[0],
+        read=lambda: ((np.array(load()[k], order="C"), np.nan) for k in range(shape[0])),
+    )
 
 
 def _video(path: Path) -> Source:
     import cv2
 
-    capture = _open(path)
-    size = [capture.get(k) for k in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)]
-    require_size(path, *map(int, size))
-    declared = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-    rate = float(capture.get(cv2.CAP_PROP_FPS))
-    turn = capture.get(cv2.CAP_PROP_ORIENTATION_META)
-    pixels = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(4, "little")
-    grey = pixels in (b"Y800", b"Y1\0\x10")  # FFmpeg's own grey of 8 and 16 bits
-    jpegs = rate > 0 and not grey and _is_motion_jpeg(path, capture)
-    capture.release()
-    if declared == 0:
-        raise InputError(str(path), "frames", 0, "no frame in it can be read")
+    capture = _capture(path)
+    wide, high = capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
+    _require_size(path, (int(wide), int(high)))
+    rate, turn = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_ORIENTATION_META)
 
-    def read(every: int) -> Iterator[tuple[Frame | None, float]]:
-        capture = cv2.VideoCapture(str(path), cv2.CAP_OPENCV_MJPEG) if jpegs else _open(path)
-        if grey:
-            capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # else 16 bits are cut to 8
-        try:
-            number = 0
-            while capture.grab():
-                frame = None if number % every else capture.retrieve()[1]
-                if frame is None and number % every == 0:
-                    break
-                stamp = number / rate if jpegs else capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-                yield frame, stamp
-                number += 1
-        finally:
-            capture.release()
+    def read() -> Stamped:
+        capture = _capture(path)
+        while (shown := capture.read())[0]:
+            yield shown[1], capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
 
     return Source(
         path=path,
-        declared=max(declared, 0),
+        declared=max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0),
         estimated=path.suffix.lower() in {".mkv", ".webm"},
         rate=rate if np.isfinite(rate) and rate > 0 else None,
-        rotation=int(turn) % 360 if np.isfinite(turn) else 0,
+        rotation=turn % 360 if np.isfinite(turn) else None,
         read=read,
     )
 
 
-def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture) -> bool:
-    """Whether OpenCV's own reader shows the same: it decodes only the pictures asked for."""
-    import cv2
-
-    if int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") != b"MJPG":
-        return False
-    own = cv2.VideoCapture(str(path), cv2.CAP_OPENCV_MJPEG)
-    if own.get(cv2.CAP_PROP_FRAME_COUNT) != capture.get(cv2.CAP_PROP_FRAME_COUNT):
-        return False
-    shown, first = own.read()
-    size = (capture.get(cv2.CAP_PROP_FRAME_HEIGHT), capture.get(cv2.CAP_PROP_FRAME_WIDTH))
-    return shown and first.shape[:2] == size  # of interlaced fields it shows one
-
-
-def _open(path: Path) -> cv2.VideoCapture:
+def _capture(path: Path) -> cv2.VideoCapture:
+    """Video opened; `InputError` where it cannot be."""
     import cv2
 
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     if not capture.isOpened():
         allowed = f"cannot be opened (cut short, or no clip?), expected {KINDS}"
         raise InputError(str(path), "video", None, allowed)
+    pixels = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(4, "little")
+    if pixels in (b"Y800", b"Y1\0\x10"):  # FFmpeg's own grey of 8 and 16 bits
+        capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # else 16 bits are cut to 8
     return capture
+
+
+def _require_size(path: Path, size: tuple[int, int] | None) -> None:
+    """Raise `InputError` where a picture is larger than a clip's can be; None: far larger.
+
+    Its header says so: a file of a few kilobytes may hold gigabytes of pixels.
+    """
+    if size is None or size[0] * size[1] > LARGEST:
+        allowed = f"allowed: up to {LARGEST / 1e6:.0f} million pixels in a picture"
+        raise InputError(str(path), "size", size and f"{size[0]} x {size[1]}", allowed)
+
+
+def _require_sizes(path: Path) -> None:
+    """Raise `InputError` where an image file's header, of every page, says it is too large.
+
+    What Pillow cannot read is left to the decoder.
+    """
+    from PIL import Image, ImageSequence
+
+    sizes: list[tuple[int, int] | None] = []
+    with warnings.catch_warnings(action="ignore", category=Image.DecompressionBombWarning):
+        try:
+            with Image.open(path) as image:
+                sizes += [page.size for page in ImageSequence.Iterator(image)]
+        except Image.DecompressionBombError:
+            sizes = [None]
+        except (OSError, SyntaxError, ValueError):
+            sizes = []
+    for size in sizes:
+        _require_size(path, size)
 
 
 def _require_picture(frame: Frame, where: str) -> None:
@@ -257,16 +231,9 @@ def grey_of(frame: Frame) -> Frame:
     """Frame as grey of its own depth."""
     import cv2
 
-    if frame.ndim == 2:
-        return frame
-    if frame.shape[2] == 1:
-        return frame[..., 0]
-    code = cv2.COLOR_BGR2GRAY if frame.shape[2] == 3 else cv2.COLOR_BGRA2GRAY
-    return cv2.cvtColor(frame, code)
-
-
-def _size(frame: Frame) -> str:
-    return f"{frame.shape[1]} x {frame.shape[0]} of {8 * frame.dtype.itemsize} bits"
+    if frame.ndim == 2 or frame.shape[2] == 1:
+        return frame.reshape(frame.shape[:2])
+    return cv2.cvtColor(np.ascontiguousarray(frame[..., :3]), cv2.COLOR_BGR2GRAY)
 
 
 def read_pictures(paths: Iterable[Path]) -> Iterator[tuple[str, Frame]]:

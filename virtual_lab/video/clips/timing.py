@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import csv
+import re
 from pathlib import Path
 
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.files import read_text
+from virtual_lab.files import parse_table, read_text
 from virtual_lab.units import Array
 from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.clips.columns import numbers_in
 from virtual_lab.video.clips.highspeed import HIGHSPEED
 from virtual_lab.video.clips.reading import Source
 
@@ -98,37 +99,17 @@ def uneven(times: Array) -> bool:
 
 def _read_stamps(path: Path, count: int) -> Array:
     """Time stamps [s] in a CSV file: one column, or the one called time_s."""
-    lines = [line for line in read_text(path).splitlines() if len(line) < 10_000]
-    rows = [row for row in csv.reader(lines) if any(map(str.strip, row))]
-    head = [cell.strip() for cell in rows[0]] if rows else []
-    named = "time_s" in head
-    if len(head) > 1 and not named:
-        if _number(head[0]):
-            raise InputError(str(path), "columns", len(head), "name one 'time_s' in a header")
-        raise InputError(str(path), "columns", ", ".join(head), "one must be 'time_s'")
-    if named or (head and not _number(head[0])):
-        rows = rows[1:]
-    column = head.index("time_s") if named else 0
-    try:
-        times = np.array([float(row[column]) for row in rows])
-    except (ValueError, IndexError) as fault:
-        raise InputError(str(path), "time stamps", None, f"cannot be read: {fault}") from fault
+    latest, step = 1e12, 1e-8  # s, since any clock began, and between two frames at least
+    text = read_text(path)
+    bare = re.match(r'\s*[-+."\d]+\s', text)  # a number in its first line, no name
+    table = parse_table((f"time_s\n{text}" if bare else text).encode(), str(path))
+    table.index -= bool(bare)
+    name = "time_s" if len(table.columns) > 1 else table.columns[0]
+    times = numbers_in(table, name, path, latest)
     if len(times) != count:
         raise InputError(str(path), "time stamps", len(times), f"the clip has {count} frames")
-    latest, step = 1e12, 1e-8  # s, since any clock began, and between two frames at least
-    if not (known := np.abs(times) <= latest).all():
-        bad, allowed = int(np.argmin(known)), f"must be finite, and up to {latest:g} s"
-        raise InputError(str(path), f"time stamp {bad}", float(times[bad]), allowed)
     if (falls := np.flatnonzero(np.diff(times) < step)).size:
         after, before = float(times[falls[0] + 1]), float(times[falls[0]])
         allowed = f"must be {step:g} s later than the one before, {before!r} s, or more"
         raise InputError(str(path), f"time stamp {falls[0] + 1}", after, allowed)
     return times
-
-
-def _number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import csv
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.files import read_text
+from virtual_lab.files import read_table
 from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.columns import numbers_in
 from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.find.blobs import BLOB
 from virtual_lab.video.find.still import still_of
@@ -32,34 +32,32 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
         No such file, a column that is missing, numbers that cannot be read, a frame that the clip
         does not have or that comes twice, flights at the same time.
     """
-    rows = list(csv.DictReader(read_text(path).splitlines()))
-    head = list(rows[0]) if rows else []
-    for name in ("frame", "x_px", "y_px", "flight"):
-        if name not in head:
-            raise InputError(str(path), "columns", ", ".join(map(str, head)), f"needs {name!r}")
-    frames = _column(path, rows, "frame")
+    table = read_table(path)
+    if "flight" not in table:
+        raise InputError(str(path), "columns", ", ".join(map(str, table)), "needs 'flight'")
+    column = partial(numbers_in, table, path=path, most=1e7)
+    frames = column("frame")
     if (bad := np.flatnonzero(~np.isin(frames, np.arange(clip.count)))).size:
-        row, allowed = int(bad[0]), f"the clip has frames 0 to {clip.count - 1}"
-        raise InputError(str(path), f"row {row + 2}: frame", rows[row]["frame"], allowed)
-    numbers, counts = np.unique(frames, return_counts=True)
-    if counts.max() > 1:
-        twice = int(numbers[counts.argmax()])
+        key, allowed = f"row {bad[0] + 2}: frame", f"the clip has frames 0 to {clip.count - 1}"
+        raise InputError(str(path), key, f"{frames[bad[0]]:g}", allowed)
+    order = np.argsort(frames)
+    if not (steps := np.diff(frames[order])).all():
+        twice = int(frames[order[steps.argmin()]])
         raise InputError(str(path), "frame", twice, "a frame has one place of the ball")
-    found = np.zeros(len(rows), BLOB)
+    found = np.zeros(len(table), BLOB)
     found["frame"] = frames
     for name in ("x", "y"):
-        found[name] = _column(path, rows, f"{name}_px")
-        found[f"picture_{name}"] = found[name] + _column(path, rows, f"drift_{name}_px", 0.0)
-    radius = _column(path, rows, "radius_px", np.nan)
+        found[name] = column(f"{name}_px")
+        found[f"picture_{name}"] = found[name] + column(f"drift_{name}_px", otherwise=0.0)
+    radius = column("radius_px", otherwise=np.nan)
     if np.isnan(radius).all():
         raise InputError(str(path), "radius_px", None, "at least one place needs it")
     found["radius"] = np.where(np.isnan(radius), np.nanmedian(radius), radius)
     found["length"], found["edge"] = found["radius"], 0.1 * found["radius"]
-    times = _column(path, rows, "time_s", np.nan) / usual_step(clip.times)
-    order = np.argsort(frames)
+    times = column("time_s", otherwise=np.nan) / usual_step(clip.times)
     found, t = found[order], np.where(np.isnan(times), frames, times)[order]
-    names = np.array([(row["flight"] or "").strip() for row in rows])[order]
-    flights = [np.flatnonzero(names == name) for name in dict.fromkeys(names) if name]
+    names = table["flight"].iloc[order].reset_index(drop=True)
+    flights = map(np.asarray, names.groupby(names).indices.values())  # "" is of none
     watched = Watched(
         still=still_of(list(clip.samples[:1]), max(8, int(clip.full_scale).bit_length())),
         found=found,
@@ -70,24 +68,5 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     for one, other in pairwise(pieces):
         if other.frames[0] <= one.frames[-1]:
             which, allowed = int(other.frames[0]), "a flight begins after the one before has ended"
-            raise InputError(str(path), f"flight at frame {which}", names[other.blobs[0]], allowed)
+            raise InputError(str(path), f"flight at frame {which}", None, allowed)
     return watched, pieces
-
-
-def _column(
-    path: Path, rows: list[dict[str, str]], name: str, otherwise: float | None = None
-) -> NDArray[np.float64]:
-    """Numbers of a column; `otherwise` where there is none."""
-    values = np.full(len(rows), np.nan if otherwise is None else otherwise)
-    for k, row in enumerate(rows):
-        text = (row.get(name) or "").strip()
-        if not text and otherwise is not None:
-            continue
-        fault = InputError(str(path), f"row {k + 2}: {name}", text, "expected a number")
-        try:
-            values[k] = float(text)
-        except ValueError as cause:
-            raise fault from cause
-        if not abs(values[k]) <= 1e7:
-            raise fault
-    return values

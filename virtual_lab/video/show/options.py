@@ -1,0 +1,148 @@
+"""What a person says of a clip, as on the command line: `73mm±0.5mm`, `17:52`, `x,y@frame`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from functools import partial
+from math import hypot
+from pathlib import Path
+from typing import Any
+
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.relations.board import length_of
+from virtual_lab.units import to_si
+from virtual_lab.video.follow.known import BALL, GRAVITY
+
+Said = dict[str, Any]  # by keys of a calibration file and names of what is known of a clip, SI
+
+
+def said_of(asked: Mapping[str, Any]) -> Said:
+    """Quantities that options say; None and False say nothing.
+
+    Raises `InputError` for an option that there is not, or a value of another type or form.
+    """
+    said: Said = {}
+    for name, value in asked.items():
+        if name not in OPTIONS:
+            allowed = f"{nearest(name, OPTIONS)}options: {', '.join(OPTIONS)}"
+            raise InputError("", name, None, allowed)
+        allowed, read = OPTIONS[name]
+        try:
+            said |= {} if value is None or value is False else read(value)
+        except InputError:
+            raise
+        except (ArithmeticError, AttributeError, TypeError, ValueError) as fault:
+            raise InputError("", key_of(name), value, f"expected {allowed}") from fault
+    return said
+
+
+def key_of(name: str) -> str:
+    """Option as the command line has it."""
+    return f"--{name.replace('_', '-')}"
+
+
+def _yes(name: str, meant: object, value: object) -> Said:
+    if value is not True:
+        raise TypeError(value)
+    return {name: meant}
+
+
+def _within(value: float, least: float, most: float) -> float:
+    if isinstance(value, bool) or not least <= value <= most:
+        raise ValueError(value)
+    return value
+
+
+def _ball(text: str) -> Said:
+    diameter, u = _length_and_u(text, "--ball", 1.0)
+    # a baseball's may vary by 1.4 %, a tennis ball's by 2.4 %
+    u, assumed = 0.01 * diameter if u is None else u, u is None
+    return {"ball_diameter_m": diameter, "ball_diameter_m_u": u, "assumed": assumed}
+
+
+def _length_and_u(text: str, key: str, most: float) -> tuple[float, float | None]:
+    """Length of 1 mm to `most` and its u [m], None where there is none: `73mm±0.5mm`."""
+    size, sign, more = re.sub(r"\+/-|\+-", "±", text).partition("±")
+    length = length_of(size, key, 1e-3, most)
+    return length, length_of(more, key, 0.0, length / 2) if sign else None
+
+
+def _rate(rate: float) -> Said:
+    return {"frames_per_second": _within(rate, 1, 1e7), "frames_per_second_u": 0.0}
+
+
+def _gravity(gravity: float) -> Said:
+    return {"gravity": _within(gravity, 0.1, 100), "gravity_u": 0.0}
+
+
+def _seconds(name: str, text: str) -> Said:
+    form = r"\s*([\d.e-]+)\s*(?:/\s*([\d.]+)\s*)?([mu]?s)?\s*"
+    found = re.fullmatch(form, text.replace("µ", "u"))
+    if not found or not (found[2] or found[3]):
+        raise ValueError(text)
+    value = to_si(float(found[1]) / float(found[2] or 1), found[3] or "s", "time")
+    return {name: _within(value, 0, 1)}
+
+
+def _frames(text: str) -> Said:
+    first, last = map(int, text.split(":"))
+    return {"frames": (int(_within(first, 0, last - 1)), last)}
+
+
+def _region(text: str) -> Said:
+    x, y, wide, high = _numbers(text, 4)
+    return {"region": (x, y, _within(wide, 1, 1e6), _within(high, 1, 1e6))}
+
+
+def _place(text: str) -> Said:
+    place, frame = text.split("@")
+    return {"ball_at": (*_numbers(place, 2), int(frame))}
+
+
+def _scale(text: str) -> Said:
+    points, length = text.split("=")
+    (x, y), (other_x, other_y) = (_numbers(each, 2) for each in points.split(":"))
+    clicked = 1.0  # pixels, u of a point that a person gives
+    apart = _within(hypot(x - other_x, y - other_y), 10 * clicked, 1e6)
+    metres, metres_u = _length_and_u(length, "--scale", 1000.0)
+    relative = hypot((metres_u or 0.0) / metres, hypot(clicked, clicked) / apart)
+    scale = metres / apart
+    return {"metres_per_pixel": scale, "metres_per_pixel_u": scale * relative}
+
+
+def _ruler(text: str) -> Said:
+    if text not in (GRAVITY, BALL):
+        raise ValueError(text)
+    return {"ruler": text}
+
+
+def _numbers(text: str, count: int) -> list[float]:
+    found = [_within(float(each), -1e6, 1e6) for each in text.split(",")]
+    if len(found) != count:
+        raise ValueError(text)
+    return found
+
+
+FILE, TIME, YES = 'a path, e.g. "calibration.toml"', "a time with its unit, up to 1 s", "True"
+# of an option: what is expected, and what makes quantities of it
+OPTIONS: dict[str, tuple[str, Callable[[Any], Said]]] = {
+    "calibration": (FILE, lambda path: {"file": Path(path)}),
+    "ball": ('a diameter with its unit, e.g. "73mm±0.5mm"', _ball),
+    "fps": ("1 to 1e7 frames a second, e.g. 240", _rate),
+    "exposure": (f'{TIME}, e.g. "8ms" or "1/120"', partial(_seconds, "exposure")),
+    "gravity": ("0.1 to 100 m/s², e.g. 9.81", _gravity),
+    "frames": ('first:last, e.g. "17:52"', _frames),
+    "region": (
+        'x,y,width,height in pixels, 1 wide and high at least, e.g. "10,20,300,200"',
+        _region,
+    ),
+    "ball_at": ('x,y@frame, e.g. "210,85@17"', _place),
+    "scale": ('x,y:x,y=length, 10 pixels apart or more, e.g. "9,20:300,20=50cm"', _scale),
+    "ruler": (f"{GRAVITY} or {BALL}", _ruler),
+    "readout": (f'{TIME}, e.g. "16ms"', partial(_seconds, "readout")),
+    "global_shutter": (YES, partial(_yes, "readout", 0.0)),
+    "phone": (YES, partial(_yes, "phone", True)),
+    "tripod": (YES, partial(_yes, "stands", True)),
+    "corrected": (FILE, lambda path: {"corrected": Path(path)}),
+}
