@@ -39,18 +39,7 @@ class Balls:
 
 def located(x: Floats, y: Floats, radius: float, blur: tuple[float, float] = (0, 0)) -> Located:
     """Return starts of a fit."""
-    none = np.zeros(x.size)
-    return Located(
-        x=x,
-        y=y,
-        radius=none + radius,
-        x_u=none + 1,
-        y_u=none + 1,
-        blur_x=none + blur[0],
-        blur_y=none + blur[1],
-        chi_square=none,
-        flags=none.astype(np.uint16),
-    )
+    return Located.start(np.stack([x, y], axis=1), radius, np.array(blur))
 
 
 def noise_of(snr: int) -> Noise:

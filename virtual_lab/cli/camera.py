@@ -36,7 +36,7 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     "--calibration",
     type=click.Path(path_type=Path),
     help="Calibration file, .toml: from 'calibrate', or with metres_per_pixel, "
-    "frames_per_second, exposure_s, timestamps, …",
+    "frames_per_second, exposure_s, lens_blur_px, timestamps, …",
 )
 @click.option("--ball", metavar="73mm±0.5mm", help="Ball diameter, in mm, cm, m or in.")
 @click.option(

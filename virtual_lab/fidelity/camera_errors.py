@@ -48,7 +48,7 @@ def wrong_unsaid(batch: Batch, found: Located) -> NDArray[np.bool_]:
 
     A method that states no uncertainty is taken at the limit.
     """
-    pattern = 0.0 if found.pattern_u is None else found.pattern_u
+    pattern = np.nan_to_num(found.pattern_u)
     wrong = np.zeros(batch.x.shape, bool)
     for place, u, true in ((found.x, found.x_u, batch.x), (found.y, found.y_u, batch.y)):
         said = np.hypot(np.where(np.isnan(u), batch.limit, u), pattern)

@@ -195,10 +195,10 @@ def _edge(given: EstimatorInput) -> Located:
 
 
 def _learnt(given: EstimatorInput) -> Located:
-    """Do as the tracker does, which finds noise and lens in the pictures themselves."""
-    return sharp_places(given.clip, given.seen, given.start)
+    """Do as the tracker does, which finds the noise in the pictures themselves."""
+    return sharp_places(given.clip, given.seen, given.start, lens=given.lens)
 
 
 EDGE = "edge fit"
-OURS: dict[str, Estimator] = {EDGE: _edge, "edge fit, camera learnt": _learnt}
+OURS: dict[str, Estimator] = {EDGE: _edge, "edge fit, noise learnt": _learnt}
 ESTIMATORS = CV2 | OURS

@@ -158,18 +158,8 @@ def _corners(case: Case, draws: Streams, shape: tuple[int, int], slots: Slots) -
 
 def _start(case: Case, x: Array, y: Array, draws: Streams, slots: Slots) -> Located:
     off = 2 * case.start_off * draws.uniform("start", 2, slots).T
-    unknown = np.full(x.size, np.nan)
-    return Located(
-        x=x + off[0],
-        y=y + off[1],
-        radius=np.full(x.size, case.radius * (1 + case.radius_off)),
-        x_u=unknown,
-        y_u=unknown,
-        blur_x=np.full(x.size, case.way[0]),
-        blur_y=np.full(x.size, case.way[1]),
-        chi_square=unknown,
-        flags=np.zeros(x.size, np.uint16),
-    )
+    places = np.stack([x + off[0], y + off[1]], axis=1)
+    return Located.start(places, case.radius * (1 + case.radius_off), np.array(case.way))
 
 
 def _clip(samples: NDArray[np.uint8]) -> Clip:

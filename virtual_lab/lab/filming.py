@@ -18,6 +18,7 @@ CALIBRATION = """\
 # Y along the bat to its tip, Z up.
 timestamps = "shot-0.csv"
 exposure_s = {exposure!r}
+lens_blur_px = {blur!r}
 ball_diameter_m = {diameter!r}
 drag_per_m = {drag!r}
 drag_per_m_u = {drag_u!r}
@@ -85,6 +86,7 @@ def _calibration(session: Session, ball_mass: float, size: tuple[int, int]) -> s
     scale_u = hypot(of("focal").u / value("focal"), of("place_z").u / value("place_z"))
     return CALIBRATION.format(
         exposure=value("exposure"),
+        blur=value("blur"),
         diameter=2 * radius,
         drag=drag,
         drag_u=drag * share,

@@ -1,5 +1,7 @@
 """Pixels to metres, against OpenCV's own projection the other way."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -24,11 +26,8 @@ CAMERA = CameraModel(
 
 
 def located(x: Array, y: Array, radius: float = 30.0, flags: int = 0) -> Located:
-    same = np.full(len(x), 0.01)
-    return Located(
-        x=x, y=y, radius=np.full(len(x), radius), x_u=same, y_u=same, blur_x=same, blur_y=same,
-        chi_square=same, flags=np.full(len(x), flags, np.uint16),
-    )  # fmt: skip
+    start = Located.start(np.stack([x, y], axis=1), radius, np.zeros(2))
+    return replace(start, flags=start.flags + np.uint16(flags), pattern_u=np.zeros(len(x)))
 
 
 def test_a_calibrated_camera_seen_at_a_slant() -> None:

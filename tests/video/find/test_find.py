@@ -14,7 +14,6 @@ from virtual_lab.video.find.blobs import BLOB, blobs
 from virtual_lab.video.find.drift import edges_of, matrix_of, onward, upon
 from virtual_lab.video.find.still import still_of
 from virtual_lab.video.find.watching import Watched, repeated, repeats
-from virtual_lab.video.follow.sharpening import uncovered_mean
 
 NONE = np.zeros(4)
 
@@ -289,8 +288,3 @@ def test_what_is_behind_a_slow_ball(light: bool) -> None:
     behind = dark + 30 * np.linspace(0, 1, 320)
     still = still_of(list(samples), 8, stands=True)
     assert np.percentile(np.abs(still.background - behind), 99) < 6
-    x, y = scene.places()
-    covered = [[(a, b, scene.radius + 4)] for a, b in zip(x[::2], y[::2], strict=True)]
-    bare = uncovered_mean(samples, covered)
-    far = np.hypot(*(np.mgrid[:200, :320] - np.array([[[100]], [[230]]]))) > 30
-    assert np.abs(bare - behind)[far].max() < 6 * scene.noise / np.sqrt(3)

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -56,20 +57,17 @@ def told(
     )
     found = np.zeros(count, BLOB)
     found["frame"], found["radius"] = numbers, 15.0
+    located = replace(
+        Located.start(pixels, 15.0, np.zeros(2)),
+        x_u=np.full(count, u / SCALE),
+        y_u=np.full(count, u / SCALE),
+        pattern_u=np.zeros(count),
+    )
+    if radius is not None:
+        located = replace(located, radius=radius)
     ball = SharpBall(
         frames=numbers,
-        t=t * RATE,
-        located=Located(
-            x=pixels[:, 0],
-            y=pixels[:, 1],
-            radius=np.full(count, 15.0) if radius is None else radius,
-            x_u=np.full(count, u / SCALE),
-            y_u=np.full(count, u / SCALE),
-            blur_x=np.zeros(count),
-            blur_y=np.zeros(count),
-            chi_square=np.ones(count),
-            flags=np.zeros(count, np.uint16),
-        ),
+        located=located,
         plane=Plane(
             metres_per_pixel=SCALE,
             relative_u=0.0,
@@ -78,10 +76,7 @@ def told(
             sizes=np.ones(count),
             sense=1.0,
         ),
-        exposure=exposure,
-        background=np.zeros(SIZE, np.float32),
         off_plane=np.zeros((2, 2)),
-        notes=(),
     )
     scene = FlightScene(
         found=found,
@@ -90,9 +85,9 @@ def told(
         size=SIZE[::-1],
         exposure=exposure * RATE,
     )
-    coarse = Piece.of(found, numbers, numbers.astype(float))
+    coarse = Piece.of(found, numbers, t * RATE)
     ways = [some for each in (t < 0, t >= 0) if len((some := coarse.part(each)).t)]
-    said = known_of(clip, known)
+    said = replace(known_of(clip, known), exposure=exposure)
     scene, ways, ball = settle(scene, ways, ball, said, SIZE)
     watched = Watched(still=cast("Any", None), found=found, change=np.full(count, np.nan))
     return measure(clip, watched, said, FlightsFound(scene=scene, ways=ways), sharp=ball)

@@ -38,7 +38,6 @@ def rms(values: Array) -> float:
 
 def errors(seen: Scene, found: Located) -> tuple[Array, Array]:
     """Return errors (2, region) [pixel], and the same over their uncertainties."""
-    assert found.pattern_u is not None
     off = np.stack([found.x - seen.x, found.y - seen.y])
     return off, off / np.hypot([found.x_u, found.y_u], found.pattern_u)
 

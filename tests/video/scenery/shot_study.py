@@ -12,12 +12,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.video.plain import located
 from tests.video.scenery.shots import KINDS, Kind, Shot, efficiency, empties, make_shot
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import Source
 from virtual_lab.video.locate import sharp
-from virtual_lab.video.locate.located import Regions
+from virtual_lab.video.locate.located import Located, Regions
 
 __all__ = ["hull_places", "rms_error", "sharp_places"]
 
@@ -52,11 +51,11 @@ def sharp_places(shot: Shot) -> Places:
         background=np.stack(behind).astype(np.float32),
         corners=shot.corners.astype(float),
     )
-    start = located(hulls[:, 0], hulls[:, 1], float(np.nanmedian(hulls[:, 2])))
+    blurs = np.zeros((len(hulls), 2))
     for side in (shot.times < 0, shot.times > 0):
         shown = side & np.isfinite(hulls).all(axis=1)
-        way = np.polyfit(shot.times[shown], hulls[shown, :2], 1)[0] * shot.kind.exposure
-        start.blur_x[side], start.blur_y[side] = way
+        blurs[side] = np.polyfit(shot.times[shown], hulls[shown, :2], 1)[0] * shot.kind.exposure
+    start = Located.start(hulls[:, :2], float(np.nanmedian(hulls[:, 2])), blurs)
     samples = empties(shot.kind, EMPTY)
     clip = Clip(
         source=Source(path=Path("made"), declared=0, read=lambda: iter(())),
@@ -67,8 +66,7 @@ def sharp_places(shot: Shot) -> Places:
         sampled=np.arange(EMPTY),
         warnings=(),
     )
-    found = sharp.sharp_places(clip, seen, start, ball_radius=shot.kind.radius)
-    assert found.pattern_u is not None
+    found = sharp.sharp_places(clip, seen, start, lens=shot.kind.blur, ball_radius=shot.kind.radius)
     return np.where(found.flags == 0, found.x, np.nan), np.hypot(found.x_u, found.pattern_u)
 
 

@@ -30,13 +30,6 @@ class Search:
 
 
 SEARCH = Search()
-USELESS = (
-    PlaceFlag.NOT_FOUND
-    | PlaceFlag.POOR_FIT
-    | PlaceFlag.SATURATED
-    | PlaceFlag.CLIPPED
-    | PlaceFlag.OVERLAP
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,8 +91,16 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
         blurs = _blurs(times[own], began, out, known["exposure"].value)
         if not kept.size:
             continue
-        found = _placed(part_of(seen, kept), began[kept], blurs[kept], size * radius, known)
-        useful = (found.flags & USELESS) == 0
+        found = place(
+            part_of(seen, kept),
+            Located.start(began[kept], size * radius, blurs[kept]),
+            noise=noise_of(known),
+            lens=known["blur"].value,
+            middle=(known["centre_x"].value, known["centre_y"].value),
+            # a sphere seen under the angle b from the axis is longer by 1 / cos b
+            oval=(1 / (2 * known["focal"].value) ** 2, SEARCH.oval_u),
+        )
+        useful = found.usable & ((found.flags & PlaceFlag.SATURATED) == 0)
         u = np.hypot(found.x_u, found.y_u) / np.sqrt(2)
         table[:, shot, own[kept]] = np.where(useful, [found.x, found.y, u, found.pattern_u], np.nan)
     x, y, u, pattern_u = table
@@ -173,31 +174,6 @@ def _spread(free: Mask) -> Mask:
         count = min(some.size, SEARCH.most)
         kept[some[np.linspace(0, some.size - 1, count).round().astype(int)]] = True
     return kept
-
-
-def _placed(seen: Regions, places: Array, blur: Array, radius: float, known: Known) -> Located:
-    """Ball in each window, its outline fitted by the camera's calibration."""
-    blank = np.full(len(places), np.nan)
-    start = Located(
-        x=places[:, 0],
-        y=places[:, 1],
-        radius=np.full(len(places), radius),
-        x_u=blank,
-        y_u=blank,
-        blur_x=blur[:, 0],
-        blur_y=blur[:, 1],
-        chi_square=blank,
-        flags=np.zeros(len(places), np.uint16),
-    )
-    return place(
-        seen,
-        start,
-        noise=noise_of(known),
-        lens=known["blur"].value,
-        middle=(known["centre_x"].value, known["centre_y"].value),
-        # a sphere seen under the angle b from the axis is longer by 1 / cos b
-        oval=(1 / (2 * known["focal"].value) ** 2, SEARCH.oval_u),
-    )
 
 
 def _ways(times: Array, x: Array, y: Array, u: Array, pattern_u: Array, size: float) -> Sightings:

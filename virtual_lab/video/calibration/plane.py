@@ -32,13 +32,18 @@ class Plane(PixelScale):
     sizes: Array  # how large a ball in the plane looks in each frame, by its place, (frame,)
     sense: float  # -1 where Y runs up the picture and X to its right
 
+    @property
+    def flat(self) -> Array:
+        """Places in pixels of its scale, the picture's way up, (frame, 2)."""
+        return self.places / self.metres_per_pixel * [1, self.sense]
+
 
 def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
     """Places of a ball in metres.
 
     A calibrated camera goes before metres_per_pixel, that before the ball's diameter.
     """
-    pixels = np.stack([found.x, found.y], axis=1)
+    pixels = found.places
     if calibration.camera:
         places = on_plane(pixels, calibration.camera, calibration.ball_diameter_m)
         middle = np.nanmedian(pixels, axis=0)
@@ -60,7 +65,7 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
         relative = calibration.metres_per_pixel_u / scale
     elif diameter and whole.any():
         radius, source = float(np.median(found.radius[whole])), "ball"
-        pattern = 0.0 if found.pattern_u is None else float(np.median(found.pattern_u[whole]))
+        pattern = float(np.median(found.pattern_u[whole]))
         # the model of a plain ball's edge leaves 0.05 pixels of its radius open
         scale, radius_u = diameter / (2 * radius), np.hypot(0.05, RIM * pattern)
         relative = float(np.hypot(calibration.ball_diameter_m_u / diameter, radius_u / radius))

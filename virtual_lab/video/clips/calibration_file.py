@@ -76,10 +76,10 @@ class ClipCalibration(Spec):
     metres_per_pixel_u: Uncertainty = 0.0
     frames_per_second: Annotated[Real, Ge(1), Le(1e7)] | None = None
     frames_per_second_u: Uncertainty = 0.0
-    exposure_s: Annotated[Real, Ge(0), Le(1)] | None = None  # absent: read off the ball's blur
+    exposure_s: Annotated[Real, Ge(0), Le(1)] | None = None  # absent: the clip's own
     ball_diameter_m: Annotated[Real, Ge(1e-3), Le(1)] | None = None
     ball_diameter_m_u: Uncertainty = 0.0
-    lens_blur_px: Annotated[Real, Ge(0.1), Le(10)] | None = None  # sd; absent: by the ball's rim
+    lens_blur_px: Annotated[Real, Ge(0.1), Le(10)] | None = None  # standard deviation
     timestamps: str | None = None  # CSV beside this file: seconds, one a frame
     drag_per_m: Annotated[Real, Ge(0), Le(1)] = 0.0  # κ of dv/dx = -κ v
     drag_per_m_u: Annotated[Real, Ge(0), Le(1)] = 0.0

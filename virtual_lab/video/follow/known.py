@@ -46,6 +46,7 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
     Whoever calibrates a camera is taken to have one that opens all its rows at once.
     """
     scale, camera = calibration.metres_per_pixel, calibration.camera
+    said = calibration.exposure_s
     if camera and (far := distance_of(camera)):
         scale = far / camera.matrix[0][0]
     return ClipKnowledge(
@@ -54,7 +55,7 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
         ball_u=calibration.ball_diameter_m_u,
         metres_per_pixel=scale,
         metres_per_pixel_u=calibration.metres_per_pixel_u,
-        exposure=calibration.exposure_s or clip.source.exposure,
+        exposure=clip.source.exposure if said is None else said,
         gravity=float(np.hypot(*calibration.gravity_mps2)) or STANDARD_GRAVITY,
         readout=0.0,
         stands=True,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from enum import IntFlag
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,10 @@ class PlaceFlag(IntFlag):
     CLIPPED = 4  # part of the ball is out of the frame
     OVERLAP = 8  # something else touches the ball or covers it
     POOR_FIT = 16  # the model of the image does not hold
-    JUMP = 32  # not where its neighbours in time say
-    CONTACT = 64  # the ball is being struck: it flies neither in nor out
+    OFF_WAY = 32  # not on its flight's way: the ball is being struck, or something hides at its rim
+
+
+USELESS = PlaceFlag.NOT_FOUND | PlaceFlag.CLIPPED | PlaceFlag.OVERLAP | PlaceFlag.POOR_FIT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +46,33 @@ class Located:
     chi_square: Array  # per degree of freedom; NaN where the method has none
     flags: NDArray[np.uint16]  # bits of `PlaceFlag`
     # what the ball's own pattern may shift it by, alike in neighbouring frames [pixels]
-    pattern_u: Array | None = None
+    pattern_u: Array
+
+    @classmethod
+    def start(cls, places: Array, radius: float, blur: Array) -> Located:
+        """Where a fit starts: places (region, 2), a radius, a blur (region, 2) or less [pixels]."""
+        count = len(places)
+        names = ("x_u", "y_u", "chi_square", "pattern_u")
+        moved = np.broadcast_to(blur, (count, 2))
+        return cls(
+            x=places[:, 0],
+            y=places[:, 1],
+            radius=np.full(count, radius),
+            blur_x=moved[:, 0],
+            blur_y=moved[:, 1],
+            flags=np.zeros(count, np.uint16),
+            **{name: np.full(count, np.nan) for name in names},
+        )
+
+    @property
+    def places(self) -> Array:
+        """Place of each, (region, 2)."""
+        return np.stack([self.x, self.y], axis=1)
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Whether each was found whole and round, (region,)."""
+        return np.asarray((self.flags & np.uint16(USELESS)) == 0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,9 +89,7 @@ Parts = TypeVar("Parts", Located, Regions)
 
 def part_of(whole: Parts, which: NDArray[np.intp] | slice) -> Parts:
     """Part of the regions."""
-    every = {each.name: getattr(whole, each.name) for each in fields(whole)}
-    part: dict[str, Any] = {n: None if v is None else v[which] for n, v in every.items()}
-    return replace(whole, **part)
+    return replace(whole, **{each.name: getattr(whole, each.name)[which] for each in fields(whole)})
 
 
 def squares(start: Located, shape: tuple[int, int]) -> list[tuple[slice, slice]]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.locate.edge_fit import RIM_FIT, fit_edge
 from virtual_lab.video.locate.located import Located, Regions, part_of
@@ -16,13 +15,9 @@ from virtual_lab.video.locate.noise import Noise
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharpSettings:
-    """How often a ball is fitted, and by which lens where none is known."""
+    """How often a ball is fitted, and from where."""
 
     noise_sample_px: float = 5e5  # of the frames sampled: their noise to 1 %
-    lens_regions: int = 4  # in which lenses are tried
-    # pixels, a third apart: one that is wrong by a third loses every ball, by a sixth none
-    lenses_px: tuple[float, ...] = (0.45, 0.6, 0.8, 1.1, 1.5, 2.0, 2.7)  # the third is usual
-    lens_step: float = 0.07  # relative, between those tried about the best: it is found to 3 %
     lit_share: float = 0.93  # of the ball's radius: less of it is light, the rest in the dark
     # from start to end: more, and the fit may have taken outline for pattern
     refit_shift_px: float = 0.3
@@ -40,64 +35,18 @@ def noise_of_clip(clip: Clip) -> Noise:
     return Noise.measured(clip.grey_samples(every), clip.full_scale)
 
 
-def lens_of(seen: Regions, start: Located, noise: Noise) -> float:
-    """Find the standard deviation of the lens's blur [pixel] by which some outlines fit best.
-
-    A wrong one misfits, or is mended by much of a pattern: of lenses tried, and of some beside the
-    best of them, a parabola through the last ones shows where that is least.
-    """
-    some = np.unique(np.linspace(0, len(start.x) - 1, SHARP.lens_regions).astype(int))
-    regions, begin = part_of(seen, some), part_of(start, some)
-    # a hull may be too large or small by some pixels, which a lens must not explain
-    for _ in range(SHARP.rounds):
-        near = fit_edge(regions, begin, noise=noise, lens=SHARP.lenses_px[2])
-        radius = np.where(np.isfinite(near.radius), near.radius, begin.radius)
-        moved, begin = np.abs(radius - begin.radius).max(), replace(begin, radius=radius)
-        if moved < SHARP.refit_shift_px:
-            break
-
-    def misfit(lens: float) -> float:
-        found = fit_edge(regions, begin, noise=noise, lens=lens)
-        assert found.pattern_u is not None
-        score = np.log(found.chi_square * (found.x_u**2 + found.y_u**2 + 2 * found.pattern_u**2))
-        return float(np.median(np.where(np.isfinite(score), score, np.inf)))
-
-    best = min(SHARP.lenses_px, key=misfit)
-    beside = np.log(best) + SHARP.lens_step * np.arange(-2, 3)
-    scores = np.array([misfit(each) for each in np.exp(beside)])
-    good = np.isfinite(scores)
-    if good.sum() < 3 or (square := np.polyfit(beside[good], scores[good], 2))[0] <= 0:
-        return best
-    return float(np.exp(np.clip(-square[1] / (2 * square[0]), beside[0], beside[-1])))
-
-
 def sharp_places(
-    clip: Clip,
-    seen: Regions,
-    start: Located,
-    *,
-    ball_radius: float | None = None,
-    lens: float | None = None,
+    clip: Clip, seen: Regions, start: Located, *, lens: float, ball_radius: float | None = None
 ) -> Located:
     """Places of the ball in regions of a clip, in pixels of the full frame.
 
-    Parameters
-    ----------
-    ball_radius
-        Where the clip's scale is known [pixel].
-    lens
-        Standard deviation of its blur [pixel]; None: found from the outlines.
+    `lens` is the standard deviation of its blur, `ball_radius` that of the ball where the clip's
+    scale is known [pixel].
     """
     if ball_radius and float(np.median(start.radius)) < SHARP.lit_share * ball_radius:
         start = on_the_limb(seen, replace(start, radius=np.full(len(start.x), ball_radius)))
-    noise = noise_of_clip(clip)
-    return place(
-        seen,
-        start,
-        noise=noise,
-        lens=lens_of(seen, start, noise) if lens is None else lens,
-        middle=((clip.shape[1] - 1) / 2, (clip.shape[0] - 1) / 2),
-    )
+    middle = ((clip.shape[1] - 1) / 2, (clip.shape[0] - 1) / 2)
+    return place(seen, start, noise=noise_of_clip(clip), lens=lens, middle=middle)
 
 
 def place(
@@ -115,30 +64,21 @@ def place(
     meets. `oval` is k, a sphere at d from the middle having the outline
     r = R (1 + k d² cos 2(a - a_d)) [1/px²], and the standard uncertainty of what is beside the 1.
     """
-    off = _stretched(_places(start), np.array(middle))
+    x, y = np.nan_to_num(start.places - middle).T
     k, oval_u = oval
-    left = np.arange(len(off))
-    found = part_of(replace(start, pattern_u=np.full(len(off), np.nan)), left)  # a copy
+    ovals = k * np.stack([x**2 - y**2, 2 * x * y], axis=1)
+    left = np.arange(len(x))
+    found = part_of(start, left)  # a copy
     for _ in range(SHARP.rounds):
         some, begin = part_of(seen, left), part_of(found, left)
-        fitted = fit_edge(some, begin, noise=noise, lens=lens, oval=k * off[left], oval_u=oval_u)
+        fitted = fit_edge(some, begin, noise=noise, lens=lens, oval=ovals[left], oval_u=oval_u)
         for each in fields(Located):
             getattr(found, each.name)[left] = getattr(fitted, each.name)
-        moved = np.hypot(*(_places(fitted) - _places(begin)).T)
+        moved = np.hypot(*(fitted.places - begin.places).T)
         left = left[np.fmax(moved, np.abs(fitted.radius - begin.radius)) > SHARP.refit_shift_px]
         if not left.size:
             break
     return found
-
-
-def _stretched(places: Array, middle: Array) -> Array:
-    """Return d² (cos 2a, sin 2a) of places (region, 2) at d off the axis, in the direction a."""
-    x, y = np.where(np.isfinite(places), places - middle, 0.0).T
-    return np.stack([x**2 - y**2, 2 * x * y], axis=1)
-
-
-def _places(found: Located) -> Array:
-    return np.stack([found.x, found.y], axis=1)
 
 
 def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:

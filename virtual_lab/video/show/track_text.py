@@ -117,7 +117,7 @@ def track_document(found: FollowedClip) -> Row:
             "checks": [_scale(e) | {"off_u": off_u(found.scale, e)} for e in found.checks],
         },
         "frames_per_second": _told(rate) | {"from": found.known.rate_of},
-        "exposure_s": found.sharp.exposure if found.sharp else found.known.exposure,
+        "exposure_s": found.known.exposure,
         "drag_per_m": found.drag_per_m,
         "counts": {
             "frames": found.clip.count,
