@@ -98,8 +98,8 @@ def test_speeds_of_a_stitched_ball_at_1500_rpm() -> None:
     got = measured(camera, course, seen)
     u = frames_u(constants(camera), STAGE, seen, got)
     for found, true, sure in (
-        (got.flights.speed_in, course.passage.speed_in, u.speed_in),
-        (got.flights.speed_out, course.passage.speed_out, u.speed_out),
+        (got.flights.speed_in, course.passage.speed_in, u["speed_in"]),
+        (got.flights.speed_out, course.passage.speed_out, u["speed_out"]),
     ):
         assert found == pytest.approx(true, rel=1e-4)
         assert np.abs((found - true) / sure).max() < 4
@@ -121,10 +121,10 @@ def test_speeds_scatter_as_they_say() -> None:
         u = frames_u(constants(camera), STAGE, seen, got)
         scores.append(
             [
-                (got.flights.speed_in - course.passage.speed_in) / u.speed_in,
-                (got.flights.speed_out - course.passage.speed_out) / u.speed_out,
-                (got.place - OVER + course.along) / u.place,
-                got.angle_in / u.angle_in,
+                (got.flights.speed_in - course.passage.speed_in) / u["speed_in"],
+                (got.flights.speed_out - course.passage.speed_out) / u["speed_out"],
+                (got.place - OVER + course.along) / u["place"],
+                got.angle_in / u["angle"],
             ]
         )
     for way in np.moveaxis(np.array(scores), 1, 0):
@@ -160,12 +160,12 @@ def test_uncertainty_of_a_line_in_closed_form() -> None:
     )
     u = frames_u(x, STAGE, seen, found)
     # the camera hangs a few milliradians askew
-    assert u.speed_in[0] == pytest.approx(by_hand, rel=2e-5)
-    assert u.speed_out[0] == pytest.approx(by_hand, rel=2e-5)
-    assert u.place[0] == pytest.approx(scale * sigma / np.sqrt(frames), rel=2e-5)
+    assert u["speed_in"][0] == pytest.approx(by_hand, rel=2e-5)
+    assert u["speed_out"][0] == pytest.approx(by_hand, rel=2e-5)
+    assert u["place"][0] == pytest.approx(scale * sigma / np.sqrt(frames), rel=2e-5)
     # an error alike in all frames leaves the slope, one that drifts with them does not
     slow = frames_u(x, STAGE, replace(seen, pattern_u=np.full_like(times, sigma)), found)
-    assert slow.speed_in[0] > 2 * by_hand
+    assert slow["speed_in"][0] > 2 * by_hand
 
 
 @pytest.mark.parametrize(

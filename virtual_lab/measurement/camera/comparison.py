@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from virtual_lab.measurement.camera.filmed import CameraResults, FramesU, filmed, frames_u
+from virtual_lab.measurement.camera.filmed import CameraResults, filmed, frames_u
 from virtual_lab.measurement.camera.windows import Sightings, sight
 from virtual_lab.measurement.reduction.flights import FlightModel
 from virtual_lab.measurement.reduction.gates import GateReadings, heights_moved
@@ -19,14 +19,7 @@ from virtual_lab.measurement.reduction.shot_algebra import ShotResults, bat_prop
 from virtual_lab.measurement.session_reduction import SessionReduction, best_values, constants_known
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import (
-    Budget,
-    Component,
-    Variants,
-    mean_of_hits,
-    scatter,
-)
-from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits, scatter
 from virtual_lab.units import Array
 
 COMPARED: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
@@ -34,7 +27,6 @@ COMPARED: Mapping[str, str] = {  # name in a certificate: the shots' field it is
     "restitution": "lot_restitution",
     "bat_performance_factor": "bat_performance_factor",
 }
-GATES, VIDEO = "gates", "video"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,17 +68,21 @@ def compare_camera(session: Session, reduced: SessionReduction) -> CameraCompari
     InputError
         The camera's record or its calibration cannot be used.
     """
-    record = session.records["impact"].get("camera")
-    if not isinstance(record, ClipRecord | TrackRecord):
+    record, gates = session.records["impact"].get("camera"), reduced.readings.flights
+    # gates show how high a ball flies, so how far away
+    if not isinstance(record, ClipRecord | TrackRecord) or not isinstance(gates, GateReadings):
         return None
-    best = best_values(reduced.constants)
-    seen = sight(record, camera_constants(session), float(best["ball.radius"]))
-    variants, gates = Variants.of(reduced.constants), reduced.readings.flights
-    if not isinstance(gates, GateReadings):  # which show how high a ball flies, so how far away
-        return None
-    by_gates, risen = gates.corrected, heights_moved(gates)
-    found = _by_both(reduced, seen, best, by_gates)
-    moved = _by_both(reduced, seen, variants.columns, by_gates)
+    best, variants = best_values(reduced.constants), Variants.of(reduced.constants)
+    stem = "impact.camera."
+    known = {
+        name.removeprefix(stem): value
+        for name, value in session.calibration.items()
+        if name.startswith(stem)
+    }
+    seen = sight(record, known, float(best["ball.radius"]))
+    found = _by_both(reduced, seen, best, gates.corrected)
+    moved = _by_both(reduced, seen, variants.columns, gates.corrected)
+    risen = _by_both(reduced, seen, best, heights_moved(gates)).quantities
     both = np.isfinite(found.video.rebound_efficiency) & np.isfinite(found.gates.rebound_efficiency)
     used, weights = reduced.outcome.used & both, reduced.outcome.weights
     compared: dict[str, ComparedQuantity] = {}
@@ -94,31 +90,25 @@ def compare_camera(session: Session, reduced: SessionReduction) -> CameraCompari
         share = weights[used] / weights[used].sum()
         place = np.round(reduced.readings.place, 6)[used]
         for name, field in COMPARED.items():
-            hits = {who: getattr(moved.results[who], field)[:, used] for who in (GATES, VIDEO)}
-            compared[name] = _compared(variants, hits, share, place)
+            by_gates, by_video = (getattr(e, field)[:, used] for e in (moved.gates, moved.video))
+            compared[name] = _compared(variants, by_gates, by_video, share, place)
+    frames = frames_u(best, "impact", seen, found.filmed)
+    u = {
+        name: np.sqrt(
+            variants.u(moved.quantities[name]) ** 2
+            + frames[name] ** 2
+            + np.sum((risen[name] - value) ** 2, axis=0)
+        )
+        for name, value in found.quantities.items()
+    }
     return CameraComparison(
         quantities=compared,
         hits=int(used.sum()),
         missed=int((reduced.outcome.used & ~both).sum()),
         filmed=found.filmed,
         shots=found.video,
-        u=_shots_u(
-            found,
-            frames_u(best, "impact", seen, found.filmed),
-            {name: variants.u(values) for name, values in moved.quantities.items()},
-            _by_both(reduced, seen, best, risen).quantities,
-        ),
+        u=u,
     )
-
-
-def camera_constants(session: Session) -> dict[str, Estimate]:
-    """Calibration of the camera at the bat."""
-    stem = "impact.camera."
-    return {
-        name.removeprefix(stem): known
-        for name, known in session.calibration.items()
-        if name.startswith(stem)
-    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,10 +118,6 @@ class _Both:
     gates: ShotResults
     video: ShotResults
     filmed: CameraResults
-
-    @property
-    def results(self) -> dict[str, ShotResults]:
-        return {GATES: self.gates, VIDEO: self.video}
 
     @property
     def quantities(self) -> dict[str, Array]:
@@ -156,51 +142,25 @@ def _by_both(
     return _Both(gates=gates, video=video, filmed=found)
 
 
-def _shots_u(
-    found: _Both, own: FramesU, known: Mapping[str, Array], risen: Mapping[str, Array]
-) -> dict[str, Array]:
-    """Each shot's standard uncertainties: calibrations, frames and heights together.
-
-    Parameters
-    ----------
-    own
-        From the frames alone.
-    known
-        From the calibrations, (shot,).
-    risen
-        The quantities with shifted heights, (independent shift, shot).
-    """
-    flights = found.filmed.flights
-    ratio = np.hypot(own.speed_in / flights.speed_in, own.speed_out / flights.speed_out)
-    frames = {
-        "speed_in": own.speed_in,
-        "speed_out": own.speed_out,
-        "efficiency": ratio * flights.speed_out / flights.speed_in,
-        "place": own.place,
-        "angle": own.angle_in,
-    }
-    return {
-        name: np.sqrt(known[name] ** 2 + u**2 + np.sum((risen[name] - best) ** 2, axis=0))
-        for (name, u), best in zip(frames.items(), found.quantities.values(), strict=True)
-    }
-
-
 def _compared(
-    variants: Variants, hits: Mapping[str, Array], weights: Array, places: Array
+    variants: Variants, gates: Array, video: Array, weights: Array, places: Array
 ) -> ComparedQuantity:
-    """Quantity from gates and from video, combined, and their difference.
+    """Quantity of hits (variant, hit) from gates and from video, combined, and their difference.
 
-    `hits` are those of the variants, (k, hit).
+    Combined they have the least uncertainty. Only errors that differ between the two methods
+    matter: the constants, and half of the scatter of the differences for each method. The scatter
+    of the hits is common to both.
     """
 
-    def mixed(gates: float, video: float) -> Budget:
+    def mixed(of_gates: float, of_video: float) -> Budget:
         # what is new in every shot, as noise of frames and of heights, is in the hits' own scatter
-        values = gates * hits[GATES] + video * hits[VIDEO]
-        return mean_of_hits(variants, values, weights, places)
+        return mean_of_hits(variants, of_gates * gates + of_video * video, weights, places)
 
-    parts = {who: variants.components(values @ weights).of(0) for who, values in hits.items()}
-    apart = hits[VIDEO] - hits[GATES]
-    share = _share(parts, scatter(apart[0], weights, places, variants.effects(apart)))
+    own, other = (variants.components(hits @ weights).effect[0] for hits in (gates, video))
+    apart, off = video - gates, other - own
+    noise = scatter(apart[0], weights, places, variants.effects(apart)).contribution ** 2
+    total = float(off @ off) + noise
+    share = float(np.clip((noise / 2 - own @ off) / total, 0.0, 1.0)) if total else 0.5
     return ComparedQuantity(
         gates=mixed(1.0, 0.0),
         video=mixed(0.0, 1.0),
@@ -208,18 +168,3 @@ def _compared(
         difference=mixed(-1.0, 1.0),
         share=share,
     )
-
-
-def _share(parts: Mapping[str, list[Component]], apart: Component) -> float:
-    """Weight of the video in the combination of least uncertainty.
-
-    Only errors that differ between the two methods matter: the constants, and half of the scatter
-    of the differences for each method. The scatter of the hits is common to both.
-    """
-    gates = np.array([part.sensitivity * part.u for part in parts[GATES]])
-    off = np.array([part.sensitivity * part.u for part in parts[VIDEO]]) - gates
-    noise = apart.contribution**2
-    total = float(off @ off) + noise
-    if total == 0:
-        return 0.5
-    return float(np.clip((noise / 2 - gates @ off) / total, 0.0, 1.0))

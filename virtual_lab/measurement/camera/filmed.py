@@ -46,7 +46,8 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
         Flights from the gates, of which heights and slopes are used.
     """
     # heights change slowly along the way: how far a ball is comes from the first set of constants
-    first = {name: np.ravel(value)[:1, None] for name, value in x.items() if _of(stage, name)}
+    used = {name for name in x if name.startswith(f"{stage}.camera.")} | {"ball.radius"}
+    first = {name: np.ravel(x[name])[:1, None] for name in used}
     level = np.asarray(timed.offset).reshape(-1, len(seen.times))[:1, :, None]
     ahead = -_places(first, stage, seen, level)[0][0]
     slope = np.where(seen.out, timed.slope_out[..., None], timed.slope_in[..., None])
@@ -75,34 +76,26 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FramesU:
-    """Standard uncertainties from the frames alone, (shot,); calibrations apart."""
-
-    speed_in: Array  # [m/s]
-    speed_out: Array
-    place: Array  # [m]
-    angle_in: Array  # [rad]
-
-
-def frames_u(x: Constants, stage: str, seen: Sightings, found: CameraResults) -> FramesU:
-    """Uncertainties of what was `found` from the frames alone.
+def frames_u(x: Constants, stage: str, seen: Sightings, found: CameraResults) -> dict[str, Array]:
+    """Uncertainties, one standard, of what was `found` from the frames alone, (shot,).
 
     Noise is independent in every frame. The seam pattern causes similar errors in neighbouring
     frames: the spin is unknown, so the least favourable spin is assumed.
     """
+    flights = found.flights
     scale = (x[f"{stage}.camera.place_z"] - x[f"{stage}.camera.plane"]) / x[f"{stage}.camera.focal"]
-    slope_in, _, _ = _line_weights(seen, ~seen.out)
+    slope_in, middle, moment = _line_weights(seen, ~seen.out)
     slope_out, _, _ = _line_weights(seen, seen.out)
-    u_in, u_out = (float(scale) * _u(seen, part) for part in (slope_in, slope_out))
-    at = float(scale) * _u(seen, _at_contact(seen, found))
-    return FramesU(speed_in=u_in, speed_out=u_out, place=at, angle_in=u_in / found.flights.speed_in)
-
-
-def _at_contact(seen: Sightings, found: CameraResults) -> Array:
-    """Weight of each frame in the place of contact, (shot, frame)."""
-    slope, middle, moment = _line_weights(seen, ~seen.out)
-    return np.asarray(middle + slope * (found.met - moment)[:, None])
+    at_contact = middle + slope_in * (found.met - moment)[:, None]
+    u_in, u_out, at = (float(scale) * _u(seen, part) for part in (slope_in, slope_out, at_contact))
+    ratio = np.hypot(u_in / flights.speed_in, u_out / flights.speed_out)
+    return {
+        "speed_in": u_in,
+        "speed_out": u_out,
+        "efficiency": ratio * flights.speed_out / flights.speed_in,
+        "place": at,
+        "angle": u_in / flights.speed_in,
+    }
 
 
 def _u(seen: Sightings, parts: Array) -> Array:
@@ -161,10 +154,6 @@ def _rays(x: Constants, stage: str, seen: Sightings) -> list[Array]:
     bent = 1 + 3 * bend[0] + 9 * bend[1] * (u**2 + v**2)
     rows = np.ravel(which) if columns[0].ndim else 0
     return [each[rows] for each in (u, v, bent)]
-
-
-def _of(stage: str, name: str) -> bool:
-    return name.startswith(f"{stage}.camera.") or name == "ball.radius"
 
 
 def _from_first(seen: Sightings) -> Array:
