@@ -67,13 +67,11 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
     size = known["focal"].value / (known["place_z"].value - known["plane"].value)  # [px/m]
     if isinstance(record, TrackRecord):
         still = np.zeros_like(record.u)
-        return _ways(record.times, record.x, record.y, record.u, still, size)
+        return _ways(record.times, np.stack([record.x, record.y, record.u, still]), size)
     pixels, background = record.pixels, record.background
-    for name, values in (("pixels", pixels), ("background", background)):
-        if values is None:
-            raise InputError("impact/camera", name, None, "this array is missing")
-    assert pixels is not None
-    assert background is not None
+    if pixels is None or background is None:
+        name = "pixels" if pixels is None else "background"
+        raise InputError("impact/camera", name, None, "this array is missing")
     table = np.full((4, *record.times.shape), np.nan)
     for shot, times in enumerate(record.times):
         own = np.flatnonzero(np.isfinite(times))
@@ -101,10 +99,9 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
             oval=(1 / (2 * known["focal"].value) ** 2, SEARCH.oval_u),
         )
         useful = found.usable & ((found.flags & PlaceFlag.SATURATED) == 0)
-        u = np.hypot(found.x_u, found.y_u) / np.sqrt(2)
-        table[:, shot, own[kept]] = np.where(useful, [found.x, found.y, u, found.pattern_u], np.nan)
-    x, y, u, pattern_u = table
-    return _ways(record.times, x, y, u, pattern_u, size)
+        places = found.x, found.y, found.u, found.pattern_u
+        table[:, shot, own[kept]] = np.where(useful, places, np.nan)
+    return _ways(record.times, table, size)
 
 
 def noise_of(known: Known) -> Noise:
@@ -176,12 +173,13 @@ def _spread(free: Mask) -> Mask:
     return kept
 
 
-def _ways(times: Array, x: Array, y: Array, u: Array, pattern_u: Array, size: float) -> Sightings:
-    """Frames of both ways, without those in which the ball may touch the bat."""
-    free, out = _free(times, x + u, size)
+def _ways(times: Array, places: Array, size: float) -> Sightings:
+    """Frames of both ways, without those in which the ball may touch the bat.
+
+    `places` are x, y, u and pattern_u, (4, shot, frame).
+    """
+    free, out = _free(times, places[0] + places[2], size)
     for way in (~out, out):
         free &= ~(way & ((free & way).sum(axis=1) < SEARCH.least)[:, None])
-    keep = {"times": times, "x": x, "y": y, "u": u, "pattern_u": pattern_u}
-    return Sightings(
-        **{name: np.where(free, values, np.nan) for name, values in keep.items()}, out=out
-    )
+    times, x, y, u, pattern_u = np.where(free, [times, *places], np.nan)
+    return Sightings(times=times, x=x, y=y, u=u, pattern_u=pattern_u, out=out)

@@ -181,7 +181,7 @@ def settle(
     calibration, located, plane = known.calibration, ball.located, ball.plane
     assert calibration is not None
     assert known.exposure is not None
-    good, u = located.usable, np.hypot(located.x_u, located.y_u) / np.sqrt(2)
+    good = located.usable
     parts = np.split(np.arange(len(good)), np.cumsum([len(way.t) for way in ways])[:-1])
     if min(good[own].sum() for own in parts) < SHARPNESS.least_frames:
         raise NotSharpError(
@@ -190,7 +190,7 @@ def settle(
         )
     pattern = float(np.median(located.pattern_u[good]))
     ways = [
-        replace(way, xy=plane.flat[own], u=u[own], pattern_u=pattern).part(good[own])
+        replace(way, xy=plane.flat[own], u=located.u[own], pattern_u=pattern).part(good[own])
         for way, own in zip(ways, parts, strict=True)
     ]
     scale, step = plane.metres_per_pixel, 1 / known.rate

@@ -70,6 +70,11 @@ class Located:
         return np.stack([self.x, self.y], axis=1)
 
     @property
+    def u(self) -> Array:
+        """Standard uncertainty of x and y each, from noise, (region,)."""
+        return np.asarray(np.hypot(self.x_u, self.y_u) / np.sqrt(2))
+
+    @property
     def usable(self) -> NDArray[np.bool_]:
         """Whether each was found whole and round, (region,)."""
         return np.asarray((self.flags & np.uint16(USELESS)) == 0)
