@@ -43,23 +43,29 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
 
     A calibrated camera goes before metres_per_pixel, that before the ball's diameter.
     """
-    pixels = found.places
-    if calibration.camera:
-        places = on_plane(pixels, calibration.camera, calibration.ball_diameter_m)
-        middle = np.nanmedian(pixels, axis=0)
-        around = middle + np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
-        left, right, up, down = on_plane(around, calibration.camera, None)
-        stretch = float(np.linalg.det([right - left, down - up]))
-        scale = float(np.sqrt(abs(stretch)))
+    pixels, camera, diameter = found.places, calibration.camera, calibration.ball_diameter_m
+    if camera:
+        places = on_plane(pixels, camera, diameter)
+        right, down = (
+            on_plane(pixels + half, camera, None) - on_plane(pixels - half, camera, None)
+            for half in np.eye(2) / 2
+        )
+        stretch = right[:, 0] * down[:, 1] - right[:, 1] * down[:, 0]  # m² of a pixel
+        # a sphere's solid angle goes as 1 / D² of its distance D, a pixel's as S cos t / D² where
+        # it covers S of a plane seen under t: the radius as the root of D / S
+        above = np.full(len(places), camera.plane_height_m)
+        far = np.linalg.norm(np.column_stack([places, above]) - _pose(camera)[1], axis=1)
+        sizes = np.sqrt(far / np.abs(stretch))
+        middle = float(np.nanmedian(stretch))
         return Plane(
             places=places,
-            metres_per_pixel=scale,
-            relative_u=relative_u_of(calibration.camera),
+            metres_per_pixel=float(np.sqrt(abs(middle))),
+            relative_u=relative_u_of(camera),
             source="camera",
-            sizes=_sizes(pixels, places, calibration.camera),
-            sense=float(np.sign(stretch)),
+            sizes=sizes / np.nanmedian(sizes),
+            sense=float(np.sign(middle)),
         )
-    diameter, whole = calibration.ball_diameter_m, found.flags == 0
+    whole = found.flags == 0
     if calibration.metres_per_pixel:
         scale, source = calibration.metres_per_pixel, "given"
         relative = calibration.metres_per_pixel_u / scale
@@ -104,36 +110,13 @@ def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Arra
     A sphere's picture is an ellipse whose centre lies farther out than the centre's own picture,
     by 1 / (1 - r²/Z²): with the diameter known this is undone.
     """
-    rays, (rotation, eye) = _rays(pixels, camera), _pose(camera)
+    rotation, eye = _pose(camera)
+    rays = np.full((len(pixels), 3), 1.0)  # in axes of the camera, 1 along its own
+    matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
+    rays[:, :2] = cv2.undistortPoints(pixels[:, None], matrix, distortion)[:, 0]
     if diameter:
         depth = float((rotation @ ([0, 0, camera.plane_height_m] - eye))[2])
         rays[:, :2] *= 1 - (diameter / 2 / depth) ** 2
     world = rays @ rotation
     reach = (camera.plane_height_m - eye[2]) / world[:, 2]
     return np.asarray((eye + reach[:, None] * world)[:, :2])
-
-
-def _rays(pixels: Array, camera: CameraModel) -> Array:
-    """Directions of pixels in axes of the camera, (n, 3), 1 along its own."""
-    matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
-    good = np.isfinite(pixels).all(axis=1)
-    rays = np.full((len(pixels), 3), np.nan)
-    undistorted = cv2.undistortPoints(pixels[good].reshape(-1, 1, 2), matrix, distortion)
-    rays[good] = np.concatenate([undistorted[:, 0], np.ones((int(good.sum()), 1))], axis=1)
-    return rays
-
-
-def _sizes(pixels: Array, places: Array, camera: CameraModel) -> Array:
-    """Apparent size of a small sphere in the plane at pixels, relative to the median, (n,).
-
-    Its radius is r / (D cos^1.5 b √J) for a sphere at the distance D, seen at b off the axis,
-    where a pixel covers J of the plane z = 1: wider off the axis, and as the lens bends.
-    """
-    height = np.full(len(places), camera.plane_height_m)
-    far = np.linalg.norm(np.column_stack([places, height]) - _pose(camera)[1], axis=1)
-    half = np.array([[0.5, 0.0], [0.0, 0.5]])
-    across, down = ((_rays(pixels + h, camera) - _rays(pixels - h, camera))[:, :2] for h in half)
-    covered = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
-    off = np.linalg.norm(_rays(pixels, camera), axis=1)  # 1 / cos b
-    size = off**1.5 / (far * np.sqrt(covered))
-    return np.asarray(size / np.nanmedian(size))
