@@ -33,7 +33,7 @@ def test_flicker_and_a_passing_ball_are_left_out() -> None:
 
 
 def test_bad_input() -> None:
-    """Each says what is allowed."""
+    """It says what is allowed."""
     for figures in ({"gain": -1.0}, {"read": 0.0}, {"black": 300.0, "full_scale": 255.0}):
         with pytest.raises(InputError, match="allowed"):
             Noise(**({"gain": 1.0, "read": 1.0} | figures))

@@ -8,7 +8,7 @@ the pattern may shift the place by is distinguished from noise.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import exp, pi, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -50,7 +50,6 @@ class EdgeFit:
 
     pattern_factor: float = 1.5  # seams are no random field: what hides at the rim shifts more
     sway_share: float = 0.3  # of what a pattern would shift the place by, were it the outline
-    least_seen: float = 0.12  # a fit on less has lost the ball
     least_radius_over_u: float = 100.0  # with less it is no outline
     greatest_misfit: float = 3.0  # chi^2 on the outline, of a pattern finer than a sector too
     flagged_share: float = 0.02  # at full scale, out of the picture, or of pixels that fit nothing
@@ -61,6 +60,7 @@ class EdgeFit:
 
 
 RIM_FIT = EdgeFit()
+FITTED = ("x", "y", "radius", "x_u", "y_u", "chi_square", "pattern_u")  # of `Located`
 
 
 def fit_edge(
@@ -92,17 +92,16 @@ def fit_edge(
     """
     from virtual_lab.video.locate.edge_kernel import View
 
-    ways = np.stack([start.blur_x, start.blur_y], axis=1)
-    p = np.zeros((len(start.x), len(AT)))
-    p[:, AT.x], p[:, AT.y] = (np.stack([start.x, start.y], axis=1) - seen.corners).T
+    ways, count = np.stack([start.blur_x, start.blur_y], axis=1), len(start.x)
+    p = np.zeros((count, len(AT)))
+    p[:, [AT.x, AT.y]] = start.places - seen.corners
     p[:, AT.radius] = start.radius
     p[:, [AT.oval_c, AT.oval_s]] = oval
     prior = np.zeros(len(AT))
     prior[[AT.oval_c, AT.oval_s]] = 1 / oval_u**2 if oval_u else RIM_FIT.held_weight
     prior[[AT.level, AT.slope_x, AT.slope_y]] = 1 / RIM_FIT.held_weight  # free
-    none = np.full(3, np.nan)
-    lost = Outline(p[0] * np.nan, np.diag(none), none, np.full(len(TALLY), np.nan), 0.0, 0.0)
-    found = [lost] * len(p)
+    table = np.full((count, len(FITTED)), np.nan)
+    flags = np.full(count, PlaceFlag.NOT_FOUND, np.uint16)
     usable = np.isfinite(p).all(axis=1) & np.isfinite(ways).all(axis=1)
     if usable.any():
         width = sqrt(lens**2 + 1 / 12)  # a square pixel's variance is 1/12 along any direction
@@ -116,16 +115,17 @@ def fit_edge(
             )
             view = View(here, behind, ways[k])
             with suppress(np.linalg.LinAlgError):
-                found[k] = _outline(view, rim, noise, prior, sectors, p[k])
-    return _judged(found, start, seen)
+                table[k], flags[k] = _judged(_outline(view, rim, noise, prior, sectors, p[k]))
+    table[:, :2] += seen.corners
+    return replace(start, flags=flags, **dict(zip(FITTED, table.T, strict=True)))
 
 
 class Outline(NamedTuple):
     """What fits one region."""
 
     p: Array  # the kernel's shared parameters
-    covariance: Array  # (3, 3) of x, y and radius
-    shifts: Array  # (3,) variances that the pattern gives them
+    variances: Array  # (3,) of x, y and radius
+    shifts: Array  # (3,) those that the pattern gives them
     tally: Array  # the kernel's
     sway: float  # how far the place would be off, were the pattern the outline [pixel]
     covered: float  # share of the rim that is as bright as what is behind
@@ -181,7 +181,7 @@ def _outline(
             settling, amplitude = False, np.full(sectors, RIM_FIT.first_pattern)
     return Outline(
         p=p,
-        covariance=covariance,
+        variances=np.diagonal(covariance),
         shifts=_shifts(by_pattern / (amplitude * bright)[:, None, None], rim.stiffness),
         tally=tally,
         sway=_sway(pattern, rim.hides, view, p, noise.black + bright),
@@ -252,7 +252,7 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
     first; `right` (block, n, m). Folded, 0, last, 1, …, neighbours are two places apart: a band.
     Raises `LinAlgError` where it is not positive definite.
     """
-    from scipy.linalg.lapack import dpbsv
+    from scipy.linalg import solveh_banded
 
     count, n = blocks.shape[:2]
     first, on, beside = _folded(count, n)
@@ -261,9 +261,9 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
     band[beside] = links
     folded = np.empty((count * n, right.shape[2]), order="F")
     folded[first] = right
-    _, solved, failed = dpbsv(band, folded, lower=1, overwrite_ab=1, overwrite_b=1)
-    if failed:
-        raise np.linalg.LinAlgError("a ring of sectors that is not positive definite")
+    solved = solveh_banded(
+        band, folded, overwrite_ab=True, overwrite_b=True, lower=True, check_finite=False
+    )
     return np.asarray(solved[first])
 
 
@@ -330,46 +330,26 @@ def covered(view: View, p: Array, noise: Noise) -> float:
     return float((np.abs(sigmas) < RIM_FIT.alike_sigmas).mean())
 
 
-def _judged(found: list[Outline], start: Located, seen: Regions) -> Located:
-    """Ball in each region, flagged where the fit is not to be trusted."""
-    p, covariance, shifts, tally, sway, hidden = map(np.array, zip(*found, strict=True))
-    pixels, near, around, shown, full, stray = tally.T
-    misfit = near / np.maximum(around - len(AT), 1.0)
-    grown = np.maximum(misfit, 1.0)[:, None]  # misfit counts as noise
-    total = np.diagonal(covariance, axis1=1, axis2=2)
-    own = np.sqrt(np.maximum(total - shifts, 0.0) * grown)
-    pattern = RIM_FIT.pattern_factor * np.sqrt(np.maximum(shifts, 0.0) * grown)
-    whole = np.hypot(own, pattern)
-    pattern[:, :2] = np.hypot(pattern[:, :2], RIM_FIT.sway_share * sway[:, None])
-    radius = p[:, AT.radius]
+def _judged(found: Outline) -> tuple[list[float], int]:
+    """Values of `FITTED`, and flags where they are not to be trusted.
+
+    Raises `LinAlgError` where the outline was not seen.
+    """
+    p, radius, (pixels, near, around, shown, full, stray) = found.p, found.p[AT.radius], found.tally
+    misfit = near / max(around - len(AT), 1.0)
+    grown = max(misfit, 1.0)  # misfit counts as noise
+    own = np.sqrt(np.maximum(found.variances - found.shifts, 0.0) * grown)
+    pattern = RIM_FIT.pattern_factor * np.sqrt(np.maximum(found.shifts, 0.0) * grown)
+    if not np.hypot(own, pattern).max() * RIM_FIT.least_radius_over_u < radius:
+        raise np.linalg.LinAlgError("no outline")
     shown, full = shown / (2 * pi * radius), full / (2 * pi * radius)
-    with np.errstate(invalid="ignore"):
-        lost = ~np.isfinite(np.column_stack([p, whole])).all(axis=1)
-        lost |= shown < RIM_FIT.least_seen
-        lost |= whole.max(axis=1) * RIM_FIT.least_radius_over_u > radius
-        for place, side in zip(p[:, [AT.x, AT.y]].T, seen.pixels.shape[:0:-1], strict=True):
-            lost |= (place < -0.5 * radius) | (place > side - 1 + 0.5 * radius)
-        stray = stray / np.maximum(pixels, 1.0) > RIM_FIT.flagged_share
-        tests = {
-            PlaceFlag.SATURATED: full > RIM_FIT.flagged_share,
-            PlaceFlag.CLIPPED: 1 - shown > RIM_FIT.flagged_share,
-            PlaceFlag.OVERLAP: hidden > RIM_FIT.covered_share,
-            PlaceFlag.POOR_FIT: (misfit > RIM_FIT.greatest_misfit) | stray,
-        }
-    flags = np.zeros(len(p), np.uint16)
-    for flag, raised in tests.items():
-        flags[raised] |= np.uint16(flag)
-    flags[lost] = PlaceFlag.NOT_FOUND
-    p[lost], own[lost], pattern[lost] = np.nan, np.nan, np.nan
-    return Located(
-        x=p[:, AT.x] + seen.corners[:, 0],
-        y=p[:, AT.y] + seen.corners[:, 1],
-        radius=p[:, AT.radius],
-        x_u=own[:, 0],
-        y_u=own[:, 1],
-        blur_x=start.blur_x,
-        blur_y=start.blur_y,
-        chi_square=np.where(lost, np.nan, misfit),
-        flags=flags,
-        pattern_u=np.hypot(pattern[:, 0], pattern[:, 1]) / sqrt(2),
-    )
+    poor = misfit > RIM_FIT.greatest_misfit or stray > RIM_FIT.flagged_share * pixels
+    tests = {
+        PlaceFlag.SATURATED: full > RIM_FIT.flagged_share,
+        PlaceFlag.CLIPPED: 1 - shown > RIM_FIT.flagged_share,
+        PlaceFlag.OVERLAP: found.covered > RIM_FIT.covered_share,
+        PlaceFlag.POOR_FIT: poor,
+    }
+    swayed = np.hypot(pattern[:2], RIM_FIT.sway_share * found.sway)
+    told = [p[AT.x], p[AT.y], radius, own[0], own[1], misfit, np.hypot(*swayed) / sqrt(2)]
+    return told, sum(flag for flag, raised in tests.items() if raised)
