@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array, Mask
-from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, part_of
+from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, cut, part_of
 from virtual_lab.video.locate.noise import ROUNDING, Noise
 from virtual_lab.video.locate.sharp import place, standing_out
 
@@ -78,11 +77,13 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
         if own.size < SEARCH.least:
             continue
         corners = np.stack([record.left[shot, own], record.top[shot, own]], axis=1)
-        seen = Regions(
-            pixels=pixels[shot, own],
-            background=_behind(background, corners, pixels.shape[2:]),
-            corners=corners,
-        )
+        side = pixels.shape[2:]
+        last = np.array(background.shape)[::-1] - side[::-1]
+        if (wrong := ((corners < 0) | (corners > last)).any(axis=1)).any():
+            allowed = f"windows must lie within the frame: 0 to {last[0]}, 0 to {last[1]}"
+            raise InputError("impact/camera", "left_px, top_px", corners[wrong][0], allowed)
+        behind = cut(background, corners, side)
+        seen = Regions(pixels=pixels[shot, own], background=behind, corners=corners)
         began = _start(seen, size * radius)
         free, out = (each[0] for each in _free(times[None, own], began[None, :, 0], size))
         kept = np.flatnonzero(_spread(free & ~out) | _spread(free & out))
@@ -115,20 +116,6 @@ def noise_of(known: Known) -> Noise:
         prnu=known["photo_response"].value,
         full_scale=known["full_scale"].value,
     )
-
-
-def _behind(
-    background: NDArray[np.generic], corners: Array, side: tuple[int, ...]
-) -> NDArray[np.float32]:
-    """Background of windows by their corners, (window, row, column)."""
-    last = np.array(background.shape)[::-1] - side[::-1]
-    wrong = ((corners < 0) | (corners > last)).any(axis=1)
-    if wrong.any():
-        allowed = f"windows must lie within the frame: 0 to {last[0]}, 0 to {last[1]}"
-        raise InputError("impact/camera", "left_px, top_px", corners[wrong][0], allowed)
-    views = np.lib.stride_tricks.sliding_window_view(background, side)
-    left, top = corners.astype(int).T
-    return np.asarray(views[top, left], dtype=np.float32)
 
 
 def _start(seen: Regions, radius: float) -> Array:

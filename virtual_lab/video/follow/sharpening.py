@@ -24,7 +24,7 @@ from virtual_lab.video.follow.known import GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.searching import FlightsFound
-from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, squares
+from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, cut, squares
 from virtual_lab.video.locate.sharp import sharp_places
 
 
@@ -130,7 +130,13 @@ def sharpen(
     places = np.stack([blobs["picture_x"], blobs["picture_y"]], axis=1)
     start = Located.start(places, radius, exposure / step * velocity)
     progress(f"locating the ball in {len(frames)} frames (its loops are compiled at the first use)")
-    seen = _regions(clip, frames, squares(start, clip.shape))
+    corners, side = squares(start, clip.shape)
+    shown = zip(corners, clip.chosen(frames), strict=True)
+    seen = Regions(
+        pixels=np.concatenate([cut(grey_of(frame), at[None], side) for at, (_, frame) in shown]),
+        background=cut(np.median(clip.grey_samples(), axis=0), corners, side),
+        corners=corners,
+    )
     located = sharp_places(clip, seen, start, lens=lens, ball_radius=expected)
     ball = SharpBall(
         frames=frames,
@@ -144,17 +150,6 @@ def sharpen(
         for way in ways
     ]
     return settle(scene, ways, ball, known, clip.shape)
-
-
-def _regions(clip: Clip, frames: NDArray[np.intp], cuts: Sequence[tuple[slice, slice]]) -> Regions:
-    """Regions of frames, and of the median of the clip's samples behind them."""
-    background = np.median(clip.grey_samples(), axis=0).astype(np.float32)
-    pictures = (grey_of(frame) for _, frame in clip.chosen(frames))
-    return Regions(  # copies: a view would keep its whole frame
-        pixels=np.stack([each[cut].copy() for cut, each in zip(cuts, pictures, strict=True)]),
-        background=np.stack([background[cut] for cut in cuts]),
-        corners=np.array([[across.start, down.start] for down, across in cuts], float),
-    )
 
 
 def settle(

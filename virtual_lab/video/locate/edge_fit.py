@@ -318,14 +318,12 @@ def covered(view: View, p: Array, noise: Noise) -> float:
     row, col = np.ogrid[: view.pixels.shape[0], : view.pixels.shape[1]]
     u, v = col - p[AT.x], row - p[AT.y]
     ends = [np.hypot(u + side * view.way[0], v + side * view.way[1]) for side in (-0.5, 0.5)]
-    far, radius = np.maximum(*ends), p[AT.radius]
     # a cell deep and half a cell inside, wherever the ball is
-    rim = np.abs(radius - far - RIM_FIT.cell_px) < RIM_FIT.cell_px / 2
-    if not rim.any():
-        return 0.0
-    seen, expected = view.pixels[rim], p[AT.level] * view.background[rim]
-    sigmas = (seen - expected) / np.sqrt(noise.variance(expected))
-    if abs(sigmas.mean()) < 4 * RIM_FIT.alike_sigmas:  # ball and background are all alike
+    rim = np.abs(p[AT.radius] - np.maximum(*ends) - RIM_FIT.cell_px) < RIM_FIT.cell_px / 2
+    expected = p[AT.level] * view.background[rim]
+    sigmas = (view.pixels[rim] - expected) / np.sqrt(noise.variance(expected))
+    # none, or ball and background are all alike
+    if not sigmas.size or abs(sigmas.mean()) < 4 * RIM_FIT.alike_sigmas:
         return 0.0
     return float((np.abs(sigmas) < RIM_FIT.alike_sigmas).mean())
 

@@ -97,15 +97,20 @@ def part_of(whole: Parts, which: NDArray[np.intp] | slice) -> Parts:
     return replace(whole, **{each.name: getattr(whole, each.name)[which] for each in fields(whole)})
 
 
-def squares(start: Located, shape: tuple[int, int]) -> list[tuple[slice, slice]]:
-    """Rows and columns of one square region about the ball of each frame.
+def squares(start: Located, shape: tuple[int, int]) -> tuple[Array, tuple[int, int]]:
+    """Corners of square regions about the ball of each frame, (region, 2), and their shape.
 
     A region that would leave the frame is moved back into it: the frame's edge cuts the ball.
     """
-    rows, columns = shape
     blur = np.hypot(start.blur_x, start.blur_y)
     half = float(np.nanmax(1.1 * start.radius + blur / 2)) + MARGIN
-    side = min(2 * int(np.ceil(half)) + 1, rows, columns)
-    left = np.clip(np.round(start.x - side / 2 + 0.5), 0, columns - side).astype(int)
-    top = np.clip(np.round(start.y - side / 2 + 0.5), 0, rows - side).astype(int)
-    return [np.s_[y : y + side, x : x + side] for x, y in zip(left, top, strict=True)]
+    side = min(2 * int(np.ceil(half)) + 1, *shape)
+    last = np.array(shape[::-1]) - side
+    return np.clip(np.round(start.places - side / 2 + 0.5), 0, last), (side, side)
+
+
+def cut(picture: Frame, corners: Array, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Regions of a grey picture by their corners, (region, row, col)."""
+    left, top = corners.astype(int).T
+    views = np.lib.stride_tricks.sliding_window_view(picture, shape)
+    return np.asarray(views[top, left], np.float32)

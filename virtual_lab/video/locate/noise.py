@@ -64,13 +64,11 @@ class Noise:
         change = (change - np.median(change, axis=(1, 2), keepdims=True)).ravel()
         kept = mean < 0.97 * full_scale
         mean, change = mean[kept], change[kept]
-        order = np.argsort(mean, kind="stable")
-        levels, variances = [], []
-        for bin_ in np.array_split(order, min(24, max(1, order.size // 400))):
-            spread = _spread(change[bin_])
-            levels.append(mean[bin_].mean())
-            variances.append(max(spread**2 / 2, ROUNDING))
-        gain, read = _line(np.array(levels), np.array(variances))
+        count = min(24, max(1, mean.size // 400))
+        bins = np.array_split(np.argsort(mean, kind="stable"), count)
+        levels = np.array([mean[each].mean() for each in bins])
+        spreads = np.array([_spread(change[each]) for each in bins])
+        gain, read = _line(levels, np.maximum(spreads**2 / 2, ROUNDING))
         return cls(gain=gain, read=read, full_scale=full_scale)
 
 
