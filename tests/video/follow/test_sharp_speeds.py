@@ -88,7 +88,7 @@ def told(
     coarse = Piece.of(found, numbers, t * RATE)
     ways = [some for each in (t < 0, t >= 0) if len((some := coarse.part(each)).t)]
     said = replace(known_of(clip, known), exposure=exposure)
-    scene, ways, ball = settle(scene, ways, ball, said, SIZE)
+    scene, ways, ball = settle(scene, ways, ball, said)
     watched = Watched(still=cast("Any", None), found=found, change=np.full(count, np.nan))
     return measure(clip, watched, said, FlightsFound(scene=scene, ways=ways), sharp=ball)
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.records import ClipRecord, TrackRecord
@@ -86,7 +87,7 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
         seen = Regions(pixels=pixels[shot, own], background=behind, corners=corners)
         began = _start(seen, size * radius)
         free, out = (each[0] for each in _free(times[None, own], began[None, :, 0], size))
-        kept = np.flatnonzero(_spread(free & ~out) | _spread(free & out))
+        kept = np.concatenate([_spread(free & ~out), _spread(free & out)])
         blurs = _blurs(times[own], began, out, known["exposure"].value)
         if not kept.size:
             continue
@@ -150,14 +151,11 @@ def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
     return seen & (x < forth.max(axis=1)[:, None] - SEARCH.near_bat * size), out
 
 
-def _spread(free: Mask) -> Mask:
+def _spread(free: Mask) -> NDArray[np.intp]:
     """At most `SEARCH.most` of a shot's frames in free flight, evenly spread."""
     some = np.flatnonzero(free)
-    kept = np.zeros_like(free)
-    if some.size:
-        count = min(some.size, SEARCH.most)
-        kept[some[np.linspace(0, some.size - 1, count).round().astype(int)]] = True
-    return kept
+    count = min(some.size, SEARCH.most)
+    return np.asarray(some[np.linspace(0, some.size - 1, count).round().astype(int)], np.intp)
 
 
 def _ways(times: Array, places: Array, size: float) -> Sightings:

@@ -40,8 +40,7 @@ class SharpnessSettings:
     denied_share: float = 0.34  # of a flight's places: no others deny more
     crooked_u: float = 3.0  # of a place, noise and pattern together, that residuals scatter by
     trend: float = 0.004  # of the radius through a flight: less is no matter
-    trend_u: float = 6.0  # standard uncertainties of it
-    trend_frames: int = 8  # that show one
+    trend_chance: float = 1e-6  # that there is none: seams make neighbouring radii err alike
 
 
 SHARPNESS = SharpnessSettings()
@@ -149,29 +148,16 @@ def sharpen(
         replace(way, t=stamped[way.frames] + np.round(way.t - scene.time[way.frames]))
         for way in ways
     ]
-    return settle(scene, ways, ball, known, clip.shape)
+    return settle(scene, ways, ball, known)
 
 
 def settle(
-    scene: FlightScene,
-    ways: list[Piece],
-    ball: SharpBall,
-    known: ClipKnowledge,
-    shape: tuple[int, int],
+    scene: FlightScene, ways: list[Piece], ball: SharpBall, known: ClipKnowledge
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
     """Settle which places are of the flights, and what speaks against them.
 
-    Parameters
-    ----------
-    ways
-        The flights' coarse places, one after another, are those of the ball.
-    shape
-        Rows and columns of a picture.
-
-    Raises
-    ------
-    NotSharpError
-        Too few places.
+    The flights' coarse places `ways`, one after another, are those of the ball. Raises
+    `NotSharpError`: too few places.
     """
     calibration, located, plane = known.calibration, ball.located, ball.plane
     assert calibration is not None
@@ -202,7 +188,7 @@ def settle(
     left_out = ~np.isin(ball.frames, np.concatenate([way.frames for way in flown]))
     flags[good & left_out] |= np.uint16(PlaceFlag.OFF_WAY)
     ball = replace(ball, located=replace(located, flags=flags))
-    ball = replace(ball, off_plane=np.array([_approach(way, ball, shape) for way in flown]))
+    ball = replace(ball, off_plane=np.array([_approach(scene, way, ball) for way in flown]))
     return scene, flown, replace(ball, notes=tuple(_against(scene, flown, ball, known)))
 
 
@@ -225,18 +211,20 @@ def _agreed(scene: FlightScene, way: Piece) -> Piece:
     return way
 
 
-def _approach(way: Piece, ball: SharpBall, shape: tuple[int, int]) -> Array:
+def _approach(scene: FlightScene, way: Piece, ball: SharpBall) -> Array:
     """Velocity (2,) that a ball seems to have as it comes nearer [px/frame], 0: it does not."""
+    from scipy.stats import linregress
+
     own = np.isin(ball.frames, way.frames) & (ball.located.flags == 0)
-    if own.sum() < SHARPNESS.trend_frames:
+    if own.sum() < SHARPNESS.least_frames:
         return np.zeros(2)
     radii, t = ball.located.radius[own], way.t[np.isin(way.frames, ball.frames[own])]
-    (rate, _), covariance = np.polyfit(t, np.log(radii / ball.plane.sizes[own]), 1, cov=True)
-    least = max(SHARPNESS.trend, 2 * RIM * way.pattern_u / float(np.median(radii))) / np.ptp(t)
-    if abs(rate) < max(least, SHARPNESS.trend_u * np.sqrt(covariance[0, 0])):
+    trend = linregress(t, np.log(radii / ball.plane.sizes[own]))
+    least = max(SHARPNESS.trend, 2 * RIM * way.pattern_u / float(np.median(radii)))
+    if abs(trend.slope) * np.ptp(t) < least or trend.pvalue > SHARPNESS.trend_chance:
         return np.zeros(2)
-    middle = (np.array(shape[::-1]) - 1) / 2
-    return np.asarray(rate * (ball.located.places[own].mean(axis=0) - middle))
+    middle = (np.array(scene.size) - 1) / 2
+    return np.asarray(trend.slope * (ball.located.places[own].mean(axis=0) - middle))
 
 
 def _against(

@@ -36,7 +36,6 @@ class EdgeFit:
     held_weight: float = 1e12  # of a parameter that stays as it is
 
     # standard deviations of a pattern, of the ball's brightness
-    faintest_pattern: float = 0.004
     strongest_pattern: float = 0.5
     unseen_pattern: float = 0.6  # of a pixel's noise: a fainter pattern would not be seen
     # until the outline stands still (less leaves half of a rim in the dark misfitting), and when it
@@ -159,8 +158,7 @@ def _outline(
             if again:
                 power = np.mean(((pattern + change) / bright) ** 2, axis=1)
                 power = np.maximum(power, np.maximum(_before(power), _next(power)))
-                amplitude = np.sqrt(max(RIM_FIT.faintest_pattern, faintest) ** 2 + power)
-                amplitude = amplitude.clip(max=RIM_FIT.strongest_pattern)
+                amplitude = np.sqrt(faintest**2 + power).clip(max=RIM_FIT.strongest_pattern)
             spread = amplitude * bright
             solved = _solved(equations, pattern, spread, rim.stiffness)
             step, change, covariance, by_pattern = solved

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from virtual_lab.units import Array
-from virtual_lab.video.locate.rim_profiles import AT, TABLE, TALLY, Profiles
+from virtual_lab.video.locate.rim_profiles import AT, SHADES, TABLE, TALLY, Profiles
 
 Noises = tuple[float, float, float, float, float]  # `Noise.figures`
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "cache": True, "nogil": True, "fastmath": True}
@@ -83,7 +83,7 @@ def _fill(
                 row[AT.side_x] += u * value
                 row[AT.side_y] += v * value
             else:
-                row[AT.plain if c == 0 else len(AT) + c - TABLE.shades] += value
+                row[AT.plain if c == 0 else len(AT) + c - SHADES] += value
         outline += low * table[i, columns] + high * table[i + 1, columns]
         rise /= s
         row[AT.x] += rise * u
@@ -138,7 +138,7 @@ def sector_sums(
     sectors, knots = pattern.shape
     n = len(AT) + 2 * knots + 1
     sums[:] = 0.0
-    tally, row, light = np.zeros(len(TALLY)), np.empty(n), np.empty(TABLE.shades + knots)
+    tally, row, light = np.zeros(len(TALLY)), np.empty(n), np.empty(SHADES + knots)
     along = sqrt(way[0] * way[0] + way[1] * way[1])
     oval = p[AT.radius] * (abs(p[AT.oval_c]) + abs(p[AT.oval_s]))
     blurred = TABLE.widths * rim.width + oval
@@ -164,7 +164,7 @@ def sector_sums(
                 light[0], light[2] = p[AT.plain] - behind, p[AT.face]
                 for c in range(knots):
                     end = pattern[(k + 1) % sectors, c]
-                    light[TABLE.shades + c] = (1.0 - share) * pattern[k, c] + share * end
+                    light[SHADES + c] = (1.0 - share) * pattern[k, c] + share * end
                 mean, outline = _fill(x, y, behind, p, way, rim, light, row)
                 for c in range(len(AT), len(AT) + knots):
                     row[c + knots] = share * row[c]

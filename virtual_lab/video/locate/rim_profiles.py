@@ -27,12 +27,15 @@ Tally = namedtuple("Tally", "pixels near around seen full stray")
 TALLY = Tally._make(range(len(Tally._fields)))
 
 
+# columns of the table before the pattern's
+SHADES = len(("level", "way to the side", "facing"))
+
+
 class Table(NamedTuple):
     """How the tables are laid out, and what is believed of a pattern."""
 
     widths: float = 5.0  # beyond the edge a pixel is all ball or all background: they begin there
     per_width: int = 32  # entries
-    shades: int = 3  # columns before the pattern's: a level, the way to the side, the facing
     knot_spacing: float = 0.11  # of the facing, between a pattern's knots
     deepest_knot: float = 0.9  # facing beyond which a pattern goes on as it is
     hiding_blur: float = 0.15  # share: what is so near the outline is easily taken for it
@@ -79,7 +82,7 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     return Profiles(
         table=np.ascontiguousarray(np.concatenate([values, slopes], axis=1)),
         stiffness=np.linalg.inv(like),
-        hides=columns[:, TABLE.shades :].T @ hidden,
+        hides=columns[:, SHADES:].T @ hidden,
         width=width,
         inside=inside,
     )
