@@ -86,7 +86,7 @@ def test_a_rim_that_is_not_seen_is_told(hidden: float) -> None:
 
 def test_a_plain_ball_costs_no_more_than_twice_its_bound() -> None:
     """The pattern's strength is found to be none."""
-    seen = scene("soft", seams=0.0)
+    seen = scene("soft", seams=0.0, count=50)
     off, pulls = errors(seen, fitted(seen))
     assert max(map(rms, off)) < 2 * 0.0023  # the occlusion model's bound
     assert rms(pulls) < 1.2
@@ -104,7 +104,7 @@ def test_a_plain_ball_has_no_bias(blur: float) -> None:
 
 def test_hot_pixels_do_not_pull() -> None:
     """A hundred of them, as bright as can be."""
-    seen = balls(30, 2, 96)
+    seen = balls(30, 2, 96, repeats=10)
     random = np.random.default_rng(3)
     for region in seen.regions:
         region.flat[random.choice(region.size, 100, replace=False)] = 250.0
@@ -114,7 +114,7 @@ def test_hot_pixels_do_not_pull() -> None:
 
 def test_full_scale_is_flagged_and_does_no_harm() -> None:
     """Well below the ball: the outline's lower part still places it."""
-    seen = balls(30, 2, 96)
+    seen = balls(30, 2, 96, repeats=10)
     noise = Noise(gain=seen.noise.gain, read=seen.noise.read, full_scale=150.0)
     found = plain(replace(seen, regions=np.minimum(seen.regions, 150.0), noise=noise))
     flagged = found.flags & (PlaceFlag.SATURATED | PlaceFlag.NOT_FOUND)

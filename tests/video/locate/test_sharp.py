@@ -122,7 +122,7 @@ def test_what_hides_at_the_rim_is_reckoned_with() -> None:
 
 def test_a_poor_start_makes_no_poorer_place() -> None:
     """Off by 2 pixels, the radius by a twentieth: fitted again from where the first fit ends."""
-    seen = scene("soft", count=40)
+    seen = scene("soft", count=20)
     middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)
     start = seen.start(off=2.0)
     start.radius[:] *= 1.05

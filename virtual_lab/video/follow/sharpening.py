@@ -164,12 +164,7 @@ def settle(
     assert known.exposure is not None
     good = located.usable
     parts = np.split(np.arange(len(good)), np.cumsum([len(way.t) for way in ways])[:-1])
-    if min(good[own].sum() for own in parts) < SHARPNESS.least_frames:
-        raise NotSharpError(
-            f"fewer than {SHARPNESS.least_frames} frames of a flight show it whole and round "
-            f"({good.sum()} in all)"
-        )
-    pattern = float(np.median(located.pattern_u[good]))
+    pattern = float(np.median(located.pattern_u[good])) if good.any() else 0.0
     ways = [
         replace(way, xy=plane.flat[own], u=located.u[own], pattern_u=pattern).part(good[own])
         for way, own in zip(ways, parts, strict=True)
@@ -193,8 +188,13 @@ def settle(
 
 
 def _agreed(scene: FlightScene, way: Piece) -> Piece:
-    """Flight without the places that its others deny, the farthest off first."""
-    least = max(SHARPNESS.least_frames, (1 - SHARPNESS.denied_share) * len(way.t))
+    """Flight without the places that its others deny, the farthest off first.
+
+    Raises `NotSharpError`: too few places.
+    """
+    if len(way.t) < (few := SHARPNESS.least_frames):
+        raise NotSharpError(f"fewer than {few} frames of a flight show it whole, round and free")
+    least = max(few, (1 - SHARPNESS.denied_share) * len(way.t))
     while len(way.t) > least:
         assert way.u is not None
         (left,) = fit_flights(scene, [way]).residuals
