@@ -65,7 +65,6 @@ class FollowedClip:
     checks: tuple[PixelScale, ...]  # by what else shows one
     gravity: Estimate | None  # that the flights share, by another ruler than gravity [m/s²]
     drag_per_m: float | None
-    repeated: Mask  # (frame,)
     sharp: SharpBall | None  # of a calibrated camera
     notes: tuple[Note, ...]
 
@@ -204,7 +203,6 @@ def measure(
         checks=tuple(rulers[1:]),
         gravity=shared,
         drag_per_m=model.fit.drag / scale.metres_per_pixel if model and scale else None,
-        repeated=same,
         sharp=sharp,
         notes=tuple(notes),
     )

@@ -4,7 +4,7 @@ A length in the picture comes first. Of the ball's size and gravity the one of s
 the ruler, and the other checks it.
 
 **The ball's size** is that of its roundest pictures; in its u stand the diameter's, its edge's
-width, and the shade on it (`find.outline`).
+width, and the shade on it.
 
 **Gravity** pulls by g T²/a metres a pixel, where a [px/frame²] is fitted to all flights together
 with drag and a perspective, and T is the time of a frame. It rests on a camera that is level, and
