@@ -48,30 +48,22 @@ class Pictures:
         self.names = names_of(self.places)
         self.up = -found.sharp.plane.sense if found.sharp else -1.0  # of metres
         self.film = _spread(len(self.places), LAYOUT.frames)
-        self.sheet = self._about_contacts()
-        rows, columns = self.clip.shape
-        self.scale = (LAYOUT.tile_px / (rows * columns)) ** 0.5
-        size = max(1, round(columns * self.scale)), max(1, round(rows * self.scale))
-        wanted = np.unique(self.places["frame"][sorted({*self.sheet, *self.film})])
+        times, steps = self.places["time_s"], np.array([-1, 0, 1])
+        near = [int(np.abs(times - e.time.value).argmin()) + steps for e in self.contacts]
+        sheet = np.concatenate([_spread(len(times), LAYOUT.tiles), *near])
+        self.sheet = np.unique(np.clip(sheet, 0, len(times) - 1))
+        self.scale = (LAYOUT.tile_px / np.prod(self.clip.shape)) ** 0.5
+        rows, columns = (max(1, round(self.scale * each)) for each in self.clip.shape)
+        wanted = np.unique(self.places["frame"][np.concatenate([self.sheet, self.film])])
         # kept ones are of 8 bits
         kept = found.watched.thumbs if self.clip.samples.dtype == np.uint8 else {}
-        small = [
-            (k, np.asarray(cv2.imdecode(kept[k], cv2.IMREAD_UNCHANGED)))
-            for k in map(int, wanted)
-            if k in kept
-        ]
+        stored = {k: cv2.imdecode(kept[k], cv2.IMREAD_UNCHANGED) for k in wanted if k in kept}
         left = np.array([each for each in wanted if each not in kept], np.intp)
-        way, light = cv2.INTER_AREA if self.scale < 1 else cv2.INTER_LINEAR, self._light()
+        light = self._light()
         self.frames = {
-            number: np.asarray(cv2.resize(_shown(frame, *light), size, interpolation=way), np.uint8)
-            for number, frame in chain(small, self.clip.chosen(left))
+            int(number): _shown(np.asarray(frame), (columns, rows), *light)
+            for number, frame in chain(stored.items(), self.clip.chosen(left))
         }
-
-    def _about_contacts(self) -> list[int]:
-        """Places about contacts, and others spread evenly."""
-        near = {int(np.argmin(np.abs(self.places["time_s"] - e.time.value))) for e in self.contacts}
-        near = {k + step for k in near for step in (-1, 0, 1) if 0 <= k + step < len(self.places)}
-        return sorted({*near, *_spread(len(self.places), LAYOUT.tiles)})
 
     def _light(self) -> tuple[float, float]:
         """Grey values that are shown black and white."""
@@ -104,20 +96,18 @@ class Pictures:
         """Frame of a place with its number and time, the ball's outline and earlier places."""
         one, fine = self.places[k], 4  # bits below a pixel
         image = self.frames[int(one["frame"])].copy()
-        drift = np.array([one["drift_x_px"], one["drift_y_px"]])
-        dots = [(j, 1.5, -1) for j in range(k + 1)]
+        # earlier places lie where the still frame has them in this picture
+        at = (spots(self.places) + [one["drift_x_px"], one["drift_y_px"]] + 0.5) * self.scale - 0.5
+        dots = [(j, 2.0, cv2.FILLED) for j in range(k + 1)]
         for j, radius, line in (*dots, (k, float(one["radius_px"]) * self.scale, 1)):
-            # earlier places lie where the still frame has them in this picture
-            at = (spots(self.places)[j] + drift + 0.5) * self.scale - 0.5
-            if np.isfinite([*at, radius]).all():
-                x, y, r = (round(2**fine * float(each)) for each in (*at, radius))
-                colour = self._colour(self.places["flight"][j])
-                bgr = tuple(bytes.fromhex(colour[1:]))[::-1]
-                cv2.circle(image, (x, y), r, bgr, line, cv2.LINE_AA, fine)
+            if np.isfinite([*at[j], radius]).all():
+                x, y, r = (round(2**fine * float(each)) for each in (*at[j], radius))
+                bgr = bytes.fromhex(self._colour(self.places["flight"][j])[1:])[::-1]
+                cv2.circle(image, (x, y), r, tuple(bgr), line, cv2.LINE_AA, fine)
         strip = np.full((20, image.shape[1], 3), 255, np.uint8)
-        words, face = f"{one['frame']}: {one['time_s']:.4g} s", cv2.FONT_HERSHEY_SIMPLEX
-        wide = cv2.getTextSize(words, face, 0.5, 1)[0][0]
-        letters = 0.5 * min(1.0, (strip.shape[1] - 8) / wide)
+        words, face = f"frame {one['frame']}, {one['time_s']:.4g} s", cv2.FONT_HERSHEY_SIMPLEX
+        room = (image.shape[1] - 8) / cv2.getTextSize(words, face, 1.0, 1)[0][0]
+        letters = min(0.45, room)
         cv2.putText(strip, words, (4, 14), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
         return np.vstack([strip, image])
 
@@ -126,12 +116,11 @@ class Pictures:
 
     def strobe(self) -> Image:
         """Picture that shows the ball at several of its places, as small as they are."""
-        shown = [k for k, one in enumerate(self.places) if int(one["frame"]) in self.frames]
-        seen = [k for k in shown if np.isfinite(self.places["radius_px"][k])]
+        seen = self.film[np.isfinite(self.places["radius_px"][self.film])]
         # what stands about, a bat too, is shown as it is at a contact
-        time = self.contacts[0].time.value if self.contacts else float(self.places["time_s"][0])
-        stands = min(shown, key=lambda k: abs(self.places["time_s"][k] - time))
-        whole = self._still(stands).copy()
+        times = self.places["time_s"][self.sheet]
+        time = self.contacts[0].time.value if self.contacts else times[0]
+        whole = self._still(self.sheet[np.abs(times - time).argmin()]).copy()
         rows, columns = np.ogrid[: whole.shape[0], : whole.shape[1]]
         for k in seen[:: max(1, len(seen) // LAYOUT.tiles)]:
             x, y = (spots(self.places)[k] + 0.5) * self.scale - 0.5
@@ -213,16 +202,15 @@ class Pictures:
                 axes.axvline(each.time.value, color="k", linewidth=0.8, zorder=0)
 
 
-def _spread(places: int, count: int) -> list[int]:
+def _spread(places: int, count: int) -> NDArray[np.intp]:
     """Up to so many of the places, spread evenly, in order."""
-    chosen = np.linspace(0, places - 1, min(count, places)).round()
-    return [int(each) for each in np.unique(chosen)]
+    return np.unique(np.linspace(0, places - 1, min(count, places)).round()).astype(np.intp)
 
 
-def _shown(frame: Frame, black: float, white: float) -> Image:
-    """Frame in 8 bits and three colours."""
-    seen = frame if frame.ndim == 3 else frame[..., None]
-    if (black, white) != (0.0, 255.0) or frame.dtype != np.uint8:
-        stretched = (seen.astype(np.float32) - black) * (255 / (white - black))
-        seen = np.clip(stretched, 0, 255).astype(np.uint8)
-    return np.repeat(seen, 3, axis=2) if seen.shape[2] == 1 else np.ascontiguousarray(seen[..., :3])
+def _shown(frame: Frame, size: tuple[int, int], black: float, white: float) -> Image:
+    """Frame in 8 bits and three colours, of a width and height."""
+    way = cv2.INTER_AREA if size[0] < frame.shape[1] else cv2.INTER_LINEAR
+    colours = frame if frame.ndim == 2 else np.ascontiguousarray(frame[..., :3])
+    small = cv2.resize(colours, size, interpolation=way)
+    seen = np.interp(small, (black, white), (0, 255)).astype(np.uint8)
+    return np.dstack([seen] * 3) if seen.ndim == 2 else seen
