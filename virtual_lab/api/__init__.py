@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from virtual_lab.uncertainty.precision import gauge_study, group_study
     from virtual_lab.uncertainty.propagating import propagate_inputs as propagate
     from virtual_lab.video.calibration.calibrating import Calibrated
-    from virtual_lab.video.show.tracked_clip import TrackedClip
+    from virtual_lab.video.follow.following import FollowedClip
 
 __all__ = [
     "BatComparison",
@@ -755,17 +755,22 @@ def _keep(folder: Path, seed: int, truth: bool, test: BatTest) -> Path:
 class Track:
     """Result of `track`: tables of flights, contacts and positions."""
 
-    clip: TrackedClip
+    found: FollowedClip
+    progress: Progress = quiet
 
-    @property
+    @cached_property
     def document(self) -> dict[str, Any]:
         """The result as in ``result.json``."""
-        return self.clip.document
+        from virtual_lab.video.show.track_text import track_document
+
+        return track_document(self.found)
 
     @property
     def text(self) -> str:
         """The result for a terminal."""
-        return self.clip.text
+        from virtual_lab.video.show.track_text import track_text
+
+        return track_text(self.found)
 
     @property
     def motion(self) -> str:
@@ -777,29 +782,33 @@ class Track:
         """One row per flight, as in ``speeds.csv``, each quantity with its u."""
         from virtual_lab.video.show.track_text import flight_rows
 
-        return _table(flight_rows(self.clip.followed))
+        return _table(flight_rows(self.found))
 
     @cached_property
     def contacts(self) -> pd.DataFrame:
         """One row per contact: time, frame, kind, restitution with its u."""
         from virtual_lab.video.show.track_text import contact_rows
 
-        return _table(contact_rows(self.clip.followed))
+        return _table(contact_rows(self.found))
 
     @cached_property
     def places(self) -> pd.DataFrame:
         """One row per position, as in ``track.csv``."""
         from virtual_lab.video.show.course import course_of, course_rows
 
-        return _table(course_rows(course_of(self.clip.followed)))
+        return _table(course_rows(course_of(self.found)))
 
     def save(self, folder: str | Path) -> Path:
         """Write track, result, plot, contact sheet and film into a new folder."""
-        self.clip.save(Path(folder))
+        from virtual_lab.video.show.tracked_clip import save_track
+
+        save_track(self.found, Path(folder), self.progress)
         return Path(folder)
 
     def __repr__(self) -> str:
-        return f"<Track of {self.clip.title}>"
+        from virtual_lab.video.show.track_text import track_title
+
+        return f"<Track of {track_title(self.found)}>"
 
 
 def track(
@@ -842,7 +851,7 @@ def track(
         allowed = "expected a path, or a numpy array (frame, row, column) of 8 or 16 bits with fps="
         raise InputError("", "clip", type(clip).__name__, allowed)
     file = clip if isinstance(clip, np.ndarray) else Path(clip)
-    return Track(clip=track_clip(file, asked, progress=progress))
+    return Track(found=track_clip(file, asked, progress=progress), progress=progress)
 
 
 def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:

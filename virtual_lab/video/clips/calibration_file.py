@@ -17,6 +17,7 @@ from virtual_lab.files import read_toml
 
 Positive = Annotated[Real, Gt(0)]
 Uncertainty = Annotated[Real, Ge(0)]
+EXACT = 0.0  # u of what is not said to have one
 Place = Annotated[Real, Ge(-1000), Le(1000)]  # m
 Pair = tuple[Place, Place]
 Triple = tuple[Real, Real, Real]
@@ -47,8 +48,8 @@ class CameraModel(Spec):
     rotation: Triple  # Rodrigues vector, world to camera [rad]
     translation_m: tuple[Place, Place, Place]
     plane_height_m: Place = 0.0
-    plane_height_u_m: Uncertainty = 0.0
-    relative_scale_u: Uncertainty = 0.0  # of every length in the plane, were its height exact
+    plane_height_u_m: Uncertainty = EXACT
+    relative_scale_u: Uncertainty = EXACT  # of every length in the plane, were its height exact
     fit: CameraFit | None = None
 
     def __post_init__(self) -> None:
@@ -73,16 +74,16 @@ class ClipCalibration(Spec):
 
     # in the plane the ball moves in
     metres_per_pixel: Annotated[Real, Ge(1e-7), Le(1)] | None = None
-    metres_per_pixel_u: Uncertainty = 0.0
+    metres_per_pixel_u: Uncertainty = EXACT
     frames_per_second: Annotated[Real, Ge(1), Le(1e7)] | None = None
-    frames_per_second_u: Uncertainty = 0.0
+    frames_per_second_u: Uncertainty = EXACT
     exposure_s: Annotated[Real, Ge(0), Le(1)] | None = None  # absent: the clip's own
     ball_diameter_m: Annotated[Real, Ge(1e-3), Le(1)] | None = None
-    ball_diameter_m_u: Uncertainty = 0.0
+    ball_diameter_m_u: Uncertainty = EXACT
     lens_blur_px: Annotated[Real, Ge(0.1), Le(10)] | None = None  # standard deviation
     timestamps: str | None = None  # CSV beside this file: seconds, one a frame
     drag_per_m: Annotated[Real, Ge(0), Le(1)] = 0.0  # κ of dv/dx = -κ v
-    drag_per_m_u: Annotated[Real, Ge(0), Le(1)] = 0.0
+    drag_per_m_u: Annotated[Real, Ge(0), Le(1)] = EXACT
     gravity_mps2: Pair = (0.0, 0.0)  # along the image's x and y, or the camera's plane's [m/s²]
     camera: CameraModel | None = None  # instead of metres_per_pixel
 

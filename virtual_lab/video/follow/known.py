@@ -8,7 +8,7 @@ import numpy as np
 
 from virtual_lab.units import STANDARD_GRAVITY
 from virtual_lab.video.calibration.plane import distance_of
-from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.clips.calibration_file import EXACT, ClipCalibration
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import usual_step
 
@@ -21,12 +21,12 @@ class ClipKnowledge:
     """What a person knows of a clip, SI."""
 
     rate: float  # pictures stored in a true second, repeats counted
-    rate_u: float = 0.0  # relative
+    rate_u: float = EXACT  # relative
     rate_of: str = GIVEN  # GIVEN | FILE: its own word | GRAVITY: fitted with a length that is known
     ball: float | None = None  # diameter [m]
-    ball_u: float = 0.0
+    ball_u: float = EXACT
     metres_per_pixel: float | None = None
-    metres_per_pixel_u: float = 0.0
+    metres_per_pixel_u: float = EXACT
     exposure: float | None = None  # [s]
     gravity: float = STANDARD_GRAVITY
     gravity_u: float = 0.025 / 3**0.5  # over the Earth: 9.78 to 9.83

@@ -147,13 +147,12 @@ def _roll(found: FollowedClip) -> float | None:
     return float(np.arctan2(right, down) / DEGREE)
 
 
-def _hit(found: FollowedClip) -> tuple[Flight | None, Flight | None]:
+def _hit(found: FollowedClip) -> list[Flight | None]:
     """Flights before and after one contact, or the only one."""
     if len(found.contacts) == 1:
-        return found.flights[found.contacts[0].before], found.flights[found.contacts[0].after]
-    if len(found.flights) == 1:
-        return found.flights[0], None
-    return (found.flights[0], found.flights[1]) if found.sharp else (None, None)
+        return [found.flights[k] for k in (found.contacts[0].before, found.contacts[0].after)]
+    alone = found.flights if found.sharp or len(found.flights) == 1 else []
+    return [*alone, None, None][:2]
 
 
 def _degrees(angle: Estimate) -> Estimate:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,6 @@ from virtual_lab.video.show.options import Said, key_of, said_of
 from virtual_lab.video.show.track_text import (
     flight_rows,
     track_document,
-    track_text,
     track_title,
     write_table,
 )
@@ -44,42 +43,12 @@ UNSURE_BALL = "no u of the ball's diameter is given"
 STANDING = (UNSURE_BALL, UNSURE_RATE)  # what most clips of phones have in common
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackedClip:
-    """The result."""
-
-    followed: FollowedClip
-    document: dict[str, Any]
-    text: str
-    title: str
-    progress: Callable[[str], None] = field(default=lambda _: None)
-
-    def save(self, folder: Path) -> None:
-        """Write track.csv, speeds.csv, result.json, track.png, sheet.png, track.webp into a folder.
-
-        Raises `InputError` where the folder is not empty or cannot be written.
-        """
-        from virtual_lab.video.show.pictures import Pictures
-
-        self.progress("drawing")
-        pictures = Pictures(self.followed)
-        with new_folder(folder) as draft, ThreadPoolExecutor(1) as beside:
-            film = beside.submit(pictures.write_film, draft / "track.webp")
-            write_table(course_rows(pictures.places), draft / "track.csv")
-            write_table(flight_rows(self.followed), draft / "speeds.csv")
-            text = json.dumps(self.document, indent=2, allow_nan=False)
-            (draft / "result.json").write_text(text + "\n", encoding="utf-8")
-            pictures.draw(self.title, draft / "track.png")
-            pictures.write_sheet(draft / "sheet.png")
-            film.result()
-
-
 def track_clip(
     file: Path | Frame,
     asked: Mapping[str, Any],
     *,
     progress: Callable[[str], None] = lambda _: None,
-) -> TrackedClip:
+) -> FollowedClip:
     """Track the ball through a clip: a file, a folder, or an array of its frames.
 
     `asked`: what a person says, in words as on the command line, by the names of `OPTIONS`; None:
@@ -99,16 +68,8 @@ def track_clip(
     told = (*found.notes, *notes)
     if "phone" in said:  # says these at once
         told = tuple(e for e in told if e[0] != "READOUT_UNKNOWN" and not e[1].startswith(STANDING))
-    found = replace(found, notes=told)
     # samples of a large clip take 50 MB, and have given what they can but how dark a picture is
-    found = replace(found, clip=replace(clip, samples=clip.samples[:2].copy()))
-    return TrackedClip(
-        followed=found,
-        document=track_document(found),
-        text=track_text(found),
-        title=track_title(found),
-        progress=progress,
-    )
+    return replace(found, notes=told, clip=replace(clip, samples=clip.samples[:2].copy()))
 
 
 def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
@@ -165,3 +126,25 @@ def _knowledge(
             allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
             raise InputError(str(clip.source.path), key_of(name), asked[name], allowed)
     return known
+
+
+def save_track(
+    found: FollowedClip, folder: Path, progress: Callable[[str], None] = lambda _: None
+) -> None:
+    """Write track.csv, speeds.csv, result.json, track.png, sheet.png, track.webp into a folder.
+
+    Raises `InputError` where the folder is not empty or cannot be written.
+    """
+    from virtual_lab.video.show.pictures import Pictures
+
+    progress("drawing")
+    pictures = Pictures(found)
+    with new_folder(folder) as draft, ThreadPoolExecutor(1) as beside:
+        film = beside.submit(pictures.write_film, draft / "track.webp")
+        write_table(course_rows(pictures.places), draft / "track.csv")
+        write_table(flight_rows(found), draft / "speeds.csv")
+        text = json.dumps(track_document(found), indent=2, allow_nan=False)
+        (draft / "result.json").write_text(text + "\n", encoding="utf-8")
+        pictures.draw(track_title(found), draft / "track.png")
+        pictures.write_sheet(draft / "sheet.png")
+        film.result()
