@@ -106,8 +106,8 @@ class Pictures:
                 cv2.circle(image, (x, y), r, tuple(bgr), line, cv2.LINE_AA, fine)
         strip = np.full((20, image.shape[1], 3), 255, np.uint8)
         words, face = f"frame {one['frame']}, {one['time_s']:.4g} s", cv2.FONT_HERSHEY_SIMPLEX
-        room = (image.shape[1] - 8) / cv2.getTextSize(words, face, 1.0, 1)[0][0]
-        letters = min(0.45, room)
+        longest = cv2.getTextSize("frame 8888, 88.888 s", face, 1.0, 1)[0][0]
+        letters = min(0.45, (image.shape[1] - 8) / longest)
         cv2.putText(strip, words, (4, 14), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
         return np.vstack([strip, image])
 
@@ -151,6 +151,7 @@ class Pictures:
             self._draw_picture(axes[0])
             if self.names:
                 self._draw_motion(axes[1:])
+            figure.legend(loc="outside lower center", ncols=6, markerscale=1.5)
             figure.suptitle(as_drawn(title), fontsize=9, wrap=True)
             figure.savefig(path, pil_kwargs={"compress_level": 3})
 
@@ -168,10 +169,6 @@ class Pictures:
             axes.plot(*each.place, "k+", markersize=8, markeredgewidth=1.2, label=label)
         axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
         axes.set(xlabel="x, pixels", ylabel="y, pixels")
-        wide = columns > rows
-        at = {"bbox_to_anchor": (0.0, 1.0) if wide else (1.02, 1.0), "ncols": 5 if wide else 1}
-        box = {"facecolor": "white", "framealpha": 0.75, "frameon": True, "edgecolor": "none"}
-        axes.legend(loc="upper left", markerscale=1.5, **at, **box)
 
     def _draw_motion(self, below: Iterable[Axes]) -> None:
         """Draw places and speeds over the clip's time, right and up, and what the fit leaves."""

@@ -166,9 +166,8 @@ def motion_of(found: FollowedClip) -> str:
 
 def _with_ball(found: FollowedClip) -> int:
     """Count of frames that show the ball."""
-    if found.sharp:
-        return len(found.sharp.frames)
-    return sum([each.places for each in found.flights] or [len(each.t) for each in found.pieces])
+    ways = found.ways or found.pieces
+    return len(found.sharp.frames) if found.sharp else sum(len(each.t) for each in ways)
 
 
 def track_text(found: FollowedClip) -> str:
