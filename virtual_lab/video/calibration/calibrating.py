@@ -299,12 +299,12 @@ def _fit(
         residuals[own] -= drawn.reshape(-1, 2)
         lens.append(slopes[:, 6:])
         bodies.append(slopes[:, :6])
-    slopes = np.hstack([np.concatenate(lens), block_diag(*bodies)])
-    slopes[:, 8] *= not flags
-    scale = np.linalg.norm(slopes, axis=0)
-    free = max(residuals.size - np.count_nonzero(scale), 1)
-    scale[scale == 0] = 1.0
-    inverse = np.linalg.pinv(slopes / scale) / scale[:, None]
+    whole = np.asarray(np.hstack([np.concatenate(lens), block_diag(*bodies)]), np.float64)
+    whole[:, 8] *= not flags
+    scale = np.linalg.norm(whole, axis=0)
+    fitted, inverse = scale > 0, np.zeros(whole.T.shape)
+    inverse[fitted] = np.linalg.pinv(whole[:, fitted] / scale[fitted]) / scale[fitted, None]
+    free = max(int(residuals.size - fitted.sum()), 1)
     own = inverse[[*range(9), *range(9 + 6 * plane, 15 + 6 * plane)]]
     solved = Solved(
         values=np.concatenate(

@@ -34,7 +34,7 @@ class CameraFit(Spec):
     focal_u_px: tuple[Uncertainty, Uncertainty]
     centre_u_px: tuple[Uncertainty, Uncertainty]
     distortion_u: Annotated[tuple[Uncertainty, ...], Len(4, 14)]
-    rotation_u: tuple[Uncertainty, Uncertainty, Uncertainty]  # about the camera's axes [rad]
+    rotation_u: tuple[Uncertainty, Uncertainty, Uncertainty]  # of the Rodrigues vector [rad]
     translation_u_m: tuple[Uncertainty, Uncertainty, Uncertainty]
 
 

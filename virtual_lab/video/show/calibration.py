@@ -100,27 +100,19 @@ def draw_calibration(found: Calibrated, path: Path) -> None:
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=(7.6, 6.6 * high / wide + 0.8), dpi=150, layout="constrained")
         axes = figure.add_subplot()
-        own = solved.view == found.plane
-        for some, name, colour in (
-            (~own, "other views", "#0072b2"),
-            (own, "plane view", "#d55e00"),
-        ):
-            # the rms residual is some 2 % of the picture's width
-            arrows = axes.quiver(
-                *solved.places[some].T,
-                *solved.residuals[some].T,
-                color=colour,
-                label=name,
-                angles="xy",
-                scale_units="xy",
-                scale=max(solved.rms, 1e-6) / (0.02 * wide),
-                width=0.0012,
-                headwidth=4,
-            )
+        arrows = axes.quiver(
+            *solved.places.T,
+            *solved.residuals.T,
+            color=np.where(solved.view == found.plane, "#d55e00", "#0072b2"),
+            angles="xy",
+            scale_units="xy",
+            scale=max(solved.rms, 1e-6) / (0.02 * wide),  # rms: some 2 % of the picture's width
+            width=0.0012,
+            headwidth=4,
+        )
         words = f"rms each way, {solved.rms:.2g} pixels"
         axes.quiverkey(arrows, 0.95, 1.03, solved.rms, words, labelpos="W")
         axes.set(xlim=(-0.5, wide - 0.5), ylim=(high - 0.5, -0.5), aspect="equal")
         axes.set(xlabel="x, pixels", ylabel="y, pixels")
-        axes.set_title("what the lens leaves of each corner", pad=16)
-        axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2, borderpad=0)
+        axes.set_title("what the lens leaves of each corner\norange: in the plane view", loc="left")
         figure.savefig(path)
