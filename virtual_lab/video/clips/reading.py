@@ -37,7 +37,6 @@ class Source:
 
     path: Path
     declared: int  # frames the file says it holds
-    estimated: bool = False  # estimated from the duration, not counted
     rate: float | None = None  # frames a second the file says
     exposure: float | None = None  # of a frame [s], that the file says
     rotation: float | None = None  # degrees clockwise that frames were turned as the file asks for
@@ -61,8 +60,7 @@ class Source:
             yield frame, stamp
         if count == 0:
             raise InputError(str(self.path), "frames", 0, "no frame in it can be read")
-        # an estimate may be one frame too many
-        if count < self.declared - int(self.estimated):
+        if count < self.declared:
             allowed = f"the file says it holds {self.declared} (is it cut short?)"
             raise InputError(str(self.path), "frames that can be read", count, allowed)
 
@@ -157,6 +155,8 @@ def _video(path: Path) -> Source:
     wide, high = capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
     _require_size(path, (int(wide), int(high)))
     rate, turn = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_ORIENTATION_META)
+    # estimated from the duration it may be one frame too many
+    estimated = path.suffix.lower() in {".mkv", ".webm"}
 
     def read() -> Stamped:
         capture = _capture(path)
@@ -165,8 +165,7 @@ def _video(path: Path) -> Source:
 
     return Source(
         path=path,
-        declared=max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0),
-        estimated=path.suffix.lower() in {".mkv", ".webm"},
+        declared=max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) - estimated, 0),
         rate=rate if np.isfinite(rate) and rate > 0 else None,
         rotation=turn % 360 if np.isfinite(turn) else None,
         read=read,
