@@ -232,7 +232,7 @@ def test_pictures_that_do_not_belong_together(monkeypatch: pytest.MonkeyPatch) -
         calibrate_camera([], plan_of(board=BOARD))
     found = calibrate_camera(pictures[::-1], plan_of(board=BOARD, plane="1.png"))
     assert "no board was found in in/6.png" in found.warnings
-    assert found.views[found.plane] == "in/1.png"
+    assert found.plane == "in/1.png"
 
 
 def test_a_picture_without_a_board_shows_none() -> None:

@@ -79,12 +79,6 @@ class Solved:
         """Of the residuals, each way [pixels]."""
         return float(np.sqrt(np.mean(self.residuals**2)))
 
-    @property
-    def view_rms(self) -> Array:
-        """Of each view's residuals, each way [pixels]."""
-        squares = (self.residuals**2).mean(axis=1)
-        return np.asarray(np.sqrt(np.bincount(self.view, squares) / np.bincount(self.view)))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibrated:
@@ -92,8 +86,8 @@ class Calibrated:
 
     model: CameraModel
     solved: Solved
-    views: tuple[str, ...]  # pictures that show the board
-    plane: int  # which of them is the plane view
+    views: dict[str, float]  # pictures that show the board, rms of their residuals [pixels]
+    plane: str  # the plane view
     lens_blur: float  # there, standard deviation [pixels]
     length_u: Array  # relative, of lengths across and down the middle of the plane, (2,)
     warnings: tuple[str, ...]
@@ -111,14 +105,16 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
         many = f"{plan.board.columns}x{plan.board.rows} squares, not inner corners"
         allowed = f"at least {DEMANDS.least_views} must show the board (is it {many}?)"
         raise InputError("", "pictures with a board", len(seen), allowed)
-    plane = list(seen).index(_plane_view(looked, plan))
-    solved = _solve(plan.board.corners(), list(seen.values()), size, plane)
+    plane = _plane_view(looked, plan)
+    solved = _solve(plan.board.corners(), [*seen.values()], size, [*seen].index(plane))
     _require_sound(solved)
     if not plan.height < (far := float(solved.values[-1])):
         allowed = f"the camera itself is {far:.3g} m over the board"
         raise InputError("", "--height", f"{plan.height:g} m", allowed)
     shares = _length_u(solved, size, plan)
     relative = float(np.hypot(shares.max(), plan.square_u / plan.board.square))
+    squares = np.bincount(solved.view, (solved.residuals**2).mean(axis=1))
+    rms = np.sqrt(squares / np.bincount(solved.view))
     u: list[Any] = solved.u.tolist()
     fit = CameraFit(
         board=plan.board.source,
@@ -134,9 +130,9 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
     return Calibrated(
         model=replace(_model(solved.values, size, plan), relative_scale_u=relative, fit=fit),
         solved=solved,
-        views=tuple(seen),
+        views=dict(zip(seen, rms.tolist(), strict=True)),
         plane=plane,
-        lens_blur=list(seen.values())[plane].lens_blur,
+        lens_blur=seen[plane].lens_blur,
         length_u=shares,
         warnings=tuple(_warnings(solved, looked, size, plan)),
     )

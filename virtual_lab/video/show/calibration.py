@@ -47,8 +47,8 @@ def calibration_document(found: Calibrated) -> dict[str, Any]:
         "camera": asdict(found.model),
         "metres_per_pixel": {"across": float(across), "down": float(down)},
         "lens_blur_px": found.lens_blur,
-        "plane_view": found.views[found.plane],
-        "views": dict(zip(found.views, map(float, found.solved.view_rms), strict=True)),
+        "plane_view": found.plane,
+        "views": found.views,
         "corners_left_out": int(found.solved.left_out.sum()),
         "warnings": list(found.warnings),
     }
@@ -62,7 +62,7 @@ def calibration_text(found: Calibrated) -> str:
     across, down = 1e3 * lengths_of(model) / (np.array(model.image_size) / 2)
     k1, k2, p1, p2, k3 = map(with_uncertainty, model.distortion, fit.distortion_u)
     far = float(np.linalg.norm(model.translation_m))
-    rms, worst = found.solved.view_rms, int(found.solved.view_rms.argmax())
+    rms, worst = max((rms, name) for name, rms in found.views.items())
     lines = [
         f"{fit.board}: {fit.views} pictures, {fit.corners} corners, residuals "
         f"{fit.rms_px:.2g} pixels rms",
@@ -76,8 +76,8 @@ def calibration_text(found: Calibrated) -> str:
         _line("relative u of lengths", f"{relative_u_of(model):.1e}", "the plane's height in it"),
         _line("without it", f"{model.relative_scale_u:.1e}"),
         _line("camera to board, m", with_uncertainty(far, fit.translation_u_m[2])),
-        _line("plane view", Path(found.views[found.plane]).name),
-        _line("largest residuals", f"{rms[worst]:.2g} pixels rms", Path(found.views[worst]).name),
+        _line("plane view", Path(found.plane).name),
+        _line("largest residuals", f"{rms:.2g} pixels rms", Path(worst).name),
     ]
     return "\n".join([*lines, *(f"  warning: {each}" for each in found.warnings)])
 
@@ -103,7 +103,7 @@ def draw_calibration(found: Calibrated, path: Path) -> None:
         arrows = axes.quiver(
             *solved.places.T,
             *solved.residuals.T,
-            color=np.where(solved.view == found.plane, "#d55e00", "#0072b2"),
+            color=np.where(solved.view == [*found.views].index(found.plane), "#d55e00", "#0072b2"),
             angles="xy",
             scale_units="xy",
             scale=max(solved.rms, 1e-6) / (0.02 * wide),  # rms: some 2 % of the picture's width

@@ -173,26 +173,26 @@ class Pictures:
     def _draw_motion(self, below: Iterable[Axes]) -> None:
         """Draw places and speeds over the clip's time, right and up, and what the fit leaves."""
         place, speed, along, across = below
-        for axes in (speed, along, across):
-            axes.sharex(place)
         metres = np.stack([self.places["x_m"], self.up * self.places["y_m"]])
         metres -= metres[:, np.isfinite(metres).all(axis=0)][:, :1]
         for name in self.names:
             used, colour = self.places["flight"] == name, self._colour(name)
             some, (right, up) = self.places[used], metres[:, used]
-            t = some["time_s"]
+            t, noise = some["time_s"], (some["x_u_px"] + some["y_u_px"]) / 2
             place.plot(t, right, "--", t, up, "-", color=colour)
             speed.plot(t, np.hypot(some["right_mps"], some["up_mps"]), color=colour)
-            noise = (some["x_u_px"] + some["y_u_px"]) / 2
             for axes, off in ((along, some["along_px"]), (across, some["across_px"])):
                 axes.errorbar(t, off, noise, fmt=".", color=colour, markersize=4, linewidth=0.6)
-        place.set_ylabel("place, m\n(- -: right, —: up)")
-        speed.set_ylabel("speed\nalong the fit, m/s")
         speed.set_ylim(bottom=0.0)
-        along.set_ylabel("off the flight\nalong, pixels")
-        across.set_ylabel("off the flight\nacross, pixels")
         across.set_xlabel("time, s (bars: u)")
-        for axes in (place, speed, along, across):
+        for axes, label in (
+            (place, "place, m\n(- -: right, —: up)"),
+            (speed, "speed\nalong the fit, m/s"),
+            (along, "off the flight\nalong, pixels"),
+            (across, "off the flight\nacross, pixels"),
+        ):
+            axes.sharex(place)
+            axes.set_ylabel(label)
             axes.tick_params(labelbottom=axes is across)
             axes.grid(True, linewidth=0.3)
             for each in self.contacts:
