@@ -19,7 +19,7 @@ from virtual_lab.simulation.instruments.camera.spec import BallLook, CameraSpec,
 from virtual_lab.streams import Slots, Streams
 from virtual_lab.units import Array
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.clips.reading import Source
+from virtual_lab.video.clips.source import Source
 from virtual_lab.video.locate.located import Located, Regions
 from virtual_lab.video.locate.noise import ROUNDING
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tests.video.scenery.shots import KINDS, Kind, Shot, efficiency, empties, make_shot
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.clips.reading import Source
+from virtual_lab.video.clips.source import Source
 from virtual_lab.video.locate import sharp
 from virtual_lab.video.locate.located import Located, Regions
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.calibration_file import ClipCalibration
-from virtual_lab.video.clips.reading import Frame, Source, grey_of, open_source
+from virtual_lab.video.clips.reading import grey_of, open_source
+from virtual_lab.video.clips.source import Frame, Source
 from virtual_lab.video.clips.timing import frame_times
 
 Item = TypeVar("Item")

@@ -16,10 +16,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError, of_extra
 from virtual_lab.units import Array
-
-# frames, rate [1/s], exposure [s], what yields them
-Frames = Callable[[], Iterator[tuple[NDArray[Any], float]]]
-Header = tuple[int, float | None, float | None, Frames]
+from virtual_lab.video.clips.source import Source, Stamped, rate_of
 
 
 @contextmanager
@@ -32,21 +29,21 @@ def _reading(path: Path, kind: str) -> Iterator[None]:
         raise InputError(str(path), kind, None, why) from fault
 
 
-def cine(path: Path) -> Header:
+def cine(path: Path) -> Source:
     """Read a .cine file: 8 to 16 bits, grey, P10 and P12L too, with time stamps and exposure."""
     reader = of_extra("cinereader", "highspeed", f"{path}: .cine")
     with _reading(path, ".cine"):
         head = reader.read_metadata(str(path))
         count, first = int(head.ImageCount), int(head.FirstImageNo)
-        rate, exposure_us, stamps = float(head.FrameRate), head.ExposureTime, _stamps(path, head)
+        rate, exposure, stamps = rate_of(head.FrameRate), head.ExposureTime, _stamps(path, head)
 
-    def read() -> Iterator[tuple[NDArray[Any], float]]:
+    def read() -> Stamped:
         for number in range(count):
             with _reading(path, ".cine"):
                 image = reader.read_image(head, str(path), first + number)
             yield np.ascontiguousarray(image), float(stamps[number])
 
-    return count, _sane(rate), 1e-6 * exposure_us or None, read
+    return Source(path=path, declared=count, rate=rate, exposure=1e-6 * exposure or None, read=read)
 
 
 def _stamps(path: Path, head: Any) -> Array:
@@ -63,7 +60,7 @@ def _stamps(path: Path, head: Any) -> Array:
     return np.full(head.ImageCount, np.nan)
 
 
-def mraw(path: Path) -> Header:
+def mraw(path: Path) -> Source:
     """Read the frames of a .mraw file (8, 12 or 16 bits, grey) by the header beside it."""
     reader = of_extra("pyMRAW", "highspeed", f"{path}: .mraw")
     data = path.with_suffix(".mraw")
@@ -76,19 +73,19 @@ def mraw(path: Path) -> Header:
         head = reader.get_cih(str(beside))
         count, bits = int(head["Total Frame"]), int(head["Color Bit"])
         shape = int(head["Image Height"]), int(head["Image Width"])
-        rate = float(head["Record Rate(fps)"])
+        rate = rate_of(float(head["Record Rate(fps)"]))
     if bits not in {8, 12, 16}:
         raise InputError(str(path), ".mraw", f"{bits} bits", "allowed: grey of 8, 12 or 16 bits")
     size = shape[0] * shape[1] * bits // 8
 
-    def read() -> Iterator[tuple[NDArray[Any], float]]:
+    def read() -> Stamped:
         with data.open("rb") as file:
             for _ in range(count):
                 if len(raw := file.read(size)) < size:
                     return
                 yield _grey(np.frombuffer(raw, np.uint8), bits).reshape(shape), np.nan
 
-    return count, _sane(rate), None, read
+    return Source(path=path, declared=count, rate=rate, read=read)
 
 
 def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:
@@ -99,11 +96,7 @@ def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:
     return np.stack([(one << 4) | (two >> 4), ((two & 15) << 8) | three], axis=1).ravel()
 
 
-def _sane(rate: float) -> float | None:
-    return rate if 1 <= rate <= 1e7 else None
-
-
-HIGHSPEED: dict[str, Callable[[Path], Header]] = {
+HIGHSPEED: dict[str, Callable[[Path], Source]] = {
     ".cine": cine,
     **dict.fromkeys((".mraw", ".cihx", ".cih"), mraw),
 }

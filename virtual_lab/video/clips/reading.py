@@ -1,68 +1,27 @@
-"""Frames out of files: video, folders of images, TIFF stacks, arrays; one at a time, as stored.
-
-Frames are read in order and never kept, so a clip may be longer than the memory.
-"""
+"""Frames out of files: video, folders of images, TIFF stacks, arrays."""
 
 from __future__ import annotations
 
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.highspeed import HIGHSPEED
+from virtual_lab.video.clips.source import Frame, Source, Stamped, rate_of
 
 if TYPE_CHECKING:
     import cv2
 
-Frame = NDArray[Any]  # of 8 or 16 bits without sign
-Stamped = Iterator[tuple[Frame, float]]  # each with its time [s], NaN: it has none
-
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
 KINDS = "a video (MP4, MOV, AVI, MKV, CINE, MRAW), a folder of images, a TIFF stack or a .npy array"
 LARGEST = 50e6  # pixels of a picture: a film of 8K has 33 million
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
-    """Where a clip's frames come from."""
-
-    path: Path
-    declared: int  # frames the file says it holds
-    rate: float | None = None  # frames a second the file says
-    exposure: float | None = None  # of a frame [s], that the file says
-    rotation: float | None = None  # degrees clockwise that frames were turned as the file asks for
-    read: Callable[[], Stamped]
-
-    def pictures(self) -> Stamped:
-        """Yield each frame, grey or in colour, with its own time stamp.
-
-        Raises `InputError` where a frame has another size or depth than the first, where
-        fewer can be read than the file says it holds, or where there is none.
-        """
-        first, count = "", 0
-        for frame, stamp in self.read():
-            _require_picture(frame, f"{self.path}: frame {count}")
-            size = f"{frame.shape[1]} x {frame.shape[0]} of {8 * frame.dtype.itemsize} bits"
-            first = first or size
-            if size != first:
-                allowed = f"the first is {first}: all have one size and depth"
-                raise InputError(str(self.path), f"frame {count}", size, allowed)
-            count += 1
-            yield frame, stamp
-        if count == 0:
-            raise InputError(str(self.path), "frames", 0, "no frame in it can be read")
-        if count < self.declared:
-            allowed = f"the file says it holds {self.declared} (is it cut short?)"
-            raise InputError(str(self.path), "frames that can be read", count, allowed)
 
 
 def open_source(path: Path | Frame) -> Source:
@@ -82,8 +41,7 @@ def open_source(path: Path | Frame) -> Source:
         # mapped anew for each frame: pages that were read would count as memory
         return _array(path, partial(np.lib.format.open_memmap, path, "r"))
     if kind in HIGHSPEED:
-        count, rate, exposure, read = HIGHSPEED[kind](path)
-        return Source(path=path, declared=count, rate=rate, exposure=exposure, read=read)
+        return HIGHSPEED[kind](path)
     return _images(path, [path]) if kind in IMAGES else _video(path)
 
 
@@ -166,7 +124,7 @@ def _video(path: Path) -> Source:
     return Source(
         path=path,
         declared=max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) - estimated, 0),
-        rate=rate if np.isfinite(rate) and rate > 0 else None,
+        rate=rate_of(rate),
         rotation=turn % 360 if np.isfinite(turn) else None,
         read=read,
     )
@@ -214,16 +172,6 @@ def _require_sizes(path: Path) -> None:
             sizes = []
     for size in sizes:
         _require_size(path, size)
-
-
-def _require_picture(frame: Frame, where: str) -> None:
-    """Raise `InputError` unless a frame is grey or of 3 or 4 channels, of 8 or 16 bits."""
-    if frame.dtype not in (np.uint8, np.uint16):
-        raise InputError(where, "depth", str(frame.dtype), "expected 8 or 16 bits without sign")
-    if frame.ndim != 2 and (frame.ndim != 3 or frame.shape[2] not in {1, 3, 4}):
-        raise InputError(where, "shape", str(frame.shape), "expected grey, 3 colours or 4 channels")
-    if min(frame.shape[:2]) < 8:  # less shows no ball
-        raise InputError(where, "shape", str(frame.shape), "a frame has at least 8 x 8 pixels")
 
 
 def grey_of(frame: Frame) -> Frame:

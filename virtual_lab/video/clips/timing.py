@@ -13,7 +13,7 @@ from virtual_lab.units import Array
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.columns import numbers_in
 from virtual_lab.video.clips.highspeed import HIGHSPEED
-from virtual_lab.video.clips.reading import Source
+from virtual_lab.video.clips.source import Source
 
 UNSURE_RATE = "the frame rate is the file's own"
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from virtual_lab.units import Array
-from virtual_lab.video.clips.reading import Frame, grey_of
+from virtual_lab.video.clips.reading import grey_of
+from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.find.drift import (
     FAR_OFF,
     Edges,

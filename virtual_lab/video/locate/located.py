@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array
-from virtual_lab.video.clips.reading import Frame
+from virtual_lab.video.clips.source import Frame
 
 MARGIN = 16.0  # pixels of background about the ball
 

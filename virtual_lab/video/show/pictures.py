@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.output.style import STYLE, as_drawn
-from virtual_lab.video.clips.reading import Frame
+from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.find.still import moved_back
 from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.show.course import course_of, names_of, spots

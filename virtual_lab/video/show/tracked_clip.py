@@ -17,7 +17,8 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import Clip, open_clip
-from virtual_lab.video.clips.reading import Frame, open_source
+from virtual_lab.video.clips.reading import open_source
+from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.clips.timing import UNSURE_RATE
 from virtual_lab.video.follow.correction import read_track
 from virtual_lab.video.follow.following import FollowedClip, follow, following

@@ -1,0 +1,68 @@
+"""Where a clip's frames come from: one at a time, each of one size and depth, as stored.
+
+Frames are read in order and never kept, so a clip may be longer than the memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.errors import InputError
+
+Frame = NDArray[Any]  # of 8 or 16 bits without sign
+Stamped = Iterator[tuple[Frame, float]]  # each with its time [s], NaN: it has none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """Where a clip's frames come from."""
+
+    path: Path
+    declared: int  # frames the file says it holds
+    rate: float | None = None  # frames a second the file says
+    exposure: float | None = None  # of a frame [s], that the file says
+    rotation: float | None = None  # degrees clockwise that frames were turned as the file asks for
+    read: Callable[[], Stamped]
+
+    def pictures(self) -> Stamped:
+        """Yield each frame, grey or in colour, with its own time stamp.
+
+        Raises `InputError` where a frame has another size or depth than the first, where
+        fewer can be read than the file says it holds, or where there is none.
+        """
+        first, count = "", 0
+        for frame, stamp in self.read():
+            _require_picture(frame, f"{self.path}: frame {count}")
+            size = f"{frame.shape[1]} x {frame.shape[0]} of {8 * frame.dtype.itemsize} bits"
+            first = first or size
+            if size != first:
+                allowed = f"the first is {first}: all have one size and depth"
+                raise InputError(str(self.path), f"frame {count}", size, allowed)
+            count += 1
+            yield frame, stamp
+        if count == 0:
+            raise InputError(str(self.path), "frames", 0, "no frame in it can be read")
+        if count < self.declared:
+            allowed = f"the file says it holds {self.declared} (is it cut short?)"
+            raise InputError(str(self.path), "frames that can be read", count, allowed)
+
+
+def _require_picture(frame: Frame, where: str) -> None:
+    """Raise `InputError` unless a frame is grey or of 3 or 4 channels, of 8 or 16 bits."""
+    if frame.dtype not in (np.uint8, np.uint16):
+        raise InputError(where, "depth", str(frame.dtype), "expected 8 or 16 bits without sign")
+    if frame.ndim != 2 and (frame.ndim != 3 or frame.shape[2] not in {1, 3, 4}):
+        raise InputError(where, "shape", str(frame.shape), "expected grey, 3 colours or 4 channels")
+    if min(frame.shape[:2]) < 8:  # less shows no ball
+        raise InputError(where, "shape", str(frame.shape), "a frame has at least 8 x 8 pixels")
+
+
+def rate_of(said: float) -> float | None:
+    """Frames a second that a file says, None where it cannot be meant."""
+    return said if 1 <= said <= 1e7 else None
