@@ -19,7 +19,6 @@ class BoardView:
 
     ids: NDArray[np.intp]  # which of `Board.corners` they are, (corner,)
     places: Array  # (corner, 2) [pixels]
-    lens_blur: float = np.nan  # standard deviation [pixels]
 
 
 def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:

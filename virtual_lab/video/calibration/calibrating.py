@@ -99,13 +99,17 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
     Raises `InputError`: pictures of several sizes, fewer than three with a board, none in the
     plane view, boards all parallel, residuals that no lens leaves, a plane behind the camera.
     """
-    looked, size = _looked_at(pictures, plan.board)
+    looked, size, plane, blur = _looked_at(pictures, plan)
     seen = {name: found for name, found in looked.items() if found}
     if len(seen) < DEMANDS.least_views:
         many = f"{plan.board.columns}x{plan.board.rows} squares, not inner corners"
         allowed = f"at least {DEMANDS.least_views} must show the board (is it {many}?)"
         raise InputError("", "pictures with a board", len(seen), allowed)
-    plane = _plane_view(looked, plan)
+    if plane is None:  # never another unasked
+        raise InputError("", "--plane", plan.plane, f"allowed: {', '.join(looked)}")
+    if plane not in seen:
+        allowed = "no board was found in it; name one that shows it flat with --plane"
+        raise InputError(plane, "plane view", None, allowed)
     solved = _solve(plan.board.corners(), [*seen.values()], size, [*seen].index(plane))
     _require_sound(solved)
     if not plan.height < (far := float(solved.values[-1])):
@@ -132,7 +136,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
         solved=solved,
         views=dict(zip(seen, rms.tolist(), strict=True)),
         plane=plane,
-        lens_blur=seen[plane].lens_blur,
+        lens_blur=blur,
         length_u=shares,
         warnings=tuple(_warnings(solved, looked, size, plan)),
     )
@@ -148,10 +152,11 @@ def lengths_of(model: CameraModel) -> Array:
 
 
 def _looked_at(
-    pictures: Iterable[tuple[str, NDArray[Any]]], board: Board
-) -> tuple[dict[str, BoardView | None], tuple[int, int]]:
-    """Corners of the board in each picture, by its name, and width and height."""
+    pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan
+) -> tuple[dict[str, BoardView | None], tuple[int, int], str | None, float]:
+    """Corners of the board in each picture; width and height; name and blur of the plane view."""
     looked: dict[str, BoardView | None] = {}
+    plane, blur = None, np.nan
     size: tuple[int, int] | None = None
     for name, picture in pictures:
         own = (picture.shape[1], picture.shape[0])
@@ -159,22 +164,13 @@ def _looked_at(
         if own != size:
             allowed = f"the first is {size[0]} x {size[1]}: all must be one camera's"
             raise InputError(name, "size", f"{own[0]} x {own[1]}", allowed)
-        found = find_board(picture, board)
-        looked[name] = found and replace(found, lens_blur=lens_blur_of(picture, found, board))
+        found = find_board(picture, plan.board)
+        if plane is None and plan.plane in (None, name, Path(name).name):
+            plane, blur = name, lens_blur_of(picture, found, plan.board) if found else np.nan
+        looked[name] = found
     if size is None:
         raise InputError("", "pictures", 0, f"at least {DEMANDS.least_views} of a board")
-    return looked, size
-
-
-def _plane_view(looked: dict[str, BoardView | None], plan: Plan) -> str:
-    """Name of the plane view; never of another that nobody asked for."""
-    named = [name for name in looked if plan.plane in (None, name, Path(name).name)]
-    if not named:
-        raise InputError("", "--plane", plan.plane, f"allowed: {', '.join(looked)}")
-    if looked[named[0]] is None:
-        allowed = "no board was found in it; name one that shows it flat with --plane"
-        raise InputError(named[0], "plane view", None, allowed)
-    return named[0]
+    return looked, size, plane, blur
 
 
 def _require_sound(solved: Solved) -> None:
