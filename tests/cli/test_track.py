@@ -8,6 +8,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -96,14 +97,11 @@ def test_options_go_before_the_calibration_file(folder: Path, tmp_path: Path) ->
 
 
 def test_the_balls_u_is_in_the_speeds_of_a_hit(folder: Path) -> None:
-    arguments = ["track", str(folder / "clip.mp4"), "--calibration", str(folder / "cal.toml")]
     for ball, share in (("28mm±1mm", 1 / 28), ("28mm", 0.01)):
-        done = CliRunner().invoke(
-            cli, [*arguments, "--ball", ball, "--out", str(folder / ball), "--json"]
-        )
-        found = json.loads(done.stdout)
+        track = vl.track(folder / "clip.mp4", calibration=folder / "cal.toml", ball=ball)
+        found = track.document
         assert found["scale"]["relative_u"] == pytest.approx(share, rel=0.1)
-        assert ("0.28 mm was assumed" in done.stdout) == (ball == "28mm")
+        assert ("0.28 mm was assumed" in track.text) == (ball == "28mm")
         assert found["speed_in_mps"]["u"] > share * found["speed_in_mps"]["value"]
 
 
@@ -186,28 +184,19 @@ def test_a_phone_leaves_out_what_holds_for_all(thrown: tuple[Path, Path, dict[st
 def test_a_track_comes_back_corrected(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
     """As it went out it gives the same; a row that is moved by hand moves the result."""
     clip, out, told = thrown
-    rows = list(csv.DictReader((out / "track.csv").read_text().splitlines()))
+    rows = pd.read_csv(out / "track.csv")
 
-    def again(name: str, rows: list[dict[str, str]]) -> dict[str, Any]:
-        table = out.parent / f"{name}.csv"
-        with table.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
-        words = ["--ball", "80mm±0.8mm", "--fps", "30", "--global-shutter"]
-        words += ["--track", str(table), "--out", str(out.parent / name), "--json"]
-        done = CliRunner().invoke(cli, ["track", str(clip), *words])
-        assert done.exit_code == 0, done.output
-        return json.loads(done.stdout)
+    def again() -> dict[str, Any]:
+        rows.to_csv(out.parent / "corrected.csv", index=False)
+        words = {"ball": "80mm±0.8mm", "fps": 30, "global_shutter": True}
+        return vl.track(clip, corrected=out.parent / "corrected.csv", **words).document
 
-    same = again("same", rows)
+    same = again()
     value = told["contacts"][0]["restitution"]["value"]
     assert abs(same["contacts"][0]["restitution"]["value"] - value) < 2e-3
     assert "READOUT_UNKNOWN" not in same["flags"]
-    for row in rows:
-        if row["flight"] == "2":
-            row["y_px"] = str(float(row["y_px"]) * 1.1)
-    moved = again("moved", rows)
+    rows.loc[rows["flight"] == 2, "y_px"] *= 1.1
+    moved = again()
     assert moved["flights"][1]["acceleration_mps2"]["value"] == pytest.approx(
         1.1 * same["flights"][1]["acceleration_mps2"]["value"], rel=0.04
     )
@@ -218,11 +207,9 @@ def test_flights_at_the_same_time_are_refused(
 ) -> None:
     """Every other place said to be of a second flight: a mistake of whoever corrects a track."""
     clip, out, _ = thrown
-    rows = list(csv.DictReader((out / "track.csv").read_text().splitlines()))
-    with (tmp_path / "mixed.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(row | {"flight": "ab"[k % 2]} for k, row in enumerate(rows))
+    rows = pd.read_csv(out / "track.csv")
+    rows["flight"] = np.resize(["a", "b"], len(rows))
+    rows.to_csv(tmp_path / "mixed.csv", index=False)
     words = ["--ball", "80mm", "--fps", "30", "--track", str(tmp_path / "mixed.csv")]
     done = CliRunner().invoke(cli, ["track", str(clip), *words])
     assert isinstance(done.exception, InputError)
