@@ -45,7 +45,11 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     help="Frames per second of real time, repeated frames included  [default: the file's, or where "
     "the ball would not fall with g by it, the rate that makes it]",
 )
-@click.option("--exposure", metavar="1/120", help="Exposure time of a frame, in s or ms.")
+@click.option(
+    "--exposure",
+    metavar="1/120",
+    help="Exposure time of a frame, in s or ms; a calibrated camera needs it, here or in its file.",
+)
 @click.option("--gravity", type=float, help="Local gravity [m/s²]  [default: 9.81 ± 0.025]")
 @click.option("--frames", metavar="17:52", help="First and last frame to use.")
 @click.option("--region", metavar="X,Y,W,H", help="Part of the picture to use [pixels].")

@@ -41,7 +41,7 @@ def timed(course: Course) -> Flights:
 
 def seen_by(camera, course: Course, detail: RecordDetail, draws=None, bat=None) -> Sightings:
     record, _ = camera.watch(course, draws or Quiet(), "clip", np.arange(3), detail, bat)
-    return sight(record, camera.calibration(), 0.0365)
+    return sight(record, constants(camera), STAGE)
 
 
 def measured(camera, course: Course, seen: Sightings, **changed: np.ndarray) -> CameraResults:
@@ -210,10 +210,10 @@ def test_bad_windows_are_named() -> None:
     camera, course = camera_of(spec_of("camera-overhead"), Quiet()), course_of()
     record, _ = camera.watch(course, Quiet(), "clip", np.arange(3))
     assert isinstance(record, ClipRecord)
-    known = camera.calibration()
+    known = constants(camera)
     with pytest.raises(InputError, match="pixels"):
-        sight(replace(record, pixels=None), known, 0.0365)
+        sight(replace(record, pixels=None), known, STAGE)
     with pytest.raises(InputError, match="background"):
-        sight(replace(record, background=None), known, 0.0365)
+        sight(replace(record, background=None), known, STAGE)
     with pytest.raises(InputError, match="left_px"):
-        sight(replace(record, left=record.left + 4000), known, 0.0365)
+        sight(replace(record, left=record.left + 4000), known, STAGE)

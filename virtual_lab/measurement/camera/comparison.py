@@ -73,13 +73,7 @@ def compare_camera(session: Session, reduced: SessionReduction) -> CameraCompari
     if not isinstance(record, ClipRecord | TrackRecord) or not isinstance(gates, GateReadings):
         return None
     best, variants = best_values(reduced.constants), Variants.of(reduced.constants)
-    stem = "impact.camera."
-    known = {
-        name.removeprefix(stem): value
-        for name, value in session.calibration.items()
-        if name.startswith(stem)
-    }
-    seen = sight(record, known, float(best["ball.radius"]))
+    seen = sight(record, best, "impact")
     found = _by_both(reduced, seen, best, gates.corrected)
     moved = _by_both(reduced, seen, variants.columns, gates.corrected)
     risen = _by_both(reduced, seen, best, heights_moved(gates)).quantities

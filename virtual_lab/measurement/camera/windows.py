@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 from virtual_lab.records import ClipRecord, TrackRecord
-from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, cut, part_of
 from virtual_lab.video.locate.noise import ROUNDING, Noise
 from virtual_lab.video.locate.sharp import place, standing_out
 
-Known = Mapping[str, Estimate]
+Constants = Mapping[str, Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,24 +46,24 @@ class Sightings:
     out: Mask  # whether the ball flies out
 
 
-def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sightings:
+def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightings:
     """Positions at which a camera saw the ball of each shot.
 
     Parameters
     ----------
     record
         Windows with their background, or places that the camera tracked itself.
-    known
-        The camera's calibration.
-    radius
-        Radius of the ball [m].
+    x
+        Constants, numbers: the calibration of the stage's camera and the ball's radius.
 
     Raises
     ------
     InputError
         Windows without their pixels or their background.
     """
-    size = known["focal"].value / (known["place_z"].value - known["plane"].value)  # [px/m]
+    stem = f"{stage}.camera."
+    of = {name.removeprefix(stem): float(x[name]) for name in x if name.startswith(stem)}
+    size, radius = of["focal"] / (of["place_z"] - of["plane"]), float(x["ball.radius"])  # [px/m, m]
     if isinstance(record, TrackRecord):
         still = np.zeros_like(record.u)
         return _ways(record.times, np.stack([record.x, record.y, record.u, still]), size)
@@ -88,17 +87,17 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
         began = _start(seen, size * radius)
         free, out = (each[0] for each in _free(times[None, own], began[None, :, 0], size))
         kept = np.concatenate([_spread(free & ~out), _spread(free & out)])
-        blurs = _blurs(times[own], began, out, known["exposure"].value)
+        blurs = _blurs(times[own], began, out, of["exposure"])
         if not kept.size:
             continue
         found = place(
             part_of(seen, kept),
             Located.start(began[kept], size * radius, blurs[kept]),
-            noise=noise_of(known),
-            lens=known["blur"].value,
-            middle=(known["centre_x"].value, known["centre_y"].value),
+            noise=_noise(of),
+            lens=of["blur"],
+            middle=(of["centre_x"], of["centre_y"]),
             # a sphere seen under the angle b from the axis is longer by 1 / cos b
-            oval=(1 / (2 * known["focal"].value) ** 2, SEARCH.oval_u),
+            oval=(1 / (2 * of["focal"]) ** 2, SEARCH.oval_u),
         )
         useful = found.usable & ((found.flags & PlaceFlag.SATURATED) == 0)
         places = found.x, found.y, found.u, found.pattern_u
@@ -106,16 +105,16 @@ def sight(record: ClipRecord | TrackRecord, known: Known, radius: float) -> Sigh
     return _ways(record.times, table, size)
 
 
-def noise_of(known: Known) -> Noise:
+def _noise(of: Mapping[str, float]) -> Noise:
     """Noise of a camera from its photon transfer measurement."""
-    gain = known["gain"].value
-    dark = known["read_noise"].value ** 2 + known["dark_signal"].value ** 2
+    gain = of["gain"]
+    dark = of["read_noise"] ** 2 + of["dark_signal"] ** 2
     return Noise(
         gain=gain,
         read=gain**2 * dark + ROUNDING,
-        black=known["black_level"].value,
-        prnu=known["photo_response"].value,
-        full_scale=known["full_scale"].value,
+        black=of["black_level"],
+        prnu=of["photo_response"],
+        full_scale=of["full_scale"],
     )
 
 

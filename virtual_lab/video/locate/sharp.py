@@ -29,8 +29,6 @@ SHARP = SharpSettings()
 
 def noise_of_clip(clip: Clip) -> Noise:
     """Noise in time of a clip's pixels, from the frames sampled for its background."""
-    if len(clip.samples) < 2:
-        return Noise(gain=0.0, read=1.0, full_scale=clip.full_scale)
     every = max(1, int(np.sqrt(clip.samples.size / SHARP.noise_sample_px)))
     return Noise.measured(clip.grey_samples(every), clip.full_scale)
 
