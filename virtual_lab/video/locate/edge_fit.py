@@ -114,26 +114,18 @@ def fit_edge(
             )
             view = View(here, behind, ways[k])
             with suppress(np.linalg.LinAlgError):
-                table[k], flags[k] = _judged(_outline(view, rim, noise, prior, sectors, p[k]))
+                table[k], flags[k] = _outline(view, rim, noise, prior, sectors, p[k])
     table[:, :2] += seen.corners
     return replace(start, flags=flags, **dict(zip(FITTED, table.T, strict=True)))
 
 
-class Outline(NamedTuple):
-    """What fits one region."""
-
-    p: Array  # the kernel's shared parameters
-    variances: Array  # (3,) of x, y and radius
-    shifts: Array  # (3,) those that the pattern gives them
-    tally: Array  # the kernel's
-    sway: float  # how far the place would be off, were the pattern the outline [pixel]
-    covered: float  # share of the rim that is as bright as what is behind
-
-
 def _outline(
     view: View, rim: Profiles, noise: Noise, prior: Array, sectors: int, start: Array
-) -> Outline:
-    """Fit one region by Gauss and Newton; raise `LinAlgError` where nothing fits."""
+) -> tuple[list[float], int]:
+    """Fit one region by Gauss and Newton: values of `FITTED`, and flags.
+
+    Raises `LinAlgError` where nothing fits.
+    """
     from virtual_lab.video.locate.edge_kernel import sector_sums
 
     p, knots = start.copy(), len(rim.stiffness)
@@ -177,14 +169,10 @@ def _outline(
             break
         if settling and ((far <= RIM_FIT.settling_step_px and turn) or turn + 1 == RIM_FIT.rounds):
             settling, amplitude = False, np.full(sectors, RIM_FIT.first_pattern)
-    return Outline(
-        p=p,
-        variances=np.diagonal(covariance),
-        shifts=_shifts(by_pattern / (amplitude * bright)[:, None, None], rim.stiffness),
-        tally=tally,
-        sway=_sway(pattern, rim.hides, view, p, noise.black + bright),
-        covered=covered(view, p, noise),
-    )
+    shifts = _shifts(by_pattern / (amplitude * bright)[:, None, None], rim.stiffness)
+    sway = _sway(pattern, rim.hides, view, p, noise.black + bright)
+    hidden = covered(view, p, noise)
+    return _judged(p, np.diagonal(covariance), shifts, tally, sway, hidden)
 
 
 class Equations(NamedTuple):
@@ -326,16 +314,27 @@ def covered(view: View, p: Array, noise: Noise) -> float:
     return float((np.abs(sigmas) < RIM_FIT.alike_sigmas).mean())
 
 
-def _judged(found: Outline) -> tuple[list[float], int]:
+def _judged(
+    p: Array, variances: Array, shifts: Array, tally: Array, sway: float, hidden: float
+) -> tuple[list[float], int]:
     """Values of `FITTED`, and flags where they are not to be trusted.
 
-    Raises `LinAlgError` where the outline was not seen.
+    Parameters
+    ----------
+    p, tally
+        The kernel's.
+    variances, shifts
+        Of x, y and radius, and those that the pattern gives them, (3,).
+    sway
+        How far the place would be off, were the pattern the outline [pixel].
+    hidden
+        Share of the rim that is as bright as what is behind.
     """
-    p, radius, (pixels, near, around, shown, full, stray) = found.p, found.p[AT.radius], found.tally
+    radius, (pixels, near, around, shown, full, stray) = p[AT.radius], tally
     misfit = near / max(around - len(AT), 1.0)
     grown = max(misfit, 1.0)  # misfit counts as noise
-    own = np.sqrt(np.maximum(found.variances - found.shifts, 0.0) * grown)
-    pattern = RIM_FIT.pattern_factor * np.sqrt(np.maximum(found.shifts, 0.0) * grown)
+    own = np.sqrt(np.maximum(variances - shifts, 0.0) * grown)
+    pattern = RIM_FIT.pattern_factor * np.sqrt(np.maximum(shifts, 0.0) * grown)
     if not np.hypot(own, pattern).max() * RIM_FIT.least_radius_over_u < radius:
         raise np.linalg.LinAlgError("no outline")
     shown, full = shown / (2 * pi * radius), full / (2 * pi * radius)
@@ -343,9 +342,9 @@ def _judged(found: Outline) -> tuple[list[float], int]:
     tests = {
         PlaceFlag.SATURATED: full > RIM_FIT.flagged_share,
         PlaceFlag.CLIPPED: 1 - shown > RIM_FIT.flagged_share,
-        PlaceFlag.OVERLAP: found.covered > RIM_FIT.covered_share,
+        PlaceFlag.OVERLAP: hidden > RIM_FIT.covered_share,
         PlaceFlag.POOR_FIT: poor,
     }
-    swayed = np.hypot(pattern[:2], RIM_FIT.sway_share * found.sway)
+    swayed = np.hypot(pattern[:2], RIM_FIT.sway_share * sway)
     told = [p[AT.x], p[AT.y], radius, own[0], own[1], misfit, np.hypot(*swayed) / sqrt(2)]
     return told, sum(flag for flag, raised in tests.items() if raised)

@@ -39,14 +39,7 @@ class View(NamedTuple):
 
 @njit(**OPTIONS)
 def _fill(
-    x: float,
-    y: float,
-    behind: float,
-    p: Array,
-    way: Array,
-    rim: Profiles,
-    light: Array,
-    row: Array,
+    x: float, y: float, behind: float, p: Array, way: Array, rim: Profiles, light: Array, row: Array
 ) -> tuple[float, float]:
     """Fill a pixel's derivatives by outline, shading and pattern; return its mean and outline.
 
