@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +18,7 @@ from virtual_lab.video.calibration.plane import RIM, Plane, plane_of
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.clips.timing import usual_step
+from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import without_contacts
 from virtual_lab.video.follow.joint import Fit, fit_flights
@@ -133,7 +135,7 @@ def sharpen(
     shown = zip(corners, clip.chosen(frames), strict=True)
     seen = Regions(
         pixels=np.concatenate([cut(grey_of(frame), at[None], side) for at, (_, frame) in shown]),
-        background=cut(np.median(clip.grey_samples(), axis=0), corners, side),
+        background=cut(_uncovered(clip, watched.found), corners, side),
         corners=corners,
     )
     located = sharp_places(clip, seen, start, lens=lens, ball_radius=expected)
@@ -149,6 +151,22 @@ def sharpen(
         for way in ways
     ]
     return settle(scene, ways, ball, known)
+
+
+def _uncovered(clip: Clip, moving: Blobs) -> Array:
+    """Background, the mean of samples where nothing that moves covers them, else their median.
+
+    A ball that dwells at a contact stands in the median, too.
+    """
+    samples = clip.grey_samples()
+    free = np.ones(samples.shape, np.uint8)
+    for shown, number in zip(free, clip.sampled, strict=True):
+        for blob in moving[moving["frame"] == number]:
+            middle = round(float(blob["picture_x"])), round(float(blob["picture_y"]))
+            cv2.circle(shown, middle, int(1.15 * blob["length"]) + 10, 0, -1)
+    count = free.sum(axis=0)
+    mean = samples.sum(axis=0, where=free > 0) / np.maximum(count, 1)
+    return np.where(count > 0, mean, np.median(samples, axis=0))
 
 
 def settle(
