@@ -14,7 +14,7 @@ from virtual_lab.video.follow.flights import FLIGHTS, meetings
 from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.known import Note
 from virtual_lab.video.follow.models import FittedFlights
-from virtual_lab.video.follow.pieces import Piece
+from virtual_lab.video.follow.pieces import GROWTH, Piece
 from virtual_lab.video.follow.ruler import RULER, Ruler
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.sharpening import SharpBall
@@ -74,7 +74,7 @@ def contacts_of(
             continue
         normal, kind = _normal(scene, fit.pull[0], out - into, ways)
         frame, ratio = _frame(scene, one, other, t), None
-        shown = min(len(one.t), len(other.t)) >= (3 if sharp else FLIGHTS.side_places)
+        shown = min(len(one.t), len(other.t)) >= (3 if sharp else GROWTH.least_places)
         if shown and kind != "other":
             ratio, flag, why = _restitution(fit, others, k, t, normal, kind, sharp is not None)
             if flag:

@@ -16,8 +16,7 @@ from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.find.blobs import BLOB
 from virtual_lab.video.find.still import still_of
 from virtual_lab.video.find.watching import Watched
-from virtual_lab.video.follow.flights import FLIGHTS
-from virtual_lab.video.follow.pieces import Piece
+from virtual_lab.video.follow.pieces import GROWTH, Piece
 
 
 def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
@@ -63,7 +62,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
         found=found,
         change=np.full(clip.count, np.nan),
     )
-    pieces = [Piece.of(found, own, t[own]) for own in flights if len(own) >= FLIGHTS.side_places]
+    pieces = [Piece.of(found, own, t[own]) for own in flights if len(own) >= GROWTH.least_places]
     pieces.sort(key=lambda each: each.frames[0])
     for one, other in pairwise(pieces):
         if other.frames[0] <= one.frames[-1]:

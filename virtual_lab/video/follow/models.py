@@ -49,7 +49,7 @@ class FittedFlights:
         if scene.readout is None:
             longest = [(refit(scene, ways, fit, readout=1.0), EVEN_SHARE)]
             if fit.readout:
-                next_to = fit.readout - FLIGHTS.readouts[1]
+                next_to = fit.readout - FLIGHTS.readouts[0]
                 near = [(refit(scene, ways, fit, readout=next_to), EVEN_SHARE)]
         tilt = float(np.hypot(*fit.tilt)) * max(scene.size)
         tilted = tilt > STEEPEST * FLIGHT_FIT.level_u

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,6 @@ class FlightScene:
     exposure: float | None  # [frames]
     fall: float | None = None  # g, in radii a frame² by the ball's size or in px/frame²
     fall_in_radii: bool = True
-    doubled: bool = False  # every frame is stored twice
     readout: float | None = 0.0  # [frames]; None: unknown, up to one
     pull: Array | None = None  # (2,) g where it is known [px/frame²]
     drag: tuple[float, float] | None = None  # the same of drag, with its u [1/px]
@@ -37,14 +35,11 @@ class FlightScene:
 
     def lost(self, flights: Sequence[Piece]) -> dict[int, int]:
         """Count of frames left out, by the number of the frame of a flight that follows them."""
-        found: dict[int, int] = {}
-        for each in flights:
-            more = np.diff(each.t) - np.diff(self.time[each.frames])
-            found |= {int(each.frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
-        for one, other in pairwise(flights):
-            if (between := self.ahead(one, other)) > 0.5:
-                found[int(other.frames[0])] = round(between)
-        return found
+        if not flights:
+            return {}
+        frames, t = (np.concatenate([getattr(e, n) for e in flights]) for n in ("frames", "t"))
+        more = np.diff(t) - np.diff(self.time[frames])
+        return {int(frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
 
     def ahead(self, one: Piece, other: Piece) -> float:
         """Count of frames left out between two flights."""

@@ -11,7 +11,7 @@ from virtual_lab.units import Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import uneven, usual_step
 from virtual_lab.video.find.watching import Watched
-from virtual_lab.video.follow.flights import flights_of
+from virtual_lab.video.follow.flights import FLIGHTS, flights_of
 from virtual_lab.video.follow.joint import Fit
 from virtual_lab.video.follow.known import ClipKnowledge
 from virtual_lab.video.follow.pieces import Piece, pieces
@@ -35,7 +35,6 @@ class FlightsFound:
     """What was found by one reading of the clip's time."""
 
     scene: FlightScene
-    support: float = -1.0
     pieces: list[Piece] = field(default_factory=list)
     ways: list[Piece] = field(default_factory=list)  # of the flights
 
@@ -49,7 +48,7 @@ def search(clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask) -> Fl
     if float(same.mean()) > TIME.every_other:
         readings = [True]
     scenes = (clip_scene(clip, watched, known, same, squeezed=each) for each in readings)
-    return max((_read(watched, known, each) for each in scenes), key=lambda each: each.support)
+    return max((_read(watched, known, each) for each in scenes), key=lambda each: each[0])[1]
 
 
 def clip_scene(
@@ -59,6 +58,7 @@ def clip_scene(
     stamped = np.arange(clip.count, dtype=float)
     if uneven(clip.times):
         stamped = (clip.times - clip.times[0]) / usual_step(clip.times)
+    doubled = float(same.mean()) > TIME.every_other
     length = known.metres_per_pixel or (known.ball and known.ball / 2)
     # pictures that a step of time takes, about
     step = 1 / (1 - same.mean()) if squeezed else 1.0
@@ -68,23 +68,24 @@ def clip_scene(
         stamped=stamped,
         size=(clip.shape[1], clip.shape[0]),
         exposure=known.exposure and known.exposure * known.rate,
-        fall=known.gravity / length * (step / known.rate) ** 2 if length else None,
+        # of a clip stored twice nobody knows whether it is played at the rate it was filmed with
+        fall=known.gravity / length * (step / known.rate) ** 2 if length and not doubled else None,
         fall_in_radii=known.metres_per_pixel is None,
-        doubled=float(same.mean()) > TIME.every_other,
         readout=known.readout and known.readout * known.rate,
         readout_axis=known.readout_axis,
     )
 
 
-def _read(watched: Watched, known: ClipKnowledge, scene: FlightScene) -> FlightsFound:
-    best, pull = FlightsFound(scene=scene), None
+def _read(watched: Watched, known: ClipKnowledge, scene: FlightScene) -> tuple[float, FlightsFound]:
+    """Flights by one reading of the time, and their support."""
+    best, pull = (-1.0, FlightsFound(scene=scene)), None
     for _ in range(2):  # where gravity is known also through frames that are missing
         found = pieces(watched.found, scene.time, pull)
         found = [p for p in found if not known.ball_at or _passes(watched, p, known.ball_at)]
         ways, fit = flights_of(scene, found)
         support = _support(scene, ways, fit) if fit else 0.0
-        if support > best.support:
-            best = FlightsFound(scene=scene, support=support, pieces=found, ways=ways)
+        if support > best[0]:
+            best = support, FlightsFound(scene=scene, pieces=found, ways=ways)
         if fit is None:
             break
         pull = fit.pull[0]
@@ -108,7 +109,7 @@ def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> boo
 def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
     """Support for flights: places beyond what was free to choose, over their scatter."""
     radius = float(np.median([each.radius for each in ways]))
-    spare = sum(len(each.t) for each in ways) - 4 * len(ways) - len(scene.lost(ways))
+    spare = sum(len(each.t) for each in ways) - 5 * len(ways) - len(scene.lost(ways))
     return spare / (0.02 + fit.spread / radius)
 
 
@@ -133,14 +134,14 @@ def _thinning(scene: FlightScene, ways: Sequence[Piece]) -> float:
     Where every so manieth frame was left out the file's rate is that of what is left: a step is
     shorter. Frames that are lost here and there leave the rate as it was.
     """
-    if sum(scene.lost(ways).values()) < TIME.least_repeats:
+    lost = scene.lost(ways)
+    if sum(lost.values()) < TIME.least_repeats:
         return 1.0
-    first = np.concatenate([way.frames[:-1] for way in ways])
-    last = np.concatenate([way.frames[1:] for way in ways])
-    lost = np.concatenate([np.diff(w.t) - np.diff(scene.time[w.frames]) for w in ways])
+    frames = np.concatenate([way.frames for way in ways])
+    missing = np.array([lost.get(int(frame), 0) for frame in frames[1:]])
+    near = np.diff(frames) <= FLIGHTS.contact_frames
     for period in TIME.thinned_periods:
         for phase in range(period):
-            left_out = (last - phase) // period - (first - phase) // period
-            if (left_out == np.rint(lost)).all():
+            if (np.diff((frames - phase) // period) == missing)[near].all():
                 return period / (period + 1)
     return 1.0
