@@ -321,6 +321,9 @@ def test_a_ball_that_is_not_located_sharply(
     assert "NOT_SHARP" in found.flags
     assert re.search(words, " ".join(found.warnings))
     assert len(found.flights) == 2
+    if key == "ball_diameter_m":  # what tells of scale and rate alone asks for no sharp place
+        bare = replace(KNOWN, lens_blur_px=None, exposure_s=None)
+        assert track_hit(tmp_path / "clip.npy", bare).flags == ()
 
 
 @pytest.mark.parametrize(("sense", "turn"), [(1.0, (0.0, 0.0, 0.0)), (-1.0, (np.pi, 0.0, 0.0))])

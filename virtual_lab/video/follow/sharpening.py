@@ -84,8 +84,12 @@ class SharpBall:
 
 def wants_sharp(known: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
     """Whether the camera is calibrated and stands, and one hit at most is seen."""
-    sharp = known.calibration is not None and not watched.still.drifts
-    return sharp and known.ruler != GRAVITY and 0 < len(ways) <= 2
+    given = known.calibration
+    # a file that tells of rate or scale alone asks for no more than words would
+    asked = given is not None and (given.camera or given.lens_blur_px or given.exposure_s)
+    if not asked or watched.still.drifts or known.ruler == GRAVITY:
+        return False
+    return 0 < len(ways) <= 2
 
 
 def sharpen(
