@@ -81,28 +81,25 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
         raise InputError(str(source.path), "frames", f"{size[0]} x {size[1]}", allowed)
     room = MEMORY.most_bytes / first.nbytes
     count = int(np.clip(room, MEMORY.least_samples, MEMORY.samples))
-    every = max(1, -(-source.declared // count))
-    # filled in place: a list and its stack would take the memory twice
-    samples = np.empty((-(-source.declared // every) + 1, *first.shape), first.dtype)
+    every, stays = max(1, -(-source.declared // count)), source.declared <= room
     stamps: list[float] = []
-    kept: list[tuple[Frame, float]] = []
+    kept: dict[int, Frame] = {}
     brightest = 255
     for number, (frame, stamp) in enumerate(source.pictures()):
         stamps.append(stamp)
-        if number % every == 0 and number // every < len(samples):
-            samples[number // every] = frame
-        if source.declared * first.nbytes <= MEMORY.most_bytes:
-            kept.append((frame, stamp))
+        if stays or number % every == 0:
+            kept[number] = frame
         if frame.dtype != np.uint8:
             brightest = max(brightest, int(frame.max()))
     times, warnings = frame_times(source, np.array(stamps), calibration)
-    sampled = np.arange(0, len(stamps), every)[: len(samples)]
+    sampled = np.arange(0, len(stamps), every)
+    whole = replace(source, read=lambda: zip(kept.values(), stamps, strict=True))
     return Clip(
-        source=replace(source, read=lambda: iter(kept)) if kept else source,
+        source=whole if stays else source,
         times=times,
         shape=(first.shape[0], first.shape[1]),
         full_scale=float(2 ** brightest.bit_length() - 1),
-        samples=samples[: len(sampled)],
+        samples=np.stack([kept[k] for k in sampled.tolist()]),
         sampled=sampled,
         warnings=warnings,
     )

@@ -54,13 +54,11 @@ class Source:
 
 
 def _require_picture(frame: Frame, where: str) -> None:
-    """Raise `InputError` unless a frame is grey or of 3 or 4 channels, of 8 or 16 bits."""
-    if frame.dtype not in (np.uint8, np.uint16):
-        raise InputError(where, "depth", str(frame.dtype), "expected 8 or 16 bits without sign")
-    if frame.ndim != 2 and (frame.ndim != 3 or frame.shape[2] not in {1, 3, 4}):
-        raise InputError(where, "shape", str(frame.shape), "expected grey, 3 colours or 4 channels")
-    if min(frame.shape[:2]) < 8:  # less shows no ball
-        raise InputError(where, "shape", str(frame.shape), "a frame has at least 8 x 8 pixels")
+    """Raise `InputError` unless a frame is one that can be used; a smaller one shows no ball."""
+    colours = frame.shape[2:] in ((), (1,), (3,), (4,))
+    if frame.dtype not in (np.uint8, np.uint16) or not colours or min(frame.shape[:2]) < 8:
+        allowed = "expected 8 or 16 bits, grey, 3 colours or 4 channels, at least 8 x 8 pixels"
+        raise InputError(where, "picture", f"{frame.shape} of {frame.dtype}", allowed)
 
 
 def rate_of(said: float) -> float | None:
