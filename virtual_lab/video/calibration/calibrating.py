@@ -33,7 +33,6 @@ class Demands:
     """What pictures must show for a calibration, and what is warned of."""
 
     least_views: int = 3  # with a board
-    views: int = 6  # leave little to chance
     greatest_focal_u: float = 0.02  # relative, no calibration: parallel views do not show it
     rough_rms_px: float = 0.3  # a warning
     greatest_rms_px: float = 1.5  # no calibration
@@ -215,11 +214,9 @@ def _warnings(
 ) -> Iterator[str]:
     if without := [name for name, found in looked.items() if not found]:
         yield f"no board was found in {', '.join(without)}"
-    names = [name for name, found in looked.items() if found]
-    if len(names) < (many := DEMANDS.views):
-        yield f"only {len(names)} pictures show the board: {many} or more are better"
     if solved.rms > DEMANDS.rough_rms_px:
         yield f"residuals of {solved.rms:.2g} pixels are large: is the board flat?"
+    names = [name for name, found in looked.items() if found]
     for name, lost in zip(names, solved.left_out, strict=True):
         if lost:
             yield f"{name}: corners far off were left out, {lost} of them"
