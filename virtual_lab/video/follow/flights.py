@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from virtual_lab.units import Array
+from virtual_lab.video.find.blobs import CLEAN
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, fit_flights
 from virtual_lab.video.follow.pieces import FAR_U, GROWTH, Piece, polynomial
 from virtual_lab.video.follow.scene import FlightScene
@@ -32,7 +33,6 @@ class FlightSearch:
     room: float = 0.2  # radii off it
     end_room: float = 0.07  # the same of the first and the last, where there is no contact
     end_length: float = 1.25  # usual ones that these are long, but for what they move in a frame
-    dirty: float = 0.75  # of the ring: so much may be beside a place on a flight
     meeting_radii: float = 0.5  # that two flights may miss each other by at a contact
     # a readout that is not known [frames]; the misfit must shrink by a factor with another than 0
     readouts: tuple[float, ...] = (0.25, 0.5, 0.75, 1.0)
@@ -271,7 +271,7 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     """
     found, refilled = scene.found, []
     counted = np.isfinite(scene.time)
-    clean = (found["dirty"] < FLIGHTS.dirty) & ~found["cut"] & counted[found["frame"]]
+    clean = (found["dirty"] < CLEAN) & ~found["cut"] & counted[found["frame"]]
     number = np.cumsum(counted)
     ends = [-np.inf, *(each.frames[-1] for each in flights[:-1])]
     starts = [*(each.frames[0] for each in flights[1:]), np.inf]

@@ -30,7 +30,6 @@ class PieceGrowth:
     gap_frames: int = 4  # in a row that need not show the ball
     lost_frames: int = 3  # that may have been left out at one place
     least_places: int = 5
-    travel: float = 0.25  # radii it covers: a low hop is a flight, too
     recent_places: int = 6  # that show where the next one is
     # radii and steps that a place may be off where the ones before it lead: where g is not known
     # three times that of the third, which is off a line, and twice that of the fourth
@@ -128,8 +127,6 @@ class _Growth:
             if len(places) < GROWTH.least_places:
                 continue
             piece = Piece.of(self.found, self.index[places], np.array(t))
-            if np.ptp(piece.xy, axis=0).max() < GROWTH.travel * piece.radius:
-                continue
             self.used[np.isin(self.index, piece.blobs)] = True
             found += [self._timed(part) for part in _break_up(piece)]
         return found
