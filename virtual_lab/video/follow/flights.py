@@ -175,9 +175,11 @@ def _adjoins(one: Piece, other: Piece) -> bool:
     """Whether one piece begins where and when the other ends."""
     first, last = (one, other) if one.frames[0] < other.frames[0] else (other, one)
     later = float(last.frames[0] - first.frames[-1])
-    steps = [np.hypot(*(each.xy[1] - each.xy[0])) for each in (first.part(np.s_[-2:]), last)]
+    if later > FLIGHTS.contact_frames:
+        return False
+    steps = np.hypot(*np.array([first.xy[-1] - first.xy[-2], last.xy[1] - last.xy[0]]).T)
     apart = float(np.hypot(*(last.xy[0] - first.xy[-1])))
-    return later <= FLIGHTS.contact_frames and apart < first.radius + max(later, 1.0) * max(steps)
+    return bool(apart < first.radius + max(later, 1.0) * max(steps))
 
 
 def _once(flights: list[Piece]) -> list[Piece]:
