@@ -11,9 +11,9 @@ from tests.video.scenery.filming import moved, pictures
 from tests.video.scenery.scenes import SCENES, UNSEEN
 from tests.video.scenes import Film, matte
 from virtual_lab.video.find.blobs import BLOB, blobs
-from virtual_lab.video.find.drift import edges_of, matrix_of, onward, upon
+from virtual_lab.video.find.drift import edges_of, leap_of, matrix_of
 from virtual_lab.video.find.still import still_of
-from virtual_lab.video.find.watching import Watched, repeated, repeats
+from virtual_lab.video.find.watching import Watched, lulls, repeats
 
 NONE = np.zeros(4)
 
@@ -34,7 +34,7 @@ def test_a_shift_is_found_to_a_hundredth_of_a_pixel_whatever_moves_before() -> N
     for way in ((0.0, 0.0), (1.37, -0.62), (-5.2, 4.9)):
         other = scene(*way, light=1.05)
         other[40:75, 60:100] = 250
-        found = edges.shift(other, NONE)
+        found = edges.drift(other, [NONE])
         assert found == pytest.approx((-way[0], -way[1], 0, 0), abs=0.03)
 
 
@@ -53,26 +53,32 @@ def test_a_turn_is_found_to_a_hundredth_of_a_pixel_at_the_rim() -> None:
         seen = map_coordinates(coarse, at, order=3, mode="mirror")
         return np.clip(np.rint(seen), 0, 255).astype(np.uint8)
 
-    edges = edges_of(scene(0, 0, 0, 0))
+    edges = edges_of(scene(0, 0, 0, 0), turns=True)
     for drift in ((0.8, -0.4, 0.006, 0.012), (-0.3, 0.5, -0.004, -0.02)):
         other = scene(*drift)
         other[40:75, 60:100] = 250
         found = NONE
         for _ in range(3):  # each time it stays near where it was
-            found = edges.turn(other, found)
+            found = edges.drift(other, [found])
         assert found * [1, 1, 80, 80] == pytest.approx(np.array(drift) * [1, 1, 80, 80], abs=0.03)
 
 
-def test_drifts_follow_one_another_as_their_matrices_do() -> None:
-    """A place goes the same way through one picture as at once; an inverse by `numpy.linalg`."""
-    first, second = np.array([3.0, -2.0, 0.01, 0.02]), np.array([-4.0, 6.0, -0.02, 0.03])
-    size = (320, 240)
-    whole = [np.vstack([matrix_of(each, size), [0, 0, 1]]) for each in (first, second)]
-    between = matrix_of(upon(second, first), size)
-    np.testing.assert_allclose(onward(first, upon(second, first)), second, atol=1e-12)
-    np.testing.assert_allclose(between, (whole[1] @ np.linalg.inv(whole[0]))[:2], atol=1e-9)
-    corner = matrix_of(np.array([0, 0, 0, 0.01]), size) @ [319, 119.5, 1]
+def test_edges_of_a_drifted_picture_lie_where_the_still_frame_has_them() -> None:
+    """Laid upon itself it has its own drift; a matrix by hand."""
+    picture = np.random.default_rng(3).integers(60, 200, (120, 160)).astype(np.uint8)
+    drift = np.array([3.0, -2.0, 0.01, 0.02])
+    edges = edges_of(picture, drift, turns=True)
+    np.testing.assert_allclose(edges.drift(picture, [drift + 0.001]), drift, atol=1e-3)
+    corner = matrix_of(np.array([0, 0, 0, 0.01]), (320, 240)) @ [319, 119.5, 1]
     np.testing.assert_allclose(corner, [319, 119.5 + 1.595])  # x turns to y
+
+
+def test_a_step_of_many_pixels_is_found_to_a_few() -> None:
+    scene = cv2.GaussianBlur(
+        np.random.default_rng(3).integers(0, 255, (300, 400)).astype(np.uint8), (0, 0), 4.0
+    )
+    step = leap_of(scene[50:250, 50:350], scene[30:230, 90:390])
+    np.testing.assert_allclose(step, [-40, 20, 0, 0], atol=3)
 
 
 @pytest.mark.parametrize("covered", ["plain", "another"])
@@ -82,8 +88,9 @@ def test_a_shift_stays_where_nothing_shows_it(covered: str) -> None:
     edges = edges_of(cv2.GaussianBlur(scene.astype(np.uint8), (0, 0), 2.0))
     shown = cv2.GaussianBlur(coat.astype(np.uint8), (0, 0), 2.0)
     shown = shown if covered == "another" else np.full_like(shown, 90)
-    before, guess = np.array([6.0, -3.0, 0.0, 0.0]), np.array([7.5, -2.5, 0.0, 0.0])
-    np.testing.assert_allclose(edges.shift(shown, guess, before), before, atol=1.5)
+    guess = np.array([6.0, -3.0, 0.0, 0.0])
+    starts = (guess, np.array([7.5, -2.5, 0.0, 0.0]), NONE)
+    np.testing.assert_allclose(edges.drift(shown, starts, 0.2), guess, atol=1.5)
 
 
 def test_drift_and_background_of_a_hand_held_phone() -> None:
@@ -96,13 +103,14 @@ def test_drift_and_background_of_a_hand_held_phone() -> None:
     x, y = (-each for each in still.origin)
     inner = still.background[y : y + 240, x : x + 320].astype(int)
     assert np.percentile(np.abs(inner - empty), 95) < 8
-    drift = NONE
+    drift, last = NONE, still.shrunk(frames[0])
     found = []
     for frame in frames:
-        drift = still.drift(still.shrunk(frame), drift, drift)
+        small = still.shrunk(frame)
+        drift, last = still.drift(small, drift, (last, drift)), small
         found.append(drift)
     assert np.ptp(found, axis=0).max() > 2
-    assert not still.turns
+    assert not still.sampled[:, 2:].any()
 
 
 def test_a_phone_that_turns_in_the_hand() -> None:
@@ -110,13 +118,13 @@ def test_a_phone_that_turns_in_the_hand() -> None:
     scene = replace(UNSEEN["rolled"], count=60)
     frames = list(pictures(scene))
     still = still_of(frames[::3], 8, 3)
-    assert still.turns
+    assert still.sampled[:, 2:].any()
     rim = np.array([[20.0, 20], [300, 20], [20, 220], [300, 220]])
     true = moved(scene, rim, np.arange(scene.count))
     off = []
     for k, (frame, places) in enumerate(zip(frames, true - true[0] + rim, strict=True)):
         between = np.array([np.interp(k, np.arange(0, 60, 3), each) for each in still.sampled.T])
-        drift = still.drift(still.shrunk(frame), between, between)
+        drift = still.drift(small := still.shrunk(frame), between, (small, between))
         matrix = matrix_of(drift, still.size)
         off.append(rim @ matrix[:, :2].T + matrix[:, 2] - places)
     assert np.abs(off).max() < 0.5
@@ -253,8 +261,8 @@ def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:
     found["y"] = [90, 84, 80, 78.5, 80, 84, 84, 90]
     still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, stands=True)
     watched = Watched(still=still, found=found, change=change)
-    assert np.flatnonzero(repeats(change)).tolist() == [3, 6]
-    assert np.flatnonzero(repeated(watched)).tolist() == [6]
+    assert np.flatnonzero(lulls(change)).tolist() == [3, 6]
+    assert np.flatnonzero(repeats(watched)).tolist() == [6]
 
 
 def test_one_blob_of_noise_is_no_motion_in_a_repeat() -> None:
@@ -267,16 +275,16 @@ def test_one_blob_of_noise_is_no_motion_in_a_repeat() -> None:
     found = found.ravel()
     still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, stands=True)
     watched = Watched(still=still, found=found, change=change)
-    assert np.flatnonzero(repeated(watched)).tolist() == [3]
+    assert np.flatnonzero(repeats(watched)).tolist() == [3]
 
 
 def test_frames_stored_twice_change_less_than_those_beside() -> None:
     moving = np.array([np.nan, 40, 2, 42, 3, 39, 2, 41, 38, 40, 3, 44, 40.0])
-    assert np.flatnonzero(repeats(moving)).tolist() == [2, 4, 6, 10]
+    assert np.flatnonzero(lulls(moving)).tolist() == [2, 4, 6, 10]
     slowing = np.array([np.nan, 40, 30, 20, 12, 7, 12, 20, 30, 40.0])
-    assert not repeats(slowing).any()
+    assert not lulls(slowing).any()
     key_frames = np.array([np.nan, 2, 2, 2, 30, 2, 2, 2, 2, 30, 2, 2.0])
-    assert not repeats(key_frames).any()
+    assert not lulls(key_frames).any()
 
 
 @pytest.mark.parametrize("light", [True, False])

@@ -80,8 +80,7 @@ def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still)
     drift
         Of the picture from the still frame, (4,) as in `find.drift`.
     """
-    light = still.light(small, drift)
-    off = still.difference(small, drift, light)
+    off, light = still.difference(small, drift)
     found: list[BlobRow] = []
     for box in _boxes(off, still.shrink):
         if any(_inside(box, each, still.origin) for each in found):
@@ -124,12 +123,15 @@ def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
     for threshold in _SEARCH.thresholds:
         mask = cv2.threshold(off, threshold, 1, cv2.THRESH_BINARY)[1]
         mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
-        count, _, stats, _ = cv2.connectedComponentsWithStats(mask, ltype=cv2.CV_16U)
-        areas = stats[1:count, cv2.CC_STAT_AREA]
-        for k in np.argsort(-areas, kind="stable")[: _SEARCH.regions].tolist():
-            if not _SEARCH.least_area <= areas[k] <= largest:
+        outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        # of pixels on and in an outline: Pick's theorem
+        areas = [cv2.contourArea(each) + len(each) / 2 + 1 for each in outlines]
+        for area, k in sorted(zip(areas, range(len(areas)), strict=True), reverse=True)[
+            : _SEARCH.regions
+        ]:
+            if not _SEARCH.least_area <= area <= largest:
                 continue
-            left, top, wide, high = map(int, stats[1 + k, :4])
+            left, top, wide, high = cv2.boundingRect(outlines[k])
             coarse = (left // 2, top // 2, wide // 2, high // 2)
             if coarse not in seen:
                 seen.add(coarse)

@@ -1,9 +1,9 @@
-"""How a picture lies upon another one: shifted, larger and turned, by least squares on its edges.
+"""How a picture lies upon a still frame: shifted, larger and turned, by least squares on its edges.
 
-Gauss and Newton on grey values, coarse to fine, with the light's gain and level beside the shift;
-what moves on its own is left out by its residual (Lucas and Kanade 1981, robust by Tukey's
-biweight). Only the pixels with the steepest edges take part, an equal share of every part of the
-picture: a thousand say as much as all.
+Gauss and Newton on grey values, with the light's gain and level beside the drift; what moves on
+its own is left out by its residual (Lucas and Kanade 1981, robust by Tukey's biweight). Only the
+pixels with the steepest edges take part, one of every part of the picture: a thousand say as much
+as all. A step too large for that is found by phase correlation of small pictures.
 
 A drift is an array (4,): right and down [pixels], growth, and turn [rad] from x to y, the last two
 about the picture's middle. A hand turns a phone by a degree in a clip, and its lens focuses.
@@ -11,16 +11,15 @@ about the picture's middle. A hand turns a phone by a degree in a clip, and its 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 
 Image = NDArray[np.uint8]
 
@@ -29,148 +28,214 @@ Image = NDArray[np.uint8]
 class _Alignment:
     """How two pictures are laid upon one another."""
 
-    levels: int = 4  # of the pyramid: each half as large
-    smallest: int = 24  # pixels of its top
-    parts: int = 12  # of the picture, each way, that take part alike
-    part_pixels: int = 8  # steep ones of a part that has an edge: noise leaves one or two
-    pixels: int = 3000
+    cell: int = 5  # pixels each way, of which the steepest takes part
+    pixels: int = 3000  # at most
     steepest: float = 2.0  # DN a pixel: less is noise
+    parts: int = 12  # of the picture, each way, of which some show a drift and others do not
+    part_pixels: int = 3  # steep ones of a part that has an edge: noise leaves one or two
     steps: int = 8
-    near: float = 1.5  # pixels: a shift found so near to its guess is looked for no farther
-    fits: float = 0.5  # pixels that edges may lie off for that, what moves on its own clipped
-    fewest: float = 6.0  # pixels that show a shift: of fewer it stays
-    black: float = 24.0  # DN: a row or column that has nothing lighter is no picture
-    border: int = 4  # pixels of the picture's edge that take no part
-    settled: float = 0.003  # pixels
+    coarse: int = 128  # pixels of the longer side, of pictures whose step is looked for
+    fits: float = 1.5  # of the usual cost, up to which a drift is looked for no farther
+    far: float = 0.6  # of the cost of the likely drift, that one far from it has at most
+    settled: float = 0.005  # pixels: what moves less has arrived
     tukey: float = 4.7  # standard deviations: what is farther off does not count
     least_spread: float = 0.1  # pixels
     least_shown: float = 0.2  # of the edges, that lie in the other picture
-    far: float = 0.6  # of the cost near the guess, that a shift far from it has at most
-    # of what shows a shift, that keeps growth and turn near where they were, and near none
-    near_turn: float = 0.02
-    no_turn: float = 0.002
+    near_turn: float = 0.02  # of what shows a shift, that keeps growth and turn where they were
     ridge: float = 1e-3  # of what shows a shift: an edge does not hold one along it
 
 
 _ALIGN = _Alignment()
-FAR_OFF = 2.0  # pixels: what is farther off moves on its own
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Level:
-    x: Array
-    y: Array
-    value: Array
-    design: Array  # (pixel, 6): gradients by a drift's four, value, 1, as below
-    slope: Array  # that pixels are counted by, so that a step of a pixel counts alike [DN/px]
-    middle: Array  # (2,) about which a picture grows and turns [pixels]
+FAR_OFF = 2.0  # pixels: what is farther off moves on its own, a picture has leapt
+BLACK = 24  # DN: a row or column that has nothing lighter is no picture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edges:
-    """The steep pixels of a picture, level by level, the coarsest first."""
+    """The steep pixels of a picture, (pixel,)."""
 
-    levels: Sequence[_Level]
+    x: Array  # in the still frame, from its middle [pixels]
+    y: Array
+    part: NDArray[np.intp]  # of the picture, row by row
+    value: Array  # DN
+    # (pixel, free + 2): gradients by what of a drift is free (2 or 4), value, 1, as below
+    design: Array
+    slope: Array  # that pixels are counted by, so that a step of a pixel counts alike [DN/px]
+    middle: Array  # (2,) of a picture, about which it grows and turns [pixels]
 
-    def steeper(self, slope: float) -> Edges:
-        """Edges so steep at full size [DN/px], alone."""
-        level = self.levels[-1]
-        kept = level.slope > slope
-        names = ("x", "y", "value", "design", "slope")
-        return Edges(levels=[replace(level, **{n: getattr(level, n)[kept] for n in names})])
+    def drift(self, grey: Image, starts: Iterable[Array], usual: float | None = None) -> Array:
+        """Find the drift (4,) of a picture, near that one of several starts which fits best.
 
-    def shift(self, grey: Image, guess: Array, before: Array | None = None) -> Array:
-        """Find the drift (4,) of a picture from this one: a shift alone, near a guess.
-
-        `before`: how the picture before does, or those about it, if that is known; so does this one
-        where none fits better, and far from there one must fit far better.
+        `usual`: cost [pixels] of pictures laid right, if the first start is likely: others are
+        tried only where it costs clearly more, and must then fit far better.
         """
-        pictures = _pyramid(grey, len(self.levels))[::-1]
-        finest = len(self.levels) - 1
-        tried = [np.zeros(4), np.array(guess if before is None else before, float)]
-        for first in (finest, 0):
-            drift = np.array(guess, float)
-            for k in range(first, finest + 1):
-                scale = np.array([2.0 ** (finest - k)] * 2 + [1.0, 1.0])
-                drift = scale * _settle(self.levels[k], pictures[k], drift / scale, 2)
-            tried.append(drift)
-            near = np.hypot(*(drift - guess)[:2]) < _ALIGN.near
-            if near and _cost(self.levels[-1], pictures[-1], drift) < _ALIGN.fits:
-                break  # of what moves so little the coarser levels show no more
-        costs = np.array([_cost(self.levels[-1], pictures[-1], each) for each in tried])
-        far = np.hypot(*(np.array(tried) - tried[1]).T[:2]) > _ALIGN.near
-        far[:-1] &= before is not None  # what the finest level finds near a guess is no jump
-        costs[far] /= _ALIGN.far
+        tried, costs = list[Array](), list[float]()
+        for start in starts:
+            for drift in (start, self._settle(grey, start)):
+                cost = self.cost(grey, drift)
+                leaps = bool(tried) and np.hypot(*(drift - tried[0])[:2]) > FAR_OFF
+                tried.append(drift)
+                costs.append(cost / _ALIGN.far if usual is not None and leaps else cost)
+            if usual is not None and cost < _ALIGN.fits * usual:
+                break
         return tried[int(np.argmin(costs))]
 
-    def turn(self, grey: Image, drift: Array) -> Array:
-        """Find the drift (4,) of a picture from this one: shift, growth and turn, near a drift.
-
-        The drift itself where that fits better: what is beside a hand shows little.
-        """
-        level, picture = self.levels[-1], _pyramid(grey, 1)[0]
-        tried = [_settle(level, picture, drift, 4), drift]
-        return min(tried, key=lambda each: _cost(level, picture, each))
-
-    def lie_in(self, grey: Image, drift: Array) -> bool:
-        """Whether enough of them lie in a drifted picture to show its drift."""
-        inside = _inside(self.levels[-1], grey, drift)
-        return bool(inside.sum() > _ALIGN.least_shown * inside.size)
+    def cost(self, grey: Image, drift: Array) -> float:
+        """Mean distance of edges from where a drift puts them, each clipped [pixels]."""
+        left = self._left(grey, drift)
+        shown = np.isfinite(left)
+        if shown.sum() <= _ALIGN.least_shown * shown.size:
+            return FAR_OFF
+        off = np.minimum(np.abs(left - upper_median(left[shown])) / self.slope, FAR_OFF)
+        # edges count by their slope: a codec keeps flat ones in place
+        return float(np.average(off[shown], weights=self.slope[shown]))
 
     def costs(self, grey: Image, drift: Array, steeper: float) -> Array:
-        """Mean distance of edges from where a drift puts them, by part of the picture [pixels].
+        """Mean of the same by part of the picture, of edges steeper than some [DN/px]; inf: few.
 
-        Edges steeper than `steeper` [DN/px] count; NaN in a part that has too few.
+        The light's level counts: edges of one line alone show in nothing else that they moved.
         """
-        level = self.levels[-1]
-        inside, off = _off(level, _pyramid(grey, 1)[0], drift)
-        used = inside & (level.slope > steeper)
-        part = _part(level, grey.shape)[used]
-        count, total = (np.bincount(part, w, _ALIGN.parts**2) for w in (None, off[used]))
-        return np.where(count >= _ALIGN.part_pixels, total / np.maximum(count, 1), np.nan)
+        left = self._left(grey, drift)
+        used = np.isfinite(left) & (self.slope > steeper)
+        off = np.minimum(np.abs(left) / self.slope, FAR_OFF)[used]
+        count, total = (np.bincount(self.part[used], w, _ALIGN.parts**2) for w in (None, off))
+        return np.where(count >= _ALIGN.part_pixels, total / np.maximum(count, 1), np.inf)
 
-    def parts(self, shape: tuple[int, ...], steeper: float) -> NDArray[np.bool_]:
-        """Parts of a picture with edges so steep [DN/px], but for one thing's, (part,).
+    def share_in(self, grey: Image, drift: Array) -> float:
+        """Share of them that lie in a drifted picture."""
+        return float(np.isfinite(self._left(grey, drift)).mean())
+
+    def parts(self, steeper: float) -> Mask:
+        """Parts of the picture with edges so steep [DN/px], but for one thing's, (part,).
 
         What moves on its own is the largest group that reaches over less than half of the picture.
         """
-        level, parts = self.levels[-1], _ALIGN.parts
-        count = np.bincount(_part(level, shape)[level.slope > steeper], minlength=parts**2)
-        shown = (count >= _ALIGN.part_pixels).reshape(parts, parts)
-        groups, _ = ndimage.label(shown, np.ones((3, 3)))
-        own = [
-            groups == k
-            for k, box in enumerate(ndimage.find_objects(groups), 1)
-            if max(side.stop - side.start for side in box) < parts / 2
-        ]
-        return np.asarray(shown & ~max(own, key=np.sum, default=~shown & shown)).ravel()
+        count = np.bincount(self.part[self.slope > steeper], minlength=_ALIGN.parts**2)
+        shown = (count >= _ALIGN.part_pixels).reshape(_ALIGN.parts, -1)
+        _, groups, stats, _ = cv2.connectedComponentsWithStats(shown.astype(np.uint8))
+        reach = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+        area = np.where(reach < _ALIGN.parts / 2, stats[:, cv2.CC_STAT_AREA], 0)
+        area[0] = 0
+        return np.asarray(shown & ((groups != area.argmax()) | (area.max() == 0))).ravel()
+
+    def _left(self, grey: Image, drift: Array, gain: float = 1.0, level: float = 0.0) -> Array:
+        """Brightness at the edges in a drifted picture over their own [DN], NaN: not in it."""
+        right, down, grown, turn = drift
+        x = self.middle[0] + right + (1 + grown) * self.x - turn * self.y
+        y = self.middle[1] + down + (1 + grown) * self.y + turn * self.x
+        if not x.size:
+            return np.zeros(0)
+        rows, columns = grey.shape
+        inside = (x > 0) & (x < columns - 1) & (y > 0) & (y < rows - 1)
+        seen = cv2.remap(grey, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR)
+        return np.where(inside, seen.ravel() - gain * self.value - level, np.nan)
+
+    def _settle(self, grey: Image, start: Array) -> Array:
+        """Drift of a picture from one near by.
+
+        Growth and turn stay near that, the nearer the less shows them: where all edges are in one
+        place they would run off.
+        """
+        free = self.design.shape[1] - 2
+        units, turns = at_rim(2 * self.middle + 1)[:free], np.array([0.0, 0.0, 1.0, 1.0])[:free]
+        drift, gain, level = start.copy(), 1.0, 0.0
+        for _ in range(_ALIGN.steps):
+            left = self._left(grey, drift, gain, level) / self.slope
+            shown = np.isfinite(left)
+            if not shown.any():
+                break
+            spread = _ALIGN.least_spread + 1.4826 * float(upper_median(np.abs(left[shown])))
+            left = np.nan_to_num(left)
+            weight = shown * np.maximum(0, 1 - (left / (_ALIGN.tukey * spread)) ** 2) ** 2
+            weighted = self.design * weight[:, None]
+            normal = weighted.T @ self.design
+            most = float(np.trace(normal[:2, :2]))
+            near = _ALIGN.near_turn * most * turns
+            normal += np.diag([*(_ALIGN.ridge * most + near), 0.0, 0.0]) + 1e-3 * np.eye(free + 2)
+            right = weighted.T @ left
+            right[:free] += units * near * (drift - start)[:free]
+            step = np.linalg.solve(normal, right)
+            # a picture shifted by s has, at x + s, the value of x
+            drift[:free] -= step[:free] / units
+            gain, level = gain + step[free], level + step[free + 1]
+            if np.abs(step[:free]).max() < _ALIGN.settled:
+                break
+        return drift
+
+
+def edges_of(
+    grey: Image,
+    drift: Array | None = None,
+    origin: tuple[int, int] = (0, 0),
+    size: tuple[int, int] | None = None,
+    turns: bool = False,
+) -> Edges:
+    """Steep pixels of a picture (row, column).
+
+    Parameters
+    ----------
+    drift
+        Of it from the still frame, (4,); none by default.
+    origin
+        x and y of its first pixel.
+    size
+        Columns and rows of the pictures to lay upon it, if not its own.
+    turns
+        Whether they may turn and grow, too.
+    """
+    # the edge of a picture and black bars about it move with no drift
+    left, top, wide, high = cv2.boundingRect((grey > BLACK).astype(np.uint8))
+    inner = np.zeros(grey.shape, np.float32)
+    edge = 3  # pixels that blur and slope reach over
+    inner[top + edge : max(0, top + high - edge), left + edge : max(0, left + wide - edge)] = 1.0
+    across, down = (cv2.Scharr(grey, cv2.CV_32F, *way, scale=1 / 32) for way in ((1, 0), (0, 1)))
+    steepest = np.zeros(grey.shape, bool)
+    for each in (across, down):
+        slope = np.abs(each) * inner
+        near = cv2.dilate(slope, np.ones((_ALIGN.cell, _ALIGN.cell)))
+        steepest |= (slope == near) & (slope > _ALIGN.steepest)
+    places = np.argwhere(steepest)
+    spread = np.linspace(0, len(places) - 1, min(len(places), _ALIGN.pixels)).astype(int)
+    y, x = places[spread].T
+    value, by_x, by_y = (each[y, x].astype(float) for each in (grey, across, down))
+    slope = np.hypot(by_x, by_y)
+    middle = _middle(size or grey.shape[::-1])
+    # growth and turn in pixels at the middle of a side, to count like a shift
+    far, deep = ((np.stack([x, y], axis=1) + np.array(origin) - middle) / middle.max()).T
+    turned = (by_x * far + by_y * deep, by_y * far - by_x * deep)
+    free = (by_x, by_y, *turned) if turns else (by_x, by_y)
+    design = np.stack([*free, value, np.ones_like(value)], axis=1)
+    rows, columns = (_ALIGN.parts * k // n for k, n in zip((y, x), grey.shape, strict=True))
+    still = middle.max() * (far + 1j * deep)
+    if drift is not None:
+        still = (still - complex(*drift[:2])) / complex(1 + drift[2], drift[3])
+    return Edges(
+        x=still.real,
+        y=still.imag,
+        part=np.asarray(columns + _ALIGN.parts * rows),
+        value=value,
+        design=design / slope[:, None],
+        slope=slope,
+        middle=middle,
+    )
+
+
+def leap_of(before: Image, after: Image) -> Array:
+    """Drift (4,) from one picture to the next, a shift to a few pixels: by phase correlation."""
+    scale = max(1.0, max(before.shape) / _ALIGN.coarse)
+    size = tuple(round(side / scale) for side in before.shape[::-1])
+    one, other = (
+        cv2.resize(each, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        for each in (before, after)
+    )
+    (x, y), _ = cv2.phaseCorrelate(one, other, cv2.createHanningWindow(size, cv2.CV_32F))
+    return np.array([scale * x, scale * y, 0.0, 0.0])
 
 
 def upper_median(values: NDArray[Any]) -> NDArray[Any]:
     """Upper median along the last axis: without numpy's checks, which cost ten times."""
     place = values.shape[-1] // 2
     return np.asarray(np.partition(values, place, axis=-1)[..., place])
-
-
-def edges_of(
-    grey: Image, origin: tuple[int, int] = (0, 0), size: tuple[int, int] | None = None
-) -> Edges:
-    """Steep pixels of a picture (row, column).
-
-    Parameters
-    ----------
-    origin
-        x and y of its first pixel.
-    size
-        Columns and rows of the pictures to lay upon it, if not its own.
-    """
-    count = 1
-    while count < _ALIGN.levels and min(grey.shape) >> count >= _ALIGN.smallest:
-        count += 1
-    first, middle = np.array(origin), _middle(size or grey.shape[::-1])
-    pictures = _pyramid(grey, count)
-    levels = [_level(p, first / 2**k, middle / 2**k) for k, p in enumerate(pictures)]
-    return Edges(levels=levels[::-1])
 
 
 def matrix_of(drift: Array, size: tuple[int, int]) -> Array:
@@ -180,179 +245,11 @@ def matrix_of(drift: Array, size: tuple[int, int]) -> Array:
     return np.column_stack([linear, middle + drift[:2] - linear @ middle])
 
 
-def upon(drift: Array, first: Array) -> Array:
-    """Drift (4,) of a picture from another one, by the drifts of both."""
-    (turn, shift), (first_turn, first_shift) = _turn_and_shift(drift), _turn_and_shift(first)
-    left = turn / first_turn
-    return _drift(left, shift - left * first_shift)
-
-
-def onward(drift: Array, step: Array) -> Array:
-    """Drift (4,) of a picture that drifts by `step` from one of a drift."""
-    (turn, shift), (next_turn, next_shift) = _turn_and_shift(drift), _turn_and_shift(step)
-    return _drift(next_turn * turn, next_shift + next_turn * shift)
-
-
-def _turn_and_shift(drift: Array) -> tuple[complex, complex]:
-    """Complex factor of places about the middle, as x + iy, and what is added."""
-    return complex(1 + drift[2], drift[3]), complex(drift[0], drift[1])
-
-
-def _drift(turn: complex, shift: complex) -> Array:
-    return np.array([shift.real, shift.imag, turn.real - 1, turn.imag])
-
-
-def at_rim(size: tuple[int, int]) -> Array:
+def at_rim(size: Any) -> Array:
     """Factors (4,) that make a drift's numbers pixels at the middle of a side."""
     far = float(_middle(size).max())
     return np.array([1.0, 1.0, far, far])
 
 
-def _middle(size: tuple[int, int]) -> Array:
+def _middle(size: Any) -> Array:
     return (np.array(size) - 1.0) / 2
-
-
-def _pyramid(grey: Image, count: int) -> list[NDArray[np.float32]]:
-    pictures = [cv2.GaussianBlur(grey, (0, 0), 1.0)]
-    for _ in range(count - 1):
-        pictures.append(cv2.pyrDown(pictures[-1]))
-    return [each.astype(np.float32) for each in pictures]
-
-
-def _level(picture: NDArray[np.float32], first: Array, middle: Array) -> _Level:
-    across = cv2.Scharr(picture, cv2.CV_32F, 1, 0, scale=1 / 32)
-    down = cv2.Scharr(picture, cv2.CV_32F, 0, 1, scale=1 / 32)
-    # the edge of a picture and black bars about it move with no drift
-    rim = np.ones(picture.shape, bool)
-    lit, edge = picture > _ALIGN.black, _ALIGN.border
-    ends = [np.flatnonzero(lit.any(axis=axis))[[0, -1]] for axis in (1, 0)] if lit.any() else []
-    rim[tuple(slice(one + edge, last + 1 - edge) for one, last in ends)] = not ends
-    slopes = [np.where(rim, 0, np.abs(each)) for each in (across, down)]
-    places = np.unique(np.concatenate([_steepest(each) for each in slopes]), axis=0)
-    y, x = places.T
-    value = picture[y, x].astype(float)
-    by_x, by_y = (each[y, x].astype(float) for each in (across, down))
-    slope = np.hypot(by_x, by_y)
-    # growth and turn in pixels at the middle of a side, to count like a shift
-    far, deep = ((np.stack([x, y], axis=1) + first - middle) / middle.max()).T
-    turned = (by_x * far + by_y * deep, by_y * far - by_x * deep)
-    design = np.stack([by_x, by_y, *turned, value, np.ones_like(value)], axis=1)
-    return _Level(
-        x=x + first[0],
-        y=y + first[1],
-        value=value,
-        design=design / slope[:, None],
-        slope=slope,
-        middle=middle,
-    )
-
-
-def _steepest(slope: NDArray[np.float32]) -> NDArray[np.intp]:
-    """Row and column of the steepest pixels of each part of a picture, (pixel, 2)."""
-    rows, columns = slope.shape
-    share, chosen = _ALIGN.pixels // (2 * _ALIGN.parts**2), []
-    for i in range(_ALIGN.parts):
-        for j in range(_ALIGN.parts):
-            top, left = i * rows // _ALIGN.parts, j * columns // _ALIGN.parts
-            part = slope[
-                top : (i + 1) * rows // _ALIGN.parts, left : (j + 1) * columns // _ALIGN.parts
-            ]
-            flat = part.ravel()
-            kept = np.flatnonzero(flat > _ALIGN.steepest)
-            if kept.size > share:
-                kept = kept[np.argpartition(flat[kept], -share)[-share:]]
-            y, x = np.divmod(kept, part.shape[1])
-            chosen.append((y + top, x + left))
-    return np.concatenate(chosen, axis=1).T
-
-
-def _part(level: _Level, shape: tuple[int, ...]) -> NDArray[np.intp]:
-    """Part of a picture (row, column) in which each edge lies, numbered row by row."""
-    places = np.stack([level.x, level.y])
-    # what a drifting camera sees begins left of the first picture, or above it
-    places = (places - places.min(axis=1, keepdims=True, initial=0.0)) / [[shape[1]], [shape[0]]]
-    x, y = np.clip(_ALIGN.parts * places, 0, _ALIGN.parts - 1).astype(int)
-    return np.asarray(x + _ALIGN.parts * y)
-
-
-def _at(level: _Level, drift: Array) -> tuple[Array, Array]:
-    """Places of edges in a drifted picture, x and y [pixels]."""
-    right, down, grown, turn = drift
-    if not (grown or turn):
-        return level.x + right, level.y + down
-    x, y = level.x - level.middle[0], level.y - level.middle[1]
-    return level.x + right + grown * x - turn * y, level.y + down + grown * y + turn * x
-
-
-def _inside(level: _Level, picture: Image | NDArray[np.float32], drift: Array) -> NDArray[np.bool_]:
-    rows, columns = picture.shape
-    x, y = _at(level, drift)
-    return np.asarray((x > 0) & (x < columns - 1) & (y > 0) & (y < rows - 1))
-
-
-def _cost(level: _Level, picture: NDArray[np.float32], drift: Array) -> float:
-    """Mean distance of edges from where they should lie, each clipped [pixels]."""
-    inside, off = _off(level, picture, drift)
-    if inside.sum() <= _ALIGN.least_shown * inside.size:
-        return FAR_OFF
-    # edges count by their slope: a codec keeps flat ones in place
-    return float(np.average(off[inside], weights=level.slope[inside]))
-
-
-def _off(
-    level: _Level, picture: NDArray[np.float32], drift: Array
-) -> tuple[NDArray[np.bool_], Array]:
-    """Edges that lie in a picture, and the distance of each, clipped [pixels]."""
-    inside = _inside(level, picture, drift)
-    if not inside.any():
-        return inside, np.full(inside.shape, FAR_OFF)
-    left = _values_at(level, picture, drift) - level.value
-    off = np.abs(left - upper_median(left[inside])) / level.slope
-    return inside, np.minimum(off, FAR_OFF)
-
-
-def _values_at(level: _Level, picture: NDArray[np.float32], drift: Array) -> Array:
-    if not level.x.size:
-        return np.zeros(0)
-    x, y = (each.astype(np.float32) for each in _at(level, drift))
-    seen = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(seen.ravel(), float)
-
-
-def _settle(level: _Level, picture: NDArray[np.float32], start: Array, free: int) -> Array:
-    """Drift of a picture, of which the first `free` parts are, from one near by.
-
-    Growth and turn stay near that, and near none at all, the nearer the less shows them: where all
-    edges are in one place they would run off.
-    """
-    if level.x.size < 4:
-        return start
-    far = float(level.middle.max())
-    units, turns = np.array([1.0, 1.0, far, far])[:free], np.array([0.0, 0.0, 1.0, 1.0])[:free]
-    design = level.design[:, [*range(free), 4, 5]]
-    drift, gain, offset = start.copy(), 1.0, 0.0
-    for _ in range(_ALIGN.steps):
-        inside = _inside(level, picture, drift)
-        if not inside.any():
-            break
-        left = (_values_at(level, picture, drift) - gain * level.value - offset) / level.slope
-        spread = max(_ALIGN.least_spread, 1.4826 * float(upper_median(np.abs(left[inside]))))
-        weight = np.where(
-            inside, np.maximum(0, 1 - (left / (_ALIGN.tukey * spread)) ** 2) ** 2, 0.0
-        )
-        weighted = design * weight[:, None]
-        normal = weighted.T @ design
-        most = float(np.trace(normal[:2, :2]))
-        if most < _ALIGN.fewest:
-            break
-        near, none = _ALIGN.near_turn * most * turns, _ALIGN.no_turn * most * turns
-        normal += np.diag([*(_ALIGN.ridge * most + near + none), 1e-3, 1e-3])
-        right = weighted.T @ left
-        right[:free] += units * (near * (drift - start)[:free] + none * drift[:free])
-        step = np.linalg.solve(normal, right)
-        # a picture shifted by s has, at x + s, the value of x
-        drift[:free] -= step[:free] / units
-        gain, offset = gain + step[-2], offset + step[-1]
-        if np.abs(step[:free]).max() < _ALIGN.settled:
-            break
-    return drift

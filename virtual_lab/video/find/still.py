@@ -6,9 +6,9 @@ other before their median is taken, and each picture is shifted back before it i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, repeat
 from typing import Any
 
 import cv2
@@ -20,13 +20,13 @@ from virtual_lab.units import Array
 from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.find.drift import (
+    BLACK,
     FAR_OFF,
     Edges,
     at_rim,
     edges_of,
+    leap_of,
     matrix_of,
-    onward,
-    upon,
     upper_median,
 )
 
@@ -43,11 +43,12 @@ class _StillSettings:
     swung: float = 0.025  # of the picture's longer side a frame: a camera turned after the ball
     coded_still: float = 6.0  # DN/px: H.264 keeps flatter edges in place while the camera drifts
     shown_parts: int = 4  # of 144, that have edges but for one thing's, to show a drift
-    held: float = 3.0  # pixels a frame: what fewer show moves faster than a hand with a camera
+    overlap: float = 0.6  # of a sample's edges, that lie in those laid upon them
+    held: float = 0.25  # of that: what few edges show moves faster than a hand with a camera
     # of what edges lie off in the median part of the picture, that a drift leaves at most: cameras
-    # in hands show .02 to .84, on a stand .96 at least; and that a turn leaves beside a shift:
-    # turning ones .2 to .82, others .81 at least
-    better: float = 0.85
+    # in hands show .03 to .78, on a stand .85 at least; and that a turn leaves beside a shift:
+    # turning ones .2 to .61, others .84 at least
+    better: float = 0.8
     fewest: int = 8  # samples that show which side of the background a ball is on
     # quantile, or its complement, at which the background of a slow ball lies: at the median balls
     # lit from the side before a camera in grey lose flights in 3 clips of 8
@@ -56,8 +57,7 @@ class _StillSettings:
     restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
     most_restless: int = 16  # DN: more may be a ball that stays
     rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
-    grid: int = 8  # every eighth pixel shows how bright the light is
-    lit: int = 16  # DN of a background that shows it
+    grid: int = 16  # every so manieth pixel shows how bright the light is
 
 
 _STILL = _StillSettings()
@@ -79,8 +79,9 @@ class Still:
     edges: Edges  # of `small`
     # how the camera drifts at the samples, (sample, 4) as in `find.drift` [full pixels]
     sampled: Array
+    usual: float  # pixels of `small`, that its edges lie off in the samples
     # how far it may drift each way unseen [pixels a frame], None: edges too few show that
-    stands_to: float | None = 0.0
+    stands_to: float | None
 
     @property
     def drifts(self) -> bool:
@@ -93,25 +94,25 @@ class Still:
         return hand if self.stands_to is None else self.stands_to
 
     @property
-    def turns(self) -> bool:
-        """Whether it turns, too, or what it sees grows."""
-        return bool(self.sampled[:, 2:].any())
-
-    @property
     def fastest(self) -> float:
         """Largest drift along each axis that is looked for [pixels a frame]."""
         return _STILL.swung * max(self.size)
 
-    def drift(self, small: Image, guess: Array, before: Array) -> Array:
+    def drift(self, small: Image, guess: Array, before: tuple[Image, Array]) -> Array:
         """Drift of a small picture from the still frame, (4,) as in `find.drift` [full px].
 
-        `before`: how the picture before does, or the samples about it do.
+        `before`: another small picture and its drift.
         """
         if not self.drifts:
             return np.zeros(4)
-        grey, full = grey_of(small), self._full
-        found = self.edges.shift(grey, guess / full, before / full)
-        return full * (self.edges.turn(grey, found) if self.turns else found)
+        guess = guess / self._full
+
+        def starts() -> Iterator[Array]:
+            yield guess
+            yield before[1] / self._full + leap_of(_soft(before[0]), grey)
+
+        grey = _soft(small)
+        return self._full * self.edges.drift(grey, starts(), self.usual)
 
     @property
     def _full(self) -> Array:
@@ -121,39 +122,26 @@ class Still:
         """Picture in the size that is searched."""
         return _shrunk(picture, self.shrink)
 
-    def light(self, small: Image, drift: Array) -> Array:
-        """Brightness of a small picture over the background's, (channel,).
+    def difference(self, small: Image, drift: Array) -> tuple[Image, Array]:
+        """Difference of a small picture from the background, and its brightness over that.
 
-        1.0 within half a percent, and where no pixel is bright enough to measure it.
-        """
-        grid = self.small[:: _STILL.grid, :: _STILL.grid]
-        here = self.here(small, drift, grid, _STILL.grid)
-        here, behind = (np.atleast_3d(each).T for each in (here, grid))
-        gains = np.ones(len(behind))
-        for k, (one, lit) in enumerate(zip(here, behind.astype(np.float32), strict=True)):
-            shown = lit > _STILL.lit
-            if shown.any():
-                gain = float(np.median(one[shown] / lit[shown]))
-                if abs(gain - 1) > 0.005:
-                    gains[k] = gain
-        return gains
-
-    def difference(self, small: Image, drift: Array, light: Array) -> Image:
-        """Difference of a small picture from the background, (row, column) [DN].
-
-        The channel that differs most counts, less what the pixel does without a ball.
-        """
-        behind = _as_bright(self.small, light)
-        apart = _strongest(cv2.absdiff(self.here(small, drift, behind), behind))
-        return np.asarray(cv2.subtract(apart, self.restless), np.uint8)
-
-    def here(self, small: Image, drift: Array, behind: Image, every: int = 1) -> Image:
-        """Small picture in the still frame, what it does not show as it is behind.
-
-        `every`: pixels from one to the next that is asked for, each way.
+        (row, column) [DN], in the channel that differs most, less what the pixel does without a
+        ball; and (channel,), 1.0 within half a percent and where no pixel is bright enough to
+        measure it.
         """
         corner = (self.origin[0] // self.shrink, self.origin[1] // self.shrink)
-        return moved_back(small, drift / self._full, corner, behind, every)
+        drift, every = drift / self._full, _STILL.grid
+        grid = self.small[::every, ::every]
+        here = warp_back(small, drift, corner, grid, every)
+        shown = np.atleast_3d(grid).min(axis=2) > BLACK
+        light = np.ones(np.atleast_3d(grid).shape[2])
+        if shown.any():
+            ratio = np.atleast_2d((here[shown] / grid[shown]).T)
+            light = upper_median(ratio)
+            light[np.abs(light - 1) < 0.005] = 1.0
+        behind = _as_bright(self.small, light)
+        apart = _strongest(cv2.absdiff(warp_back(small, drift, corner, behind), behind))
+        return np.asarray(cv2.subtract(apart, self.restless), np.uint8), light
 
     def cut(
         self,
@@ -169,7 +157,7 @@ class Still:
         """
         x, y = corner
         behind = _as_bright(self.background[y : y + size[1], x : x + size[0]], light)
-        return moved_back(picture, drift, (x + self.origin[0], y + self.origin[1]), behind), behind
+        return warp_back(picture, drift, (x + self.origin[0], y + self.origin[1]), behind), behind
 
 
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
@@ -198,111 +186,89 @@ def still_of(
     halvings = max(0, int(np.ceil(np.log2(rows * columns / _STILL.searched) / 2)))
     shrink = 2**halvings
     small = [_shrunk(each, shrink) for each in pictures]
-    greys = [grey_of(each) for each in small]
-    drifts = np.zeros((len(greys), 4))
+    greys, size = [_soft(each) for each in small], small[0].shape[1::-1]
+    drifts: Array = np.zeros((len(small), 4))
+    stands_to: float | None = 0.0
     if not stands:
-        limits = np.array([_STILL.swung * max(rows, columns), _STILL.held]) * apart / shrink
-        drifts = _lay(greys, *limits.tolist())
-    size = greys[0].shape[::-1]
+        drifts, stands_to = _lay(greys, _STILL.swung * max(rows, columns) * apart / shrink)
     if np.ptp(drifts * at_rim(size) * shrink, axis=0).max() <= _STILL.no_drift:
         drifts[:] = 0
-    matrices = [matrix_of(each, size) for each in drifts]
     corners = np.array([[x, y] for x in (0, columns) for y in (0, rows)], float) / shrink
-    seen = np.concatenate([(corners - m[:, 2]) @ np.linalg.inv(m[:, :2]).T for m in matrices])
+    back = [cv2.invertAffineTransform(matrix_of(each, size)) for each in drifts]
+    seen = np.concatenate([corners @ each[:, :2].T + each[:, 2] for each in back])
     first = np.minimum(0, np.floor(seen.min(axis=0))).astype(int)
-    end = np.maximum(corners[-1], seen.max(axis=0))
-    origin = shrink * first
-    drifts[:, :2] *= shrink
-    wide, high = np.ceil(shrink * end).astype(int) - origin
-    background = _background_of(pictures, drifts, origin, (high, wide), share_of(pictures))
+    end = np.ceil(shrink * np.maximum(corners[-1], seen.max(axis=0))).astype(int)
+    full = np.array([shrink, shrink, 1, 1])
+    origin, share = shrink * first, share_of(pictures)
+    background = _background_of(pictures, full * drifts, origin, end - origin, share)
     behind = _shrunk(background, shrink)
-    edges = edges_of(grey_of(behind), first, size)
-    full = [shrink, shrink, 1, 1]
     off = [
-        _strongest(cv2.absdiff(moved_back(each, drift / full, first, behind), behind))
+        _strongest(cv2.absdiff(warp_back(each, drift, tuple(first), behind), behind))
         for each, drift in zip(small, drifts, strict=True)
     ]
-    stands_to = _stands_to(edges, behind.shape, [] if drifts.any() else greys)
+    restless = of_rank(np.stack(off), round(_STILL.restless * (len(off) - 1)))
+    edges = edges_of(_soft(behind), None, tuple(first), size, turns=bool(drifts[:, 2:].any()))
+    cost = float(np.median(list(map(edges.cost, greys, drifts))))
     return Still(
         background=background,
         origin=(int(origin[0]), int(origin[1])),
         size=(columns, rows),
         small=behind,
-        restless=np.minimum(_quantile(off, _STILL.restless), _STILL.most_restless).astype(np.uint8),
+        restless=np.minimum(restless, _STILL.most_restless).astype(np.uint8),
         shrink=shrink,
         edges=edges,
-        sampled=_usual(drifts),
+        sampled=_usual(full * drifts),
+        # few edges show no leap
+        usual=np.inf if stands_to is None else cost,
         stands_to=None if stands_to is None else stands_to * shrink / apart,
     )
 
 
-def _lay(greys: Sequence[Image], most: float, held: float) -> Array:
-    """Drifts that lay pictures upon the first, (picture, 4) [pixels].
+def _lay(greys: Sequence[Image], most: float) -> tuple[Array, float | None]:
+    """Drifts that lay pictures upon the first, (picture, 4), and drift that none may show [pixels].
 
-    From one to the next at most `most`, or `held` where few edges show that. Each is laid upon the
-    one before, and then upon the median of all: shifted alone, and turned, too, if edges then lie
-    clearly better in most of the picture, from one to the next or in all of them together. In the
-    end each is looked for where those about it lie.
+    From one to the next at most `most`, and less where few edges show it. Each is laid upon an
+    earlier one, and then upon the median of all; they drift if edges then lie clearly better in
+    most of the picture than where they do not.
     """
-    if len(greys) == 1:
-        return np.zeros((1, 4))
-    edges = [edges_of(each) for each in greys]
-    shifted, turned, step = [np.zeros(4)], [np.zeros(4)], np.zeros(4)
-    for one, grey in zip(edges[:-1], greys[1:], strict=True):
-        step = one.shift(grey, step)
-        shifted.append(onward(shifted[-1], step))
-        turned.append(onward(turned[-1], one.turn(grey, step)))
     best = np.zeros((len(greys), 4))
-    middles = edges_of(_median(greys, best))
-    costs = _costs(edges, middles, greys, best)
-    for chain, lay in ((shifted, Edges.shift), (turned, Edges.turn)):
-        whole = edges_of(_median(greys, np.array(chain)))
-        laid = _lay_again(whole, greys, np.array(chain), lay)
-        middle = _median(greys, laid)
-        whole = edges_of(middle)
-        own = _costs(edges, whole, greys, laid)
-        parts = whole.parts(middle.shape, _STILL.coded_still)
+    others, unseen = _costs(_edges(greys, best, turns=False), greys, best), None
+    for turns in (False, True):
+        drifts, edges, step = [best[0]], edges_of(greys[0], turns=turns), best[0]
+        for before, grey in pairwise(greys):
+            last = drifts[-1]
+            if edges.share_in(grey, last) < _STILL.overlap:
+                edges = edges_of(before, last, turns=turns)
+            drifts.append(edges.drift(grey, (last, last + step, last + leap_of(before, grey))))
+            step = drifts[-1] - last
+        laid = np.array(drifts)
+        for _ in range(2):
+            edges = _edges(greys, laid, turns=turns)
+            starts = np.stack([laid, _usual(laid)], axis=1)
+            laid = np.array(list(map(edges.drift, greys, starts)))
+        costs, parts = _costs(edges, greys, laid), edges.parts(_STILL.coded_still)
         few = parts.sum() < _STILL.shown_parts
-        pairs = zip(own[:, parts | few], costs[:, parts | few], strict=True)
-        ratio = min(_ratio(some, others) for some, others in pairs)
         fast = np.abs(np.diff(laid[:, :2], axis=0)).max(initial=0.0)
-        if ratio < _STILL.better and fast < (held if few else most):
-            best, middles, costs = laid, whole, own
-    if best.any():
-        best = _lay_again(middles, greys, _usual(best), Edges.shift)
-        if best[:, 2:].any():
-            best = _lay_again(middles, greys, best, Edges.turn)
-    return np.array([upon(each, best[0]) for each in best])
+        better = _ratio(costs[parts | few], others[parts | few]) < _STILL.better
+        # few edges show a slow drift alone, and no turn: nearly all may be of one thing
+        if better and fast < (_STILL.held * most * (not turns) if few else most):
+            best, others, unseen = laid, costs, None if few else 0.0
+        elif not turns:
+            unseen = None if few else _slope(laid[:, :2])
+    return best - best[0], unseen
 
 
-def _lay_again(
-    edges: Edges,
-    greys: Sequence[Image],
-    drifts: Array,
-    lay: Callable[[Edges, Image, Array], Array],
-) -> Array:
-    """Drifts of pictures that show enough of some edges, looked for again near where they are."""
-    return np.array(
-        [
-            lay(edges, grey, near) if edges.lie_in(grey, near) else near
-            for grey, near in zip(greys, drifts, strict=True)
-        ]
-    )
+def _edges(greys: Sequence[Image], drifts: Array, *, turns: bool) -> Edges:
+    """Edges of the median of pictures, each moved back by its drift."""
+    size = np.array(greys[0].shape[1::-1])
+    return edges_of(_background_of(greys, drifts, np.zeros(2, int), size, 0.5), turns=turns)
 
 
-def _costs(edges: Sequence[Edges], whole: Edges, greys: Sequence[Image], drifts: Array) -> Array:
-    """Distance that edges lie off in each part of most pictures [pixels], inf: none, (2, part).
-
-    Those of each picture in the next one, and of all together in each.
-    """
-    steps = [upon(after, before) for before, after in pairwise(drifts)]
-    one_by_one = zip(edges[:-1], greys[1:], steps, strict=True)
-    together = zip([whole] * len(greys), greys, drifts, strict=True)
-    each = [
-        np.array([e.costs(g, d, _STILL.coded_still) for e, g, d in some])
-        for some in (one_by_one, together)
-    ]
-    return np.stack([upper_median(np.nan_to_num(some.T, nan=np.inf)) for some in each])
+def _costs(edges: Edges, greys: Sequence[Image], drifts: Array) -> Array:
+    """Median distance that edges lie off in each part [pixels], inf: in no picture any, (part,)."""
+    each = np.sort(list(map(edges.costs, greys, drifts, repeat(_STILL.coded_still))), axis=0)
+    seen = np.isfinite(each).sum(axis=0)
+    return np.asarray(np.take_along_axis(each, seen[None] // 2, axis=0)[0])
 
 
 def _ratio(some: Array, others: Array) -> float:
@@ -317,19 +283,11 @@ def _usual(drifts: Array) -> Array:
     return np.asarray(ndimage.median_filter(drifts, (5, 1), mode="nearest"))
 
 
-def _stands_to(edges: Edges, shape: tuple[int, ...], greys: Sequence[Image]) -> float | None:
-    """Drift from one picture to the next that edges too few to follow leave open [pixels].
-
-    Twice the slope of their shifts, or twice its standard uncertainty. None: nearly all are of one
-    thing, which may move on its own.
-    """
-    if edges.parts(shape, _STILL.coded_still).sum() < _STILL.shown_parts:
-        return None
-    if len(greys) < 3:
+def _slope(shifts: Array) -> float:
+    """Twice the slope of shifts (picture, 2), or twice its standard uncertainty [pixels]."""
+    if len(shifts) < 3:
         return 0.0
-    steep, none = edges.steeper(_STILL.coded_still), np.zeros(4)
-    shifts = np.array([steep.shift(each, none, none)[:2] for each in greys])
-    t = np.arange(len(greys)) - (len(greys) - 1) / 2
+    t = np.arange(len(shifts)) - (len(shifts) - 1) / 2
     slope = t @ shifts / (t @ t)
     rest = shifts - shifts.mean(axis=0) - t[:, None] * slope
     u = np.sqrt((rest**2).sum(axis=0) / (len(t) - 2) / (t @ t))
@@ -345,14 +303,14 @@ def eight_bits(frame: Frame, depth: int) -> Image:
     return np.asarray(frame >> max(0, depth - 8), np.uint8)
 
 
-def moved_back(
-    picture: Image, drift: Array, corner: tuple[int, int], behind: Image, every: int = 1
+def warp_back(
+    picture: Image, drift: Array, corner: Sequence[int], behind: Image, every: int = 1
 ) -> Image:
     """Drifted picture where it lies before a background, elsewhere the background.
 
     The corner (x, y) is that of the background in the still frame, which has `every` pixel of it.
     """
-    x, y = corner
+    x, y = map(int, corner)
     rows, columns = behind.shape[:2]
     right, below = x + every * (columns - 1) + 1, y + every * (rows - 1) + 1
     inside = x >= 0 and y >= 0 and right <= picture.shape[1] and below <= picture.shape[0]
@@ -361,11 +319,16 @@ def moved_back(
     back = matrix_of(drift, picture.shape[1::-1])
     back[:, 2] += back[:, :2] @ [x, y]
     back[:, :2] *= every
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    here = behind.copy()
-    mode = cv2.BORDER_TRANSPARENT
-    cv2.warpAffine(picture, back, (columns, rows), dst=here, flags=flags, borderMode=mode)
-    return here
+    # four channels take half as long as three, but for a small part of a picture
+    wider = picture.ndim == 3 and 2 * behind.size > picture.size
+    there, here = (
+        np.asarray(cv2.cvtColor(each, cv2.COLOR_BGR2BGRA), np.uint8) if wider else each
+        for each in (picture, behind)
+    )
+    here = here if wider else here.copy()
+    flags, mode = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_TRANSPARENT
+    cv2.warpAffine(there, back, (columns, rows), dst=here, flags=flags, borderMode=mode)
+    return np.asarray(cv2.cvtColor(here, cv2.COLOR_BGRA2BGR) if wider else here, np.uint8)
 
 
 def share_of(pictures: Sequence[Image]) -> float:
@@ -386,38 +349,27 @@ def share_of(pictures: Sequence[Image]) -> float:
 
 
 def _background_of(
-    pictures: Sequence[Image], drifts: Array, origin: Array, shape: tuple[int, int], share: float
+    pictures: Sequence[Image], drifts: Array, origin: Array, size: Array, share: float
 ) -> Image:
-    """Quantile of drifted pictures where they reach; black where none does."""
-    whole = np.zeros((*shape, *pictures[0].shape[2:]), np.uint8)
-    size = pictures[0].shape[1::-1]
-    for top in range(0, shape[0], _STILL.rows):
-        block = whole[top : top + _STILL.rows]
-        corner = (int(origin[0]), int(origin[1]) + top)
-        stack = np.stack(
-            [moved_back(p, d, corner, block) for p, d in zip(pictures, drifts, strict=True)]
-        )
-        if not drifts.any():
-            whole[top : top + _STILL.rows] = of_rank(stack, round(share * (len(stack) - 1)))
-            continue
-        y, x = np.ogrid[: len(block), : shape[1]]
-        x, y = x + corner[0], y + corner[1]
-        count = np.zeros(block.shape[:2], np.uint8)
-        for each, drift in zip(stack, drifts, strict=True):
-            inside = np.ones_like(count, bool)
-            for (by_x, by_y, by), side in zip(matrix_of(drift, size), size, strict=True):
-                at = by_x * x + (by_y * y + by)
-                inside &= (at >= 0) & (at <= side - 1)
-            each[~inside] = 255  # beyond the others in rank
-            count += inside
-        if block.ndim == 3:
-            count = count[..., None]
-        rank = np.rint(share * (np.maximum(count, 1) - 1.0)).astype(np.uint8)
-        whole[top : top + _STILL.rows] = np.where(count > 0, of_rank(stack, rank), 0)
+    """Quantile of drifted pictures, of columns and rows that begin at an origin.
+
+    What a picture does not show is as the one before it has it; black where none does.
+    """
+    columns, rows = map(int, size)
+    whole = np.zeros((rows, columns, *pictures[0].shape[2:]), np.uint8)
+    pairs = list(zip(pictures, drifts, strict=True))
+    for top in range(0, rows, _STILL.rows):
+        here, corner = whole[top : top + _STILL.rows], (origin[0], origin[1] + top)
+        stack = []
+        for picture, drift in (*reversed(pairs), *pairs) if drifts.any() else pairs:
+            here = warp_back(picture, drift, corner, here)
+            stack.append(here)
+        ranked = np.stack(stack[-len(pairs) :])
+        whole[top : top + _STILL.rows] = of_rank(ranked, round(share * (len(pairs) - 1)))
     return whole
 
 
-def of_rank(stack: NDArray[np.uint8], rank: int | NDArray[np.uint8]) -> Image:
+def of_rank(stack: NDArray[np.uint8], rank: int) -> Image:
     """Value of a rank among pictures, by bisection: much quicker than sorting."""
     found = np.zeros(stack.shape[1:], np.uint8)
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):
@@ -436,6 +388,11 @@ def _shrunk(picture: Image, shrink: int) -> Image:
     return picture
 
 
+def _soft(picture: Image) -> Image:
+    """Grey of a picture, as its edges are laid: noise and a codec's blocks have steeper ones."""
+    return np.asarray(cv2.GaussianBlur(grey_of(picture), (5, 5), 1.0), np.uint8)
+
+
 def _strongest(apart: NDArray[Any]) -> NDArray[Any]:
     if apart.ndim == 2:
         return apart
@@ -449,13 +406,3 @@ def _as_bright(behind: Image, light: Array) -> Image:
         return behind
     values = np.clip(np.rint(np.arange(256)[:, None] * light), 0, 255).astype(np.uint8)
     return np.asarray(cv2.LUT(behind, values.reshape(1, 256, -1)), np.uint8).reshape(behind.shape)
-
-
-def _median(pictures: Sequence[Image], drifts: Array) -> Image:
-    """Median of pictures, each moved back by its drift."""
-    pairs = zip(pictures, drifts, strict=True)
-    return _quantile([moved_back(p, each, (0, 0), p) for p, each in pairs], 0.5)
-
-
-def _quantile(pictures: Sequence[Image], share: float) -> Image:
-    return of_rank(np.stack(pictures), round(share * (len(pictures) - 1)))

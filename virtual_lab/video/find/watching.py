@@ -20,7 +20,6 @@ LEAP_SHARE = 0.4  # of the fastest drift: by more no hand moves a camera off the
 # of second differences of neighbouring rows to those of every other row, in so many blobs that
 # stand free: of combs 1.5 to 3, of whole frames 0.4 to 1
 COMB_RATIO, COMB_BLOBS = 1.25, 3
-NEAR_FRAMES = 12  # between samples: they lead better than the picture before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +64,7 @@ def watch(
     found: list[Blobs] = [np.zeros(0, BLOB)]
     drift, ahead, since = np.zeros(4), np.zeros(4), 1
     before: Image | None = None
+    latest = still.shrunk(eight_bits(clip.samples[0], depth)), drift
     leaps: dict[int, float] = {}
     thumbs: dict[int, NDArray[np.uint8]] = {}
     kept = clip.count <= 4000
@@ -76,8 +76,7 @@ def watch(
         picture = eight_bits(frame, depth)
         small = still.shrunk(picture)
         between = np.array([np.interp(number, clip.sampled, each) for each in still.sampled.T])
-        near = (between, between) if apart <= NEAR_FRAMES else (drift + ahead, drift)
-        drifted = still.drift(small, *near) - drift
+        drifted = still.drift(small, between, latest) - drift
         if (np.abs(drifted[:2]) < still.fastest * since).all():
             leapt = float(np.hypot(*(drifted - since * ahead)[:2]))
             if number > 1 and leapt > LEAP_SHARE * still.fastest:
@@ -85,6 +84,7 @@ def watch(
             drift, ahead, since = drift + drifted, drifted / since, 1
         else:
             since += 1
+        latest = small, drift
         if number < first:
             continue  # its drift alone: that of the next one is near
         if before is not None:
@@ -145,12 +145,12 @@ def in_region(found: Blobs, region: tuple[float, float, float, float] | None) ->
     return found[inside & (found["y"] > y) & (found["y"] < y + high)]
 
 
-def repeated(watched: Watched) -> Mask:
+def repeats(watched: Watched) -> Mask:
     """Frames that show the same as the one before, (frame,): nothing round moves in them.
 
     A ball at the top of a low hop hardly changes a picture, but for where it is.
     """
-    found, same = watched.found, repeats(watched.change)
+    found, same = watched.found, lulls(watched.change)
     clean = found[(found["dirty"] < CLEAN) & ~found["cut"]]
     for k in np.flatnonzero(same):
         old, moved = clean[clean["frame"] == k - 1], []
@@ -164,7 +164,7 @@ def repeated(watched: Watched) -> Mask:
     return same
 
 
-def repeats(change: Array) -> Mask:
+def lulls(change: Array) -> Mask:
     """Frames that show the same as the one before, (frame,), by `change` around them [DN].
 
     Both sides must show more change: a key frame or the end of a motion is on one side only.

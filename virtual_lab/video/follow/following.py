@@ -12,7 +12,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.find.watching import Watched, repeated, watch
+from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
 from virtual_lab.video.follow.doubts import (
     FALLS,
@@ -108,7 +108,7 @@ def following(
     progress: Callable[[str], None] = lambda _: None,
 ) -> FollowedClip:
     """Follow the ball through a clip that was watched; `given`: ways corrected by hand."""
-    same = repeated(watched)
+    same = repeats(watched)
     if given is not None:
         scene = clip_scene(clip, watched, known, same, squeezed=False)
         return measure(clip, watched, known, FlightsFound(scene=scene, pieces=given, ways=given))
@@ -184,7 +184,7 @@ def measure(
     if not ways:
         notes.append(("", without_flight(found)))
     notes += against_flights(scene, watched, found, ways)
-    same = _while_moving(repeated(watched), ways or found)
+    same = _while_moving(repeats(watched), ways or found)
     if same.any():
         words = f"{same.sum()} frames are stored twice while the ball moves: a repeat is no place"
         notes.append(("REPEATED_FRAMES", words))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.output.style import STYLE, as_drawn
 from virtual_lab.video.clips.source import Frame
-from virtual_lab.video.find.still import moved_back
+from virtual_lab.video.find.still import warp_back
 from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.show.course import course_of, names_of, spots
 
@@ -134,7 +134,7 @@ class Pictures:
         one = self.places[k]
         picture = self.frames[int(one["frame"])]
         drift = np.array([one["drift_x_px"], one["drift_y_px"], 0.0, 0.0]) * self.scale
-        return moved_back(picture, drift, (0, 0), picture)
+        return warp_back(picture, drift, (0, 0), picture)
 
     def draw(self, title: str, path: Path) -> None:
         """Draw the course as PNG: the picture, places and speeds, residuals."""
