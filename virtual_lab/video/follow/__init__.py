@@ -1,1 +1,1 @@
-"""Blobs to flights: pieces of constant acceleration, one joint fit, contacts, kinds of motion."""
+"""Blobs to flights: pieces of constant acceleration, one joint fit, a ruler, contacts, doubts."""
