@@ -667,7 +667,7 @@ CASES: dict[str, Case] = {
     "a clip of objects": (
         clip(FPS, np.array([[[b"x"]]], dtype="S1")),
         f"{TRACK} cal.toml",
-        ["depth", "8 or 16 bits"],
+        ["picture", "8 or 16 bits"],
     ),
     "a clip of no pixels": (
         clip(FPS, np.zeros((9, 0, 4), np.uint8)),

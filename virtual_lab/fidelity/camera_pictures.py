@@ -165,7 +165,7 @@ def _start(case: Case, x: Array, y: Array, draws: Streams, slots: Slots) -> Loca
 def _clip(samples: NDArray[np.uint8]) -> Clip:
     """Return a clip that was opened, with the statistics of one pass over its frames."""
     return Clip(
-        source=Source(path=Path("made"), declared=0, read=lambda: iter(())),
+        source=Source(path=Path("made"), declared=0, read=lambda _: iter(())),
         times=np.zeros(0),
         shape=CASE.frame,
         full_scale=FULL_SCALE,

@@ -1,5 +1,6 @@
 """Clips of every kind come out as they went in; what is no clip is said in one line."""
 
+import re
 import struct
 import zlib
 from collections.abc import Callable
@@ -153,7 +154,7 @@ def stamped(at: Path, content: str, count: int = 12) -> tuple[Path, ClipCalibrat
 
 @pytest.mark.parametrize(
     "content",
-    ["0\n.1\n.3\n", "time_s\n0\n.1\n.3\n", "frame,time_s\n0,0\n1,.1\n2,.3\n"],
+    ["0\n.1\n.3\n", "0E0\n1e-1\n3e-1\n", "time_s\n0\n.1\n.3\n", "frame,time_s\n0,0\n1,.1\n2,.3\n"],
 )
 def test_time_stamps_of_their_own(content: str, tmp_path: Path) -> None:
     clip = open_clip(*stamped(tmp_path, content, count=3))
@@ -244,6 +245,31 @@ def test_keys_replace_the_files(tmp_path: Path) -> None:
         read_calibration(None)
 
 
+def test_motion_jpeg_shows_what_ffmpeg_shows(tmp_path: Path) -> None:
+    """With the same times; pictures that nobody asks for are not decoded, a broken one is said."""
+    path, size = tmp_path / "a.avi", (64, 48)
+    writer = cv2.VideoWriter(
+        str(path), cv2.CAP_OPENCV_MJPEG, cv2.VideoWriter.fourcc(*"MJPG"), 50, size
+    )
+    ramp = np.add.outer(np.arange(size[1]), np.arange(size[0])).astype(np.uint8)
+    for k in range(12):
+        writer.write(np.stack([ramp + 8 * k, ramp, 255 - ramp], axis=-1))
+    writer.release()
+    source, theirs = open_source(path), cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    frames, stamps = zip(*source.pictures(), strict=True)
+    np.testing.assert_allclose(stamps, np.arange(12) / 50)
+    for frame in frames:
+        assert np.abs(frame.astype(float) - theirs.read()[1]).mean() < 2
+    assert not theirs.grab()
+    assert [k for k, (frame, _) in enumerate(source.read(5)) if frame is not None] == [0, 5, 10]
+    content = bytearray(path.read_bytes())
+    at = [found.start() for found in re.finditer(b"\xff\xd8\xff", bytes(content))][7]
+    content[at : at + 40] = bytes(40)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="says it holds 12"):
+        list(open_source(path).pictures())
+
+
 def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its file may go once it was opened; a long one is read anew, frame by frame."""
     path = tmp_path / "clip.npy"
@@ -259,6 +285,21 @@ def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.Monkey
         else:
             with pytest.raises(FileNotFoundError):
                 list(clip.pictures())
+
+
+def test_a_file_that_declares_no_count_is_sampled_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A video's header may hold none: its frames do not all stay, evenly spread ones do."""
+    source = replace(open_source(np.zeros((100, 8, 9), np.uint8)), declared=0)
+    monkeypatch.setattr("virtual_lab.video.clips.clip.open_source", lambda _: source)
+    monkeypatch.setattr(
+        "virtual_lab.video.clips.clip.MEMORY", replace(MEMORY, most_bytes=10 * 8 * 9)
+    )
+    clip = open_clip(Path("made"), FAST)
+    assert clip.count == 100
+    np.testing.assert_array_equal(clip.sampled, np.arange(0, 100, 8))
+    assert len(clip.samples) == 13
 
 
 def bomb(path: Path, wide: int, high: int) -> Path:

@@ -81,21 +81,25 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
         raise InputError(str(source.path), "frames", f"{size[0]} x {size[1]}", allowed)
     room = MEMORY.most_bytes / first.nbytes
     count = int(np.clip(room, MEMORY.least_samples, MEMORY.samples))
-    every, stays = max(1, -(-source.declared // count)), source.declared <= room
+    every, stays = max(1, -(-source.declared // count)), 0 < source.declared <= room
     stamps: list[float] = []
     kept: dict[int, Frame] = {}
     brightest = 255
-    for number, (frame, stamp) in enumerate(source.pictures()):
+    whole = stays or first.dtype != np.uint8
+    for number, (frame, stamp) in enumerate(source.pictures(1 if whole else every)):
         stamps.append(stamp)
         if stays or number % every == 0:
             kept[number] = frame
-        if frame.dtype != np.uint8:
+        if not stays and len(kept) > 2 * count:  # the file declares too few, or none
+            every *= 2
+            kept = {k: kept[k] for k in kept if k % every == 0}
+        if first.dtype != np.uint8:
             brightest = max(brightest, int(frame.max()))
     times, warnings = frame_times(source, np.array(stamps), calibration)
     sampled = np.arange(0, len(stamps), every)
-    whole = replace(source, read=lambda: zip(kept.values(), stamps, strict=True))
+    held = replace(source, read=lambda _: zip(kept.values(), stamps, strict=True))
     return Clip(
-        source=whole if stays else source,
+        source=held if stays else source,
         times=times,
         shape=(first.shape[0], first.shape[1]),
         full_scale=float(2 ** brightest.bit_length() - 1),

@@ -37,7 +37,7 @@ def cine(path: Path) -> Source:
         count, first = int(head.ImageCount), int(head.FirstImageNo)
         rate, exposure, stamps = rate_of(head.FrameRate), head.ExposureTime, _stamps(path, head)
 
-    def read() -> Stamped:
+    def read(_: int) -> Stamped:
         for number in range(count):
             with _reading(path, ".cine"):
                 image = reader.read_image(head, str(path), first + number)
@@ -78,7 +78,7 @@ def mraw(path: Path) -> Source:
         raise InputError(str(path), ".mraw", f"{bits} bits", "allowed: grey of 8, 12 or 16 bits")
     size = shape[0] * shape[1] * bits // 8
 
-    def read() -> Stamped:
+    def read(_: int) -> Stamped:
         with data.open("rb") as file:
             for _ in range(count):
                 if len(raw := file.read(size)) < size:

@@ -68,7 +68,7 @@ def _images(path: Path, files: list[Path]) -> Source:
         _require_sizes(file)
     pages = [cv2.imcount(str(file), cv2.IMREAD_UNCHANGED) for file in files]
 
-    def read() -> Stamped:
+    def read(_: int) -> Stamped:
         for file, count in zip(files, pages, strict=True):
             for page in _pages(file, count):
                 yield page, np.nan
@@ -102,7 +102,7 @@ def _array(path: Path, load: Callable[[], Frame]) -> Source:
     return Source(
         path=path,
         declared=shape[0],
-        read=lambda: ((np.array(load()[k], order="C"), np.nan) for k in range(shape[0])),
+        read=lambda _: ((np.array(load()[k], order="C"), np.nan) for k in range(shape[0])),
     )
 
 
@@ -116,10 +116,17 @@ def _video(path: Path) -> Source:
     # estimated from the duration it may be one frame too many
     estimated = path.suffix.lower() in {".mkv", ".webm"}
 
-    def read() -> Stamped:
-        capture = _capture(path)
-        while (shown := capture.read())[0]:
-            yield shown[1], capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+    jpegs = _is_motion_jpeg(path, capture, (int(high), int(wide)))
+
+    def read(every: int) -> Stamped:
+        capture = cv2.VideoCapture(str(path), cv2.CAP_OPENCV_MJPEG) if jpegs else _capture(path)
+        number = 0
+        while capture.grab():
+            frame = None if number % every else capture.retrieve()[1]
+            if frame is None and number % every == 0:
+                break
+            yield frame, number / rate if jpegs else capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+            number += 1
 
     return Source(
         path=path,
@@ -128,6 +135,20 @@ def _video(path: Path) -> Source:
         rotation=turn % 360 if np.isfinite(turn) else None,
         read=read,
     )
+
+
+def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture, size: tuple[int, int]) -> bool:
+    """Whether OpenCV's own reader shows the same: it decodes only the pictures asked for."""
+    import cv2
+
+    if int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") != b"MJPG":
+        return False
+    own = cv2.VideoCapture(str(path), cv2.CAP_OPENCV_MJPEG)
+    if own.get(cv2.CAP_PROP_FRAME_COUNT) != capture.get(cv2.CAP_PROP_FRAME_COUNT):
+        return False
+    shown, first = own.read()
+    # of interlaced fields it shows one
+    return bool(shown and first.shape[:2] == size and capture.get(cv2.CAP_PROP_FPS) > 0)
 
 
 def _capture(path: Path) -> cv2.VideoCapture:

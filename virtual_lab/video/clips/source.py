@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 
 Frame = NDArray[Any]  # of 8 or 16 bits without sign
-Stamped = Iterator[tuple[Frame, float]]  # each with its time [s], NaN: it has none
+# frames, None: not asked for; each with its time [s], NaN: it has none
+Stamped = Iterator[tuple[Any, float]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,20 +29,19 @@ class Source:
     rate: float | None = None  # frames a second the file says
     exposure: float | None = None  # of a frame [s], that the file says
     rotation: float | None = None  # degrees clockwise that frames were turned as the file asks for
-    read: Callable[[], Stamped]
+    read: Callable[[int], Stamped]  # every so manieth frame at least
 
-    def pictures(self) -> Stamped:
-        """Yield each frame, grey or in colour, with its own time stamp.
+    def pictures(self, every: int = 1) -> Stamped:
+        """Yield frames, grey or in colour, with their time stamps; None where one may be left out.
 
         Raises `InputError` where a frame has another size or depth than the first, where
         fewer can be read than the file says it holds, or where there is none.
         """
         first, count = "", 0
-        for frame, stamp in self.read():
-            _require_picture(frame, f"{self.path}: frame {count}")
-            size = f"{frame.shape[1]} x {frame.shape[0]} of {8 * frame.dtype.itemsize} bits"
+        for frame, stamp in self.read(every):
+            size = "" if frame is None else _size(frame, f"{self.path}: frame {count}")
             first = first or size
-            if size != first:
+            if size and size != first:
                 allowed = f"the first is {first}: all have one size and depth"
                 raise InputError(str(self.path), f"frame {count}", size, allowed)
             count += 1
@@ -53,12 +53,13 @@ class Source:
             raise InputError(str(self.path), "frames that can be read", count, allowed)
 
 
-def _require_picture(frame: Frame, where: str) -> None:
-    """Raise `InputError` unless a frame is one that can be used; a smaller one shows no ball."""
+def _size(frame: Frame, where: str) -> str:
+    """Size and depth of a frame; `InputError`: it cannot be used, or is too small for a ball."""
     colours = frame.shape[2:] in ((), (1,), (3,), (4,))
     if frame.dtype not in (np.uint8, np.uint16) or not colours or min(frame.shape[:2]) < 8:
         allowed = "expected 8 or 16 bits, grey, 3 colours or 4 channels, at least 8 x 8 pixels"
         raise InputError(where, "picture", f"{frame.shape} of {frame.dtype}", allowed)
+    return f"{frame.shape[1]} x {frame.shape[0]} of {8 * frame.dtype.itemsize} bits"
 
 
 def rate_of(said: float) -> float | None:

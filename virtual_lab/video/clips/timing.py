@@ -95,7 +95,7 @@ def _read_stamps(path: Path, count: int) -> Array:
     """Time stamps [s] in a CSV file: one column, or the one called time_s."""
     latest, step = 1e12, 1e-8  # s, since any clock began, and between two frames at least
     text = read_text(path)
-    bare = re.match(r'\s*[-+."\d]+\s', text)  # a number in its first line, no name
+    bare = re.match(r'\s*"?[-+.\d][-+.\de]*"?\s', text, re.IGNORECASE)  # a number, no name
     table = parse_table((f"time_s\n{text}" if bare else text).encode(), str(path))
     table.index -= bool(bare)
     name = "time_s" if len(table.columns) > 1 else table.columns[0]
