@@ -102,6 +102,19 @@ def test_leaves_that_sail_down_slowly_are_not_the_ball_that_falls_among_them() -
     assert np.allclose(flight.xy[:, 0], 300 + 8 * late, atol=1.0)
 
 
+def test_another_ball_that_goes_on_where_one_ends_is_not_the_same() -> None:
+    """It has another colour and size; a ball in two colours that turns keeps its size."""
+    way, whole = hops([9.0, 8.0, 7.0, 6.0])
+    found = blobs_of(way)
+    late = found["frame"] >= whole[2][0]
+    found["colour"][late] = 200.0
+    assert len(flights_in(found)) == 4
+    found["radius"][late] = found["length"][late] = RADIUS / 1.5
+    flights = flights_in(found)
+    assert len(flights) == 2
+    assert max(each.frames[-1] for each in flights) < whole[2][0]
+
+
 @pytest.mark.parametrize("drawn", [0.0, 3.0])
 @pytest.mark.parametrize("across", [1.0, 0.1])
 def test_hops_lower_than_the_ball(across: float, drawn: float) -> None:

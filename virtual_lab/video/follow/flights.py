@@ -133,15 +133,17 @@ class _Bend:
 
     def shares(self, other: _Bend) -> tuple[bool, bool]:
         """Whether another piece may have the same acceleration, and whether it surely has."""
-        ratio = other.piece.radius / self.piece.radius
-        if not 1 / GROWTH.size_ratio < ratio < GROWTH.size_ratio:
+        alike = float(np.abs(other.colour - self.colour).max()) < GROWTH.colour
+        ratio = max(other.piece.radius, self.piece.radius)
+        ratio /= min(other.piece.radius, self.piece.radius)
+        # a ball in two colours turns: it then has its size
+        if ratio > (GROWTH.size_ratio if alike else np.sqrt(GROWTH.size_ratio)):
             return False, False
         room = max(FLIGHTS.pull_share * self.size, self.slowed, other.slowed)
         near = float(np.hypot(*(other.pull - self.pull))) < room
         fallen = other.t[:, None] ** 2 * self.pull / 2
         misfit = polynomial(other.t, other.piece.xy - fallen, 1)[2]
         may = near or (other.falls and misfit < other.room)
-        alike = float(np.abs(other.colour - self.colour).max()) < GROWTH.colour
         return may, other is self or (near and alike and 3 * other.u < room)
 
 
