@@ -31,8 +31,8 @@ def earlier_scatter(
 ) -> dict[str, Estimate]:
     """Return the variance of a hit in each result, by the certificates of earlier tests.
 
-    `folders` are result folders, or folders of such. `asked` is what `kind_of` says of the test of
-    `today`, whose session exists where its records are reduced.
+    `folders` are result folders, or folders that hold them. `asked` is the kind of the current
+    test, as `kind_of` returns it, and `today` its session, where its records are reduced.
 
     Raises
     ------

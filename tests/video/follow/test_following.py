@@ -20,7 +20,7 @@ from tests.video.scenery.scenes import SCENES, UNSEEN
 from tests.video.scenes import matte
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.follow.following import FollowedClip, follow, following
+from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs
 from virtual_lab.video.follow.known import ClipKnowledge
 
 Get = Callable[[str], tuple[Made, FollowedClip]]
@@ -231,8 +231,8 @@ def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
     _, found = followed("thrown-on-wall")
     none = np.zeros_like(found.watched.still.sampled)
     plain = replace(found.watched.still, sampled=none, stands_to=None)
-    by_hand = following(found.clip, replace(found.watched, still=plain), found.known)
-    stands = following(
+    by_hand = follow_blobs(found.clip, replace(found.watched, still=plain), found.known)
+    stands = follow_blobs(
         found.clip, replace(found.watched, still=plain), replace(found.known, stands=True)
     )
     assert "DRIFT_UNSEEN" in by_hand.flags
@@ -260,12 +260,12 @@ def test_a_wrong_frame_rate_is_refused_with_the_right_one(followed: Get) -> None
     """Four times the rate is sixteen times g."""
     _, found = followed("thrown-on-wall")
     with pytest.raises(InputError, match=r"would fall with 1[4-7]\d.* --fps (29|30|31)"):
-        following(found.clip, found.watched, replace(found.known, rate=120.0))
+        follow_blobs(found.clip, found.watched, replace(found.known, rate=120.0))
 
 
 def test_a_clean_parabola_is_a_flight_whatever_ball_it_is_said_to_be(followed: Get) -> None:
     _, found = followed("thrown-on-wall")
-    wrong = following(found.clip, found.watched, replace(found.known, ball=0.2))
+    wrong = follow_blobs(found.clip, found.watched, replace(found.known, ball=0.2))
     assert [each.places for each in wrong.flights] == [each.places for each in found.flights]
     assert "GRAVITY" in wrong.flags
 
@@ -280,6 +280,6 @@ def test_a_shutter_that_rolls_is_found(followed: Get) -> None:
 
 def test_speeds_carry_what_an_unknown_readout_may_do(followed: Get) -> None:
     _, found = followed("thrown-on-wall")
-    told = following(found.clip, found.watched, replace(found.known, readout=0.0))
+    told = follow_blobs(found.clip, found.watched, replace(found.known, readout=0.0))
     assert "READOUT_UNKNOWN" not in told.flags
     assert told.flights[0].speed_out.u < 0.6 * found.flights[0].speed_out.u

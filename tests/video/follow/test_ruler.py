@@ -13,7 +13,7 @@ import pytest
 from tests.video.follow.light_study import clip_of, known_of, speeds_of
 from tests.video.follow.lit_ball import LIGHTS, Filmed, Throw, film
 from virtual_lab.errors import InputError
-from virtual_lab.video.follow.following import FollowedClip, follow, following
+from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs
 from virtual_lab.video.show.track_text import track_document, track_text
 
 SMALL = {"rows": 240, "columns": 320, "count": 58, "fps": 60.0, "radius": 8.0}
@@ -37,7 +37,7 @@ def seen() -> Seen:
 
 def again(found: FollowedClip, **changed: object) -> FollowedClip:
     """Return the same clip followed by a person who knows something else of it."""
-    return following(found.clip, found.watched, replace(found.known, **changed))
+    return follow_blobs(found.clip, found.watched, replace(found.known, **changed))
 
 
 @pytest.mark.parametrize("light", LIGHTS)
@@ -94,7 +94,7 @@ def test_a_rolled_camera_is_said_and_moves_no_speed(seen: Seen) -> None:
         right, down = blobs[x] - columns / 2, blobs[y] - rows / 2
         blobs[x] = columns / 2 + np.cos(turn) * right + np.sin(turn) * down
         blobs[y] = rows / 2 - np.sin(turn) * right + np.cos(turn) * down
-    rolled = following(found.clip, replace(found.watched, found=blobs), found.known)
+    rolled = follow_blobs(found.clip, replace(found.watched, found=blobs), found.known)
     assert rolled.scale is not None
     assert rolled.scale.source == "gravity"
     for one, other in zip(speeds_of(rolled), speeds_of(found), strict=True):
@@ -161,7 +161,7 @@ def test_gravity_that_no_flight_shows_is_no_ruler(seen: Seen) -> None:
     few &= found.watched.found["frame"] > found.contacts[0].frame - 5
     short = replace(found.watched, found=found.watched.found[few], thumbs={})
     with pytest.raises(InputError, match="no flight shows gravity"):
-        following(found.clip, short, replace(found.known, ruler="gravity"))
+        follow_blobs(found.clip, short, replace(found.known, ruler="gravity"))
 
 
 def test_gravity_s_u_has_what_no_flight_shows(seen: Seen) -> None:

@@ -321,7 +321,9 @@ def test_a_ball_that_is_not_located_sharply(
     assert "NOT_SHARP" in found.flags
     assert re.search(words, " ".join(found.warnings))
     assert len(found.flights) == 2
-    if key == "ball_diameter_m":  # what tells of scale and rate alone asks for no sharp place
+    if (
+        key == "ball_diameter_m"
+    ):  # a file that gives scale and rate only is measured by hulls, unflagged
         bare = replace(KNOWN, lens_blur_px=None, exposure_s=None)
         assert track_hit(tmp_path / "clip.npy", bare).flags == ()
 

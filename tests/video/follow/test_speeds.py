@@ -10,7 +10,7 @@ from tests.video.follow.test_pieces import RADIUS, blobs_of, hops
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.find.watching import Watched
-from virtual_lab.video.follow.following import FollowedClip, following
+from virtual_lab.video.follow.following import FollowedClip, follow_blobs
 from virtual_lab.video.follow.joint import estimate_of, fit_flights
 from virtual_lab.video.follow.known import ClipKnowledge
 from virtual_lab.video.follow.pieces import Piece
@@ -38,7 +38,7 @@ def followed(found: Blobs, readout: float | None = 0.0) -> FollowedClip:
     known = ClipKnowledge(
         rate=RATE, ball=BALL, ball_u=1e-4, stands=True, readout=readout, ruler="ball"
     )
-    return following(cast("Clip", clip), watched, known)
+    return follow_blobs(cast("Clip", clip), watched, known)
 
 
 @pytest.mark.parametrize("noise", [0.3, 0.5])

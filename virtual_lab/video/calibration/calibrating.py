@@ -55,7 +55,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solved:
-    """What fits all views.
+    """Solution for all views: lens and pose, with their covariance.
 
     Values are fx, fy, cx, cy [pixels], k1, k2, p1, p2, k3 (0 where it does not show), and the
     plane view's pose: its Rodrigues vector [rad] and shift [m], from the plane's axes.

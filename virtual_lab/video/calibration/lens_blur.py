@@ -1,4 +1,4 @@
-"""How sharp a lens is, from the edges of a board between corners that were placed."""
+"""Blur of a lens [pixel], measured at the edges of a calibration board between its corners."""
 
 from __future__ import annotations
 

@@ -20,8 +20,8 @@ from virtual_lab.video.clips.source import Source, Stamped, rate_of
 
 
 @contextmanager
-def _reading(path: Path, kind: str) -> Iterator[None]:
-    """Tell in one line what goes wrong within a library."""
+def _library_errors(path: Path, kind: str) -> Iterator[None]:
+    """Errors of a library as one `InputError`."""
     try:
         yield
     except Exception as fault:
@@ -32,14 +32,14 @@ def _reading(path: Path, kind: str) -> Iterator[None]:
 def cine(path: Path) -> Source:
     """Read a .cine file: 8 to 16 bits, grey, P10 and P12L too, with time stamps and exposure."""
     reader = of_extra("cinereader", "highspeed", f"{path}: .cine")
-    with _reading(path, ".cine"):
+    with _library_errors(path, ".cine"):
         head = reader.read_metadata(str(path))
         count, first = int(head.ImageCount), int(head.FirstImageNo)
         rate, exposure, stamps = rate_of(head.FrameRate), head.ExposureTime, _stamps(path, head)
 
     def read(_: int) -> Stamped:
         for number in range(count):
-            with _reading(path, ".cine"):
+            with _library_errors(path, ".cine"):
                 image = reader.read_image(head, str(path), first + number)
             yield np.ascontiguousarray(image), float(stamps[number])
 
@@ -69,7 +69,7 @@ def mraw(path: Path) -> Source:
     for file in (beside, data):
         if not file.is_file():
             raise InputError(str(path), ".mraw", None, f"{file.name} is not beside it")
-    with _reading(beside, "header of .mraw"):
+    with _library_errors(beside, "header of .mraw"):
         head = reader.get_cih(str(beside))
         count, bits = int(head["Total Frame"]), int(head["Color Bit"])
         shape = int(head["Image Height"]), int(head["Image Width"])

@@ -38,7 +38,7 @@ def open_source(path: Path | Frame) -> Source:
         raise InputError(str(path), "clip", None, f"no such file or folder, expected {KINDS}")
     kind = path.suffix.lower()
     if kind == ".npy":
-        # mapped anew for each frame: pages that were read would count as memory
+        # map the file anew for each frame: one map keeps in memory all pages read from it
         return _array(path, partial(np.lib.format.open_memmap, path, "r"))
     if kind in HIGHSPEED:
         return HIGHSPEED[kind](path)

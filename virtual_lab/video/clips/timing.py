@@ -80,7 +80,7 @@ def usual_step(times: Array) -> float:
 
 
 def uneven(times: Array) -> bool:
-    """Whether time stamps (frame,) [s] say more than a count of frames: .3 of a step off it.
+    """Unevenness of time stamps (frame,) [s]: True where they leave an even count by .3 of a step.
 
     A frame that was left out shows so, and a phone that films on more slowly in the dark; rounding
     to 1 ms does not up to 240 a second. Of clips that are even all lie within .1.

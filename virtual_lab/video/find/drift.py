@@ -1,4 +1,4 @@
-"""How a picture lies upon a still frame: shifted, larger and turned, by least squares on its edges.
+"""Drift of a picture from the still frame: shift, growth and turn, by least squares on its edges.
 
 Gauss and Newton on grey values, with the light's gain and level beside the drift; what moves on
 its own is left out by its residual (Lucas and Kanade 1981, robust by Tukey's biweight). Only the

@@ -81,9 +81,9 @@ def contacts_of(
                 notes.append((flag, f"contact at frame {frame:.1f}: {why}"))
         if sharp:
             flat = (fit.at(k, t) + fit.at(k + 1, t))[0, :2] / 2
-            place, metres = sharp.pictured(flat, frame), sharp.metres(flat)
+            place, metres = sharp.in_picture(flat, frame), sharp.metres(flat)
         else:
-            place = (fit.pictured(k, t) + fit.pictured(k + 1, t))[0] / 2
+            place = (fit.in_picture(k, t) + fit.in_picture(k + 1, t))[0] / 2
             metres = scale.metres_per_pixel * place
         ends = [estimate_of(partial(_place, axis, k, t), fit, others).u for axis in (0, 1)]
         place_u = scale.metres_per_pixel * float(np.sqrt(np.mean(np.square(ends))))

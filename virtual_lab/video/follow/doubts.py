@@ -22,7 +22,7 @@ from virtual_lab.video.follow.scene import FlightScene
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoubtSettings:
-    """How far off is no chance."""
+    """Limits beyond which a difference is flagged."""
 
     moved: float = 0.1  # radii a frame: a ball that moves less may well look the same
     drift_matters: float = 0.002  # of a flight's speed

@@ -95,7 +95,7 @@ class _Bend:
 
     @cached_property
     def bent(self) -> bool:
-        """Whether it shows an acceleration."""
+        """True for a piece that its acceleration bends by more than `sag` radii."""
         return self.sag(self.size) > FLIGHTS.sag * self.piece.radius
 
     @cached_property
@@ -111,13 +111,13 @@ class _Bend:
 
     @cached_property
     def may_fall(self) -> bool:
-        """Whether its acceleration is gravity's by its direction, if it shows any."""
+        """True for a smooth piece that accelerates down the picture, or too little to show."""
         upright = float(np.arctan2(abs(self.pull[0]), self.pull[1])) < FLIGHTS.upright
         return self.rms < self.smooth and (upright or not self.bent)
 
     @cached_property
     def falls(self) -> bool:
-        """Whether it may be gravity's as far as scale and direction show."""
+        """True for a piece that falls as gravity, by direction and, where it is known, by size."""
         least = max(FLIGHTS.shown_sag * self.piece.radius, 6 * self.rms)
         if self.expected is None or self.sag(self.expected) <= least or not self.may_fall:
             return self.may_fall
@@ -289,7 +289,7 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
         frames = found["frame"][blobs].astype(np.intp)
         own = np.clip(np.searchsorted(piece.frames, frames, "right") - 1, 0, None)
         t = scene.time[frames] + (piece.t - scene.time[piece.frames])[own]
-        expected = fit.pictured(k, t + fit.readout * scene.late(blobs))
+        expected = fit.in_picture(k, t + fit.readout * scene.late(blobs))
         off = np.hypot(found["x"][blobs] - expected[:, 0], found["y"][blobs] - expected[:, 1])
         room = max(FLIGHTS.room * piece.radius, FAR_U * fit.spread)
         near = np.flatnonzero(off < min(room, piece.radius / 2))

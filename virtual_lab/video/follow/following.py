@@ -96,10 +96,10 @@ def follow(
     watched = watch(
         clip, frames=known.frames, region=known.region, stands=known.stands, progress=progress
     )
-    return following(clip, watched, known, progress=progress)
+    return follow_blobs(clip, watched, known, progress=progress)
 
 
-def following(
+def follow_blobs(
     clip: Clip,
     watched: Watched,
     known: ClipKnowledge,

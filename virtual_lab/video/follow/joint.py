@@ -72,7 +72,7 @@ class Fit:
         """Fit with other parameters."""
         return replace(self, vector=vector, **_parts(vector, len(self.states)))
 
-    def drifting(self, velocity: Array) -> Fit:
+    def with_drift(self, velocity: Array) -> Fit:
         """Fit of the same places if the still frame moves, (2,) [px/frame]."""
         states = self.states.copy()
         states[:, :2] += self.middles[:, None] * velocity
@@ -85,7 +85,7 @@ class Fit:
         states = np.broadcast_to(self.states[flight], (len(dt), 4))
         return _fly(states, self.pull[flight], self.drag, dt)
 
-    def pictured(self, flight: int, t: Array | float) -> Array:
+    def in_picture(self, flight: int, t: Array | float) -> Array:
         """Places of a flight as the picture shows them, (time, 2) [pixels]."""
         return _project(self.at(flight, t)[:, :2], self.tilt, self.centre)
 

@@ -58,7 +58,7 @@ class FittedFlights:
             tilted=tilted,
             rest=[
                 *([(refit(scene, ways, fit, tilt_u=0.0), 1.0)] if tilted else []),
-                *((fit.drifting(each), 1.0) for each in drift * np.eye(2) if drift),
+                *((fit.with_drift(each), 1.0) for each in drift * np.eye(2) if drift),
             ],
             dragless=[(refit(scene, ways, fit, drag=False), DRAG_SHARE)],
             parabolas=[(refit(scene, ways, fit, drag=False, shared=False), DRAG_SHARE)],

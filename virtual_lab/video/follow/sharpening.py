@@ -74,7 +74,7 @@ class SharpBall:
         """Place (2,) [m] in the plane of one by the fit [pixels]."""
         return self.plane.metres_per_pixel * place * [1, self.plane.sense]
 
-    def pictured(self, place: Array, frame: float) -> Array:
+    def in_picture(self, place: Array, frame: float) -> Array:
         """Place in the picture (2,) of one by the fit, near enough for a mark [pixels]."""
         away = np.abs(self.frames - frame)
         away[~np.isfinite(self.located.x)] = np.inf
@@ -85,7 +85,7 @@ class SharpBall:
 def wants_sharp(known: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
     """Whether the camera is calibrated and stands, and one hit at most is seen."""
     given = known.calibration
-    # a file that tells of rate or scale alone asks for no more than words would
+    # a file that gives rate or scale only replaces options; it asks for no outline fit
     asked = given is not None and (given.camera or given.lens_blur_px or given.exposure_s)
     if not asked or watched.still.drifts or known.ruler == GRAVITY:
         return False

@@ -346,5 +346,5 @@ def _judged(
         PlaceFlag.POOR_FIT: poor,
     }
     swayed = np.hypot(pattern[:2], RIM_FIT.sway_share * sway)
-    told = [p[AT.x], p[AT.y], radius, own[0], own[1], misfit, np.hypot(*swayed) / sqrt(2)]
-    return told, sum(flag for flag, raised in tests.items() if raised)
+    located = [p[AT.x], p[AT.y], radius, own[0], own[1], misfit, np.hypot(*swayed) / sqrt(2)]
+    return located, sum(flag for flag, raised in tests.items() if raised)

@@ -21,7 +21,7 @@ from virtual_lab.video.clips.reading import open_source
 from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.clips.timing import UNSURE_RATE
 from virtual_lab.video.follow.correction import read_track
-from virtual_lab.video.follow.following import FollowedClip, follow, following
+from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs
 from virtual_lab.video.follow.known import (
     BALL,
     FILE,
@@ -63,7 +63,7 @@ def track_clip(
     known = _knowledge(clip, calibration, said, asked)
     if "corrected" in said:
         watched, ways = read_track(said["corrected"], clip)
-        found = following(clip, watched, known, ways)
+        found = follow_blobs(clip, watched, known, ways)
     else:
         found = follow(clip, known, progress=progress)
     told = (*found.notes, *notes)
