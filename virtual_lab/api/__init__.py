@@ -185,31 +185,86 @@ def __getattr__(name: str) -> Any:
 
 @reads_arguments
 def bat(name: str | Path) -> Sheet:
-    """Return the sheet of a bat: a name in the catalog or a .toml file."""
+    """Return the data sheet of a bat, whose values `Sheet.with_` can change.
+
+    Parameters
+    ----------
+    name
+        A name in the catalog (``vl.shelf("bats")``), or the path of a .toml file.
+
+    Raises
+    ------
+    InputError
+        An unknown name, or a file that is not the sheet of a bat.
+    """
     return Sheet.of("bats", name)
 
 
 @reads_arguments
 def ball(name: str | Path) -> Sheet:
-    """Return the sheet of a ball: a name in the catalog or a .toml file."""
+    """Return the data sheet of a ball, whose values `Sheet.with_` can change.
+
+    Parameters
+    ----------
+    name
+        A name in the catalog (``vl.shelf("balls")``), or the path of a .toml file.
+
+    Raises
+    ------
+    InputError
+        An unknown name, or a file that is not the sheet of a ball.
+    """
     return Sheet.of("balls", name)
 
 
 @reads_arguments
 def procedure(name: str | Path) -> Sheet:
-    """Return the sheet of a test procedure: a name in the catalog or a .toml file."""
+    """Return the data sheet of a test procedure, whose values `Sheet.with_` can change.
+
+    Parameters
+    ----------
+    name
+        A name in the catalog (``vl.shelf("procedures")``), or the path of a .toml file.
+
+    Raises
+    ------
+    InputError
+        An unknown name, or a file that is not the sheet of a test procedure.
+    """
     return Sheet.of("procedures", name)
 
 
 @reads_arguments
 def instrument(name: str | Path) -> Sheet:
-    """Return the sheet of an instrument: a name in the catalog or a .toml file."""
+    """Return the data sheet of an instrument, whose values `Sheet.with_` can change.
+
+    Parameters
+    ----------
+    name
+        A name in the catalog (``vl.shelf("instruments")``), or the path of a .toml file.
+
+    Raises
+    ------
+    InputError
+        An unknown name, or a file that is not the sheet of an instrument.
+    """
     return Sheet.of("instruments", name)
 
 
 @reads_arguments
 def rig(name: str | Path) -> Sheet:
-    """Return the sheet of a rig: a name in the catalog or a .toml file."""
+    """Return the data sheet of a rig, whose values `Sheet.with_` can change.
+
+    Parameters
+    ----------
+    name
+        A name in the catalog (``vl.shelf("rigs")``), or the path of a .toml file.
+
+    Raises
+    ------
+    InputError
+        An unknown name, or a file that is not the sheet of a rig.
+    """
     return Sheet.of("rigs", name)
 
 
@@ -596,12 +651,18 @@ def _certificate(tested: BatTest, seed: int | None) -> Certificate:
 def load_folder(folder: str | Path) -> Certificate:
     """Return the certificate of a result folder, with shots, budget and figure.
 
-    The records are reduced again; the truth is not opened (``vl.score(FOLDER)`` compares with it).
+    The records are reduced again. The truth is not opened; use `score` to compare with it.
+
+    Parameters
+    ----------
+    folder
+        Result folder that `certify`, ``Certificate.save`` or ``virtual-lab certify`` wrote.
 
     Raises
     ------
     InputError
-        No folder with certificate and records, or a certificate that its records do not give.
+        A folder without a certificate or records, or a certificate that disagrees with its
+        records.
     """
     from virtual_lab.certificate.chain import stated_and_reduced
 
@@ -622,18 +683,26 @@ def reduce(
     reason: str = "",
     history: str | Path | Sequence[str | Path] = (),
 ) -> Certificate:
-    """Return the certificate of a folder of raw records, without the truth.
+    """Return the certificate of a folder of raw records, computed without the truth.
 
-    The folder has a ``session.json`` (written by `certify`) or a ``laboratory.toml`` (the form of
-    another laboratory). The certificate names the report in the folder that it `replaces`, with
-    the reason. `history` is that of `certify`, in place of what the records name.
+    Parameters
+    ----------
+    records
+        Folder with a ``session.json`` (written by `certify`) or a ``laboratory.toml`` (the form of
+        another laboratory).
+    replaces, reason
+        Folder of the result that the new certificate replaces, and the reason. The certificate
+        states both.
+    history
+        Folders of earlier tests, as for `certify`. They take the place of the history that the
+        records name.
 
     Raises
     ------
     InputError
-        A record, calibration or procedure that is missing or cannot be used, a folder without a
-        certificate to replace, a reason without a folder or the other way about, a history of
-        other tests.
+        A record, calibration or procedure that is missing or cannot be used; a folder without a
+        certificate to replace; a reason without a folder, or a folder without a reason; or a
+        history of other tests.
     """
     from virtual_lab.certificate.chain import replaced_report
     from virtual_lab.certificate.history import earlier_scatter, kind_of

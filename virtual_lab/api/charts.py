@@ -37,7 +37,22 @@ def chart(part: str, *, progress: Progress = quiet) -> SpeedChart:
 
 
 def stability(part: str, *, progress: Progress = quiet) -> StabilityMap:
-    """Return a map of the valid range of the numerics of collision, motion or camera."""
+    """Return a map of the conditions under which the numerical methods of a part are valid.
+
+    Each point of the map is accurate, inaccurate, unstable or refused.
+
+    Parameters
+    ----------
+    part
+        ``collision``, ``motion`` or ``camera``.
+    progress
+        Function called with the current step.
+
+    Raises
+    ------
+    InputError
+        Any other part.
+    """
     found: StabilityMap = _study(part, "stability", PARTS)(progress)
     return found
 

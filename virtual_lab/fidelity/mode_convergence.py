@@ -26,9 +26,23 @@ from virtual_lab.units import INCH, MPH
 
 
 def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows[dict[str, Any]]:
-    """Return a row for each bat (all of the catalog by default), contact and remedy.
+    """Return the largest error of e_A against 120 bending modes, by the number of modes.
 
-    Columns ``8_modes`` to ``30_modes`` hold the worst error in e_A.
+    The table has one row per bat, contact (``point`` or ``patch``) and treatment of the omitted
+    modes (with or without their static flexibility). Columns ``8_modes`` to ``30_modes`` hold the
+    largest absolute error of e_A along the barrel, at relative speeds of 60 and 160 mph.
+
+    Parameters
+    ----------
+    bats
+        Names in the catalog, or paths of .toml files. The default is every bat in the catalog.
+    progress
+        Function called with the number of bats done and in total.
+
+    Raises
+    ------
+    InputError
+        An unknown bat, or a file that cannot be used.
     """
     counts, converged = (8, 12, 16, 20, 30), 120
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec

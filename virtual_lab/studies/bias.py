@@ -20,9 +20,23 @@ from virtual_lab.simulation.rig import Reality
 def bias(
     procedure: str = "astm-f1881", *, progress: Progress = quiet
 ) -> Rows[dict[str, str | float | None]]:
-    """Return measured minus true value of every quantity, one row per bat of the catalog.
+    """Return the systematic error of the method: measured minus true value without randomness.
 
-    None if a bat gives no result: a scan may find no maximum.
+    The table has one row per bat in the catalog and one column per quantity, in SI units. An
+    entry is None if the test of the bat gave no result, for example because a scan found no
+    maximum.
+
+    Parameters
+    ----------
+    procedure
+        Name in the catalog, or path of a .toml file.
+    progress
+        Function called with the number of bats done and in total.
+
+    Raises
+    ------
+    InputError
+        An unknown procedure, or a file that cannot be used.
     """
     rows, bats = [], catalog.names("bats")
     for number, bat in enumerate(bats):

@@ -73,6 +73,8 @@ def clip_coverage(
         Number of laboratories, each with one shot, and the seed of the first.
     summed
         Whether the camera writes positions with the least possible scatter instead of windows.
+    progress
+        Function called with the number of clips done and in total.
 
     Raises
     ------

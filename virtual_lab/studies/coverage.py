@@ -95,15 +95,32 @@ def coverage(
     workers: int = 1,
     progress: Progress = quiet,
 ) -> Rows[Coverage]:
-    """Certify one bat design in many laboratories; count intervals with the true value.
+    """Count the 95 % intervals that contain the true value, over many laboratories.
 
-    Every laboratory has its own random bat, balls and calibration errors: the laboratories are
-    those of `seed` by number, from 0. With `summed` instruments write sums and the bat is nominal,
-    which takes a hundredth of the time, unless bats are to be `individual` there too. Equal seeds
-    give equal standardised errors for every bat, so two bats with the same seed are not independent
-    samples (their errors correlate by 0.98). INVALID tests have no result and are counted
-    separately. One row per quantity, the metric first. `workers` processes share the laboratories.
-    With `earlier_tests` each laboratory has made so many before, whose scatter of hits counts.
+    One bat design is certified in each laboratory. The table has one row per quantity, the metric
+    first. INVALID tests give no result and are counted separately.
+
+    Two bats with the same seed are not independent samples, because equal seeds give equal
+    standardised errors for every bat (their errors correlate by 0.98).
+
+    Parameters
+    ----------
+    bat, procedure
+        Names in the catalog, or paths of .toml files.
+    laboratories, seed
+        Number of laboratories, and the seed of the study. Each laboratory has its own random bat,
+        balls and calibration errors.
+    summed
+        Whether the instruments write sums instead of every reading and the bat is nominal. This
+        is much faster.
+    individual
+        Whether each laboratory has a bat of its own with `summed`, too.
+    earlier_tests
+        Number of earlier tests of each laboratory whose scatter of the hits is used as well.
+    workers
+        Number of processes that share the laboratories.
+    progress
+        Function called with the number of laboratories done and in total.
 
     Raises
     ------

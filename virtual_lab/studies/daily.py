@@ -193,6 +193,8 @@ def daily(
         Western Electric rules to apply, 1 to 4.
     seed
         Seed of the laboratory; its hits are numbered through all days.
+    progress
+        Function called with the current step.
 
     Raises
     ------

@@ -75,14 +75,29 @@ def effects(
     workers: int = 1,
     progress: Progress = quiet,
 ) -> Rows[Effect]:
-    """Return one row per component of the metric's budget, largest first.
+    """Compare the stated and the realised effect of each component of the metric's budget.
 
-    Parameters as `coverage`. The stated uncertainty of the slope along the barrel is the spread
-    over many bats, but the study has one bat: `realised` is the effect of its slope, one sample of
-    `stated`, so `apart` is None; it also explains a deviation of the aim's effect. `hits` is
-    stated for a sample of independent balls, but the balls are a sample from a dozen without
-    replacement: for a hollow bat, whose e is not in proportion to e0, the differences between
-    balls scatter the hits more than the mean (asa, six of twelve: 6 % of the component).
+    The table has one row per component, the largest first.
+
+    Two components can differ for a known reason. The stated uncertainty of the slope along the
+    barrel is the spread over many bats, but the study tests one bat: `realised` is one sample of
+    `stated`, so `apart` is None. The same slope explains a deviation of the aim's effect. The
+    component `hits` is stated for independent balls, but the balls are drawn from a dozen without
+    replacement. If e is not proportional to e0, as for a hollow bat, the differences between balls
+    then scatter the hits more than the mean (asa, six of twelve balls: 6 % of the component).
+
+    Parameters
+    ----------
+    bat, procedure
+        Names in the catalog, or paths of .toml files.
+    laboratories, seed
+        Number of laboratories, at least four per component, and the seed of the study.
+    summed
+        Whether the instruments write sums instead of every reading and the bat is nominal.
+    workers
+        Number of processes that share the laboratories.
+    progress
+        Function called with the number of laboratories done and in total.
 
     Raises
     ------

@@ -29,9 +29,20 @@ class ShelfEntry:
 
 
 def shelf(kind: str | None = None) -> Rows[ShelfEntry]:
-    """Return kind, name and title of all entries of the catalog, or of one kind.
+    """Return kind, name and title of the entries of the catalog.
 
-    Rigs are all installed ones, including those of other packages. `InputError` for another kind.
+    The rigs are those installed on this computer, including those of other packages.
+
+    Parameters
+    ----------
+    kind
+        ``bats``, ``balls``, ``procedures``, ``instruments``, ``rigs``, ``conditions`` or
+        ``faults``. None lists every kind.
+
+    Raises
+    ------
+    InputError
+        Any other kind.
     """
     if kind is not None:
         catalog.require_kind(kind)
@@ -165,12 +176,18 @@ class ShownCertificate:
 
 
 def show(name: str) -> ShownSheet | ShownCertificate:
-    """Return a catalog entry by its name, or the certificate in a .json file.
+    """Return an entry of the catalog, or a certificate, ready to print.
+
+    Parameters
+    ----------
+    name
+        A name in the catalog, the path of a bat's .toml file, or the path of a
+        ``certificate.json``.
 
     Raises
     ------
     InputError
-        Unknown name (similar names are suggested), or a file without a certificate.
+        An unknown name (similar names are suggested), or a file without a certificate.
     """
     if name.endswith(".json"):
         return ShownCertificate(certificate=read_document(Path(name)))

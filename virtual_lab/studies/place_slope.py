@@ -28,10 +28,19 @@ class Slope:
 
 
 def slope(bats: Sequence[str] = (), *, procedure: str = "astm-f1881") -> Rows[Slope]:
-    """Return de_A/dz at the centre of percussion per bat, then mean and standard deviation.
+    """Return the slope of e_A along the barrel [1/in] at the centre of percussion of each bat.
 
-    Bat and ball are nominal, at the speed of the procedure. Without names the
-    bats are those of the paper's Table I.
+    Two more rows hold the mean and the standard deviation over the bats. Bat and ball are
+    nominal, and the speed is that of the procedure.
+
+    Parameters
+    ----------
+    bats
+        At least two names in the catalog, or paths of .toml files. The default is the four bats
+        of Table I of the 2003 paper.
+    procedure
+        A procedure that tests one impact position: a name in the catalog, or the path of a .toml
+        file.
 
     Raises
     ------

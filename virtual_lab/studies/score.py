@@ -114,7 +114,12 @@ class CertificateScore(StudyResult):
 
 
 def score_folder(folder: str | Path) -> CertificateScore:
-    """Compare the certificate in an output folder with the truth, and check its seal.
+    """Compare the certificate in a result folder with the truth, and check the seal.
+
+    Parameters
+    ----------
+    folder
+        Result folder with ``certificate.json`` and ``truth/``.
 
     Raises
     ------

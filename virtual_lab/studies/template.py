@@ -28,10 +28,21 @@ OWN_RULES = "procedure.toml"
 
 
 def template(procedure: str, folder: str | Path) -> Path:
-    """Write the forms of a procedure (a name, or a .toml file) into a new folder.
+    """Write the forms for another laboratory's records into a new folder, and return the folder.
 
-    Raises `InputError` if there is no such procedure or the folder cannot be written; no partial
-    files are left.
+    If an error is raised, no partial files are left.
+
+    Parameters
+    ----------
+    procedure
+        Name in the catalog, or path of a .toml file.
+    folder
+        New folder: ``laboratory.toml`` for the constants, and one CSV table per record.
+
+    Raises
+    ------
+    InputError
+        An unknown procedure, or a folder that is not empty or cannot be written.
     """
     session, folder = our_own(procedure), Path(folder)
     own = procedure.endswith(".toml")

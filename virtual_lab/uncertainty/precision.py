@@ -76,10 +76,21 @@ class GaugeStudy:
 
 
 def group_study(values: ArrayLike, groups: Sequence[Any]) -> GroupStudy:
-    """Return repeatability and reproducibility of readings (n,) in labelled groups (n,).
+    """Return repeatability and reproducibility of readings in groups (ISO 5725-2).
 
-    Groups may differ in size. Raises `InputError` with less than two groups or no reading more
-    than groups, and if all readings are equal.
+    Parameters
+    ----------
+    values
+        Readings, shape (n,), in any one unit; the results have the same unit.
+    groups
+        Label of the group of each reading, length n, for example its laboratory. Groups may
+        differ in size.
+
+    Raises
+    ------
+    InputError
+        Fewer than two groups, no group with two readings, readings that are not finite, or
+        readings that are all equal.
     """
     readings, (which,) = _read(values, [groups])
     counts = np.bincount(which)
@@ -106,10 +117,23 @@ def group_study(values: ArrayLike, groups: Sequence[Any]) -> GroupStudy:
 
 
 def gauge_study(values: ArrayLike, parts: Sequence[Any], operators: Sequence[Any]) -> GaugeStudy:
-    """Return the gauge study of readings (n,): each operator measures each part equally often.
+    """Return the gauge repeatability and reproducibility of readings (AIAG MSA, crossed design).
 
-    Parts and operators cross. An interaction less significant than 25 % counts as repeatability.
-    Raises `InputError` where a part lacks readings, is measured once only, or all are equal.
+    Each operator measures each part equally often. The interaction of part and operator is
+    pooled with the repeatability if its p-value is above 0.25.
+
+    Parameters
+    ----------
+    values
+        Readings, shape (n,), in any one unit; the results have the same unit.
+    parts, operators
+        Label of the part and of the operator of each reading, length n.
+
+    Raises
+    ------
+    InputError
+        A part that an operator did not measure as often as the others, fewer than two parts,
+        operators or repeats, readings that are not finite, or readings that are all equal.
     """
     from scipy.special import fdtrc
 

@@ -77,7 +77,13 @@ class Findings(StudyResult):
 
 
 def paper(*, progress: Progress = quiet) -> Findings:
-    """Return every claim of the paper with our result."""
+    """Compute every claim of Nathan's 2003 paper and compare it with the paper's number.
+
+    Parameters
+    ----------
+    progress
+        Function called with the number of claims done and in total.
+    """
     rows: list[Row] = []
     for claim in CLAIMS:
         progress("claims", len(rows), len(CLAIMS))
