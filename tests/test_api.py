@@ -71,6 +71,34 @@ def test_linear_algebra_takes_one_thread_unless_told(chosen: dict[str, str], fou
     assert (threads == "1") or chosen
 
 
+def test_without_a_writable_home_compiled_code_goes_to_a_private_folder(tmp_path: Path) -> None:
+    """The second program finds it again, in silence; a folder that others can write is not used."""
+    code = """if True:
+        import os
+        os.access = lambda *_: False  # as of an account without a home, program read-only
+        import virtual_lab
+        from virtual_lab.relations import flight_kernel
+        print({each.stats.cache_path for each in vars(flight_kernel).values()
+               if hasattr(each, "py_func")}.pop())"""
+    free = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    words, free = [sys.executable, "-c", code], free | {"TMPDIR": str(tmp_path)}
+
+    def run() -> tuple[Path, str]:
+        done = subprocess.run(words, check=True, capture_output=True, text=True, env=free)
+        return Path(done.stdout.strip()).parent, done.stderr
+
+    folder, said = run()
+    assert folder.parent == tmp_path
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert said.count("\n") == 1
+    assert f"no writable home: compiled code is kept in {folder} " in said
+    assert run() == (folder, "")
+    folder.chmod(0o777)
+    another, said = run()
+    assert another != folder
+    assert str(another) in said
+
+
 def test_a_certificate_in_numbers(tested: vl.Certificate) -> None:
     """As ``certificate.json`` has them; a drawn seed is not told."""
     metric = tested.document["metric"]

@@ -11,6 +11,7 @@ name of a bat, ball or procedure it also takes the path of a .toml file or a she
 """
 
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 # The matrices here are small: threads inside one product wait for one another, and burn the
@@ -20,6 +21,9 @@ if "OMP_NUM_THREADS" not in os.environ:
         os.environ.setdefault(variable, "1")
 
 from virtual_lab import api
+from virtual_lab.files.caches import provide_cache
+
+provide_cache(Path(__file__).parent)  # read as numba loads
 
 if TYPE_CHECKING:
     from virtual_lab.api import *  # noqa: F403
