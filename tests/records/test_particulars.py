@@ -84,6 +84,9 @@ def test_the_empty_form_has_every_key_and_states_nothing() -> None:
         ({"bat": {"received": 20261120}}, "bat.received = 20261120"),
         ({"customer": {"name": "x" * 500}}, "must be a line of up to 200 characters"),
         ({"customer": {"name": "a\x07b"}}, "must be a line of up to 200 characters"),
+        ({"customer": {"name": "a\N{SOFT HYPHEN}b"}}, "must be a line of up to 200 characters"),
+        ({"customer": {"name": "a\N{ZERO WIDTH SPACE}b"}}, "must be a line of up to 200"),
+        ({"customer": {"name": "a\N{LINE SEPARATOR}b"}}, "must be a line of up to 200 characters"),
         ({"authorised_by": {"name": "", "role": "x"}}, "authorised_by; needs a name and a role"),
         ({"authorised_by": {"name": "x"}}, "authorised_by.role; this key is missing"),
         ({"instruments": {"gates": {"due": "2026-01-01"}}}, "instruments.gates.identity"),
@@ -104,6 +107,12 @@ def test_what_cannot_be_stated_is_refused_in_one_line(
         particulars_of(document, "lab")
     assert said in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_joiners_that_a_script_needs_are_printed() -> None:
+    """A Persian company with U+200C, a family of emoji with U+200D."""
+    for name in ("شرکت نمونه\u200cسازی", "👩\u200d👧 Bats"):
+        assert particulars_of({"customer": {"name": name}}, "lab").customer.name == name
 
 
 def test_they_stay_with_the_records(stated: Particulars, tmp_path: Path) -> None:

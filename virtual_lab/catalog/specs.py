@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
 QUANTITY_KEYS = ("value", "unit", "source", "verified", "note")
+JOINERS = str.maketrans("", "", "\u200c\u200d")  # characters that shape their neighbors
 LARGEST = 1e18  # of any quantity, SI: products of such numbers stay finite
 
 
@@ -93,6 +94,14 @@ class Dimension:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
 
 
+def is_line(text: str, most: int) -> bool:
+    """Whether a text is one line of at most `most` characters that can be printed.
+
+    The joiners U+200C and U+200D, needed in Persian, in Indian scripts and in emoji, are allowed.
+    """
+    return len(text) <= most and text.translate(JOINERS).isprintable()
+
+
 @dataclass(frozen=True, slots=True)
 class Words:
     """Mark on a field: its file entry is a line that can be printed."""
@@ -101,7 +110,7 @@ class Words:
 
     def read(self, raw: object) -> object:
         """Return the entry; `ValueError` if unfit."""
-        if isinstance(raw, str) and not (raw.isprintable() and len(raw) <= self.most):
+        if isinstance(raw, str) and not is_line(raw, self.most):
             raise ValueError(f"must be a line of up to {self.most} characters that can be printed")
         return raw
 

@@ -8,8 +8,8 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Literal
 
-from virtual_lab.bench.day.doubts import doubt_of
-from virtual_lab.catalog.specs import Real, Spec
+from virtual_lab.bench.day.doubts import LONGEST_TEXT, doubt_of
+from virtual_lab.catalog.specs import Real, Spec, is_line
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.units import DIMENSIONS, INCH, OUNCE
 
@@ -43,8 +43,8 @@ class Argument(Spec):
             return self.default
         if self.kind == "text":
             text = str(raw).strip()
-            if len(text) > 300 or not text.isprintable():
-                allowed = "allowed: a line of up to 300 characters"
+            if not is_line(text, LONGEST_TEXT):
+                allowed = f"allowed: a line of up to {LONGEST_TEXT} characters"
                 raise InputError(action, self.name, text, allowed)
             return text
         if self.kind == "doubt":

@@ -8,7 +8,10 @@ from types import MappingProxyType
 
 from virtual_lab import catalog
 from virtual_lab.catalog.faults import FaultSheet
+from virtual_lab.catalog.specs import is_line
 from virtual_lab.errors import InputError, nearest
+
+LONGEST_TEXT = 300  # characters of a trainee's own words
 
 
 @cache
@@ -35,7 +38,7 @@ def doubt_of(words: str, action: str, key: str) -> str:
         return words
     if words.lower() in by_title:
         return by_title[words.lower()]
-    if words.lower().startswith("other:") and len(words) <= 300 and words.isprintable():
+    if words.lower().startswith("other:") and is_line(words, LONGEST_TEXT):
         return words
     near = nearest(words, known.values())
     allowed = f"{near}allowed: a title of the list, none, or your own words after “other:”"
