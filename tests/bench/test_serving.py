@@ -1,12 +1,16 @@
 """What keeps the page from being served, in one line, and nothing half-begun."""
 
+import re
 import socket
+from contextlib import closing
+from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.entrance import serve as serve_module
 from virtual_lab.bench.entrance.serve import serve
 from virtual_lab.errors import InputError
 
@@ -16,7 +20,11 @@ HERE = Path(__file__)
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"host": "0.0.0.0"}, "the page needs --tls-certificate and --tls-key"),
+        (
+            {"host": "0.0.0.0"},
+            "beyond this computer the page needs --tls-certificate",
+        ),
+        ({"host": "no such host"}, "host = 'no such host'; has no address"),
         ({"tls": (Path("nowhere.pem"), HERE)}, "nowhere.pem: tls; no such file"),
         ({"tls": (HERE, HERE)}, "tls; cannot be used"),
         ({"folders": {}}, "trainees = 0; allowed: 1 to 50"),
@@ -38,3 +46,32 @@ def test_what_cannot_be_served_is_said(tmp_path: Path, given: dict[str, Any], me
         with pytest.raises(InputError, match=message):
             serve(**usual | given)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("host", "name"),
+    [("127.0.0.1", "127.0.0.1"), ("localhost", "localhost"), ("::1", "[::1]")],
+)
+def test_this_computer_is_served_by_each_of_its_names(
+    tmp_path: Path, host: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Open the printed address as a browser does; no certificate is asked for."""
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as free:
+        free.bind((host, 0))
+        port = free.getsockname()[1]
+    answers, said = [], []
+
+    def look(_: object) -> None:
+        (address,) = re.findall(rf"open (http://{re.escape(name)}:{port}/\S+)", "\n".join(said))
+        connection = HTTPConnection(host, port, timeout=10)
+        with closing(connection):
+            connection.request("GET", address.partition(str(port))[2])
+            with connection.getresponse() as answer:
+                answers.append((answer.status, answer.headers["location"]))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(serve_module, "_warm", look)
+    usual = {"scenario": load_scenario("plain-day"), "seed": 3, "port": port, "browser": False}
+    with pytest.raises(KeyboardInterrupt):
+        serve({"": tmp_path / "day"}, **usual, say=said.append, host=host)
+    assert answers == [(303, "/")]

@@ -9,7 +9,9 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Mapping
+from ipaddress import ip_address
 from pathlib import Path
+from typing import Any
 
 from virtual_lab.bench.day.log import LOG
 from virtual_lab.bench.day.scenario import Scenario
@@ -63,14 +65,16 @@ def serve(
 
     from virtual_lab.bench.web.server import application
 
-    _require(host, tls, len(folders))
+    _require(tls, len(folders))
+    family, numbers = _address(host, port, secure=tls is not None)
+    own = f"[{host}]" if ":" in host else host  # in an address, RFC 3986
     chosen = scenario is None or len(folders) > 1 or bool(exam)
     days = {
         name: ServedDay(folder, scenario, seed, chosen=chosen) for name, folder in folders.items()
     }
     doors = {secrets.token_urlsafe(24): day for day in days.values()}
     hall = (secrets.token_urlsafe(24), Hall(exam, days)) if exam else None
-    names = {f"{host}:{port}", *([f"localhost:{port}"] if host == LOOPBACK else [])}
+    names = {f"{name}:{port}" for name in {own, *(["localhost"] if host == LOOPBACK else [])}}
     certificate, key = tls or (None, None)
     settings = uvicorn.Config(
         application(doors, hosts=frozenset(names), secure=tls is not None, exam=hall),
@@ -90,16 +94,16 @@ def serve(
         raise InputError(str(certificate), "tls", None, f"cannot be used ({fault})") from fault
     server = uvicorn.Server(settings)
     thread = threading.Thread(
-        target=server.run, kwargs={"sockets": [_listening(host, port)]}, daemon=True
+        target=server.run, kwargs={"sockets": [_listening(family, numbers)]}, daemon=True
     )
     thread.start()
     while not server.started:
         time.sleep(0.005)
     scheme = "https" if tls else "http"
     page = "" if scenario else "replay"
-    addresses = [f"{scheme}://{host}:{port}/{page}?token={token}" for token in doors]
+    addresses = [f"{scheme}://{own}:{port}/{page}?token={token}" for token in doors]
     if hall:
-        say(f"the trainer: open {scheme}://{host}:{port}/?token={hall[0]} once, in one browser")
+        say(f"the trainer: open {scheme}://{own}:{port}/?token={hall[0]} once, in one browser")
     for (name, folder), address in zip(folders.items(), addresses, strict=True):
         again = "taken up again" if (folder / LOG).exists() else "begun"
         again = again if scenario else "played back"
@@ -121,10 +125,7 @@ def serve(
         thread.join()
 
 
-def _require(host: str, tls: tuple[Path, Path] | None, trainees: int) -> None:
-    if host != LOOPBACK and tls is None:
-        allowed = f"beyond {LOOPBACK} the page needs --tls-certificate and --tls-key"
-        raise InputError("", "host", host, allowed)
+def _require(tls: tuple[Path, Path] | None, trainees: int) -> None:
     for path in tls or ():
         if not path.is_file():
             raise InputError(str(path), "tls", None, "no such file")
@@ -132,16 +133,30 @@ def _require(host: str, tls: tuple[Path, Path] | None, trainees: int) -> None:
         raise InputError("", "trainees", trainees, f"allowed: 1 to {MOST_TRAINEES}")
 
 
-def _listening(host: str, port: int) -> socket.socket:
-    own = socket.socket(proto=socket.IPPROTO_TCP)  # without it an answer in two parts waits 40 ms
-    own.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+def _address(host: str, port: int, *, secure: bool) -> tuple[int, tuple[Any, ...]]:
+    """Return family and address of a host; without `secure` it is this computer alone."""
     try:
-        own.bind((host, port))
+        known = socket.getaddrinfo(host, port, proto=socket.IPPROTO_TCP)
+    except (OSError, UnicodeError) as fault:
+        raise InputError("", "host", host, f"has no address ({fault})") from fault
+    if not (secure or all(ip_address(address[0]).is_loopback for *_, address in known)):
+        allowed = "beyond this computer the page needs --tls-certificate and --tls-key"
+        raise InputError("", "host", host, allowed)
+    family, *_, address = known[0]
+    return family, address
+
+
+def _listening(family: int, address: tuple[Any, ...]) -> socket.socket:
+    # without the protocol an answer in two parts waits 40 ms
+    found = socket.socket(family, proto=socket.IPPROTO_TCP)
+    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        found.bind(address)
     except OSError as fault:
-        own.close()
-        allowed = f"cannot be served at {host} ({fault.strerror}); try another"
-        raise InputError("", "port", port, allowed) from fault
-    return own
+        found.close()
+        allowed = f"cannot be served at {address[0]} ({fault.strerror}); try another"
+        raise InputError("", "port", address[1], allowed) from fault
+    return found
 
 
 def _warm(scenario: Scenario) -> None:
