@@ -54,6 +54,7 @@ class Browser:
         body: bytes | None = None,
         headers: dict[str, str] | None = None,
         patient: bool = True,
+        message: dict[str, Any] | None = None,
     ) -> Answer:
         path, _, query = path.partition("?")
         body = urlencode(form).encode() if form is not None else body or b""
@@ -73,7 +74,7 @@ class Browser:
         got: list[Any] = []
 
         async def receive() -> dict[str, Any]:
-            return {"type": "http.request", "body": body}
+            return message or {"type": "http.request", "body": body}
 
         async def send(message: Any) -> None:
             got.append(message)
@@ -179,6 +180,7 @@ def test_the_address_opens_once_and_a_cookie_after_it(tmp_path: Path) -> None:
         ({"headers": {"origin": "http://evil.example"}}, 403),
         ({"headers": {"origin": "null"}}, 403),
         ({"body": b"x" * 65537}, 413),
+        ({"headers": ORIGIN | {"transfer-encoding": "chunked"}}, 411),
     ],
 )
 def test_a_request_from_elsewhere_is_refused(
@@ -186,6 +188,13 @@ def test_a_request_from_elsewhere_is_refused(
 ) -> None:
     form = None if "body" in given else {"do": "tare", "entry_number": "1"}
     assert browser.ask("/do", form, **given).status == status
+    assert "Nothing was done yet" in browser.ask("/").text
+
+
+def test_a_browser_that_hangs_up_is_no_error(browser: Browser) -> None:
+    """It leaves in the middle of its form: no traceback on the terminal, and nothing was done."""
+    gone = {"type": "http.disconnect"}
+    browser.ask("/do", {"do": "tare", "entry_number": "1"}, message=gone)
     assert "Nothing was done yet" in browser.ask("/").text
 
 
