@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
+import shutil
 import statistics
 from pathlib import Path
 from xml.etree import ElementTree
@@ -64,6 +66,24 @@ def test_certificates_that_differ_in_more_than_one_way_are_refused_by_name(resul
     for name in ("bats: ea70, r161 S1", "procedures: astm-f1881, ncaa-besr"):
         assert name in said
     assert "\n" not in said
+
+
+def test_a_copy_is_no_repeat(results: Path, tmp_path: Path) -> None:
+    """Nor is the same test with another customer's name on the certificate alone."""
+    copy = shutil.copytree(results / "repeats" / "n0", tmp_path / "copy")
+    document = json.loads((copy / "certificate.json").read_text("utf-8"))
+    document["particulars"]["customer"]["name"] = "another"
+    (copy / "certificate.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match=r"copy: records; are those of .*n0, the") as refused:
+        vl.report([results / "repeats", copy])
+    assert "\n" not in str(refused.value)
+
+
+def test_every_form_says_that_nothing_was_verified(results: Path, tmp_path: Path) -> None:
+    found = vl.report(results / "bats", pdf=True)
+    pdf = PdfReader(found.save(tmp_path / "report") / "report.pdf")
+    forms = [found.text, found.page, json.dumps(found.document), pdf.pages[0].extract_text()]
+    assert all("as stated in the certificates, not verified" in each for each in forms)
 
 
 def test_repeats_scatter_as_their_values_do(results: Path) -> None:

@@ -246,7 +246,8 @@ def report(folders: tuple[Path, ...], pdf: bool, paper: str) -> Any:
     """Compare the certificates in result FOLDERS, or in the folders of one.
 
     It takes bats by one procedure, one bat by several procedures, laboratories of one bat, or
-    repeats of one test, and says which; certificates that differ in more than one way are refused.
+    repeats of one test, and says which; certificates that differ in more than one way are refused,
+    and copies of one test. The numbers are those stated, not verified: `verify` does that.
     """
     return api.report(folders, pdf=pdf, paper=paper)
 

@@ -23,6 +23,7 @@ from virtual_lab.output.template import page_template
 
 PACKAGE = "virtual_lab.certificate"
 REPEATS = "repeats of one test"
+AS_STATED = "Numbers as stated in the certificates, not verified."
 MOST_NAMED = 30  # certificates whose names stand beside the figure
 
 
@@ -135,7 +136,7 @@ class CertificateReport(StudyResult):
 
     @property
     def words(self) -> list[str]:
-        """Verdicts, and the scatter of the values where all are of one metric."""
+        """Verdicts, the scatter of the values of one metric, and that nothing was verified."""
         counts = {
             verdict: sum(row.verdict.startswith(verdict) for row in self.rows)
             for verdict in ("PASS", "FAIL", "MEASURED", "INVALID")
@@ -154,7 +155,7 @@ class CertificateReport(StudyResult):
                 + f" on average of {len(known)}, standard deviation {stdev(values):.2g}, "
                 f"{stdev(values) / rms:.2g} times their root mean square u"
             )
-        return [f"{each}." for each in said]
+        return [*(f"{each}." for each in said), AS_STATED]
 
     @property
     def svg(self) -> str:
@@ -278,8 +279,8 @@ def report(
     Raises
     ------
     InputError
-        Fewer than two certificates, one that cannot be read, certificates that differ in more
-        than one way, the extra that is missing.
+        Fewer than two certificates, one that cannot be read, two of the same records, certificates
+        that differ in more than one way, the extra that is missing.
     """
     require_paper(paper)
     if pdf:
@@ -289,12 +290,23 @@ def report(
     if len(found) < 2:
         raise InputError("", "folders", len(found), "needs two certificates and more")
     documents = {folder: read_document(folder / "certificate.json") for folder in found}
+    _require_other_records(documents)
     kind = _kind_of(documents)
     rows = [ComparedCertificate.of(each, folder.name) for folder, each in documents.items()]
     statements = list(dict.fromkeys(each.statement for each in documents.values()))
     return CertificateReport(
         kind=kind, rows=tuple(rows), statement=" ".join(statements), pdf=pdf, paper=paper
     )
+
+
+def _require_other_records(documents: dict[Path, CertificateDocument]) -> None:
+    """Raise `InputError` for two certificates of the same records: a copy is no second test."""
+    earlier: dict[str, Path] = {}
+    for folder, document in documents.items():
+        same = earlier.setdefault(document.session_digest or str(folder), folder)
+        if same != folder:
+            allowed = f"are those of {same}, the same test; allowed: each test once"
+            raise InputError(str(folder), "records", None, allowed)
 
 
 def _kind_of(documents: dict[Path, CertificateDocument]) -> str:
