@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import virtual_lab as vl
 from tests.conftest import PROCEDURE, Play
 from tests.laboratories import certify, opened
 from virtual_lab import catalog
@@ -137,8 +138,23 @@ def test_same_seed_same_numbers(played: Play) -> None:
     again = certify("r161", procedure=PROCEDURE, seed=1)
     assert numbers(again.certification) == numbers(played(seed=1).certification)
     assert again.sealed.measurand == played(seed=1).sealed.measurand
-    # the salt alone is new: two certificates of one seed cannot be told to be so
-    assert again.sealed.salt != played(seed=1).sealed.salt
+    assert again.sealed.document() == played(seed=1).sealed.document()
+
+
+def test_a_chosen_seed_gives_the_same_folder_to_the_byte(tmp_path: Path) -> None:
+    """Number, page, records, truth and seal; the salt of a drawn seed is drawn, too."""
+    for name in ("one", "two"):
+        vl.certify("r161", seed=7).save(tmp_path / name)
+    files = {path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*")}
+    assert files == {path.relative_to(tmp_path / "two") for path in (tmp_path / "two").rglob("*")}
+    for name in files:
+        if (tmp_path / "one" / name).is_file():
+            assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+    first, second, *drawn = (
+        opened("r161", procedure=PROCEDURE, seed=n) for n in (7, 8, None, None)
+    )
+    assert first.salt != second.salt
+    assert drawn[0].salt != drawn[1].salt
 
 
 def test_other_seed_other_numbers(played: Play) -> None:

@@ -39,7 +39,7 @@ from virtual_lab.simulation.rig import (
     find_rig,
 )
 from virtual_lab.simulation.truth import draw_balls, made_bat
-from virtual_lab.streams import Draws, Quiet, commitment
+from virtual_lab.streams import Draws, Quiet, commitment, salt_of
 from virtual_lab.uncertainty.estimate import Estimate, Known
 
 SEED_BITS = 128  # of a seed that is drawn: too many to try
@@ -105,7 +105,7 @@ class Laboratory:
         return cls(
             setup=setup,
             seed=seed,
-            salt=secrets.token_bytes(16),
+            salt=salt_of(setup.seed),
             date=datetime.date.today().isoformat(),
             sealing=_sealing(setup),
             draws=own,

@@ -11,6 +11,7 @@ self without a line of the rig knowing.
 from __future__ import annotations
 
 import hashlib
+import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
@@ -35,6 +36,7 @@ __all__ = [
     "generator",
     "in_turn",
     "of_owners",
+    "salt_of",
 ]
 
 Array = NDArray[np.float64]
@@ -163,6 +165,17 @@ def _leading(laboratory: int | Slots, slots: Slots | None) -> tuple[int, ...]:
     if leading not in ((), np.shape(slots)):
         raise InputError("draws", "slots", np.shape(slots), f"allowed: one a row, {leading}")
     return np.shape(slots)
+
+
+def salt_of(seed: int | None) -> bytes:
+    """Return the salt of a seed, 16 bytes: random if the seed is None, and so drawn and sealed.
+
+    A seed that the user chose is not secret, so that its salt follows from it and a test is
+    repeated to the byte.
+    """
+    if seed is None:
+        return secrets.token_bytes(16)
+    return hashlib.sha256(f"salt of the chosen seed {seed}".encode()).digest()[:16]
 
 
 def commitment(salt: bytes, seed: int) -> str:
