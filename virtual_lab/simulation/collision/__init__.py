@@ -1,1 +1,1 @@
-"""The collision of ball and bat: a ladder of models, cheap to dear."""
+"""The collision of ball and bat: a ladder of models, from the fastest to the most accurate."""

@@ -1,16 +1,17 @@
-"""Many collisions at once: blocks of scenes in step, a lane of a vector register to each.
+"""Many collisions at once: each scene has one lane, and all lanes are stepped together.
 
-Every pass runs over the lanes, so that the compiler makes one instruction of eight scenes.
-Coordinates, ball and scheme are those of `modal_kernel`. Steps follow the stiffness of the
-moment and are shortened to end on what each lane heads for: loading, the turn of the approach;
-unloading, release, or when it rises again the greatest compression so far; flying, the touch.
-Where a step went too far the next goes back, for each law is smooth past its own end.
+Each loop runs over the lanes, so the compiler can process eight scenes per instruction.
+Coordinates, force law and integration scheme are those of `modal_kernel`. The step size follows
+the current stiffness. A step is shortened so that it ends on the next event of the lane: the
+largest compression while loading; release, or the previous largest compression if the compression
+grows again, while unloading; touch while flying. If a step overshoots the event, the next one
+goes backward. This is possible because each law is smooth beyond its end.
 
-A lane that is done takes the next scene: none waits for the slowest, and no scene knows its
-neighbours. What a step may have hidden - a dip out of contact, a brush in flight, too many
-steps - leaves a scene in doubt.
+A finished lane takes the next scene, so no lane waits for the slowest, and no result depends on
+the other scenes. A scene is marked as doubtful if one step may have hidden an event (a short loss
+of contact, a brief touch in flight) or if it took too many steps.
 
-The compiler keeps a kernel until this file changes: save it again after a change in `powers`.
+The compiled kernel is cached until this file changes. Save this file after a change in `powers`.
 """
 
 from __future__ import annotations
@@ -33,23 +34,23 @@ SCALAR: dict[str, Any] = {"forceinline": True, "error_model": "numpy"}
 
 
 class Given(NamedTuple):
-    """What is given of the scenes, arrays (n,), SI."""
+    """Input of the scenes, arrays (n,) in SI units."""
 
-    exponent: Array  # a
-    unloading: Array  # b
+    exponent: Array  # loading exponent a
+    unloading: Array  # unloading exponent b
     log_k: Array  # log2 of the stiffness
-    series: Array  # C
+    series: Array  # compliance C of the stiff modes [m/N]
     speed: Array
     inverse_mass: Array  # c
-    first: Array  # compression at the end of the series at touch
+    first: Array  # compression up to which the series at touch is used
     first_force: Array
-    mode_step: Array  # the longest step for the modes
-    ball_step: Array  # and for the ball, times sqrt(k a u^(a-1))
-    near_end: Array  # nearness of a release, of the greatest compression
+    mode_step: Array  # longest step for the modes
+    ball_step: Array  # longest step for the ball, times sqrt(k a u^(a-1))
+    near_end: Array  # tolerance of a release [share of the largest compression]
 
 
 class StepRule(NamedTuple):
-    """How all scenes are stepped: three settings of `InStep`, the time in which contacts count."""
+    """Settings common to all scenes: three of `InStep`, and the time window for new contacts."""
 
     growth: float
     turn: float
@@ -58,7 +59,7 @@ class StepRule(NamedTuple):
 
 
 class After(IntEnum):
-    """What an event leaves of a scene to do."""
+    """State of a scene after an event."""
 
     DONE = 0
     GOES_ON = 1
@@ -66,21 +67,21 @@ class After(IntEnum):
 
 
 LANES = 64
-CHUNK = 5  # modes a pass: 15 and 20, which the ladder takes most, leave no rest
-ROW = LANES + 8  # rows are whole cache lines apart, and not a power of two
+CHUNK = 5  # modes per pass: divides 15 and 20, the usual numbers of modes
+ROW = LANES + 8  # distance of rows: whole cache lines, but not a power of two
 
 
-# where the rows of a block begin, a number a lane; the modes come last
+# start of each row of a block, with one number per lane; the rows of the modes come last
 Rows = namedtuple(
     "Rows",
     "s s_rate x rate bend jerk old_rate old_bend force u u_share log_k power c compliance time "
     "h h_mode h_grown ball event steps scene phase peak near turned reach loss softness head",
 )
-ModeRows = namedtuple("ModeRows", "p v g w2 size")  # and those of a mode, from its first on
+ModeRows = namedtuple("ModeRows", "p v g w2 size")  # rows of one mode, from its first row
 
 
 class Phases(NamedTuple):
-    """What a lane is doing."""
+    """Phase of the collision in a lane."""
 
     loading: float = 1.0
     unloading: float = 0.0
@@ -88,7 +89,7 @@ class Phases(NamedTuple):
 
 
 class Events(NamedTuple):
-    """What a lane has come to."""
+    """Event at the end of the last step of a lane."""
 
     none: float = 0.0
     reached: float = 1.0
@@ -98,20 +99,20 @@ class Events(NamedTuple):
 
 
 class LaneLimits(NamedTuple):
-    """Of a step and of numbers; README has how they were found."""
+    """Limits of the steps and of the numbers; the README of `fidelity` states their origin."""
 
     most_steps: float = 1500.0
-    sweep: float = 0.5  # of the greatest compression over b, the most a rising ball moves in a step
-    touch: float = 1e-7  # of it: how near a branch is left or a contact begun
-    hidden: float = 10.0  # times what counts as turned: a slower approach may have turned in a step
-    least_u: float = 1e-12  # from here on nothing becomes a denormal
+    sweep: float = 0.5  # largest motion of a reloading ball per step [largest compression / b]
+    touch: float = 1e-7  # tolerance of touch and of reloading [share of the largest compression]
+    hidden: float = 10.0  # speed below which one step may hide a turn [tolerance of a turn]
+    least_u: float = 1e-12  # smallest compression, which keeps denormal numbers out [m]
     least_log: float = -200.0
     least_force: float = 1e-9
-    no_force: float = -5000.0  # the logarithm of its stiffness
-    afresh: float = 1 / 256  # of the step of the modes, the first step of a later contact
-    # squares of the nearness of a turn: what is left beyond that, of the way, is no turn
+    no_force: float = -5000.0  # log2 of the stiffness of a ball in flight
+    afresh: float = 1 / 256  # first step of a later contact [share of the step of the modes]
+    # largest remaining motion at a turn [share of the approach, in squared tolerances]
     flat: float = 3.0
-    fall: float = 0.3  # of the time to release from rest, the first step down
+    fall: float = 0.3  # first step of unloading [share of the time to release from rest]
 
 
 AT, MODE = Rows(*range(0, 31 * ROW, ROW)), ModeRows(*range(0, 5 * ROW, ROW))
@@ -120,7 +121,7 @@ PHASE, EVENT, LIMITS = Phases(), Events(), LaneLimits()
 
 @njit(**SIMD)
 def _forces(w: Array) -> None:
-    """Set the force of each lane at its approach."""
+    """Set the force in each lane from the approach."""
     wide()
     for j in range(LANES):
         x = w[AT.x + j]
@@ -132,10 +133,10 @@ def _forces(w: Array) -> None:
 
 @njit(**SIMD)
 def _forces_in_series(w: Array) -> None:
-    """Bring forces closer to those of ball and stiff modes in series: x = u + C F(u).
+    """Improve the forces of the ball and the stiff modes in series: x = u + C F(u).
 
-    One pass of Newton's method from the ball's last share u / x of the approach, which
-    hardly changes from stage to stage.
+    This is one step of Newton's method. It starts from the previous ratio u / x, which changes
+    little from stage to stage.
     """
     wide()
     for j in range(LANES):
@@ -170,7 +171,7 @@ def _stage_chunk(w: Array, modes: Array, kick: float, drift: float) -> None:
 
 @njit(**SIMD)
 def _stage(w: Array, modes: int, kick: float, drift: float) -> None:
-    """Kick all velocities by the present force, then drift."""
+    """Apply one kick with the current force to all velocities, then one drift."""
     wide()
     for j in range(LANES):
         h = w[AT.h + j]
@@ -215,7 +216,7 @@ def _look(w: Array, modes: int) -> None:
 
 @njit(**SIMD)
 def _plan(w: Array, growth: float, window: float) -> None:
-    """Say which lanes have come to an event, and how far the others are to step."""
+    """Set the event of each lane and the size of its next step."""
     wide()
     for j in range(LANES):
         h = w[AT.h + j]
@@ -226,7 +227,7 @@ def _plan(w: Array, growth: float, window: float) -> None:
         unloading = (not loading) & (not flying)
         jerk = (bend - w[AT.old_bend + j]) / h
         w[AT.jerk + j] = jerk
-        # what is to vanish, falling, and its derivatives
+        # decreasing quantity that is zero at the next event, and its derivatives
         filling = unloading & (rate > 0.0) & ((w[AT.turned + j] > 0.0) | (x > peak))
         upward = filling | flying
         sign = -1.0 if upward else 1.0
@@ -236,7 +237,7 @@ def _plan(w: Array, growth: float, window: float) -> None:
         square = first * first - 2.0 * second * miss
         to = 2.0 * miss / (np.sqrt(max(square, 0.0)) - first)
         seen = (square >= 0.0) & ((to > 0.0) | (miss < 0.0)) & (first < 0.0)
-        # a ball that rises, or is about to, comes back to its stiffest
+        # a ball that is reloaded, or is about to be, returns to its largest stiffness
         step = min(w[AT.h_mode + j], growth * w[AT.h_grown + j])
         rising = unloading & (rate + step * bend > 0.0)
         softness = w[AT.u + j] / (w[AT.power + j] * max(w[AT.force + j], LIMITS.least_force))
@@ -257,7 +258,7 @@ def _plan(w: Array, growth: float, window: float) -> None:
         event = EVENT.turned_back if turned else EVENT.none
         event = EVENT.reached if reached else event
         event = EVENT.clear if gone else event
-        # a touch, or a turn and a turn back, that one step may have hidden
+        # events that one step may have hidden: a touch, or two turns
         missed = flying & (x > 0.0) & (rate < 0.0)
         slow = (rate - LIMITS.hidden * w[AT.near + j]) * jerk < 0.5 * bend * bend
         dipped = loading & (bend > 0.0) & (w[AT.old_bend + j] < 0.0) & slow
@@ -268,7 +269,7 @@ def _plan(w: Array, growth: float, window: float) -> None:
 
 @njit(**SCALAR)
 def _load(lane: Array, i: int, w2: Array, g: Array, given: Given, near: float) -> None:
-    """Put scene i into a lane, a moment after touch: there ``u^a`` is not smooth."""
+    """Start scene i in a lane shortly after touch, where ``u^a`` is not smooth."""
     a, series, speed, c = given.exponent[i], given.series[i], given.speed[i], given.inverse_mass[i]
     u, force = given.first[i], given.first_force[i]
     x = u + series * force
@@ -293,7 +294,7 @@ def _load(lane: Array, i: int, w2: Array, g: Array, given: Given, near: float) -
 
 @njit(**SCALAR)
 def _switch(lane: Array, phase: float, power: float, log_k: float, near: float) -> None:
-    """Put a lane under another law; its force is the same in both."""
+    """Change the force law of a lane. Both laws give the same force at this point."""
     lane[AT.phase], lane[AT.power], lane[AT.log_k], lane[AT.near] = phase, power, log_k, near
     lane[AT.turned] = 0.0
     if phase == PHASE.unloading:
@@ -308,9 +309,9 @@ def _switch(lane: Array, phase: float, power: float, log_k: float, near: float) 
 
 @njit(**SCALAR)
 def _ring(p: float, v: float, w2: float, t: float) -> tuple[float, float]:
-    """Return displacement and velocity of a mode a time t later without force."""
+    """Return displacement and velocity of a mode after a time t of free vibration."""
     angle2 = w2 * t * t
-    if angle2 < 0.1:  # series, for speed
+    if angle2 < 0.1:  # a series is faster
         sine = t * (1.0 - angle2 / 6.0 * (1.0 - angle2 / 20.0 * (1.0 - angle2 / 42.0)))
         cosine = 1.0 - angle2 / 2.0 * (1.0 - angle2 / 12.0 * (1.0 - angle2 / 30.0))
     else:
@@ -321,12 +322,12 @@ def _ring(p: float, v: float, w2: float, t: float) -> tuple[float, float]:
 
 @njit(**SCALAR)
 def _release(lane: Array, i: int, states: Array, sums: Array, speed: float) -> bool:
-    """Write down the state of a lane; return whether ball and bat can still meet."""
+    """Store the state of a lane at release. Return whether ball and bat can meet again."""
     modes = (states.shape[1] - 2) // 2
     s_rate, c, loss = lane[AT.s_rate], lane[AT.c], lane[AT.loss]
-    t = -lane[AT.x] / lane[AT.rate]  # still to go, or gone too far
+    t = -lane[AT.x] / lane[AT.rate]  # time to release, negative if the step passed it
     t -= 0.5 * lane[AT.bend] / lane[AT.rate] * t * t
-    if abs(lane[AT.bend] * t) > 0.5 * abs(lane[AT.rate]):  # it grazes
+    if abs(lane[AT.bend] * t) > 0.5 * abs(lane[AT.rate]):  # grazing release
         t = 0.0
     closing, energy, reach = s_rate, 0.0, 0.0
     for m in range(modes):
@@ -355,7 +356,7 @@ def _release(lane: Array, i: int, states: Array, sums: Array, speed: float) -> b
 
 @njit(**SCALAR)
 def _extreme(lane: Array) -> float:
-    """Return the approach where it turned within the last step, by its last derivatives."""
+    """Return the extreme of the approach within the last step, from its last derivatives."""
     rate, bend, jerk = lane[AT.rate], lane[AT.bend], lane[AT.jerk]
     root = np.sqrt(max(bend**2 - 2.0 * jerk * rate, 0.0))
     ago = 2.0 * rate / (bend + np.copysign(root, bend))
@@ -364,11 +365,11 @@ def _extreme(lane: Array) -> float:
 
 @njit(**SCALAR)
 def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> int:
-    """Take a lane over its event; return what that leaves of its scene i to do."""
+    """Apply the event of a lane to its scene i. Return the state of the scene, an `After`."""
     (states, sums, counts), near, brush = out, rule.turn, rule.brush
     a, b, speed, log_k = given.exponent[i], given.unloading[i], given.speed[i], given.log_k[i]
     event, phase, rate = lane[AT.event], lane[AT.phase], lane[AT.rate]
-    lost = 1.0 / (a + 1.0) - 1.0 / (b + 1.0)  # in the ball, over its greatest force times u
+    lost = 1.0 / (a + 1.0) - 1.0 / (b + 1.0)  # energy lost in the ball [peak force times u]
     if event in (EVENT.clear, EVENT.lost):
         return After.DONE if event == EVENT.clear else After.DOUBT
     if event == EVENT.turned_back:
@@ -383,7 +384,7 @@ def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> 
             hidden = extreme < 0.1 * brush * peak
         return After.DOUBT if hidden else After.GOES_ON
     if phase == PHASE.loading:
-        left = -0.5 * rate**2 / lane[AT.bend]  # to where it turns
+        left = -0.5 * rate**2 / lane[AT.bend]  # remaining way to the turn
         if left > LIMITS.flat * near**2 * lane[AT.x]:
             return After.DOUBT
         u = lane[AT.u] + left
@@ -418,11 +419,11 @@ def collide_lanes(
     w2 : (bats, N) array
         Squared angular frequencies [1/s^2].
     bat : (n,) array
-        Which bat each scene is of.
+        Index of the bat of each scene.
     g : (n, N) array
         Squared shapes at the impacts [1/kg].
     given, rule
-        See there.
+        Input of the scenes and settings of the steps.
     scheme : two arrays
         Kicks and drifts, one kick more than drifts.
 
@@ -431,10 +432,10 @@ def collide_lanes(
     states : (n, 2 N + 2) array
         p, p', s, s' at the last release.
     sums : (n, 3) array
-        First touch to last release [s]; work lost in the ball [J]; share of the energy that
-        does not close.
+        Time from first touch to last release [s]; energy lost in the ball [J]; error of the
+        energy balance, as a share.
     counts : (n, 4) array
-        Contacts; turns back before release; 1 where the scene is in doubt; steps.
+        Contacts; reloads before release; 1 if the scene is doubtful, else 0; steps.
     """
     wide()
     scenes, modes = g.shape
@@ -447,7 +448,7 @@ def collide_lanes(
     padded = -(-modes // CHUNK) * CHUNK
     size = AT.head + padded * MODE.size
     room = np.zeros(size + 8)
-    w = room[(-room.ctypes.data // 8) % 8 :][:size]  # from the start of a cache line on
+    w = room[(-room.ctypes.data // 8) % 8 :][:size]  # starts at a cache line
     stiff = np.any(given.series > 0.0)
     w[AT.scene : AT.scene + LANES] = -1.0
     w[AT.event : AT.event + LANES] = EVENT.clear
@@ -484,4 +485,4 @@ def collide_lanes(
 
 
 if not COMPILES:
-    collide_lanes = np.errstate(all="ignore")(collide_lanes)  # a lane that waits divides 0 by 0
+    collide_lanes = np.errstate(all="ignore")(collide_lanes)  # an idle lane divides 0 by 0

@@ -1,7 +1,8 @@
-"""Which collision model a scene needs: the cheapest whose error is small enough, and why.
+"""Choice of the collision model for a test: the fastest one whose error is small enough.
 
-The errors are those of a bat under a support on scenes like those to come. In a test both are
-nominal: a rung chosen by the bat tested, or its error in print, would tell of its true stiffness.
+Each model is a rung of the ladder. Its error is measured on probe scenes with a bat and a support.
+In a test both are nominal, because a model chosen for the individual bat, or its printed error,
+would reveal the bat's true stiffness.
 """
 
 from __future__ import annotations
@@ -32,28 +33,29 @@ from virtual_lab.simulation.physics.modes import Modes, modes_of
 from virtual_lab.units import INCH, Array
 
 Shots = NDArray[np.intp] | slice
-StruckBat = tuple[BatBody, Shots]  # and which of some scenes are its own
+StruckBat = tuple[BatBody, Shots]  # a bat, and the scenes in which it is struck
 COLLISION_RUNGS = ("rigid", "modal", "reference")
-MODE_COUNTS = (14, 20, 30)  # bending modes of the modal rungs, cheap to dear
-SHARE = 0.1  # of the standard uncertainty that a model's error may take
+MODE_COUNTS = (14, 20, 30)  # bending modes of the modal rungs, from fast to accurate
+SHARE = 0.1  # largest error of a model [share of the standard uncertainty of e_A]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Probing:
-    """How errors of rungs are measured."""
+    """Settings of the probe that measures the errors of the rungs."""
 
-    places: tuple[float, float] = (3 * INCH, 9 * INCH)  # m from the tip, where procedures strike
-    every: float = INCH / 8  # finds the worst of a bat that the ball meets once to 1 %
-    modes: int = 60  # that what fewer cost is measured against
-    reference_modes: int = 140  # and what those of the reference cost
-    # on a truncation: 1.5 for places between those probed and what the many modes err by, times
-    # 1.25 for an individual two standard deviations softer than the nominal bat (1.24 was found)
+    places: tuple[float, float] = (3 * INCH, 9 * INCH)  # range that procedures strike [m from tip]
+    every: float = INCH / 8  # spacing that finds the largest error to 1 % for single contacts [m]
+    modes: int = 60  # number of modes that the modal rungs are compared with
+    reference_modes: int = 140  # number of modes that the reference is compared with
+    # factor on the truncation error: 1.5 for positions between the probed ones and the error of
+    # the many modes, times 1.25 for an individual bat two standard deviations softer than the
+    # nominal one (measured: 1.24)
     margin: float = 1.875
-    # the same where ball and bat meet more often, for e_A goes up and down within a tenth of an
-    # inch there and jumps where a touch comes or goes; no greater one of 24 000 on five bats was
-    # found, a jump by 0.08 apart
+    # factor for bats that the ball meets more than once, because e_A varies there within a tenth
+    # of an inch and jumps when a contact appears or disappears; the largest of 24 000 scenes on
+    # five bats, apart from one jump of 0.08
     meeting_margin: float = 20.0
-    stepping_error: float = 2e-6  # in e_A, of a try's tolerance and of splines for shapes
+    stepping_error: float = 2e-6  # error of e_A from the stepping tolerance and shape splines
     surrogate_tolerance: float = 1.1e-5
 
 
@@ -62,14 +64,14 @@ PROBING = Probing()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """A model, its error in e_A, and one sentence on why it was taken."""
+    """A collision model, its error of e_A, and the reason why it was chosen, in one sentence."""
 
-    name: str  # rung, and of how many modes
+    name: str  # rung and number of modes
     model: CollisionModel
     error: float
-    meets_again: bool = False  # ball and bat, in some scene of the probe
+    meets_again: bool = False  # whether ball and bat meet twice in any scene of the probe
     reason: str = ""
-    surrogate: Surrogate | None = None  # of the model, for e_A alone
+    surrogate: Surrogate | None = None  # interpolant of the model's e_A
 
     @property
     def rung(self) -> str:
@@ -77,12 +79,12 @@ class Choice:
         return self.surrogate.rung if self.surrogate else self.model.rung
 
     def of(self, body: BatBody, support: Support) -> Choice:
-        """Return the same rung for another individual under its own support."""
+        """Return the choice with the model of another individual bat and its support."""
         count = self.model.modes.bending_frequencies.size
         return replace(self, model=_model(self.model.rung, count, body, support))
 
     def efficiency(self, scenes: Scenes) -> NDArray[np.float64]:
-        """Return e_A of scenes, (n,); one outside the surrogate's box goes to the model, alone."""
+        """Return e_A of the scenes, (n,), by the surrogate inside its box, else by the model."""
         if self.surrogate is None:
             return self.model.collide(scenes).collision_efficiency
         inside = self.surrogate.box.inside(scenes)
@@ -103,12 +105,15 @@ def choose(
     rung: str | None = None,
     standard_uncertainty: float | None = None,
 ) -> Choice:
-    """Return the rung named, or the cheapest one good enough.
+    """Return the collision model of a bat: the named rung, or the fastest accurate one.
 
-    Errors are measured on the `probe`, scenes like those to come. A `rung` of `COLLISION_RUNGS` is
-    taken whatever its error, modal with the default number of modes; without it and without the
-    standard uncertainty of the e_A that the scenes are to yield, modal is taken. `InputError` for
-    an unknown rung, an uncertainty that is not positive, or a probe that no rung can follow.
+    The errors are measured on `probe`, scenes similar to those of the test. A named `rung` of
+    `COLLISION_RUNGS` is used whatever its error; ``modal`` has the default number of modes. Without
+    a name, the error must not exceed `SHARE` of `standard_uncertainty`, that of the e_A to be
+    measured. Without either, the modal rung is used.
+
+    Raises `InputError` for an unknown rung, an uncertainty that is not positive, or a probe that no
+    rung can simulate.
     """
     _check(rung, standard_uncertainty)
     if rung == "reference":
@@ -127,7 +132,7 @@ def choose(
 
 
 def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
-    """Return the rigid and the modal rungs, cheap to dear, with their errors on the probe."""
+    """Return the rigid and the modal rungs, fastest first, with their errors on the probe."""
     modes, held = modes_of(body, support, BENDING_MODES + STIFF_MODES), support_words(support)
     stepped = [ModalModel.within(modes, n, held=held) for n in (*MODE_COUNTS, PROBING.modes)]
     *found, true = _probed(modes, stepped, probe)
@@ -141,7 +146,7 @@ def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
     ]
 
 
-@lru_cache(maxsize=64)  # a block of individuals asks for the same round by round
+@lru_cache(maxsize=64)  # a block requests the models of its bats in each round
 def _model(rung: str, bending_modes: int, body: BatBody, support: Support) -> CollisionModel:
     if rung == "rigid":
         return RigidModel.of(body, support)
@@ -152,7 +157,7 @@ def _model(rung: str, bending_modes: int, body: BatBody, support: Support) -> Co
 
 
 def _reference(body: BatBody, support: Support, probe: Scenes) -> Choice:
-    """Return the reference; what its modes leave out is measured against still more of them."""
+    """Return the reference model. Its truncation error is measured against more modes."""
     model = ReferenceModel.of(body, support)
     modes = modes_of(body, support, PROBING.reference_modes + STIFF_MODES)
     most = ModalModel.within(modes, PROBING.reference_modes, held=model.held)
@@ -162,7 +167,7 @@ def _reference(body: BatBody, support: Support, probe: Scenes) -> Choice:
 
 
 def _measured(name: str, model: CollisionModel, found: Collisions, true: Collisions) -> Choice:
-    """Return a rung with what its e_A errs by at most, as far as a probe shows."""
+    """Return a collision model and its largest error of e_A over the probe, plus a margin."""
     again = bool(true.contacts.max() > 1)
     gap = np.abs(found.collision_efficiency - true.collision_efficiency).max()
     error = (PROBING.meeting_margin if again else PROBING.margin) * float(
@@ -172,7 +177,10 @@ def _measured(name: str, model: CollisionModel, found: Collisions, true: Collisi
 
 
 def _probed(modes: Modes, models: Sequence[ModalModel], probe: Scenes) -> list[Collisions]:
-    """Return what the probe comes to by models of the lowest of `modes`, all shapes found once."""
+    """Return the collisions of the probe by each model.
+
+    All models use the lowest of `modes`, so the mode shapes are interpolated once.
+    """
     shapes, beam = patch_shape(modes, probe.impact_position, PATCH), modes.deflections.shape[1]
     tables = []
     for model in models:
@@ -231,28 +239,28 @@ def _check(rung: str | None, uncertainty: float | None) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ladder:
-    """The collision in the scenes of one test: the rung is chosen once, by the nominal bat.
+    """The collision models of one test. The rung is chosen once, for the nominal bat.
 
-    So it follows from the setup of a test, and tests of one setup share it. What it answers
-    depends on a bat, its support and a scene alone: not on the scenes beside it or before it.
+    The rung therefore follows from the setup, and tests of one setup share it. Each result depends
+    only on its bat, support and scene, not on other scenes.
     """
 
     nominal: BatBody
     support: Support  # of the nominal bat
     probe: Scenes
-    standard_uncertainty: float | None  # of the e_A that the test is to yield; None: modal
+    standard_uncertainty: float | None  # that of e_A in the test; None selects the modal rung
     rung: str | None = None
-    box: Box | None = None  # about scenes so many that a surrogate is worth building
-    chosen: list[Choice] = field(default_factory=list)  # the one, once it was needed
+    box: Box | None = None  # range of the scenes if a surrogate is worth building
+    chosen: list[Choice] = field(default_factory=list)  # the choice, empty until first used
     fitted: dict[tuple[BatBody, Support], Choice] = field(default_factory=dict)
 
     def with_box(self, box: Box) -> Ladder:
-        """Return the same for very many scenes in a box, of which e_A alone is needed."""
+        """Return the ladder for very many scenes within `box` of which only e_A is needed."""
         return replace(self, box=box, fitted={})
 
     @property
     def choice(self) -> Choice:
-        """The rung, its error for individuals of the nominal bat, and why."""
+        """The chosen rung, its error for individuals of the nominal bat, and the reason."""
         if not self.chosen:
             u = self.standard_uncertainty
             self.chosen.append(
@@ -263,13 +271,13 @@ class Ladder:
         return self.chosen[0]
 
     def __call__(self, body: BatBody, support: Support) -> CollisionModel:
-        """Return the model for an individual under its support."""
+        """Return the collision model of an individual bat with its support."""
         return self.choice.of(body, support).model
 
     def efficiencies(
         self, struck: Iterable[StruckBat], support: Support, scenes: Scenes
     ) -> NDArray[np.float64]:
-        """Return e_A alone of scenes of some bats under a support, by the cheapest way there is."""
+        """Return e_A of the scenes, (n,), by the fastest accurate method."""
         u, box = self.standard_uncertainty, self.box
         if self.rung is not None or u is None or box is None:
             return _together([(self(body, support), shots) for body, shots in struck], scenes)
@@ -284,9 +292,9 @@ class Ladder:
     def true_efficiencies(
         self, struck: Iterable[StruckBat], support: Support, scenes: Scenes
     ) -> NDArray[np.float64]:
-        """Return e_A of the scenes that the truth rests on, whatever rung the shots take.
+        """Return the true e_A of the scenes, (n,).
 
-        By that of the shots, a surrogate among them, but never by the rigid one.
+        The model is that of the shots, or its surrogate. The modal one replaces the rigid one.
         """
         if self.box is not None and self.rung is None:
             return self.efficiencies(struck, support, scenes)
@@ -298,13 +306,13 @@ class Ladder:
         return ModalModel.of(body, support) if isinstance(model, RigidModel) else model
 
     def report(self) -> RungTaken:
-        """Return the rung, its error in e_A, and why; of the surrogate where there is one."""
+        """Return rung, error of e_A and reason, those of the surrogate if there is one."""
         taken = next(iter(self.fitted.values()), None) or self.choice
         return RungTaken(rung=taken.rung, error=taken.error, reason=taken.reason)
 
 
 def _together(models: Sequence[tuple[CollisionModel, Shots]], scenes: Scenes) -> Array:
-    """Return e_A of scenes of some models; modal ones are stepped together."""
+    """Return e_A of the scenes of several models, (n,). Modal models are stepped together."""
     found = np.empty(len(scenes))
     stepped = [(one, shots) for one, shots in models if isinstance(one, ModalModel)]
     if len(stepped) > 1:
@@ -320,9 +328,9 @@ def _together(models: Sequence[tuple[CollisionModel, Shots]], scenes: Scenes) ->
 def probing_scenes(
     ball: BallSpec, speed: float, places: tuple[float, float] = PROBING.places
 ) -> Scenes:
-    """Return scenes of a nominal ball at `speed` [m/s] along the barrel, to compare rungs on.
+    """Return the probe scenes: a nominal ball at `speed` [m/s] at positions along the barrel.
 
-    They reach over `places` [m from the tip] too, where these lie beyond where procedures strike.
+    The range is `PROBING.places`, extended to include `places` [m from the tip].
     """
     low, high = min(places[0], PROBING.places[0]), max(places[1], PROBING.places[1])
     count = round((high - low) / PROBING.every) + 1

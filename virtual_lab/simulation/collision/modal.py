@@ -1,12 +1,13 @@
-"""The modal rung: the ball against the lowest modes of the bat, stepped in time.
+"""The modal model: the ball against the lowest modes of the bat, integrated in time.
 
-Modes too stiff to ring during the contact follow the force at once: together they are one
-spring in series with the ball (residual flexibility; R. H. MacNeal, Comput. Struct. 1 (1971)
-581). Without it twenty modes err by 3e-3 in e_A; with it by 1e-4.
+Modes too stiff to vibrate during the contact deflect statically. Together they act as one spring
+in series with the ball (residual flexibility; R. H. MacNeal, Comput. Struct. 1 (1971) 581). With
+twenty modes the error of e_A is 3e-3 without this spring and 1e-4 with it.
 
-No damping acts during the millisecond of contact; the bat's damping ratio belongs to the
-ringing afterwards, the bearing's torques to the coasting. A dashpot at the pivot, weak or
-strong, would move e_A by 1e-5 at 8 in from the tip and 8e-5 at 12 in (a test of the reference).
+No damping acts during the millisecond of contact. The damping ratio of the bat acts on the
+vibration afterwards, and the torques of the bearing on the rotation. A dashpot at the pivot, weak
+or strong, would change e_A by 1e-5 at 8 in from the tip and by 8e-5 at 12 in, as a test of the
+reference model shows.
 """
 
 from __future__ import annotations
@@ -34,32 +35,33 @@ STIFF_MODES = 100
 
 @dataclass(frozen=True, kw_only=True)
 class ModalModel:
-    """A bat by its lowest modes, struck over a patch."""
+    """A bat described by its lowest modes and struck over a patch."""
 
     modes: Modes
-    stiff: Modes  # those that follow at once
-    patch: float = PATCH  # full width [m]
+    stiff: Modes  # modes that deflect statically
+    patch: float = PATCH  # full width of the patch [m]
     stepper: Stepper = FINE
-    held: str = ""  # in words, for errors
+    held: str = ""  # description of the support for error messages
     rung: str = "modal"
 
     @classmethod
     def of(cls, body: BatBody, support: Support, bending_modes: int = BENDING_MODES) -> Self:
-        """Return the model of a bat: so many modes stepped, the next `STIFF_MODES` follow at once.
+        """Return the model of a bat with `bending_modes` integrated modes.
 
-        `InputError` where the support lies off the bat or there are fewer modes than asked for.
+        The next `STIFF_MODES` modes deflect statically. Raises `InputError` if the support lies
+        beyond the bat or the mesh has fewer modes.
         """
         modes = modes_of(body, support, bending_modes + STIFF_MODES)
         return cls.within(modes, bending_modes, held=support_words(support))
 
     @classmethod
     def within(cls, modes: Modes, bending_modes: int, **other: Any) -> Self:
-        """Return the model of so many of a bat's modes, the others following at once."""
+        """Return the model with the first `bending_modes` modes integrated, the rest static."""
         return cls(modes=modes.first(bending_modes), stiff=modes.above(bending_modes), **other)
 
     @cached_property
     def table(self) -> PatchTable:
-        """Splines over the place of impact: the shape of each mode, then the stiff compliance."""
+        """Splines over the impact position: shape of each mode, then compliance of stiff modes."""
 
         def values(z: Array) -> Array:
             shapes, stiff = patch_shapes((self.modes, self.stiff), z, self.patch)
@@ -69,11 +71,11 @@ class ModalModel:
         return PatchTable(values, self.modes.length, self.patch)
 
     def collide(self, scenes: Scenes) -> Collisions:
-        """Return what the scenes come to.
+        """Return the collisions of the scenes.
 
-        `InputError` where a place lies off the bat or one cannot be followed.
+        Raises `InputError` for a position beyond the bat or a scene that gives no result.
         """
-        few = 16_384  # at a time: what lies between kernel and result stays small
+        few = 16_384  # scenes per part, which limits the memory of intermediate arrays
         parts = [scenes.part(slice(i, i + few)) for i in range(0, len(scenes), few)]
         return joined([collide_bats([(self, part)])[0] for part in parts])
 
@@ -81,12 +83,13 @@ class ModalModel:
 def collide_bats(
     batch: Sequence[tuple[ModalModel, Scenes]], tables: Sequence[Array] = ()
 ) -> list[Collisions]:
-    """Return what scenes of several bats come to, all stepped together as the first bat's are.
+    """Return the collisions of several bats, integrated together by the first model's stepper.
 
-    `tables` stand in the place of what the models' own splines give at the scenes' places, (n, N +
-    1) each: for a few scenes splines are not worth the building. `InputError` where a place lies
-    off its bat, the energy of a scene does not close, its e_A does not settle as steps are halved,
-    or it does not end.
+    `tables` replace the values of each model's splines at the impact positions, shape (n, N + 1)
+    each, because splines are not worth building for a few scenes.
+
+    Raises `InputError` for a position beyond the bat, and for a scene whose energy balance is off,
+    whose e_A does not settle as the steps are halved, or that does not end.
     """
     for model, scenes in batch:
         scenes.require_on(model.modes.length)
@@ -135,7 +138,7 @@ def _collisions(
     rigid, flexible = modes.rigid, modes.count - modes.rigid
     states, most = followed.states, struck.shapes.shape[1]
     s, s_rate = states[:, -2], states[:, -1]
-    # all rigid motion is one integral of the force
+    # the impulse determines all rigid motion
     impulse = (struck.speed - s_rate) / struck.inverse_mass
     drift = (struck.speed * followed.time - s) / struck.inverse_mass
     displacements, velocities = np.empty_like(shape), np.empty_like(shape)
@@ -169,7 +172,11 @@ def energy_split(
     losses: Array,
     energy: Array,
 ) -> EnergySplit:
-    """Return the shares of the ball's `energy` [J] in a modal state (n, N) after release."""
+    """Return the shares of the ball's initial `energy` [J], (n,), after release.
+
+    `displacements` and `velocities` are the modal state, (n, N); `losses` are those in the ball
+    [J], (n,).
+    """
     strained = modes.angular_frequencies * displacements
     beam = modes.deflections.shape[1]
 
@@ -187,7 +194,7 @@ def energy_split(
 
 
 def kernel_is_compiled() -> bool:
-    """Whether an earlier run left the compiled kernel on disk, or numba compiles nothing."""
+    """Return whether the compiled kernel is cached on disk, or numba compiles nothing."""
     from virtual_lab.simulation.collision.batch_kernel import collide_lanes
     from virtual_lab.simulation.collision.powers import COMPILES
 

@@ -1,20 +1,20 @@
-"""Time stepping of one ball against the modes of a bat, scene by scene, compiled.
+"""Compiled time integration of one ball against the modes of a bat, scene by scene.
 
-Coordinates. A force F on the bat drives every flexible mode i as ``p'' = F - w_i^2 p``
-(modal displacement over the shape at the impact) and all rigid motion of ball and bat as
-``s'' = -F c`` with ``c = 1/m + sum of squared rigid shapes``, so momentum holds to
-rounding. Ball and bat approach by ``x = s - sum(g_i p_i)``, ``g_i`` the squared shapes. Of
-that the bat's stiffer modes take ``C F`` at once (residual flexibility) and the ball takes
-``u``: two springs in series, ``x = u + C F(u)``.
+Coordinates: a force F on the bat drives each flexible mode i by ``p'' = F - w_i^2 p``, where p is
+the modal displacement divided by the mode shape at the impact position. All rigid motion of ball
+and bat follows ``s'' = -F c`` with ``c = 1/m + sum of squared rigid shapes``, so momentum is
+conserved to rounding. The approach of ball and bat is ``x = s - sum(g_i p_i)`` with the squared
+shapes ``g_i``. The stiffer modes deflect by ``C F`` (residual flexibility) and the ball by ``u``,
+two springs in series: ``x = u + C F(u)``.
 
-Stepping. Order six splitting Runge-Kutta-Nystrom scheme of eleven stages. The force law has
-a corner where the approach turns and where a re-loading ball passes its greatest
-compression; steps end on these events to rounding, so the order survives them. At touch
-``u^a`` is not smooth: steps start short and double.
+Integration: a splitting Runge-Kutta-Nystrom scheme of order six with eleven stages. The force law
+has a corner at the largest compression and where a reloaded ball passes its previous largest
+compression. Steps end on these events to rounding, which preserves the order. ``u^a`` is not
+smooth at touch, so the steps start short and double.
 
-Ball. Loading ``F = k u^a``; from the turning point ``F = F_max (u / u_max)^b`` both ways
-until u passes u_max again (then loading goes on) or reaches 0 (release). After release the
-modes ring freely; if the surface can still catch the ball, a fresh contact begins.
+Ball: loading ``F = k u^a``. After the turning point ``F = F_max (u / u_max)^b``, for unloading and
+reloading, until u exceeds u_max (loading continues) or reaches 0 (release). After release the
+modes vibrate freely. If the surface can still catch the ball, a new contact begins.
 """
 
 from __future__ import annotations
@@ -33,30 +33,30 @@ from virtual_lab.units import Array
 
 Counts = NDArray[np.int64]
 State = tuple[Array, Array, Array]  # views p, v, [s, s'] into one array
-Bat = tuple[float, Array, Array]  # c, g, squared angular frequencies
-Law = tuple[float, float, float, float]  # coefficient, scale of u, power, C
+Bat = tuple[float, Array, Array]  # inverse mass c, squared shapes g, squared angular frequencies
+Law = tuple[float, float, float, float]  # coefficient, scale of u, power, compliance C
 
 KICKS, DRIFTS = SRKN_11.kicks, SRKN_11.drifts
 FAST = {"reassoc", "contract", "nsz"}
 
 
 class StepEnd(IntEnum):
-    """What a step ends on."""
+    """Event at the end of a step."""
 
-    TURN = 0  # x' = 0
-    FULL = 1  # x back at its peak
-    RELEASE = 2  # x = 0
+    TURN = 0  # x' is zero
+    FULL = 1  # x returns to its peak
+    RELEASE = 2  # x is zero
 
 
 class Limits(NamedTuple):
-    """Of steps and of tries."""
+    """Limits of steps and iterations."""
 
     root_tries: int = 60
-    first_step: float = 1 / 256  # of a step, for u^a is not smooth at touch; it doubles
-    # of a contact or a flight, which is then given up: over a second with a usual bat, and what
-    # is of numbers that are none would never end
+    first_step: float = 1 / 256  # first step after touch, which then doubles [step]
+    # largest number of steps of a contact or a flight, over a second for a usual bat; without it
+    # a scene with NaN would never end
     most_steps: int = 200_000
-    flight_step: float = 0.1  # the least one, in steps: a touch shorter than it is no touch
+    flight_step: float = 0.1  # smallest step of a flight; shorter touches are ignored [step]
 
 
 LIMITS = Limits()
@@ -72,11 +72,11 @@ def _approach(s: float, g: Array, p: Array) -> float:
 
 @njit(cache=True)
 def _force(x: float, law: Law) -> tuple[float, float]:
-    """Return the force and the compression of the ball at an approach x."""
+    """Return the force [N] and the compression of the ball [m] at an approach x [m]."""
     coefficient, scale, power, compliance = law
     if x <= 0.0:
         return 0.0, x
-    # Newton's method from the far side of a convex function: it cannot overshoot
+    # Newton's method cannot overshoot from this side of a convex function
     u = x
     for _ in range(LIMITS.root_tries):
         force = coefficient * (u / scale) ** power
@@ -89,7 +89,7 @@ def _force(x: float, law: Law) -> tuple[float, float]:
 
 @njit(cache=True, fastmath=FAST)
 def _step(h: float, bat: Bat, law: Law, state: State) -> None:
-    """Advance the state in place by h."""
+    """Advance the state in place by the time h [s]."""
     c, g, w2 = bat
     p, v, r = state
     for stage in range(KICKS.size):
@@ -107,7 +107,7 @@ def _step(h: float, bat: Bat, law: Law, state: State) -> None:
 
 @njit(cache=True)
 def _miss(event: int, bat: Bat, law: Law, state: State, peak: float) -> tuple[float, float]:
-    """Return how far the state is from an event, and the time derivative of that."""
+    """Return the quantity that is zero at the event, and its time derivative."""
     c, g, w2 = bat
     p, v, r = state
     x, rate = _approach(r[0], g, p), _approach(r[1], g, v)
@@ -126,9 +126,9 @@ def _miss(event: int, bat: Bat, law: Law, state: State, peak: float) -> tuple[fl
 def _step_to(
     event: int, h: float, bat: Bat, law: Law, state: State, peak: float, y: Array, old: Array
 ) -> float:
-    """Redo the last step, from `old`, so that it ends on the event; return its length.
+    """Repeat the last step from `old` so that it ends on the event. Return its length [s].
 
-    Newton's method kept inside the bracket [0, h].
+    Newton's method, restricted to the bracket [0, h].
     """
     low, high = 0.0, h
     after, slope = _miss(event, bat, law, state, peak)
@@ -154,7 +154,7 @@ def _step_to(
 def _contact(
     h: float, bat: Bat, ball: Law, state: State, y: Array, old: Array
 ) -> tuple[float, float, int]:
-    """Follow one contact from touch to release; return (duration, peak u, turns back)."""
+    """Integrate one contact to its release. Return duration [s], largest u [m] and reloads."""
     k, a, b, compliance = ball
     first, g = (k, 1.0, a, compliance), bat[1]
     loading, law = True, first
@@ -169,7 +169,7 @@ def _contact(
         _step(span, bat, law, state)
         before, rate = rate, _approach(r[1], g, v)
         turned = before * rate < 0.0
-        if turned:  # or a step could hide that x was out of its branch for a moment
+        if turned:  # otherwise one step could hide a short excursion beyond the branch
             span = _step_to(StepEnd.TURN, span, bat, law, state, peak, y, old)
             rate = 0.0
         x = _approach(r[0], g, p)
@@ -186,12 +186,12 @@ def _contact(
         elif turned and before < 0.0:
             turns += 1
         t += span
-    return nan, u_max, turns  # it took too many steps
+    return nan, u_max, turns  # too many steps
 
 
 @njit(cache=True, fastmath=FAST)
 def _ring(t: float, bat: Bat, state: State, y: Array, old: Array) -> float:
-    """Set the state to `old` after a time t without force; return the approach."""
+    """Set the state to that of `old` after a time t [s] of free motion. Return the approach [m]."""
     g, w2 = bat[1], bat[2]
     p, v, r = state
     y[:] = old
@@ -206,12 +206,12 @@ def _ring(t: float, bat: Bat, state: State, y: Array, old: Array) -> float:
 
 @njit(cache=True)
 def _flight(h: float, limit: float, bat: Bat, state: State, y: Array, old: Array) -> float:
-    """Fly from the release in `y` to the next touch; return its time.
+    """Integrate the flight from the release in `y` to the next touch. Return its duration [s].
 
-    It is inf where there is none, nan where it took too many steps. The surface is nowhere faster
-    than the sum of its modal amplitudes, so a step of gap over (that + the closing speed of the
-    ball) cannot jump over a contact; h is the least step. Nor is it ever farther out: once the
-    ball is beyond that, or `limit` is over, no touch follows.
+    The result is inf if there is no touch, and NaN after too many steps. The surface is never
+    faster than the sum of its modal speeds, so a step of the gap divided by that sum plus the
+    speed of the ball cannot skip a contact; h is the smallest step. No touch follows once the ball
+    is beyond the sum of the modal amplitudes, or after `limit` [s].
     """
     _, g, w2 = bat
     p, v, r = state
@@ -247,7 +247,7 @@ def _flight(h: float, limit: float, bat: Bat, state: State, y: Array, old: Array
 
 @njit(cache=True, fastmath=FAST)
 def _energy(bat: Bat, state: State, loss: float) -> float:
-    """Return the square of the speed at which a ball brings as much as there is after release."""
+    """Return the total energy after release as the squared speed of a ball [m^2/s^2]."""
     c, g, w2 = bat
     p, v, r = state
     energy = 2.0 * loss
@@ -260,7 +260,10 @@ def _energy(bat: Bat, state: State, loss: float) -> float:
 def _follow(
     h: float, window: float, bat: Bat, ball: Law, y: Array, old: Array, counts: Counts
 ) -> tuple[float, float]:
-    """Run one collision, every contact of it; return (first touch to last release, loss)."""
+    """Integrate one collision with all its contacts. Return its duration [s] and loss [J].
+
+    The duration is that from first touch to last release.
+    """
     n = bat[1].size
     state = (y[:n], y[n : 2 * n], y[2 * n :])
     k, a, b, _ = ball
@@ -279,7 +282,7 @@ def _follow(
         if isnan(wait):
             counts[2] = Failure.ENDLESS
     if 0.0 < wait < inf:
-        y[:] = old  # as released: this touch comes too late to count
+        y[:] = old  # state at release, because this touch is too late to count
     return t, loss
 
 
@@ -287,10 +290,10 @@ def _follow(
 def collide(
     w2: Array, which: Counts, g: Array, c: Array, ball: Array, steps: Array, window: float
 ) -> tuple[Array, Array, Counts]:
-    """Run n collisions with N flexible modes; arguments and results as of `collide_lanes`.
+    """Integrate n collisions with N flexible modes, as `collide_lanes` does.
 
-    `steps` are the time steps (n,) [s]; `ball` holds k [N/m^a], a, b, C [m/N] and the speed [m/s],
-    (n, 5). Of the counts there are the first three, the last a `Failure`.
+    `steps` are the time steps [s], (n,). `ball` holds k [N/m^a], a, b, C [m/N] and the speed
+    [m/s], (n, 5). The counts, (n, 3), are contacts, reloads and a `Failure`.
     """
     scenes, modes = g.shape
     states = np.zeros((scenes, 2 * modes + 2))

@@ -1,8 +1,7 @@
-"""Powers of many numbers at once: log2 and exp2 as polynomials, which compilers vectorise.
+"""Powers of many numbers at once: log2 and exp2 as polynomials that compilers can vectorise.
 
-``x^a = exp2(a log2 x)``. The functions of the mathematics library are calls, one number at
-a time; these are a dozen multiply-adds on numbers already in registers. Steps err by a thousand
-times what they do.
+``x^a = exp2(a log2 x)``. A mathematics library processes one number per call. These functions take
+a dozen multiply-adds on numbers in registers. Their error is a thousandth of the stepping error.
 """
 
 from __future__ import annotations
@@ -18,9 +17,10 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 COMPILES = not config.DISABLE_JIT  # type: ignore[attr-defined]
-# no reassociation: it would cancel the additions that round; kept on disk with the kernel only
+# Reassociation is off because it would cancel the additions that round. No cache of its own: the
+# calling kernel's cache holds the compiled code.
 SIMD: dict[str, Any] = {"fastmath": {"contract", "nsz"}, "error_model": "numpy"}
-ROUND = 1.5 * 2.0**52  # adding it leaves the nearest integer in the low bits
+ROUND = 1.5 * 2.0**52  # addend that leaves the nearest integer in the low bits
 ROUND_BITS = np.uint64(0x4338000000000000)
 ONE_BITS = np.uint64(1023 << 52)
 HALF_ROOT_BITS = np.uint64(0x3FE6A09E667F3BCD)  # sqrt(1/2)
@@ -50,13 +50,14 @@ def _as_float(context: Any, x: Any) -> Any:
 
 
 def _widen(context: Any) -> Any:
-    """Let the loops of the calling function use the widest registers there are.
+    """Let the loops of the calling function use the widest vector registers.
 
-    Compilers keep to half of AVX-512 unless asked; twice the lanes are worth the clock lost.
+    By default compilers use only half the width of AVX-512. The full width is faster, in spite of
+    a lower clock rate.
     """
 
     def generate(context: Any, builder: Any, _: Any, __: Any) -> Any:
-        # past the library's list of attributes, which lacks those of a target
+        # bypasses the library's list of attributes, which lacks target attributes
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')
         return context.get_dummy_value()
 
@@ -66,7 +67,7 @@ def _widen(context: Any) -> Any:
 _bits: Any = intrinsic(_as_bits)
 _float: Any = intrinsic(_as_float)
 wide: Any = intrinsic(_widen)
-if not COMPILES:  # the same in Python; arrays wrap around without a word, as registers do
+if not COMPILES:  # Python version; integers in arrays wrap around silently, as in registers
     _bits = lambda x: np.array([x], np.float64).view(np.uint64)  # noqa: E731
     _float = lambda bits: bits.view(np.float64)[0]  # noqa: E731
     wide = lambda: None  # noqa: E731

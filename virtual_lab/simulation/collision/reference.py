@@ -1,8 +1,9 @@
-"""The reference rung: an independent high-accuracy solution, for tests and charts.
+"""The reference model: an independent solution of high accuracy, for tests and charts.
 
-Every mode of ball and bat in its own coordinate, phases split at their events, integrated
-by an adaptive Runge-Kutta method of order eight. Nothing is shared with the modal rung's
-time stepping, not even the ball's law, which may be another here; only the patch is.
+Ball and modes each have a coordinate of their own. The motion is split into phases at the events
+and integrated by an adaptive Runge-Kutta method of order eight. This model shares only the contact
+patch with the modal model, not its time integration or its force law, which can be a different one
+here.
 """
 
 from __future__ import annotations
@@ -31,30 +32,30 @@ FLIGHT = Branch(force=lambda u, rate: 0.0, ends={Event.TOUCH: 1})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceModel:
-    """A bat by many modes, solved to a tight tolerance; slow."""
+    """A bat described by many modes and solved to a tight tolerance; slow."""
 
     modes: Modes
-    patch: float = PATCH  # full width [m]
+    patch: float = PATCH  # full width of the patch [m]
     tolerance: float = 1e-12
-    leak: float = 1e4  # times the tolerance, what of the energy may not close
+    leak: float = 1e4  # largest error of the energy balance [tolerance]
     method: Method = "DOP853"
-    longest_step: float = 0.2  # times the highest angular frequency: no event slips between
+    longest_step: float = 0.2  # largest step times the highest angular frequency, to miss no event
     law: LawOfBall = PowerLaw.of
-    held: str = ""  # in words, for errors
+    held: str = ""  # description of the support for error messages
     rung: str = "reference"
 
     @classmethod
     def of(
         cls, body: BatBody, support: Support, bending_modes: int = 100, law: LawOfBall = PowerLaw.of
     ) -> Self:
-        """Return the model of a bat and a law of the ball. `InputError` as for the modal rung."""
+        """Return the model of a bat and a force law. Raises `InputError` as `ModalModel` does."""
         modes = modes_of(body, support, bending_modes)
         return cls(modes=modes, law=law, held=support_words(support))
 
     def collide(self, scenes: Scenes) -> Collisions:
-        """Return what the scenes come to.
+        """Return the collisions of the scenes.
 
-        `InputError` where a place lies off the bat or one cannot be followed.
+        Raises `InputError` for a position beyond the bat or a scene that gives no result.
         """
         scenes.require_on(self.modes.length)
         shapes = patch_shape(self.modes, scenes.impact_position, self.patch)
@@ -85,7 +86,7 @@ class ReferenceModel:
         energy = energy_split(
             self.modes, displacements, velocities, e_A, losses, mass * speed**2 / 2
         )
-        closed = np.abs(energy.total - 1) < max(STAYS, self.leak * self.tolerance)  # not of a nan
+        closed = np.abs(energy.total - 1) < max(STAYS, self.leak * self.tolerance)  # False for NaN
         failure = np.array([run.failure for run in runs], dtype=np.int64)
         failure[(failure == Failure.SOUND) & ~closed] = Failure.OPEN
         scenes.require_sound(failure, self.held)
@@ -112,11 +113,11 @@ class ReferenceModel:
         return run
 
     def _contact(self, scene: _Scene, run: _Run) -> _Run:
-        """Follow one contact branch by branch to its release."""
+        """Integrate one contact, branch by branch, to its release."""
         met, branch = Event.TOUCH, None
         while met is not Event.RELEASE:
             branch = scene.law.branch(met, scene.compression(run.state), branch)
-            phase = self._phase(scene, branch, run, run.time + 0.2)  # s: no contact is longer
+            phase = self._phase(scene, branch, run, run.time + 0.2)  # limit of a contact [s]
             if phase is None:
                 return replace(run, failure=Failure.ENDLESS)
             run, met = phase
@@ -124,7 +125,7 @@ class ReferenceModel:
         return replace(run, contacts=run.contacts + 1)
 
     def _flight(self, scene: _Scene, run: _Run) -> _Run | None:
-        """Fly on from a release; return where ball and bat meet again, if they do in time."""
+        """Integrate the flight after a release to the next touch, None if there is none in time."""
         end = min(WINDOW, scene.out_of_reach(run))
         phase = self._phase(scene, FLIGHT, run, end) if run.time < end else None
         return phase[0] if phase else None
@@ -132,7 +133,7 @@ class ReferenceModel:
     def _phase(
         self, scene: _Scene, branch: Branch, start: _Run, end: float
     ) -> tuple[_Run, Event] | None:
-        """Integrate one branch of the law to the first event that ends it, before `end`."""
+        """Integrate one branch of the force law to its first event before `end`, else None."""
         try:
             solution = solve_ivp(
                 lambda _, y: scene.derivative(y, branch),
@@ -144,7 +145,7 @@ class ReferenceModel:
                 max_step=self.longest_step / max(float(scene.angular.max(initial=0.0)), 1e4),
                 events=[_event(scene, branch, event) for event in branch.ends],
             )
-        except OverflowError:  # a force beyond numbers
+        except OverflowError:  # the force exceeds the largest float
             return None
         for event, times, states in zip(
             branch.ends, solution.t_events or [], solution.y_events or [], strict=True
@@ -156,9 +157,9 @@ class ReferenceModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Run:
-    """A collision so far."""
+    """State of a collision during the integration."""
 
-    state: Array  # modal displacements, ball's; their rates; work done on the ball's law
+    state: Array  # displacements of modes and ball, their rates, work done on the force law
     time: float = 0.0
     contacts: int = 0
     reloads: int = 0
@@ -167,18 +168,18 @@ class _Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Scene:
-    """One scene in scalars, its modes in arrays (N,)."""
+    """Input of one scene: scalars, and arrays (N,) over the modes."""
 
     shape: Array
     angular: Array
     mass: float
     speed: float
     law: BallLaw
-    stiffness: Array  # acceleration of a mode over its displacement [1/s^2]
+    stiffness: Array  # acceleration of each mode per displacement [1/s^2]
 
     @property
     def sizes(self) -> Array:
-        """Typical size of each state variable: a millisecond at the ball's speed."""
+        """Typical size of each state variable, from a millisecond at the ball's speed."""
         n = len(self.shape) + 1
         energy = [self.mass * self.speed / 2]
         return self.speed * np.concatenate((np.full(n, 1e-3), np.ones(n), energy))
@@ -203,10 +204,10 @@ class _Scene:
         return rates
 
     def out_of_reach(self, run: _Run) -> float:
-        """Return a time [s] after which ball and ringing bat cannot meet any more.
+        """Return the time [s] after which ball and vibrating bat cannot meet again.
 
-        The ball closes on a rigid bat at `drift`; its surface rings by no more than `reach` about
-        that.
+        The ball approaches the rigid bat at the speed `drift`, and the amplitude of the vibrating
+        surface is at most `reach`.
         """
         n, y, rigid = len(self.shape), run.state, self.angular == 0
         place, rate = y[:n] * self.shape, y[n + 1 : -2] * self.shape

@@ -1,4 +1,4 @@
-"""The rigid rung: e is the ball's own e0, the recoil factor does the rest. Closed form."""
+"""The rigid model in closed form: e is the ball's e0, and e_A follows from the recoil factor."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from virtual_lab.simulation.physics.modes import Modes, modes_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigidModel:
-    """A bat that neither bends nor rings."""
+    """A rigid bat."""
 
-    modes: Modes  # the rigid ones only
+    modes: Modes  # rigid modes only
     rung: str = "rigid"
 
     @classmethod
     def of(cls, body: BatBody, support: Support) -> Self:
-        """Return the model of a bat. `InputError` where the support lies off the bat."""
+        """Return the model of a bat. Raises `InputError` if the support lies beyond the bat."""
         stiff = replace(body, hoop=None)
         return cls(modes=modes_of(stiff, support, 0))
 
     def collide(self, scenes: Scenes) -> Collisions:
-        """Return the outcome of the scenes: the ball leaves the bat at e0 of the closing speed."""
+        """Return the collisions of the scenes, with a separation speed of e0 times the approach."""
         scenes.require_on(self.modes.length)
         shape = self.modes.shape(scenes.impact_position)
         mass, speed, e0 = scenes.ball_mass, scenes.relative_speed, scenes.ball_restitution

@@ -1,7 +1,7 @@
-"""What goes into a collision and what comes out: arrays over n scenes.
+"""Input and output of the collision models: arrays over n scenes.
 
-The bat is at rest before the ball comes; a moving bat is the same scene at the relative
-speed (``v_bat`` is added afterwards, Eq. 3). The ball meets the axis squarely.
+The bat is at rest before the collision. A moving bat is the same scene at the relative speed;
+``v_bat`` is added afterwards (Eq. 3). The ball hits the axis of the bat at right angles.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.modes import Modes
 from virtual_lab.units import Array
 
-# Numbers that can be computed with. Within them a scene may still be one that cannot be followed,
-# which it says then; what balls there are is for their sheets to say.
+# ranges of numbers that can be computed. A scene within them can still fail, with a message. The
+# ranges of real balls belong to their data sheets.
 RANGES = {
     "relative_speed": (1e-9, 1e6),
     "ball_mass": (1e-6, 1e6),
@@ -31,25 +31,25 @@ RANGES = {
 
 
 class Failure(IntEnum):
-    """Why nothing is to be made of what a scene came to."""
+    """Reason why a scene gives no result."""
 
-    SOUND = 0  # it is
+    SOUND = 0  # no failure
     OPEN = 1
     UNSETTLED = 2
     ENDLESS = 3
 
     @property
     def words(self) -> str:
-        """Say it."""
+        """Description for error messages."""
         return ("", "energy does not close", "finer steps disagree", "no end is found")[self]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenes:
-    """Collisions to be, every array of shape (n,). Make them with `Scenes.of`."""
+    """Input of n collisions; every array has shape (n,). Create them with `Scenes.of`."""
 
-    impact_position: Array  # from the barrel tip [m]
-    relative_speed: Array  # of ball and bat at the point of impact [m/s]
+    impact_position: Array  # distance from the barrel tip [m]
+    relative_speed: Array  # relative speed of ball and bat at the impact position [m/s]
     ball_mass: Array  # [kg]
     ball_restitution: Array  # e0 at this relative speed
     stiffness: Array  # k of F = k u^a [N/m^a]
@@ -57,7 +57,7 @@ class Scenes:
 
     @classmethod
     def of(cls, **given: ArrayLike) -> Self:
-        """Broadcast numbers and arrays, one of each field's name, to (n,) and check them.
+        """Return scenes from numbers or arrays, one per field, broadcast to (n,) and checked.
 
         Raises
         ------
@@ -79,7 +79,7 @@ class Scenes:
     def with_ball(
         cls, ball: BallSpec, *, impact_position: ArrayLike, relative_speed: ArrayLike
     ) -> Self:
-        """Return scenes of a nominal ball, its e0 taken at the relative speed."""
+        """Return scenes of a nominal ball, with its e0 at the relative speed."""
         return cls.of(
             impact_position=impact_position,
             relative_speed=relative_speed,
@@ -103,16 +103,16 @@ class Scenes:
         return len(self.impact_position)
 
     def part(self, chosen: slice | NDArray[Any]) -> Self:
-        """Return some of the scenes."""
+        """Return the `chosen` scenes."""
         return replace(self, **{name: value[chosen] for name, value in self._arrays()})
 
     def require_on(self, length: float) -> None:
-        """Raise `InputError` where a place lies beyond a bat of `length` [m]."""
+        """Raise `InputError` if a position lies beyond a bat of `length` [m]."""
         z = self.impact_position
         _require("impact_position", z, z <= length, f"0 to {length:g} m, the bat")
 
     def require_sound(self, failure: NDArray[np.int64], held: str) -> None:
-        """Raise `InputError` that names the scene where one of a bat `held` so has failed."""
+        """Raise `InputError` for the first failed scene, stating its numbers and `held`."""
         failed = np.flatnonzero(failure)
         if failed.size:
             one = {name: f"{value[failed[0]]:.6g}" for name, value in self._arrays()}
@@ -131,7 +131,7 @@ class Scenes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergySplit:
-    """Shares of the ball's energy before contact, each (n,); they add to 1."""
+    """Shares of the ball's initial energy after the collision, each (n,); they add to 1."""
 
     ball: Array
     rigid: Array
@@ -141,27 +141,27 @@ class EnergySplit:
 
     @property
     def total(self) -> Array:
-        """Their sum."""
+        """Sum of the shares."""
         return self.ball + self.rigid + self.bending + self.hoop + self.hysteresis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Collisions:
-    """What n collisions came to. The modal state is that of the last release."""
+    """Results of n collisions. The modal state is that at the last release."""
 
-    collision_efficiency: Array  # (n,), negative where the ball goes on
-    modal_displacements: Array  # (n, N) [kg^1/2 m], modes as in the model's `modes`
+    collision_efficiency: Array  # (n,), negative if the ball continues forward
+    modal_displacements: Array  # (n, N) [kg^1/2 m], in the order of the model's `modes`
     modal_velocities: Array  # (n, N) [kg^1/2 m/s]
-    contact_time: Array  # (n,), first touch to last release [s]
-    impulse: Array  # (n,), on the bat [N s]
-    contacts: NDArray[np.int64]  # (n,), 1 unless ball and bat met again
-    reloads: NDArray[np.int64]  # (n,), how often the compression turned round before release
-    redone: NDArray[np.int64]  # (n,), 0 the first try did, 1 and 2 finer ones, 3 one by one
+    contact_time: Array  # (n,), time from first touch to last release [s]
+    impulse: Array  # (n,), impulse on the bat [N s]
+    contacts: NDArray[np.int64]  # (n,), number of contacts, usually 1
+    reloads: NDArray[np.int64]  # (n,), number of times the compression grew again before release
+    redone: NDArray[np.int64]  # (n,), 0 for the first try, 1 and 2 for finer steps, 3 one by one
     energy: EnergySplit
 
 
 def joined(parts: Sequence[Collisions]) -> Collisions:
-    """Return the collisions of one model as one batch."""
+    """Return the collisions of several parts of a batch of one model as one batch."""
     if len(parts) == 1:
         return parts[0]
 
@@ -174,7 +174,7 @@ def joined(parts: Sequence[Collisions]) -> Collisions:
 
 
 class CollisionModel(Protocol):
-    """One rung of the ladder, for one bat under one support."""
+    """A collision model (rung of the ladder) of one bat with one support."""
 
     @property
     def rung(self) -> str:
@@ -183,13 +183,13 @@ class CollisionModel(Protocol):
 
     @property
     def modes(self) -> Modes:
-        """The modes `Collisions.modal_velocities` counts."""
+        """Modes of the bat, in the order of `Collisions.modal_velocities`."""
         ...
 
     def collide(self, scenes: Scenes) -> Collisions:
-        """Return what the scenes come to.
+        """Return the collisions of the scenes.
 
-        `InputError` where a place lies off the bat or one cannot be followed.
+        Raises `InputError` for a position beyond the bat or a scene that gives no result.
         """
         ...
 

@@ -1,8 +1,8 @@
 """Splitting Runge-Kutta-Nystrom schemes: kick, drift, kick, ..., kick.
 
-For ``q'' = f(q)``: every kick adds its share of the step times f to q', every drift its
-share times q' to q. Symplectic and symmetric; the observed orders are a test. Source:
-S. Blanes and P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313.
+For ``q'' = f(q)`` each kick adds its share of the step times f to q', and each drift adds its
+share of the step times q' to q. The schemes are symplectic and symmetric; a test measures their
+orders. Source: S. Blanes and P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Splitting:
-    """A scheme by its shares; each sort adds to 1."""
+    """A splitting scheme: the shares of its kicks and of its drifts, each with the sum 1."""
 
     order: int
-    kicks: NDArray[np.float64]  # one more than drifts
+    kicks: NDArray[np.float64]  # one more element than drifts
     drifts: NDArray[np.float64]
 
     @cached_property
     def limit(self) -> float:
-        """Phase a step [rad] up to which no oscillator grows.
+        """Largest phase per step [rad] at which an oscillator is stable.
 
-        Both eigenvalues of a step lie on the unit circle while half its trace lies between -1
-        and 1. It passes -1 near half a turn, where a cosine would only touch it.
+        Both eigenvalues of a step are on the unit circle while half its trace is between -1 and 1.
+        Half the trace crosses -1 near a phase of pi, where an exact cosine would only touch it.
         """
         trace = self._half_trace
         roots = np.concatenate([(trace - sign).roots() for sign in (1, -1)])
@@ -37,18 +37,18 @@ class Splitting:
 
     @cached_property
     def _half_trace(self) -> Polynomial:
-        """Half the trace of a step of ``q'' = -phase^2 q``, over the square of the phase."""
+        """Return half the trace of a step of ``q'' = -phase^2 q``, as a polynomial in phase^2."""
         square = Polynomial([0.0, 1.0])
         q, rate = [Polynomial([1.0]), Polynomial([0.0])], [Polynomial([0.0]), Polynomial([1.0])]
         for kick, drift in zip(self.kicks, [*self.drifts, 0.0], strict=True):
-            for i in (0, 1):  # begun as q = 1 and as q' = 1
+            for i in (0, 1):  # initial states q = 1 and q' = 1
                 rate[i] -= kick * square * q[i]
                 q[i] += drift * rate[i]
         return (q[0] + rate[1]) / 2
 
 
 def _symmetric(kicks: tuple[float, ...], drifts: tuple[float, ...]) -> Splitting:
-    """Return a scheme of order six by its first half; each sort makes up its sum in the middle."""
+    """Return a symmetric scheme from its first half; the middle share completes each sum."""
     kick, drift = 0.5 - sum(kicks), 1 - 2 * sum(drifts)
     return Splitting(
         order=6,
@@ -57,7 +57,7 @@ def _symmetric(kicks: tuple[float, ...], drifts: tuple[float, ...]) -> Splitting
     )
 
 
-# SRKN_11^b: eleven evaluations a step
+# SRKN_11^b: eleven evaluations per step
 SRKN_11 = _symmetric(
     (
         0.0414649985182624,

@@ -1,9 +1,10 @@
-"""How collisions are followed in time: many in step, or one by one.
+"""Time integration of collisions: many scenes together, or one scene at a time.
 
-`InStep` is the quick way and knows what it is worth: a scene whose energy does not close, that
-came too near to an event, that took long, or that met or turned more than once is stepped
-again, finer; where the answers still differ by more than finer steps explain, it is followed one
-by one, in steps halved until e_A stays. What stays nowhere has failed: nothing is to be made of it.
+`InStep` is the fast method and checks its own results. A scene is integrated again with finer
+steps if its energy balance is off, if it came too close to an event, if the contact was long, or
+if ball and bat met or the compression turned more than once. If the results still differ by more
+than the finer steps explain, `OneByOne` integrates the scene, with steps halved until e_A no
+longer changes. If it never settles, the scene has failed and gives no result.
 """
 
 from __future__ import annotations
@@ -23,20 +24,20 @@ from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.units import Array
 
 Counts = NDArray[np.int64]
-# s from the first touch, in which contacts must begin to count. Ball and ringing barrel part for
-# good within 6 ms: e_A of free and pinned bats is the same for windows up to 40 ms. A bat clamped
-# at its handle swings back from 11 ms on, onto a ball that hardly left, by up to 0.7 in e_A: that
-# is another collision.
+# time after first touch within which a contact must begin to count [s]. Ball and vibrating barrel
+# separate for good within 6 ms: e_A of free and pinned bats is the same for windows up to 40 ms.
+# A bat clamped at its handle swings back after 11 ms and hits a slow ball again, which changes e_A
+# by up to 0.7; that is another collision.
 WINDOW = 0.01
-STAYS = 1e-6  # in e_A, and of the energy what may not close
+STAYS = 1e-6  # tolerance of a settled e_A, and of the energy balance [share of the energy]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CollisionBatch:
-    """Balls on the way into bats: n scenes, N flexible modes a bat."""
+    """Input of n scenes, with N flexible modes per bat."""
 
     squares: Array  # (bats, N), squared angular frequencies [1/s^2]
-    bat: Counts  # (n,), which one is struck
+    bat: Counts  # (n,), index of the struck bat
     shapes: Array  # (n, N), squared shapes at the impacts [1/kg]
     ball_mass: Array  # (n,) [kg]
     inverse_mass: Array  # (n,), 1/m + squared rigid shapes [1/kg]
@@ -44,12 +45,12 @@ class CollisionBatch:
     exponent: Array  # (n,), a
     restitution: Array  # (n,), e0
     unloading: Array  # (n,), b
-    compliance: Array  # (n,), of the stiff modes [m/N]
+    compliance: Array  # (n,), compliance of the stiff modes [m/N]
     speed: Array  # (n,) [m/s]
 
     @classmethod
     def together(cls, parts: Sequence[Self]) -> Self:
-        """Return the scenes of several bats in one batch, bat by bat."""
+        """Return one batch with the scenes of several bats, in the order of the bats."""
         own = {
             name: np.concatenate([getattr(part, name) for part in parts])
             for name in cls.__slots__
@@ -58,7 +59,7 @@ class CollisionBatch:
         return cls(bat=np.repeat(np.arange(len(parts)), [len(part.speed) for part in parts]), **own)
 
     def by_bat(self) -> list[slice]:
-        """Return where each bat's scenes are in a batch put together."""
+        """Return the slice of the scenes of each bat in a batch made by `together`."""
         ends = np.searchsorted(self.bat, np.arange(len(self.squares) + 1))
         return [slice(*pair) for pair in pairwise(ends)]
 
@@ -68,8 +69,8 @@ class CollisionBatch:
         return replace(self, **own)
 
     def efficiency_gap(self, one: FinalStates, other: FinalStates) -> Array:
-        """Return the difference in e_A of two ways to follow these scenes, (n,)."""
-        with np.errstate(invalid="ignore"):  # of what ran away
+        """Return the difference in e_A between two integrations of these scenes, (n,)."""
+        with np.errstate(invalid="ignore"):  # diverged scenes
             rates = other.states[:, -1] - one.states[:, -1]
         return rates / (self.speed * self.inverse_mass * self.ball_mass)
 
@@ -80,21 +81,21 @@ class CollisionBatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FinalStates:
-    """States after the last release, and how it went; leading axis n."""
+    """States after the last release, with the record of the integration; leading axis n."""
 
     states: Array  # (n, 2 N + 2): p, p', s, s' of `modal_kernel`
-    time: Array  # (n,), first touch to last release [s]
-    loss: Array  # (n,), work lost in the ball [J]
+    time: Array  # (n,), time from first touch to last release [s]
+    loss: Array  # (n,), energy lost in the ball [J]
     contacts: Counts
     reloads: Counts
-    steps: Counts  # of the last try; 0 where none are counted, one by one
-    open_energy: Array  # (n,), share of the ball's that does not close
+    steps: Counts  # number of steps of the last try, 0 for `OneByOne`
+    open_energy: Array  # (n,), error of the energy balance [share of the ball's energy]
     failure: Counts  # a `Failure`
-    redone: Counts  # 0 first try, 1 and 2 in finer steps, 3 one by one
+    redone: Counts  # 0 for the first try, 1 and 2 for finer steps, 3 for `OneByOne`
 
     @classmethod
     def first_try(cls, states: Array, sums: Array, counts: Counts) -> Self:
-        """Return what a kernel gave."""
+        """Return the states from the output of a kernel."""
         none = np.zeros(len(states), dtype=np.int64)
         return cls(
             states=states,
@@ -113,13 +114,13 @@ class FinalStates:
         return replace(self, **{name: getattr(self, name)[chosen] for name in self.__slots__})
 
     def put(self, chosen: Counts, other: FinalStates) -> None:
-        """Overwrite some of the scenes with `other`."""
+        """Overwrite the `chosen` scenes with those of `other`."""
         for name in self.__slots__:
             getattr(self, name)[chosen] = getattr(other, name)
 
 
 class Stepper(Protocol):
-    """A way to follow collisions."""
+    """Method of time integration."""
 
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
         """Follow all contacts that begin within `window` [s] of the first touch."""
@@ -128,12 +129,12 @@ class Stepper(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneByOne:
-    """Scene by scene to about 1e-10 in e_A: every event met to rounding."""
+    """Integration scene by scene, to about 1e-10 in e_A; each event is met to rounding."""
 
-    refinement: float = 1.0  # divides the steps
+    refinement: float = 1.0  # divisor of the steps
     mode_step: float = 0.7  # step times the highest angular frequency
-    ball_step: float = 0.14  # step times the angular frequency of the ball at its steepest
-    last_resort: float = 0.75  # refinement of what no other try is sure of, to about 1e-9
+    ball_step: float = 0.14  # step times the largest angular frequency of the ball
+    last_resort: float = 0.75  # refinement for doubtful scenes, accurate to about 1e-9
 
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
         """Follow all contacts that begin within `window` [s] of the first touch."""
@@ -156,16 +157,17 @@ class OneByOne:
             window,
         )
         followed = FinalStates.first_try(states, sums, counts)
-        closed = np.abs(followed.open_energy) < STAYS  # not of a nan
+        closed = np.abs(followed.open_energy) < STAYS  # False for NaN
         followed.failure[(followed.failure == Failure.SOUND) & ~closed] = Failure.OPEN
         return followed
 
     def settled(
         self, struck: CollisionBatch, other: FinalStates, window: float = WINDOW
     ) -> FinalStates:
-        """Follow them in steps halved until e_A stays; say where it does not.
+        """Integrate the scenes with steps halved until e_A settles.
 
-        It stays at once where `other` steps already came to the same.
+        A scene that agrees with `other`, an earlier integration, has settled. A scene that never
+        settles gets the failure `UNSETTLED`.
         """
         found = replace(self, refinement=self.last_resort).follow(struck, window)
         left = np.flatnonzero(~self._stays(struck, found, other))
@@ -183,11 +185,11 @@ class OneByOne:
 
     @staticmethod
     def _stays(struck: CollisionBatch, one: FinalStates, other: FinalStates) -> NDArray[np.bool_]:
-        near = np.abs(struck.efficiency_gap(one, other)) < STAYS  # not of a nan
+        near = np.abs(struck.efficiency_gap(one, other)) < STAYS  # False for NaN
         return np.asarray(near & (one.failure == Failure.SOUND))
 
     def _steps(self, struck: CollisionBatch) -> Array:
-        """Return the time steps (n,): the fastest mode and the steepest ball both resolved."""
+        """Return the time steps (n,) [s] that resolve the fastest mode and the stiffest ball."""
         contact = wall_contact(
             1 / struck.inverse_mass,
             struck.speed,
@@ -203,37 +205,39 @@ class OneByOne:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InStep:
-    """Many scenes at once, to a tolerance in e_A.
+    """Integration of many scenes together, to a tolerance in e_A.
 
-    Measured on 1e5 random scenes all over the bat with 8 bending modes and with the default;
-    below 8 modes some scenes err by a few times the tolerance.
+    The tolerance was verified on 1e5 random scenes along the whole bat, with 8 bending modes and
+    with the default number. With fewer than 8 modes some errors are a few times the tolerance.
     """
 
     tolerance: float
     splitting: Splitting
     mode_step: float  # step times the highest angular frequency
-    ball_step: float  # step times the angular frequency of the ball at its stiffness of the moment
-    first: float  # first compression over the greatest one on a wall
-    growth: float  # of the first steps
-    turn: float  # share of the speed at which the approach counts as turned
-    release: float = 1e-2  # share of the greatest compression at which it counts as released
-    brush: float = 0.03  # share of it, as near to touching again is in doubt; a tenth, to releasing
-    # s: of longer contacts errors in the modes' phases add up, though the energy closes
+    ball_step: float  # step times the current angular frequency of the ball
+    first: float  # first compression [share of the largest one on a wall]
+    growth: float  # growth factor of the first steps
+    turn: float  # speed at which the approach counts as turned [share of the initial speed]
+    release: float = 1e-2  # compression that counts as released [share of the largest one]
+    # distance from a second touch at which a scene is doubtful, a tenth of it from a release
+    # [share of the largest compression]
+    brush: float = 0.03
+    # duration above which phase errors of the modes accumulate without an energy error [s]
     long: float = 1.5e-3
-    shorter: float = 2.5  # how much shorter the steps of a second try
-    tries: int = 3  # before a scene is followed one by one
-    # tolerances two tries may differ by; shorter steps divide errors by ten times that
+    shorter: float = 2.5  # divisor of the steps in each further try
+    tries: int = 3  # number of tries before `OneByOne`
+    # largest difference of two tries [tolerance]; the finer steps divide errors by ten times that
     agree: float = 25.0
 
     def __post_init__(self) -> None:
         limit = self.splitting.limit
-        for name in ("mode_step", "ball_step"):  # a ball on a stiff bat is an oscillator too
+        for name in ("mode_step", "ball_step"):  # ball on a stiff bat: an oscillator, too
             if not 0 < getattr(self, name) <= limit:
                 allowed = f"allowed: above 0, to {limit:.4f}, the limit of stability"
                 raise InputError("modal", name, getattr(self, name), allowed)
 
     def finer(self, factor: float) -> Self:
-        """Return the same with steps shorter by a factor."""
+        """Return the method with steps and tolerances divided by `factor`."""
         return replace(
             self,
             mode_step=self.mode_step / factor,
@@ -267,13 +271,13 @@ class InStep:
     def one_pass(
         self, struck: CollisionBatch, window: float = WINDOW
     ) -> tuple[FinalStates, NDArray[np.bool_]]:
-        """Return where one pass gets to, and which scenes (n,) are to be stepped again."""
+        """Return the states after one pass, and a mask (n,) of the scenes to integrate again."""
         followed, sure = self._try(struck, window)
         often = (followed.contacts > 1) | (followed.reloads > 1)
         return followed, ~sure | often | (followed.time > self.long)
 
     def _try(self, struck: CollisionBatch, window: float) -> tuple[FinalStates, NDArray[np.bool_]]:
-        """Return where one pass gets to, and which scenes (n,) it is sure of."""
+        """Return the states after one pass, and a mask (n,) of the scenes without doubt."""
         from virtual_lab.simulation.collision.batch_kernel import Given, StepRule, collide_lanes
 
         a, b, c, v = struck.exponent, struck.unloading, struck.inverse_mass, struck.speed
@@ -295,7 +299,7 @@ class InStep:
             struck.squares,
             struck.bat,
             struck.shapes,
-            # one type of array, or the kernel is compiled anew for each mixture
+            # one array type; numba would compile the kernel again for each mixture of types
             Given(*(np.require(each, np.float64, ["C", "W"]) for each in given)),
             (self.splitting.kicks, self.splitting.drifts),
             StepRule(self.growth, self.turn, self.brush, window),

@@ -1,8 +1,8 @@
-"""The surrogate rung: e_A of one bat and one kind of ball as a Chebyshev interpolant.
+"""The surrogate model: e_A of one bat and one type of ball as a Chebyshev interpolant.
 
-Built on demand from another rung over a box of place, log speed, e0 and ball mass; refined
-axis by axis until its error on points it was not fitted to is small enough. It knows e_A
-only: a rig that needs the bat's ring afterwards takes the modal rung.
+It is built on demand from another collision model over a box of impact position, log speed, e0 and
+ball mass. It is refined axis by axis until its error at independent points is small enough. It
+gives e_A only, so a rig that needs the vibration of the bat uses the modal model.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ AXES = ("impact_position", "relative_speed", "ball_restitution", "ball_mass")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitting:
-    """How many nodes an interpolant gets and how it is checked."""
+    """Settings that determine the number of nodes of an interpolant and its check."""
 
-    line_nodes: int = 48  # of the cuts along each axis that say how many it needs
-    line_share: float = 0.1  # of the tolerance that a cut may miss
+    line_nodes: int = 48  # number of nodes of the line along each axis that sets its node count
+    line_share: float = 0.1  # largest truncation error of a line [share of the tolerance]
     least_nodes: int = 3
     most_nodes: int = 12_000
-    check_points: int = 400  # that its error is measured on
-    check_seed: int = 20_031  # of these; any will do, it must only stay
+    check_points: int = 400  # number of points at which the error is measured
+    check_seed: int = 20_031  # seed of these points; arbitrary but fixed
 
 
 FITTING = Fitting()
@@ -41,7 +41,7 @@ FITTING = Fitting()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """Where a surrogate holds: low and high of each variable, and the ball's force law."""
+    """Range of a surrogate: lower and upper limit of each variable, and the ball's force law."""
 
     impact_position: tuple[float, float]  # [m]
     relative_speed: tuple[float, float]  # [m/s]
@@ -60,9 +60,9 @@ class Box:
 
     @classmethod
     def about(cls, scenes: Scenes) -> Self:
-        """Return the least box about scenes, a little wider where all are alike.
+        """Return the smallest box that holds the scenes, widened where all values are equal.
 
-        Raises `InputError` where they are not of one force law.
+        Raises `InputError` if the scenes have different force laws.
         """
 
         def side(axis: str, most: float = inf) -> tuple[float, float]:
@@ -83,7 +83,7 @@ class Box:
         return box
 
     def inside(self, scenes: Scenes) -> NDArray[np.bool_]:
-        """Return which scenes lie in the box, to rounding, (n,)."""
+        """Return a mask (n,) of the scenes inside the box, with a tolerance for rounding."""
         inside = np.ones(len(scenes), dtype=bool)
         for axis in AXES:
             low, high = getattr(self, axis)
@@ -92,9 +92,9 @@ class Box:
         return inside
 
     def unit(self, scenes: Scenes) -> Array:
-        """Return the scenes' places in the box, each variable from -1 to 1, shape (4, n).
+        """Return the coordinates of the scenes in the box, from -1 to 1, shape (4, n).
 
-        Raises `InputError` where a scene lies outside or is of another ball.
+        Raises `InputError` if a scene lies outside the box or has another force law.
         """
         self.require_law(scenes)
         inside, rows = self.inside(scenes), []
@@ -107,7 +107,7 @@ class Box:
         return np.stack(rows)
 
     def require_law(self, scenes: Scenes) -> None:
-        """Raise `InputError` where a scene is of another ball."""
+        """Raise `InputError` if a scene has another force law."""
         for law in ("stiffness", "exponent"):
             values = getattr(scenes, law)
             if not np.all(values == getattr(self, law)):
@@ -115,7 +115,7 @@ class Box:
                 raise InputError("surrogate", law, other, f"built for {getattr(self, law):g}")
 
     def scenes(self, unit: Array) -> Scenes:
-        """Return the scenes at places of the box, shape (4, n), the inverse of `unit`."""
+        """Return the scenes at coordinates (4, n) in the box, the inverse of `Box.unit`."""
         values = {
             axis: _from_unit(axis, row, *getattr(self, axis))
             for axis, row in zip(AXES, unit, strict=True)
@@ -125,22 +125,22 @@ class Box:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surrogate:
-    """An interpolant and what it is worth."""
+    """An interpolant of e_A and its error."""
 
     box: Box
-    coefficients: Array  # of T_i T_j T_k T_l, one axis a variable
-    error: float  # worst found on points it was not fitted to, against the rung it stands for
+    coefficients: Array  # coefficients of T_i T_j T_k T_l, one axis per variable
+    error: float  # largest error of e_A at independent points, relative to the original model
     rung: str = "surrogate"
 
     @classmethod
     def build(cls, model: CollisionModel, box: Box, *, tolerance: float) -> Self:
-        """Build over `box` to an error of at most `tolerance` in e_A.
+        """Build a surrogate over `box` with an error of at most `tolerance` in e_A.
 
         Raises
         ------
         InputError
-            Somewhere in the box ball and bat re-load or meet again, where e_A is not smooth; or
-            the tolerance asks for more nodes than `Fitting` allows.
+            The ball is reloaded or hits the bat twice somewhere in the box, where e_A is not
+            smooth; or the tolerance needs more nodes than `Fitting` allows.
         """
 
         def value(unit: Array) -> Array:
@@ -162,7 +162,7 @@ class Surrogate:
                 raise InputError("surrogate", "tolerance", tolerance, allowed)
 
     def efficiency(self, scenes: Scenes) -> Array:
-        """Return e_A of the scenes, shape (n,). `InputError` outside the box."""
+        """Return e_A of the scenes, (n,). Raises `InputError` outside the box."""
         return _evaluate(self.coefficients, self.box.unit(scenes))
 
 
@@ -178,7 +178,7 @@ def _smooth_efficiency(model: CollisionModel, scenes: Scenes) -> Array:
 
 
 def _fit(value: Callable[[Array], Array], nodes: tuple[int, ...]) -> Array:
-    """Return the coefficients through the Chebyshev points of the first kind, by cosine sums."""
+    """Return the Chebyshev coefficients from values at points of the first kind (cosine sums)."""
     points = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in nodes]
     grid = np.stack([axis.ravel() for axis in np.meshgrid(*points, indexing="ij")])
     coefficients = dctn(value(grid).reshape(nodes), type=2) / np.prod(nodes)
@@ -190,20 +190,20 @@ def _fit(value: Callable[[Array], Array], nodes: tuple[int, ...]) -> Array:
 
 
 def _nodes_needed(value: Callable[[Array], Array], tolerance: float) -> tuple[int, ...]:
-    """Return how many nodes each axis needs on the line through the middle of the box."""
+    """Return the number of nodes each axis needs on the line through the centre of the box."""
     points = np.cos(np.pi * (np.arange(FITTING.line_nodes) + 0.5) / FITTING.line_nodes)
     unit = np.zeros((4, 4, FITTING.line_nodes))
     unit[range(4), range(4)] = points
     cuts = value(unit.reshape(4, -1)).reshape(4, FITTING.line_nodes)
     size = np.abs(dctn(cuts, type=2, axes=(1,))) / FITTING.line_nodes
-    beyond = np.cumsum(size[:, ::-1], axis=1)[:, ::-1]  # what is lost with the n-th and all after
+    beyond = np.cumsum(size[:, ::-1], axis=1)[:, ::-1]  # error if the terms from n on are dropped
     needed = np.maximum(np.sum(beyond > tolerance, axis=1), FITTING.least_nodes)
     fitting = min(1.0, (FITTING.most_nodes / np.prod(needed)) ** 0.25)
     return tuple(int(n) for n in np.maximum(fitting * needed, FITTING.least_nodes))
 
 
 def _refined(coefficients: Array) -> tuple[int, ...]:
-    """Return more nodes along the axis whose last coefficients are the largest."""
+    """Return node counts with more nodes along the axis whose last coefficients are largest."""
     size = np.abs(coefficients)
     tails = [
         size.take(range(n - max(1, n // 6), n), axis=axis).max()

@@ -1,4 +1,4 @@
-"""Sum a four-fold Chebyshev series at many points; compiled."""
+"""Compiled evaluation of a Chebyshev series in four variables at many points."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numba import njit
 
 from virtual_lab.units import Array
 
-BLOCK = 256  # points that go together: their polynomials stay in the nearest cache
+BLOCK = 256  # number of points per block, whose polynomials fit in the first-level cache
 
 
 @njit(cache=True)
@@ -23,17 +23,17 @@ def _polynomials(x: Array, out: Array) -> None:
 
 @njit(cache=True, fastmath=True)
 def evaluate_surrogate(coefficients: Array, unit: Array) -> Array:
-    """Return the series at `unit` (4, n), each variable from -1 to 1; shape (n,).
+    """Return the series at the points `unit` (4, n), each variable from -1 to 1; shape (n,).
 
-    In a block of points the sum over the first variable is one matrix product; the others
-    follow point by point along the vector lanes.
+    Within a block of points the sum over the first variable is one matrix product. The sums over
+    the other variables run over the points, which the compiler vectorises.
     """
     a, b, c, d = coefficients.shape
     rows = np.ascontiguousarray(coefficients.reshape(a, b * c * d).T)
     first, second = np.zeros((a, BLOCK)), np.zeros((b, BLOCK))
     third, fourth = np.zeros((c, BLOCK)), np.zeros((d, BLOCK))
     inner, middle, total = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
-    # a block is always whole: a point's last bits must not hang on where it stands in one
+    # every block is full, so that the last bits of a value do not depend on its place in a block
     places = np.zeros((4, BLOCK))
     out = np.zeros(unit.shape[1])
     for start in range(0, unit.shape[1], BLOCK):

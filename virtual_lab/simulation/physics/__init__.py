@@ -1,1 +1,1 @@
-"""What bat and ball are made of: beam, modes, ball law, swing. True side only."""
+"""Physical models of bat and ball: beam, modes, force law, ageing. True side only."""

@@ -1,4 +1,4 @@
-"""How a ball loses restitution by being hit, and gets some of it back while it rests."""
+"""Loss of a ball's restitution by its hits, and partial recovery while the ball rests."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from virtual_lab.units import Array
 def loss_of_restitution(
     ageing: BallAgeing, ball: NDArray[np.int_], speed: Array, rest: float
 ) -> Array:
-    """Return how much of its e0 each hit finds gone, (shot,): the ball's earlier hits took it.
+    """Return the loss of e0 before each hit, caused by earlier hits on the same ball, (shot,).
 
-    Hits are in their order: which `ball` at what `speed` [m/s], (shot,). Between two of the same
-    ball it rests [s].
+    The hits are in order of time. `ball` holds the number of the ball and `speed` its speed
+    [m/s], both (shot,). `rest` is the time between two hits of the same ball [s].
     """
-    in_turn = np.argsort(ball, kind="stable")  # ball by ball
+    in_turn = np.argsort(ball, kind="stable")  # sorts the hits by ball
     _, first, hits = np.unique(ball[in_turn], return_index=True, return_counts=True)
     row, rank = np.arange(hits.size).repeat(hits), np.arange(ball.size) - first.repeat(hits)
     taken = np.zeros((hits.size, hits.max(initial=0)))
@@ -27,7 +27,7 @@ def loss_of_restitution(
     kept = exp(-rest / ageing.recovery_time)
     lasting = taken.cumsum(axis=1) - taken
     passing = np.zeros_like(taken)
-    for turn in range(1, taken.shape[1]):  # all balls at once
+    for turn in range(1, taken.shape[1]):  # one step for all balls
         passing[:, turn] = kept * (passing[:, turn - 1] + taken[:, turn - 1])
     gone = (1 - ageing.recovering) * lasting + ageing.recovering * passing
     found = np.empty(ball.shape)
@@ -36,7 +36,7 @@ def loss_of_restitution(
 
 
 def lasting_loss(ageing: BallAgeing, speed: Array) -> Array:
-    """Return what hits at `speed` [m/s] take off e0 for good, of its shape."""
+    """Return the permanent loss of e0 caused by hits at `speed` [m/s], in the shape of `speed`."""
     return (1 - ageing.recovering) * _taken(ageing, speed)
 
 

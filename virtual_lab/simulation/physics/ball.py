@@ -1,13 +1,13 @@
-"""Laws of the ball's force, and what a ball does on a rigid wall.
+"""Force laws of the ball, and the collision of a ball with a rigid wall.
 
-The power law, with which everything but a study of the law itself is done: loading
-``F = k u^a``, unloading ``F = F_max (u / u_max)^b``. The two areas give
-``e0^2 = (a + 1) / (b + 1)`` whatever the speed.
+All simulations except studies of the force law itself use the power law: loading
+``F = k u^a``, unloading ``F = F_max (u / u_max)^b``. The areas under the two curves give
+``e0^2 = (a + 1) / (b + 1)`` at every speed.
 
-Hunt and Crossley's, beside it: ``F = k u^a (1 + c u')``. Between two impacts of a wall
-``w dw / (1 + c w) = -(k / m) u^a du``, so ``(1 + e0) c v = ln((1 + c v) / (1 - e0 c v))``: c
-follows from e0 and the speed alone, whatever mass, stiffness and exponent (K. H. Hunt and
-F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440).
+The alternative is the law of Hunt and Crossley, ``F = k u^a (1 + c u')``. On a rigid wall
+``w dw / (1 + c w) = -(k / m) u^a du``, so ``(1 + e0) c v = ln((1 + c v) / (1 - e0 c v))``.
+Therefore c follows from e0 and the speed and does not depend on mass, stiffness or exponent
+(K. H. Hunt and F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440).
 """
 
 from __future__ import annotations
@@ -26,32 +26,33 @@ from virtual_lab.units import Array
 
 
 class WallContact(NamedTuple):
-    """A collision with a rigid wall at rest, arrays of one shape."""
+    """Collision with a rigid wall at rest; all arrays have one shape."""
 
-    compression: Array  # greatest, [m]
-    force: Array  # greatest, [N]
+    compression: Array  # largest compression [m]
+    force: Array  # largest force [N]
     compression_time: Array  # [s]
     expansion_time: Array  # [s]
 
     @property
     def time(self) -> Array:
-        """Time in contact [s]."""
+        """Duration of the contact [s]."""
         return self.compression_time + self.expansion_time
 
 
 def unloading_exponent(exponent: Array, restitution: Array) -> Array:
-    """Return b of a ball with loading exponent a and restitution e0."""
+    """Return the unloading exponent b of a ball with loading exponent a and restitution e0."""
     return (exponent + 1) / restitution**2 - 1
 
 
 def wall_contact(
     mass: Array, speed: Array, stiffness: Array, exponent: Array, restitution: Array
 ) -> WallContact:
-    """Return the closed forms for a rigid wall, of arrays that broadcast.
+    """Return the collision of the power law with a rigid wall, in closed form.
 
-    Ball (or reduced) mass [kg], approach speed [m/s], k [N/m^a], a, e0. Energy gives
-    ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a + 1))``; with `_half_time` C(n), each half takes
-    ``u_max C(n) / v`` with its own power of the compression and its own speed.
+    The arguments broadcast: mass of the ball, or reduced mass [kg], approach speed [m/s], k
+    [N/m^a], a, e0. The energy gives ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a + 1))``. Compression
+    and expansion each take ``u_max C(n) / v``, where C is `_half_time`, n is the exponent of the
+    respective law plus 1, and v is the speed of approach or of release.
     """
     a, b = exponent, unloading_exponent(exponent, restitution)
     compression = ((a + 1) * mass * speed**2 / (2 * stiffness)) ** (1 / (a + 1))
@@ -69,27 +70,27 @@ def _half_time(n: Array) -> Array:
 
 
 class Event(StrEnum):
-    """What ends one branch of a law and begins another."""
+    """Event that ends one branch of a force law and begins another."""
 
     TOUCH = "touch"  # ball and bat meet
-    TURN = "turn"  # the compression stops growing
-    BACK = "back"  # it grows again before release
-    FULL = "full"  # it has grown back to its peak
-    RELEASE = "release"  # it is gone
+    TURN = "turn"  # compression stops growing
+    BACK = "back"  # compression grows again before release
+    FULL = "full"  # compression has returned to its peak
+    RELEASE = "release"  # compression is zero again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Branch:
-    """One smooth piece of a law."""
+    """One smooth branch of a force law."""
 
-    force: Callable[[float, float], float]  # of compression [m] and its rate [m/s], [N]
-    ends: Mapping[Event, int]  # events that end it, with the sign of their crossing
-    peak: float = 0.0  # greatest compression so far, which `Event.FULL` waits for [m]
+    force: Callable[[float, float], float]  # force [N] from compression [m] and its rate [m/s]
+    ends: Mapping[Event, int]  # events that end the branch, with the sign of their zero crossing
+    peak: float = 0.0  # largest compression so far, at which `Event.FULL` occurs [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerLaw:
-    """Two power laws. A compression that turns round re-loads along the unloading one."""
+    """Power laws for loading and unloading; reloading follows the unloading curve."""
 
     stiffness: float  # k [N/m^a]
     exponent: float  # a
@@ -97,20 +98,20 @@ class PowerLaw:
 
     @classmethod
     def of(cls, *, stiffness: float, exponent: float, restitution: float, speed: float) -> Self:
-        """Return the law of a ball; the speed does not matter."""
+        """Return the law of a ball. The speed is not used."""
         del speed
         unloading = (exponent + 1) / restitution**2 - 1
         return cls(stiffness=stiffness, exponent=exponent, unloading=unloading)
 
     def branch(self, event: Event, compression: float, before: Branch | None) -> Branch:
-        """Return the branch that an event at a compression [m] begins; at touch, None before.
+        """Return the branch that begins with `event` at `compression` [m].
 
-        It loads up to the peak and unloads from it.
+        `before` is the branch that ended, None at touch.
         """
         k, a, b = self.stiffness, self.exponent, self.unloading
         if before is None or event is Event.FULL:
             return Branch(force=lambda u, _: k * u**a, ends={Event.TURN: -1})
-        # a peak is where loading turned, not where a re-loading did
+        # the peak is the end of the first loading, not of a reloading
         peak = before.peak or compression
         top = k * peak**a
         down = event is Event.TURN
@@ -123,7 +124,7 @@ class PowerLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HuntCrossley:
-    """A power law with a damping that grows with the compression; it never pulls."""
+    """Power law with a damping that grows with the compression; the force is never negative."""
 
     stiffness: float  # k [N/m^a]
     exponent: float  # a
@@ -136,7 +137,7 @@ class HuntCrossley:
         return cls(stiffness=stiffness, exponent=exponent, damping=damping)
 
     def branch(self, event: Event, compression: float, before: Branch | None) -> Branch:
-        """Return the branch; compression and expansion differ in what ends them."""
+        """Return the branch that begins with `event`: compression or expansion."""
         del compression, before
         down = event is Event.TURN
         return Branch(
@@ -147,10 +148,11 @@ class HuntCrossley:
         return float(self.stiffness * u**self.exponent * max(1 + self.damping * rate, 0.0))
 
     def wall_contact(self, mass: float, speed: float) -> WallContact:
-        """Return what happens on a rigid wall at `speed` [m/s], by quadrature.
+        """Return the collision with a rigid wall at `speed` [m/s], by quadrature.
 
-        Over the logarithm of 1 + c w, w the rate, ``dt`` is ``m / (c k u^a)``; with what has
-        gone of it as the power a + 1 of the variable of integration nothing is singular.
+        The integral is taken over ln(1 + c w), where w is the rate of compression, because then
+        ``dt = m / (c k u^a)`` per unit of it. A substitution with the power a + 1 removes the
+        singularity at touch and release.
         """
         k, a, c = self.stiffness, self.exponent, self.damping
         if c == 0:
@@ -176,27 +178,27 @@ class HuntCrossley:
         )
 
 
-BallLaw = PowerLaw | HuntCrossley  # the force of one ball in one collision, branch by branch
-# its stiffness, exponent, restitution and speed of approach to a law that gives e0 on a wall
+BallLaw = PowerLaw | HuntCrossley  # force of one ball in one collision, branch by branch
+# function of stiffness, exponent, restitution and approach speed that returns the ball's law
 LawOfBall = Callable[..., BallLaw]
 
 
 def _released(x: float) -> float:
-    """Return -ln(1 - c w) at release, w the speed there, of a ball that met a wall at c v = x."""
+    """Return -ln(1 - c w), where w is the speed at release, for an approach with c v = x."""
     spent = x - log1p(x)
     return float(brentq(lambda p: p + expm1(-p) - spent, 0.0, spent + 2, xtol=1e-16, rtol=1e-15))
 
 
 def _wall_damping(restitution: float) -> float:
-    """Return c v of a Hunt-Crossley ball with a wall restitution e0."""
+    """Return c v of a Hunt-Crossley ball whose restitution on a wall is e0."""
     e = restitution
     if e == 1:
         return 0.0
 
     def excess(p: float) -> float:
-        x = -expm1(-p) / e  # as 1 - e x runs to zero, its logarithm p stays a plain number
+        x = -expm1(-p) / e  # 1 - e x can approach zero, but its logarithm -p stays finite
         return (1 + e) * x - log1p(x) - p
 
-    # x is about 1.5 (1 - e) near e = 1 and more below: the root at zero is left out
+    # x is about 1.5 (1 - e) near e = 1 and larger below, so this bound excludes the root at zero
     low = -log1p(-0.1 * e * (1 - e))
     return -expm1(-float(brentq(excess, low, (1 + e) / e, xtol=1e-16))) / e

@@ -1,10 +1,10 @@
-"""A bat as a Timoshenko beam: mass and stiffness matrices, and the rigid body within them.
+"""A bat as a Timoshenko beam: mass and stiffness matrices, and its properties as a rigid body.
 
-Deflection ``w`` and rotation ``psi`` are independent fields. ``psi`` is positive where it
-carries the barrel along positive ``w``, so a rigid turn about z_p is ``w = z_p - z, psi = 1``
-and the shear strain is ``w' + psi``. Spectral elements of order 4 and up, fully integrated,
-do not lock; rotary inertia is kept, of the section and of the lumps (S. P. Timoshenko, Phil. Mag.
-41 (1921) 744).
+Deflection ``w`` and rotation ``psi`` are independent fields. A positive ``psi`` moves the barrel
+along positive ``w``, so a rigid rotation about z_p is ``w = z_p - z, psi = 1``, and the shear
+strain is ``w' + psi``. The spectral elements have order 4 or higher and are fully integrated, so
+they do not lock. The rotary inertia of the sections and of the lumps is included
+(S. P. Timoshenko, Phil. Mag. 41 (1921) 744).
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ ELEMENT_SIZE = 0.05  # m
 
 @dataclass(frozen=True, slots=True)
 class Free:
-    """Not held at all: hands are too soft to matter while ball and bat touch."""
+    """A free bat: hands are too soft to act on it during the contact with the ball."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pinned:
-    """A frictionless axis through the bat at `z` [m], rigid or on a spring across the bat.
+    """A frictionless pivot through the bat at `z` [m], rigid or on a spring across the bat.
 
-    A rigid one holds the bat in place. One of finite stiffness [N/m] lets it bounce there: one
-    more mode, the lowest but for the turn, counted among the bending ones.
+    A rigid pivot allows rotation only. A pivot of finite stiffness [N/m] also lets the bat bounce
+    on its spring. This bounce is one more mode, the lowest after the rotation, and it is counted
+    as a bending mode.
     """
 
     z: float
@@ -45,7 +46,7 @@ class Pinned:
 
 @dataclass(frozen=True, slots=True)
 class Clamped:
-    """Neither moves nor turns at `z` [m]."""
+    """A bat clamped at `z` [m], where it neither moves nor rotates."""
 
     z: float
 
@@ -54,9 +55,9 @@ Support = Free | Pinned | Clamped
 
 
 def support_place(support: Support, length: float) -> float | None:
-    """Return where the bat is held [m], None for a free one.
+    """Return the position of the support [m], or None for a free bat.
 
-    Raises `InputError` for a place off the bat or a pivot without a positive stiffness.
+    Raises `InputError` for a position beyond the bat or a pivot without a positive stiffness.
     """
     if isinstance(support, Free):
         return None
@@ -70,7 +71,7 @@ def support_place(support: Support, length: float) -> float | None:
 
 
 def support_words(support: Support) -> str:
-    """Return how the bat is held in words."""
+    """Return a description of the support for messages."""
     match support:
         case Free():
             return "free"
@@ -82,7 +83,7 @@ def support_words(support: Support) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """Per unit length at given places, each of the shape of z."""
+    """Properties of the bat per unit length, arrays of the shape of the positions z."""
 
     mass: Array  # rho A [kg/m]
     rotary_inertia: Array  # rho I [kg m]
@@ -91,30 +92,30 @@ class Section:
 
 
 def outer_diameter(profile: Profile, z: Array) -> Array:
-    """Return the outer diameter [m] at places `z` [m].
+    """Return the outer diameter [m] at positions `z` [m].
 
-    Monotone cubic between the stations (Fritsch and Carlson): no overshoot, so a straight
-    barrel stays straight.
+    Between the stations it is a monotone cubic (Fritsch and Carlson), which does not overshoot,
+    so a straight barrel stays straight.
     """
     return _between_stations(profile, profile.outer_diameter, z)
 
 
 def barrel_radius(profile: Profile) -> Array:
-    """Return the outer radius [m] where a bench takes it, six inches from the tip."""
+    """Return the outer radius [m] six inches from the tip, where a laboratory measures it."""
     return outer_diameter(profile, np.array(6 * INCH)) / 2
 
 
 def radius_cubics(profile: Profile) -> tuple[Array, Array]:
-    """Return stations [m], (k + 1,), and cubics of the outer radius past each, (4, k).
+    """Return the stations [m], (k + 1,), and the cubics of the outer radius from each, (4, k).
 
-    Highest power first; at places as `outer_diameter` has them.
+    The coefficients start with the highest power. The cubics are those of `outer_diameter`.
     """
     found = _interpolant(profile.z, profile.outer_diameter)
     return found.x, found.c / 2
 
 
 def section(body: BatBody, z: Array) -> Section:
-    """Return the section at places `z` [m]."""
+    """Return the properties of the section at positions `z` [m]."""
     material = body.material
     d = outer_diameter(body.profile, z)
     if body.profile.wall is None:
@@ -146,7 +147,7 @@ Values = TypeVar("Values", float, Array)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigidBat(Generic[Values]):
-    """A bat that does not bend, or some of one length: each value a number or (n,)."""
+    """One rigid bat, or n rigid bats of one length: each value is a number or has shape (n,)."""
 
     length: float  # [m]
     mass: Values  # [kg]
@@ -174,18 +175,18 @@ class RigidBat(Generic[Values]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beam(RigidBat[float]):
-    """Matrices over the freedoms (w of all nodes, then psi of all nodes)."""
+    """Matrices of a beam over its degrees of freedom: w of all nodes, then psi of all nodes."""
 
     mesh: Mesh
     mass_matrix: Array  # (2 n, 2 n)
     stiffness_matrix: Array  # (2 n, 2 n)
 
     def heave(self) -> Array:
-        """Return the freedoms of a unit shift, (2 n,)."""
+        """Return the degrees of freedom of a unit translation, (2 n,)."""
         return _shift(self.mesh)
 
     def turn(self, z: float) -> Array:
-        """Return the freedoms of a unit turn about `z`, (2 n,)."""
+        """Return the degrees of freedom of a unit rotation about `z` [m], (2 n,)."""
         return _turn(self.mesh, z)
 
 
@@ -204,10 +205,11 @@ def beam_of(
     order: int = ORDER,
     element_size: float = ELEMENT_SIZE,
 ) -> Beam:
-    """Assemble the beam of a bat, with a node where it is held; holding it is left to its modes.
+    """Assemble the beam of a bat with a node at its support.
 
-    The longest element is `element_size` [m]. `InputError` where the support lies off the bat or
-    the order is below 4.
+    The matrices are those of the free bat; `modes_of` applies the support. No element is longer
+    than `element_size` [m]. Raises `InputError` if the support lies beyond the bat or the order
+    is below 4.
     """
     if order < 4:
         raise InputError("beam", "order", order, "allowed: 4 and up, lower orders lock")
@@ -215,7 +217,7 @@ def beam_of(
     return _beam(replace(body, hoop=None), held, order, element_size)
 
 
-@lru_cache(maxsize=1024)  # individuals of a block, asked for round by round
+@lru_cache(maxsize=1024)  # the bats of a block are requested in each round
 def rigid_bat(body: BatBody) -> RigidBat[float]:
     """Return a bat as a rigid body."""
     beam = beam_of(body)
@@ -235,7 +237,7 @@ def _beam(body: BatBody, held: float | None, order: int, element_size: float) ->
     mass, stiffness = _assemble(mesh, body)
     for lump in body.lumps:
         _add_lump(mass, mesh, lump)
-    shift, turn = _shift(mesh), _turn(mesh, 0.0)  # about the tip, which carries mass backward
+    shift, turn = _shift(mesh), _turn(mesh, 0.0)  # about the tip, so the mass moves backward
     return Beam(
         length=float(mesh.boundaries[-1]),
         mass=float(shift @ mass @ shift),
@@ -249,8 +251,8 @@ def _beam(body: BatBody, held: float | None, order: int, element_size: float) ->
 
 def _assemble(mesh: Mesh, body: BatBody) -> tuple[Array, Array]:
     reference = reference_element(mesh.order)
-    # outline cubic in z: E I is of degree 12 in z and meets two derivatives of degree order - 1,
-    # so this many Gauss points integrate every term exactly
+    # The outline is cubic in z, so E I has degree 12 in z and is multiplied by two derivatives of
+    # degree order - 1. This number of Gauss points integrates every term exactly.
     x, gauss = gauss_points(mesh.order + 6)
     half = np.diff(mesh.boundaries)[:, None] / 2
     z = mesh.boundaries[:-1, None] + half * (1 + x)
@@ -265,7 +267,7 @@ def _assemble(mesh: Mesh, body: BatBody) -> tuple[Array, Array]:
         return np.asarray(np.einsum("eg,gi,gj->eij", density * weight, left, right))
 
     shear = at.shear_stiffness
-    mixed = integrate(shear, slope, N) * once  # of w and psi
+    mixed = integrate(shear, slope, N) * once  # coupling of w and psi
     turning = integrate(at.bending_stiffness, slope, slope) * twice + integrate(shear, N, N)
     n = mesh.nodes.size
     mass, stiffness = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))

@@ -1,4 +1,4 @@
-"""A struck bat on its pivot: the turn that its bearing and the air slow, and the ring in it."""
+"""Motion of a struck bat on its pivot: a rotation slowed by bearing and air, with vibration."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from virtual_lab.units import Array
 def coasting(
     rate: Array, ticks: Array, release: Array, *, constant: float, linear: float, quadratic: float
 ) -> tuple[Array, Array]:
-    """Return two factors of the angle turned since release [rad], (shot, term), (term, sample).
+    """Return two factors, (shot, term) and (term, sample), of the angle since release [rad].
 
-    Their product is that angle from release on; the first term is the same at all ticks. It solves
-    dω/dt = -(constant + linear ω + quadratic ω²), bearing and air torques over the moment of
-    inertia [rad/s², 1/s, 1/rad], by its power series, whose coefficients follow from each other;
-    the series is exact to rounding while (linear + 2 quadratic ω) t is below about 1/4, and this is
-    asserted. Rates [rad/s] and times [s] of `release` are (shot,), `ticks`, which all share,
-    (sample,).
+    Their matrix product is the angle at all ticks from release on. The angle solves
+    dω/dt = -(constant + linear ω + quadratic ω²), with the torques of bearing and air divided by
+    the moment of inertia [rad/s², 1/s, 1/rad]. It is computed as a power series whose coefficients
+    follow from a recurrence. The series is exact to rounding while (linear + 2 quadratic ω) t is
+    below about 1/4, which is asserted.
+
+    `rate` [rad/s] and `release` [s] have shape (shot,). `ticks` [s], shape (sample,), are common
+    to all shots.
     """
     longest = max(ticks.max(initial=0.0) - release.min(initial=0.0), 0.0)
     reach = (linear + 2 * quadratic * np.abs(rate).max(initial=0.0)) * longest
@@ -34,14 +36,14 @@ def coasting(
         powers.append(slope / (k + 1))
     series = np.stack([np.zeros_like(powers[0]), *powers])
     series[1:] /= np.arange(1, len(series))[:, None]
-    # about one moment for all shots the series is a product of two matrices
+    # expanded about one common time, the series is a product of two matrices
     middle = release.mean() if release.size else 0.0
     _shift(series, middle - release)
     return series.T, np.vander(ticks - middle, len(series), increasing=True).T
 
 
 def _shift(series: Array, by: Array) -> None:
-    """Move the origin of power series, (power, shot), by so much further on: Horner's scheme."""
+    """Move the origin of the power series, (power, shot), by `by`, (shot,), in place (Horner)."""
     last = len(series) - 1
     for first in range(last):
         for power in range(last - 1, first - 1, -1):
@@ -57,18 +59,19 @@ def ringing(
     ticks: Array,
     release: Array,
 ) -> tuple[Array, Array]:
-    """Return two factors of the bending part of the angle at a section, which rings out [rad].
+    """Return two factors, (shot, term) and (term, sample), of the decaying bending angle [rad].
 
-    Shapes (shot, term) and (term, sample); their product is that angle from release on. `turn` of
-    the section a unit of each modal coordinate, coordinates and rates at release are (shot, mode),
-    undamped frequencies (mode,) [rad/s]; the damping ratio is a share of critical. Times as of
-    `coasting`.
+    Their matrix product is the part of the section's angle that bending causes, at all ticks from
+    release on. `turn` is the rotation of the section per unit of each modal coordinate.
+    `displacement` and `velocity` are the modal coordinates and rates at release, (shot, mode);
+    `angular_frequency` is undamped [rad/s], (mode,); `damping_ratio` is a share of critical
+    damping. `ticks` and `release` are those of `coasting`.
     """
     decay = damping_ratio * angular_frequency
     damped = angular_frequency * np.sqrt(1 - damping_ratio**2)
     sine = (velocity + decay * displacement) / damped
-    # a ring is the real part of a turning arrow: who began it when turns the arrow once, and
-    # what is left is a product of two matrices, over modes
+    # A decaying vibration is the real part of a rotating phasor. The state at release fixes the
+    # phasor of each shot and mode; the rest is a product of two matrices over the modes.
     pace = 1j * damped - decay
     middle = release.mean() if release.size else 0.0
     arrow = turn * (displacement - 1j * sine) * np.exp(-np.outer(release - middle, pace))

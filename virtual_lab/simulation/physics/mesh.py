@@ -1,4 +1,4 @@
-"""Spectral elements in one dimension: nodes, Lagrange basis, interpolation anywhere."""
+"""Spectral elements in one dimension: nodes, Lagrange basis and interpolation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from virtual_lab.units import Array
 
 @lru_cache
 def gauss_points(number: int) -> tuple[Array, Array]:
-    """Points between -1 and 1 and weights of Gauss's rule, shared: not to be written to."""
+    """Return points between -1 and 1 and weights of Gauss's rule, read-only because shared."""
     points, weights = legendre.leggauss(number)
     points.flags.writeable = weights.flags.writeable = False
     return points, weights
@@ -52,21 +52,21 @@ def reference_element(order: int) -> ReferenceElement:
     barycentric = 1 / gaps.prod(axis=1)
     differentiation = barycentric / barycentric[:, None] / gaps
     np.fill_diagonal(differentiation, 0.0)
-    # rows of a differentiation matrix annihilate constants
+    # the derivative of a constant is zero, so each row adds to zero
     np.fill_diagonal(differentiation, -differentiation.sum(axis=1))
     return ReferenceElement(nodes=nodes, barycentric=barycentric, differentiation=differentiation)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mesh:
-    """Elements of one polynomial degree between boundaries along the bat."""
+    """Mesh along the bat: elements of one polynomial degree between boundaries."""
 
     boundaries: Array  # (elements + 1,) [m]
     order: int
 
     @property
     def nodes(self) -> Array:
-        """Places of all nodes [m], (elements * order + 1,); neighbours share one."""
+        """Positions of all nodes [m], (elements * order + 1,); neighbouring elements share one."""
         inner = (self._reference.nodes[1:] + 1) / 2
         starts, sizes = self.boundaries[:-1, None], np.diff(self.boundaries)[:, None]
         nodes = np.concatenate((self.boundaries[:1], (starts + sizes * inner).ravel()))
@@ -84,10 +84,10 @@ class Mesh:
         return elements[:, None] * self.order + np.arange(self.order + 1)
 
     def interpolation(self, z: Array, weights: Array | None = None) -> csr_array:
-        """Return the matrix that takes node values to weighted sums at places, (n, nodes) sparse.
+        """Return the sparse matrix (n, nodes) from node values to weighted sums at positions `z`.
 
-        Places are (n, g) [m], within the mesh; weights, of each place in the sum of its row, are
-        (n, g) or (g,), 1 by default.
+        `z` has shape (n, g) [m] and lies within the mesh. Row i is the sum over the g positions
+        ``z[i]`` with `weights`, shape (n, g) or (g,), 1 by default.
         """
         element = np.clip(
             np.searchsorted(self.boundaries, z, side="right") - 1, 0, len(self.boundaries) - 2
@@ -107,11 +107,12 @@ class Mesh:
 def mesh_through(
     places: tuple[float, ...], keep: tuple[float, ...], *, size: float, order: int
 ) -> Mesh:
-    """Return a mesh with boundaries at `places` and no element longer than `size` [m].
+    """Return a mesh with boundaries at `places` [m] and no element longer than `size` [m].
 
-    `keep` are boundaries held to the last bit (ends, supports); others give way to them.
+    The boundaries `keep` (ends, supports) are exact. Other boundaries too close to them are
+    dropped.
     """
-    merged = 1e-5  # m: places closer than this share one boundary
+    merged = 1e-5  # distance below which two places share one boundary [m]
     kept = np.unique(np.array(keep))
     others = np.unique(np.array(places))
     others = others[np.diff(others, prepend=-np.inf) > merged]

@@ -1,8 +1,7 @@
-"""Normal modes of a bat under its support: the rigid ones exact, the bending ones orthogonal.
+"""Normal modes of a supported bat: exact rigid modes, and bending modes orthogonal to them.
 
-Order of the modes, everywhere: rigid, then bending by frequency, then the hoop mode of a
-hollow bat. All are normalised to unit modal mass, so a force F at z accelerates coordinate i
-by ``shape_i(z) F``.
+The order of the modes is always: rigid modes, bending modes by frequency, hoop mode of a hollow
+bat. All have unit modal mass, so a force F at z accelerates coordinate i by ``shape_i(z) F``.
 """
 
 from __future__ import annotations
@@ -38,15 +37,15 @@ class Modes:
     """N normal modes of unit modal mass."""
 
     mesh: Mesh
-    angular_frequencies: Array  # (N,) [rad/s], rigid ones exactly 0
+    angular_frequencies: Array  # (N,) [rad/s], exactly 0 for rigid modes
     deflections: Array  # (nodes, beam modes) [kg^-1/2]
-    rotations: Array  # (nodes, beam modes) [kg^-1/2 m^-1], positive: barrel along positive w
+    rotations: Array  # (nodes, beam modes) [kg^-1/2 m^-1], positive if it moves the barrel along +w
     rigid: int
     hoop: HoopMode | None
 
     @property
     def count(self) -> int:
-        """N, the hoop mode counted."""
+        """Number of modes N, including the hoop mode."""
         return len(self.angular_frequencies)
 
     @property
@@ -61,11 +60,11 @@ class Modes:
         return np.asarray(beam / (2 * np.pi))
 
     def first(self, bending: int) -> Self:
-        """Return the same with the first `bending` modes only."""
+        """Return the rigid modes, the first `bending` bending modes and the hoop mode."""
         return self._part(slice(self.rigid + bending), self.rigid, self.hoop)
 
     def above(self, bending: int) -> Self:
-        """Return the bending modes beyond the first `bending`, nothing else."""
+        """Return only the bending modes above the first `bending`."""
         return self._part(slice(self.rigid + bending, None), 0, None)
 
     def _part(self, columns: slice, rigid: int, hoop: HoopMode | None) -> Self:
@@ -80,13 +79,13 @@ class Modes:
         )
 
     def shape(self, z: Array | float) -> Array:
-        """Return the deflection of each mode at places `z` (...) [m], shape (..., N)."""
+        """Return the deflection of each mode at positions `z` (...) [m], shape (..., N)."""
         places = np.asarray(z, dtype=np.float64)
         at = self.averages(places.reshape(-1, 1), np.ones(1))
         return self.averaged(at).reshape(*places.shape, self.count)
 
     def averaged(self, averages: csr_array) -> Array:
-        """Return mean deflections (n, N) by what `averages` made of the places."""
+        """Return the mean deflection of each mode, (n, N), with a matrix from `averages`."""
         beam = np.asarray(averages @ self.deflections)
         if self.hoop is None:
             return beam
@@ -94,15 +93,18 @@ class Modes:
         return np.concatenate((beam, hoop), axis=1)
 
     def averages(self, z: Array, weights: Array) -> csr_array:
-        """Return what takes values at nodes to means over places (n, g) [m], weights (g,)."""
+        """Return the matrix from node values to weighted means over `z`, (n, g) [m].
+
+        `weights` has shape (g,). Raises `InputError` for positions beyond the bat.
+        """
         if not (np.all(z >= 0) and np.all(z <= self.length)):
             raise InputError("modes", "z", z, f"allowed: 0 to {self.length:g} m")
         return self.mesh.interpolation(z, weights)
 
     def rotation(self, z: Array | float) -> Array:
-        """Return the turn of the section of each mode at places `z` (...), shape (..., N).
+        """Return the rotation of the section in each mode at `z` (...) [m], shape (..., N).
 
-        What an encoder fixed to the bat at z sees; the hoop mode turns nothing.
+        An encoder fixed to the bat at z measures this rotation. The hoop mode has none.
         """
         places = np.asarray(z, dtype=np.float64)
         beam = np.asarray(self.averages(places.reshape(-1, 1), np.ones(1)) @ self.rotations)
@@ -119,11 +121,12 @@ def modes_of(
     order: int = ORDER,
     element_size: float = ELEMENT_SIZE,
 ) -> Modes:
-    """Return the normal modes of a bat, so many of them `bending`; the mesh is `beam_of`'s.
+    """Return the normal modes of a bat, with the number `bending` of bending modes.
 
-    Under a pivot of finite stiffness the bounce on its spring is the first bending mode, and the
-    energy of that mode, spring included, counts as bending. `InputError` where the support lies off
-    the bat, its spring is too soft, or the mesh has fewer modes than asked for.
+    The mesh is that of `beam_of`. With a pivot of finite stiffness the bounce on its spring is the
+    first bending mode, and the energy of that mode, including the spring, counts as bending.
+    Raises `InputError` if the support lies beyond the bat, its spring is too soft, or the mesh has
+    fewer modes.
     """
     beam = beam_of(body, support, order=order, element_size=element_size)
     rigid = _rigid_modes(beam, support)
@@ -146,7 +149,7 @@ def modes_of(
 
 
 def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
-    """Return the node nearest the barrel tip [m] of the first `count` bending modes."""
+    """Return the position [m] of the node nearest the tip for the first `count` bending modes."""
     z = np.linspace(0.0, modes.length, 2001)
     found = []
     for mode in range(modes.rigid, modes.rigid + count):
@@ -165,7 +168,7 @@ def _crossing(modes: Modes, mode: int, left: float, right: float) -> float:
 
 
 def _rigid_modes(beam: Beam, support: Support) -> Array:
-    """Return unit-mass rigid modes, (2 n, rigid): heave and pitch, or the turn about a pin."""
+    """Return rigid modes of unit mass, (2 n, rigid): heave and pitch, or rotation about a pin."""
     match support:
         case Free():
             heave = beam.heave() / np.sqrt(beam.mass)
@@ -178,7 +181,7 @@ def _rigid_modes(beam: Beam, support: Support) -> Array:
 
 
 def _sprung(beam: Beam, support: Support) -> Beam:
-    """Return the beam with the spring of a yielding pivot in its stiffness."""
+    """Return the beam with the spring of an elastic pivot in its stiffness matrix."""
     match support:
         case Pinned(z=z, stiffness=k) if isfinite(k):
             least = _least_stiffness(beam, z)
@@ -193,16 +196,16 @@ def _sprung(beam: Beam, support: Support) -> Beam:
 
 
 def _least_stiffness(beam: Beam, z: float) -> float:
-    """Return the spring [N/m] whose bounce still stands out of the stiffest mode's rounding."""
+    """Return the smallest stiffness of a spring [N/m] that rounding errors do not hide."""
     stiffest = float((np.diag(beam.stiffness_matrix) / np.diag(beam.mass_matrix)).max())
     inverse_mass = 1 / beam.mass + (z - beam.z_cm) ** 2 / beam.inertia_cm
     rounding = float(np.finfo(np.float64).eps) * stiffest
-    share = 1e-3  # of the bounce's squared frequency, that rounding may make
+    share = 1e-3  # largest rounding error of the bounce's squared frequency [share of it]
     return float(f"{rounding / share / inverse_mass:.3g}")
 
 
 def _free_freedoms(beam: Beam, support: Support) -> NDArray[np.intp]:
-    """Return the numbers of the freedoms the support leaves free."""
+    """Return the indices of the degrees of freedom that the support leaves free."""
     nodes = beam.mesh.nodes
     everything = np.arange(2 * nodes.size)
     match support:
@@ -233,7 +236,7 @@ def _bending_modes(
     )
     vectors = np.zeros((rigid.shape[0], count))
     vectors[free] = reduced
-    # The solver leaves rounding of the stiffest modes in the softest: take the rigid part out.
+    # Rounding errors of the stiffest modes remain in the softest ones: remove their rigid part.
     for _ in range(2):
         vectors -= rigid @ (rigid.T @ (beam.mass_matrix @ vectors))
     scale = np.sqrt(np.einsum("ij,ij->j", vectors, beam.mass_matrix @ vectors))
