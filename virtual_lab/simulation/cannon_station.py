@@ -1,4 +1,4 @@
-"""A cannon that fires at a held bat, and gates that time the ball: what the impact rigs share."""
+"""Common base of the impact rigs: a cannon that fires at a held bat, and gates for the ball."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CannonRigSpec(Spec):
-    """Which instruments make up the rig."""
+    """Data sheet of an impact rig: names of its instruments."""
 
     name: str
     title: str
@@ -52,7 +52,7 @@ class CannonRigSpec(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RestingBatSpec(CannonRigSpec):
-    """And what stands around its bat."""
+    """Data sheet of an impact rig with a bat at rest: also frames and stop."""
 
     frame: FrameSpec
     stop: StopSpec
@@ -61,7 +61,10 @@ class RestingBatSpec(CannonRigSpec):
 def fitted(
     spec: CannonRigSpec, factory: InstrumentFactory, name: str, gates: type[Any], sheet: type[Any]
 ) -> dict[str, Any]:
-    """Return the instruments of a rig, drawn under its `name`, by the fields of its station."""
+    """Return the commissioned instruments of a rig, as the fields of its station.
+
+    `name` is the rig's name for its random numbers.
+    """
     fit = factory.commission
     return {
         "cannon": fit(Cannon.commission, CannonSpec, spec.cannon, f"{name}.cannon"),
@@ -73,14 +76,14 @@ def fitted(
 
 
 class BallFlights(NamedTuple):
-    """What the balls of a plan do, arrays (shot,)."""
+    """True flights of the balls of a plan, arrays (shot,)."""
 
     flown: FlownShots
     blows: Blows
-    tilt: Array  # of the line of centres to the line of fire [rad]
-    contact: Array  # when the ball meets the bat [s]
-    leaving: Array  # and leaves it
-    bat: RestingBat  # and the blows on it
+    tilt: Array  # angle between the line of centres and the line of fire [rad]
+    contact: Array  # time at which the ball meets the bat [s]
+    leaving: Array  # time at which it leaves the bat [s]
+    bat: RestingBat  # bat and its collisions
     ball_restitution: Array
 
     @property
@@ -89,15 +92,15 @@ class BallFlights(NamedTuple):
 
     @property
     def efficiency(self) -> Array:
-        """e_A, NaN of a ball that did not come to the bat."""
+        """e_A, NaN for a ball that did not reach the bat."""
         return np.where(self.flown.met, self.blows.efficiency, np.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CannonStation(FittedStation):
-    """The rig in one laboratory."""
+    """An impact rig commissioned in one laboratory or a block of laboratories."""
 
-    name: ClassVar[str]  # under which it draws
+    name: ClassVar[str]  # prefix of the names of its random numbers
 
     holder: Holder[Any]
     cannon: Cannon
@@ -107,7 +110,7 @@ class CannonStation(FittedStation):
     ideal: bool
 
     def instruments(self) -> dict[str, Instrument]:
-        """Return what measures, by name."""
+        """Return the instruments by name."""
         return {
             "pivot": self.holder,
             "cannon": self.cannon,
@@ -118,14 +121,14 @@ class CannonStation(FittedStation):
 
     @property
     def gravity(self) -> TrueConstant:
-        """That bends the flights [m/s²]."""
+        """Gravity that acts on the flights [m/s²]."""
         return self.hall.acceleration
 
     def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
-        """Return what an error-free test would find, on an axis exactly where it should be.
+        """Return the result of an error-free test with the pivot at its nominal position.
 
-        An ideal laboratory is to show algebra alone, and e_A knows the axis to 1e-5: there it is
-        that of the bat where it was surveyed to hang.
+        In an ideal laboratory the pivot is at its surveyed position instead, because e_A depends
+        on that position by 1e-5 and an ideal test must show the algebra alone.
         """
         nominal = self.holder.spec.nominal_from_knob
         hung = self.holder.spec.from_knob if self.ideal else nominal
@@ -134,7 +137,7 @@ class CannonStation(FittedStation):
     def records(
         self, passage: Passage, contact: Array, leaving: Array, plan: ShotPlan, draws: Draws
     ) -> dict[str, Record]:
-        """Return what log, gates and aim paper say of balls that fly."""
+        """Return the records of log, gates and aim paper for balls in flight."""
         name, gates = self.name, self.gates.at(plan.owner)
         return {
             "log": plan.log(),
@@ -153,9 +156,10 @@ class CannonStation(FittedStation):
     def blows(
         self, detail: RecordDetail, struck: Specimen, place: Array, speed: Array, e0: Array
     ) -> Blows:
-        """Return the collisions of a specimen of shots, (shot,), and a station gathered to them.
+        """Return the collisions of the shots, (shot,), on a station with one entry per shot.
 
-        At places [m] and normal relative speeds [m/s].
+        `place` is the impact position [m], `speed` the normal relative speed [m/s], and `e0` the
+        ball's restitution.
         """
         scenes = scenes_of(struck, ..., place, speed, e0)
         nominal = self.holder.spec.nominal_from_knob
@@ -164,22 +168,22 @@ class CannonStation(FittedStation):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RestingBatStation(CannonStation):
-    """One whose bat hangs at rest until it is struck."""
+    """A station whose bat hangs at rest until it is struck."""
 
     frame: FrameSpec
     stop: StopSpec
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Fire at the bat at rest and time the ball through every gate, both ways."""
+        """Fire at the bat at rest and time the ball through all gates, inbound and rebound."""
         return self.timed(self.fly(plan, specimen, draws), plan, draws)
 
     def around(self, radius: TrueConstant) -> Surroundings:
-        """Return what stands around the bat, for balls of a radius [m]."""
+        """Return the objects around the bat, for balls of a radius [m]."""
         view = self.gates.spec.view(radius)
         return Surroundings(self.frame, self.stop, self.gates.distances, view)
 
     def fly(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
-        """Fire at the bat at rest: return what the balls do."""
+        """Fire at the bat at rest, and return the true flights."""
         here, own, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
         name, slots, balls = self.name, plan.slot, struck.balls
         launch = here.cannon.fire(plan.speed, own, f"{name}.launch", slots)
@@ -216,7 +220,7 @@ class RestingBatStation(CannonStation):
         )
 
     def timed(self, fired: BallFlights, plan: ShotPlan, draws: Draws) -> RigOutput:
-        """Write down what the gates see of balls that fly, and the truth of them."""
+        """Return the records and the true values of balls in flight."""
         return RigOutput(
             records=self.records(fired.passage, fired.contact, fired.leaving, plan, draws),
             truth={

@@ -1,4 +1,4 @@
-"""The rungs of the motion at a rig: flights in closed form or by events, or played in pymunk."""
+"""Models of the motion at a rig: flights in closed form, event-driven, or in pymunk."""
 
 from __future__ import annotations
 
@@ -28,68 +28,68 @@ from virtual_lab.simulation.motion.touch import moved
 from virtual_lab.simulation.rig import MotionRung, ShotPlan
 from virtual_lab.units import Array
 
-AHEAD = 1.0  # m before the contact, where a scene begins
-RECORD = 0.5  # s after the contact, for which one is played whose ball meets more than the bat
+AHEAD = 1.0  # distance before the contact at which a scene begins [m]
+RECORD = 0.5  # time after the contact that is simulated if a ball can hit other objects [s]
 
 
 class Surroundings(NamedTuple):
-    """What stands around a bat at rest."""
+    """Objects around a bat at rest."""
 
     frame: FrameSpec
     stop: StopSpec
-    gates: Array  # distances of the frames, those of their gates, far first ([shot,] gate) [m]
-    # heights between which a gate ever sees a ball's centre [m]
+    gates: Array  # distances of gates and their frames, farthest first, ([shot,] gate) [m]
+    # lowest and highest position of a ball's centre that a gate can detect [m]
     view: tuple[TrueConstant, TrueConstant]
 
     def hiding(self, radius: TrueConstant) -> Array:
-        """Return the frames that can keep a ball on its way back from being seen.
+        """Return the distances [m] of the frames that can stop a rebounding ball before its gate.
 
-        The far one does not, where it stops only balls that its own gate does not see.
+        The far frame is left out if it only stops balls that its own gate cannot detect.
         """
         low, high = self.frame.bottom + radius, self.frame.top - radius
         unseen = np.all((low <= self.view[0]) & (high >= self.view[1]))
         return self.gates[..., int(unseen) :]
 
     def at(self, shots: NDArray[np.int_]) -> Surroundings:
-        """Return what stands around the bats of some shots."""
+        """Return the objects around the bats of the `shots`."""
         return self._replace(gates=self.gates[shots] if self.gates.ndim > 1 else self.gates)
 
 
 class RestingBat(NamedTuple):
-    """A bat at rest and the blows on it, arrays (shot,)."""
+    """A bat at rest and its collisions, arrays (shot,)."""
 
     profile: Profile
-    axis: Array  # from the tip [m]
-    inertia: Array  # about the axis [kg m²]
-    place: Array  # of the ball's centre, from the tip [m]
-    across: Array  # of the ball's centre, above the bat's axis [m]
+    axis: Array  # distance of the pivot from the tip [m]
+    inertia: Array  # moment of inertia about the pivot [kg m²]
+    place: Array  # position of the ball's centre, from the tip [m]
+    across: Array  # height of the ball's centre above the bat's axis [m]
     efficiency: Array  # e_A
-    mass: Array  # of the ball [kg]
+    mass: Array  # mass of the ball [kg]
 
 
 class FlownShots(NamedTuple):
-    """Flights, and what else became of shots that were played as scenes."""
+    """Flights, with further results of shots that were simulated as scenes."""
 
     passage: Passage
-    late: Array | float = 0.0  # from the first contact until ball and target part for good [s]
-    met: NDArray[np.bool_] | bool = True  # whether the ball came to the bat
-    # shot, time after the contact [s], what a second blow then adds to the bat's rate [rad/s]
+    late: Array | float = 0.0  # time from first contact to final separation [s]
+    met: NDArray[np.bool_] | bool = True  # whether the ball reached the bat
+    # shot, time after the contact [s], and change of the bat's rate [rad/s] by each second contact
     kicks: tuple[tuple[int, float, float], ...] = ()
 
 
 def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
-    """Return the flights at a pivoted bat at rest by the plan's rung of the motion.
+    """Return the flights at a pivoted bat at rest, by the plan's model of the motion.
 
-    Closed form, but from event to event where the ball may meet a frame on its way in, or the bat
-    come back from its stop to the ball; pymunk for all shots where the plan asks for it. What a
-    scene comes to replaces speeds, slopes and places of its flight. The blow is that of a level
-    ball, as it is in closed form. A frame on the way back needs no scene: no gate beyond it sees
-    the ball, whatever then becomes of it.
+    The closed form is used unless the ball may hit a frame on its way in, or the bat may return
+    from its stop and hit the ball again. Such shots are simulated event by event. If the plan
+    demands pymunk, it simulates all shots. The results of a scene replace the speeds, slopes and
+    heights of its flight. The collision is that of a level ball, as in the closed form. A frame on
+    the way back needs no scene, because no gate beyond it can detect the ball.
 
     Raises
     ------
     InputError
-        A shot that pymunk cannot play.
+        A shot that pymunk cannot simulate.
     """
     beyond, framed = _beyond_closed_form(passage, bat, around)
     asked, count = plan.motion is MotionRung.PYMUNK, len(beyond)
@@ -99,7 +99,7 @@ def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surrounding
     if not shots.size:
         return FlownShots(passage)
     some = replace(passage, **_columns(passage, count, shots), **_shared(passage, shots))
-    # on a free way back a millisecond after the contact is enough: the ball has parted
+    # without obstacles on the way back one millisecond is enough, since the ball has left the bat
     after = np.where((beyond | framed)[shots], RECORD, 1e-3)
     blows = RestingBat(bat.profile, *(each[shots] for each in bat[1:]))
     scene = scene_of(some, blows, around.at(shots), after)
@@ -122,7 +122,7 @@ def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surrounding
 def scene_of(
     passage: Passage, bat: RestingBat, around: Surroundings, after: Array | float
 ) -> ShotScene:
-    """Return the scene of shots, to `after` [s] past the contact in closed form."""
+    """Return the scene of the shots, until a time `after` [s] beyond the closed-form contact."""
     held = PivotedBat(bat.profile, bat.axis, bat.inertia)
     touching = -np.sqrt((held.radius(bat.place) + passage.radius) ** 2 - bat.across**2)
     span = time_before(AHEAD, passage.speed_in, passage.drag)
@@ -150,9 +150,9 @@ def scene_of(
 def _beyond_closed_form(
     passage: Passage, bat: RestingBat, around: Surroundings
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which shots may need a scene, and of which a frame may stop the way back.
+    """Return two masks: shots that may need a scene, and balls that a frame may stop on return.
 
-    Bounds, so that closed form is right wherever they say no.
+    Both are conservative bounds, so the closed form is valid for all other shots.
     """
     frame, radius, count = around.frame, passage.radius, len(bat.place)
 
@@ -166,7 +166,7 @@ def _beyond_closed_form(
         high = height + np.maximum(rise, 0.0) >= frame.top - flights.radius
         return np.asarray(low | high)
 
-    # what hardly ever happens is asked of the worst of the batch first
+    # rare cases are tested with the worst values of the batch first
     gate, height, largest = around.gates[..., 0], passage.height, np.max(radius)
     most = {name: np.max(getattr(passage, name)) for name in ("radius", "drag", "gravity")}
     worst = np.array([np.min(height), np.max(height)])
@@ -185,11 +185,14 @@ def _beyond_closed_form(
 
 
 def _caught(passage: Passage, bat: RestingBat, stop: StopSpec) -> NDArray[np.bool_] | bool:
-    """Return which balls a bat that comes back from its stop may meet again, a bound."""
+    """Return a mask of the balls that a bat returning from its stop may hit, as a bound."""
     lever, speed = bat.axis - bat.place, passage.speed_out
 
     def soonest(rate: Any, speed: Any) -> Any:
-        """Return when: of a ball that came off the bat, only as that is back."""
+        """Return the earliest time of a second contact [s].
+
+        The bat must first return to its rest position if the ball rebounded.
+        """
         came = 1 + 1 / np.float64(stop.restitution)
         return stop.angle / rate * np.where(speed > 0, came, 1.0)
 
@@ -206,7 +209,7 @@ def _caught(passage: Passage, bat: RestingBat, stop: StopSpec) -> NDArray[np.boo
 
 
 def _at_hand(passage: Passage, bat: RestingBat, since: Array) -> NDArray[np.bool_]:
-    """Return whether balls may be as high as the bat at some time from `since` to `RECORD` [s]."""
+    """Return a mask of balls that may be at the bat's height between `since` and `RECORD` [s]."""
     reach = max(bat.profile.outer_diameter) / 2 + passage.radius
     up = passage.slope_out * passage.speed_out
     first, last = (bat.across + (up - passage.gravity / 2 * t) * t for t in (since, RECORD))
@@ -215,7 +218,7 @@ def _at_hand(passage: Passage, bat: RestingBat, since: Array) -> NDArray[np.bool
 
 
 def _stopped(passage: Passage, around: Surroundings, chosen: NDArray[np.bool_]) -> Passage:
-    """Return flights that end at the first frame that balls on their way back do not clear."""
+    """Return the flights, which end at the first frame that a rebounding ball does not clear."""
     shots = np.flatnonzero(chosen)
     if not shots.size:
         return passage
@@ -233,7 +236,7 @@ def _stopped(passage: Passage, around: Surroundings, chosen: NDArray[np.bool_]) 
 
 
 def _columns(passage: Passage, count: int, chosen: Any = slice(None)) -> dict[str, Any]:
-    """Return what a batch of flights has for each shot, as own arrays."""
+    """Return the values of a batch of flights that differ between shots, as new arrays."""
     names: tuple[str, ...] = (
         "speed_in",
         "speed_out",
@@ -250,13 +253,13 @@ def _columns(passage: Passage, count: int, chosen: Any = slice(None)) -> dict[st
 
 
 def _shared(passage: Passage, shots: NDArray[np.int_]) -> dict[str, Any]:
-    """Return what some shots share with all of their laboratory."""
+    """Return radius and gravity of the `shots`, which are common to a laboratory."""
     each = {name: np.asarray(getattr(passage, name)) for name in ("radius", "gravity")}
     return {name: values[shots] if values.ndim else values for name, values in each.items()}
 
 
 def _all_met(played: PlayedShots) -> NDArray[np.int_]:
-    """Return all shots; `InputError` where one was refused or met nothing."""
+    """Return the indices of all shots. Raises `InputError` if one was refused or hit nothing."""
     contacts = np.bincount(played.pieces.shot, minlength=len(played.refused)) - 1
     for shot in np.flatnonzero(contacts < 1)[:1]:
         why = str(played.refused[shot]) or "the ball misses"
@@ -265,28 +268,28 @@ def _all_met(played: PlayedShots) -> NDArray[np.int_]:
 
 
 def _beyond_one_blow(played: PlayedShots) -> NDArray[np.int_]:
-    """Return the shots that met more than closed form knows.
+    """Return the shots that hit other objects than the bat, or the bat twice.
 
-    A refused one is none: a blow on the edge of the tip, which the law of the collision takes and
-    no scene, stays in closed form.
+    A refused shot stays in closed form. This is a hit on the edge of the tip, which the collision
+    model can compute but a scene cannot.
     """
     other = ~np.isin(played.pieces.struck, (Target.START, Target.BAT))
     return np.unique(played.pieces.shot[other])
 
 
 class _Turns(NamedTuple):
-    """Rows of pieces, one a shot: their number where there is none."""
+    """Rows of pieces, one per shot, or the number of pieces if a shot has none."""
 
-    first: NDArray[np.int_]  # the ball comes to the bat, or to what it meets instead
-    back: NDArray[np.int_]  # it goes back, after it last touched the bat, before any frame
-    frame: NDArray[np.int_]  # and meets a frame then
+    first: NDArray[np.int_]  # first contact, with the bat or another object
+    back: NDArray[np.int_]  # start of the rebound, after the last contact with the bat
+    frame: NDArray[np.int_]  # contact with a frame during the rebound
 
     def part(self, chosen: NDArray[np.int_]) -> _Turns:
         return _Turns(*(each[chosen] for each in self))
 
 
 def _turns(pieces: Pieces, shots: int) -> _Turns:
-    """Return where the balls turn."""
+    """Return the pieces at which the balls change direction."""
     struck, shot = pieces.struck, pieces.shot
     row, at_frame = np.arange(len(shot)), struck == Target.FRAME
 
@@ -306,12 +309,12 @@ def _turns(pieces: Pieces, shots: int) -> _Turns:
 
 
 def _as_flown(scene: ShotScene, given: Passage, pieces: Pieces, turns: _Turns) -> dict[str, Array]:
-    """Return what shots of a scene come to as flights in and back, in place of those `given`."""
+    """Return the columns of the flights that a scene replaces; `given` are the original flights."""
     first, shot = turns.first, pieces.shot[turns.first]
     begun = pieces.state.part(first - 1)
     before = moved(scene, begun, pieces.time[first] - pieces.time[first - 1], shot)
     state, up = pieces.state.part(turns.back), np.asarray(scene.frames[0].up)[shot]
-    contact = scene.start.x[shot] + AHEAD  # where it would be in closed form
+    contact = scene.start.x[shot] + AHEAD  # position of the contact in closed form
     ends = np.append(pieces.state.x, -np.inf)[turns.frame]
     missed = pieces.struck[first] != Target.BAT
     return {
@@ -327,7 +330,7 @@ def _as_flown(scene: ShotScene, given: Passage, pieces: Pieces, turns: _Turns) -
 
 
 def _kicks(pieces: Pieces, shots: NDArray[np.int_]) -> tuple[tuple[int, float, float], ...]:
-    """Return what later blows add to the rate of a bat, as `FlownShots` has it."""
+    """Return the changes of the bat's rate by later contacts, in the form of `FlownShots.kicks`."""
     again = np.flatnonzero(pieces.struck == Target.BAT_AGAIN)
     firsts = np.flatnonzero(pieces.struck == Target.BAT)
     first = firsts[np.searchsorted(pieces.shot[firsts], pieces.shot[again])]

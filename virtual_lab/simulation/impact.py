@@ -1,4 +1,4 @@
-"""What machines that fire at bats share: scenes, tilted hits, what really happens."""
+"""Collisions at rigs that fire at bats: scenes, off-axis hits, and the true result."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from virtual_lab.simulation.rig import ShotPlan, Specimen
 from virtual_lab.simulation.truth import TrueOutcome, TrueRecoil
 from virtual_lab.units import Array
 
-CONTACT_TIME = 0.7e-3  # s, where no record is fine enough to show it
+CONTACT_TIME = 0.7e-3  # duration of a contact if no record is fine enough to show it [s]
 
 
 class Blows(NamedTuple):
-    """What balls and bat come to, arrays (shot,); the bat's vibration only at full detail."""
+    """Collisions of balls and bat, arrays (shot,); with the bat's vibration at full detail only."""
 
     scenes: Scenes
     efficiency: Array  # e_A
@@ -45,7 +45,10 @@ def scenes_of(
     speed: Array,
     e0: Array,
 ) -> Scenes:
-    """Return collisions of the balls indexed by `ball`, shape (shot,); `...` is one a shot."""
+    """Return the scenes of the balls with index `ball`, (shot,); `...` means one ball per shot.
+
+    `place` is the impact position [m], `speed` the relative speed [m/s], `e0` the restitution.
+    """
     balls = specimen.balls
     return Scenes.of(
         impact_position=place,
@@ -66,10 +69,10 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
 def blows_of(
     specimen: Specimen, detail: RecordDetail, scenes: Scenes, at: TrueConstant, surveyed: float
 ) -> Blows:
-    """Return the collisions of scenes with a bat whose axis is `at` [m] from its knob.
+    """Return the collisions of the scenes with a bat whose pivot is `at` [m] from its knob.
 
-    Instruments that write sums need e_A alone, which an axis shifted by a fraction of a millimetre
-    does not change: all laboratories then share the support where the axis was `surveyed`.
+    Instruments that write sums need e_A only, and a shift of the pivot by a fraction of a
+    millimetre does not change it. All laboratories then share the support at `surveyed` [m].
     """
     body = specimen.bat.body
     if detail is RecordDetail.SUMMED:
@@ -86,10 +89,10 @@ def blows_of(
 def thrown_back(
     efficiency: Array, tilt: Array, relative_speed: Array, bat_speed: Array | float
 ) -> tuple[Array, Array]:
-    """Return the ball's speed back along the line of fire [m/s] and the height it gains a metre.
+    """Return the ball's rebound speed along the line of fire [m/s] and its slope [m/m].
 
-    A smooth ball keeps its speed along the barrel's surface; in the bat's frame it comes back
-    with e_A of the speed across it.
+    A frictionless ball keeps its speed along the surface of the barrel. Relative to the bat, its
+    normal speed after the contact is e_A times that before.
     """
     cosine, sine = np.cos(tilt), np.sin(tilt)
     across, along = relative_speed * cosine, relative_speed * sine
@@ -101,12 +104,13 @@ def thrown_back(
 def error_free(
     plan: ShotPlan, specimen: Specimen, support: Support, pivot_from_knob: float
 ) -> TrueOutcome:
-    """Return what really happens at the plan's places and nominal speeds to the lot's mean ball.
+    """Return the true result for the lot's mean ball at the plan's positions and nominal speeds.
 
-    One collision on the rig's own support gives the impulse (e_A of softball-34 at 6.5 in is .0007
-    smaller on a pivot than free: it is in contact until the handle answers); what it does to a
-    rigid bat, free or on an axis exactly `pivot_from_knob` [m] from its knob, gives e and r. No
-    equation that the reduction uses is used here.
+    A collision with the rig's support gives the impulse. (The support matters: e_A of softball-34
+    at 6.5 in is .0007 smaller on a pivot than free, because the ball is in contact until the
+    reflection from the handle returns.) The motion that this impulse gives to a rigid bat, free or
+    on a pivot at `pivot_from_knob` [m], determines e and r. This function uses no equation of the
+    reduction.
     """
     mean, bat = specimen.balls.mean_ball(), specimen.bat.of_shots(plan.owner)
     axis = bat.body.length - pivot_from_knob
@@ -134,7 +138,7 @@ def _rigid_modes(body: BatBody, support: Support) -> Modes:
 def _recoil(
     struck: Sequence[StruckBat], support: Support, scenes: Scenes, impulse: Array
 ) -> TrueRecoil:
-    """Return e and r of bats that move as rigid ones, by their unit-mass rigid modes."""
+    """Return e and r of rigid bats, from their rigid modes of unit mass."""
     speed, yielding = scenes.relative_speed, np.empty(len(scenes))  # 1 / effective mass
     for body, shots in struck:
         modes = _rigid_modes(body, support)
@@ -149,15 +153,15 @@ def _recoil(
 
 
 def wall_restitution(scenes: Scenes) -> Array:
-    """Return e0 of the balls of scenes, (n,): the ball law followed in and out of a rigid wall.
+    """Return e0 of the balls of the scenes on a rigid wall, (n,), from the force law.
 
-    The speed back is what is left of the work that the force does, by Gauss's rule over the
-    compression.
+    The rebound speed follows from the work of the force during loading and unloading, integrated
+    over the compression by Gauss's rule.
     """
     x, weights = gauss_points(64)  # exact to rounding for any ball
-    share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # crowded where powers begin
+    share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # denser near zero compression
     found, names = np.empty(len(scenes)), ("stiffness", "exponent", "ball_restitution")
-    few = 256  # scenes at a time: keeps their forces in the cache
+    few = 256  # scenes per part, so that their forces fit in the cache
     for first in range(0, len(scenes), few):
         some = slice(first, first + few)
         ball: list[Any] = [getattr(scenes, name)[some, None] for name in names]

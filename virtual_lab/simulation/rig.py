@@ -1,9 +1,9 @@
-"""What a rig is: the protocol every machine meets, ours and anybody's, and how it is found.
+"""The protocol of a rig, for the rigs of this project and of other packages, and their discovery.
 
-A rig is installed by an entry point of the group ``virtual_lab.rigs``. A laboratory
-commissions it once, which draws the errors its calibrations left, and then has it play
-plans: true specimens in, raw records and sealed truth out. The conformance suite in
-``tests/rigs/conformance.py`` holds every installed rig to this.
+A rig is installed by an entry point of the group ``virtual_lab.rigs``. A laboratory commissions it
+once, which draws its calibration errors. The resulting station then carries out plans: it takes
+true specimens and returns raw records and truth. The conformance tests in
+``tests/rigs/conformance.py`` check every installed rig.
 """
 
 from __future__ import annotations
@@ -34,29 +34,29 @@ if TYPE_CHECKING:
 
 
 class Reality(Enum):
-    """How much of a real day is played."""
+    """Degree of realism of a simulated test day."""
 
     REAL = "real"
-    NOISE_FREE = "noise-free"  # no randomness; ring, counts, drag and friction stay
-    IDEAL = "ideal"  # nor these: every individual and instrument equals its nominal
+    NOISE_FREE = "noise-free"  # no randomness, but vibration, counts, drag and friction
+    IDEAL = "ideal"  # neither; all individuals and instruments equal their nominal values
 
     def draws(self, seed: int, *branch: int, laboratory: int | Slots = 0) -> Draws:
-        """Return the random numbers of one laboratory, or of some, (n,); or of a branch of them."""
+        """Return the random numbers of one or n laboratories, or of a branch of them."""
         return Streams(seed, branch, laboratory) if self is Reality.REAL else Quiet(laboratory)
 
 
 class MotionRung(Enum):
-    """How ball and bat are carried through flight, contact and rebound."""
+    """Model of the motion of ball and bat through flight, contact and rebound."""
 
-    CLOSED_FORM = "closed-form"  # all shots at once, from event to event where the ball meets more
-    PYMUNK = "pymunk"  # a scene a shot
+    CLOSED_FORM = "closed-form"  # all shots at once; event-driven where a ball hits other objects
+    PYMUNK = "pymunk"  # one scene per shot
 
 
 E = TypeVar("E", bound=Enum)
 
 
 def named(kind: type[E], key: str, name: str) -> E:
-    """Return the member of a kind by its value; `InputError` under `key` where there is none."""
+    """Return the member of an enumeration by its value. Raises `InputError` for `key` if none."""
     names = [each.value for each in kind]
     if name not in names:
         raise InputError("", key, name, f"allowed: {', '.join(names)}")
@@ -64,18 +64,19 @@ def named(kind: type[E], key: str, name: str) -> E:
 
 
 class Stage(Enum):
-    """What a rig is for."""
+    """Stage of the test that a rig serves."""
 
-    BENCH = "bench"  # weighs and measures the bat and the balls
-    BALLS = "balls"  # measures the balls' restitution on a wall
-    IMPACT = "impact"  # fires balls at the bat
+    BENCH = "bench"  # mass and dimensions of bat and balls
+    BALLS = "balls"  # restitution of the balls on a wall
+    IMPACT = "impact"  # shots at the bat
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Specimen:
-    """What is on the rig: true bat, true balls, and the collision between them.
+    """The specimen on a rig: true bat, true balls, and the models of their collision.
 
-    That of a block of laboratories has one bat for all or one of each, and a lot of balls of each.
+    A block of laboratories has one bat for all or one per laboratory, and one lot of balls per
+    laboratory.
     """
 
     bat: TrueBat
@@ -83,18 +84,18 @@ class Specimen:
     collision: Ladder
 
     def at(self, plan: ShotPlan) -> Specimen:
-        """Return the specimen of a plan's shots: a lot of which shot i takes its ball i."""
+        """Return the specimen for the shots of a plan, in which ball i is that of shot i."""
         bat, balls = self.bat.of_shots(plan.owner), self.balls.of_shots(plan.owner, plan.ball)
         return replace(self, bat=bat, balls=balls)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShotPlan:
-    """What the operator asks for: a ball, a nominal speed [m/s] and a set place [m] a shot.
+    """Plan of the operator: ball, nominal speed [m/s] and set impact position [m] of each shot.
 
-    `slot` is each shot's number in its laboratory, to which all that is random of it belongs;
-    `owner` counts that laboratory in its block, `...` where it is alone. A rig that swings its bat
-    turns it at `turn_rate` [rad/s], (shot,) or of all; others leave it at rest.
+    `slot` is the number of each shot in its laboratory, which its random numbers belong to. `owner`
+    is the index of that laboratory in its block, `...` for a single laboratory. A rig that swings
+    its bat rotates it at `turn_rate` [rad/s], a number or (shot,); other rigs leave it at rest.
     """
 
     slot: Slots
@@ -115,7 +116,7 @@ class ShotPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigOutput:
-    """Raw records by channel, and what really happened, arrays with a leading shot axis."""
+    """Raw records by channel, and true values by name, arrays with a leading shot axis."""
 
     records: Mapping[str, Record]
     truth: Mapping[str, Array] = field(default_factory=dict)
@@ -126,65 +127,65 @@ class Station(Protocol):
 
     @property
     def calibration(self) -> Mapping[str, Estimate]:
-        """What the laboratory knows of the rig's constants."""
+        """Calibrated values of the rig's constants, as the laboratory knows them."""
         ...
 
     @property
     def true_constants(self) -> Mapping[str, float]:
-        """What they really are; sealed."""
+        """True values of the constants; sealed."""
         ...
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Carry out a plan."""
+        """Carry out a plan, and return raw records and true values."""
         ...
 
 
 @runtime_checkable
 class ImpactStation(Station, Protocol):
-    """A station that fires at bats can also be asked for the error-free answer."""
+    """A station that fires at bats and also returns the error-free result."""
 
     def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
-        """Return the measurand at the plan's speeds and places: this bat, the lot's mean ball."""
+        """Return the measurand of this bat with the lot's mean ball at the plan's shots."""
         ...
 
 
 @runtime_checkable
 class FilmingStation(Station, Protocol):
-    """A station with a camera that can also keep whole frames."""
+    """A station with a camera that can also record whole frames."""
 
     @property
     def camera(self) -> Camera:
-        """The camera that looks at the flights."""
+        """Camera that films the flights."""
         ...
 
     def film(self, plan: ShotPlan, specimen: Specimen, draws: Draws, folder: Path) -> None:
-        """Film the first shot of a plan: ``shot-0.mp4``, its ``.csv`` of times, a preview."""
+        """Film the first shot of a plan: ``shot-0.mp4``, a ``.csv`` of time stamps, a preview."""
         ...
 
     def frames(self, plan: ShotPlan, specimen: Specimen, draws: Draws, count: int) -> Array:
-        """Return some whole frames of a plan's first shot, (count, row, column), 0 to 1."""
+        """Return whole frames of a plan's first shot, (count, row, column), from 0 to 1."""
         ...
 
     def unfilmed(self) -> Station:
-        """Return the station with its camera off."""
+        """Return the station with its camera switched off."""
         ...
 
 
 @runtime_checkable
 class WallStation(Station, Protocol):
-    """A station that fires at a wall can stand before a wall that gives."""
+    """A station that fires at a wall, which can be less than rigid."""
 
     def with_wall(self, restitution: float) -> WallStation:
-        """Return the station whose wall gives back `restitution` of what a rigid one would."""
+        """Return the station with a wall that gives `restitution` times a rigid wall's rebound."""
         ...
 
 
 class Rig(Protocol):
-    """A machine as it is sold.
+    """A machine before it is commissioned in a laboratory.
 
-    One that sets ``blocks = True`` can be set up in a block of laboratories at once, whose
-    instruments write sums: drawn from for all of them its station knows arrays of constants, and
-    plays the shots of all. Any other is played in one laboratory after another.
+    A rig that sets ``blocks = True`` can be commissioned in a block of laboratories at once, whose
+    instruments write sums. Its station then has arrays of constants and carries out the shots of
+    all laboratories together. Any other rig is simulated in one laboratory after another.
     """
 
     @property
@@ -193,38 +194,38 @@ class Rig(Protocol):
     def stage(self) -> Stage: ...
     @property
     def channels(self) -> Mapping[str, type[Record]]:
-        """Every channel its records may have, and their type."""
+        """Type of the record of each channel."""
         ...
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> Station:
-        """Set the rig up in a laboratory: draw the errors that calibration leaves."""
+        """Commission the rig in a laboratory: draw its calibration errors."""
         ...
 
 
 def knows_blocks(rig: Rig) -> bool:
-    """Return whether a rig can be set up in a block of laboratories at once."""
+    """Return whether a rig can be commissioned in a block of laboratories at once."""
     return getattr(rig, "blocks", False) is True
 
 
 @runtime_checkable
 class MotionRig(Rig, Protocol):
-    """A rig that can carry its balls otherwise than in closed form."""
+    """A rig that has other models of the motion besides the closed form."""
 
     @property
     def motions(self) -> Collection[MotionRung]:
-        """The models of the motion it has."""
+        """Models of the motion that the rig has."""
         ...
 
 
 @cache
 def installed_rigs() -> Mapping[str, Rig]:
-    """Return every rig installed on this machine by name."""
+    """Return every rig installed on this computer, by name."""
     found = {point.name: point.load() for point in sorted(entry_points(group="virtual_lab.rigs"))}
     return MappingProxyType(found)
 
 
 def find_rig(name: str, stage: Stage) -> Rig:
-    """Return the installed rig `name`; `InputError` where none is, or of another stage."""
+    """Return the installed rig `name` of a stage. Raises `InputError` if there is none."""
     rigs = installed_rigs()
     fitting = [key for key, rig in rigs.items() if rig.stage is stage]
     if name not in fitting:

@@ -1,6 +1,6 @@
-"""True values: the individual that was drawn and what really happened to it.
+"""True values of the individual bat and balls, and the true results of a test.
 
-Only physics, rigs, the laboratory that plays them and the studies may read this.
+Only physics, rigs, the laboratory that simulates the test, and the studies may read them.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueBat:
-    """The bat on the rig: the drawing's body with the individual's own material.
+    """The true bat on the rig: the body of the data sheet with the material of an individual.
 
-    A block of laboratories has one bat for all, or an individual in each; in a specimen of shots
-    `owner` says whose individual each of them strikes, `...` where there is one for all.
+    A block of laboratories has one bat for all, or one individual per laboratory. In a specimen of
+    shots `owner` is the index of the individual struck by each shot, `...` for a common bat.
     """
 
     name: str
@@ -33,12 +33,12 @@ class TrueBat:
 
     @property
     def body(self) -> BatBody:
-        """The one that there is; its shape is that of all individuals."""
+        """The first body. All individuals have its shape."""
         return self.bodies[0]
 
     @property
     def rigid(self) -> RigidBat[Any]:
-        """The bat as a rigid body; of individuals (laboratory,), of shots (shot,)."""
+        """The bat as a rigid body, with values of shape (laboratory,) or, in shots, (shot,)."""
         beams = [rigid_bat(body) for body in self.bodies]
         if len(beams) == 1:
             return beams[0]
@@ -53,11 +53,11 @@ class TrueBat:
         return self if len(self.bodies) == 1 else replace(self, bodies=(self.bodies[laboratory],))
 
     def of_shots(self, owner: Owner) -> TrueBat:
-        """Return the bats of shots by their owners."""
+        """Return the bats of shots, given the index of the individual of each shot."""
         return self if len(self.bodies) == 1 else replace(self, owner=owner)
 
     def groups(self, count: int) -> Iterator[tuple[BatBody, NDArray[np.intp] | slice]]:
-        """Yield each body that is struck, and which of `count` shots strike it."""
+        """Yield each struck body and the indices of its shots, out of `count` shots."""
         if self.owner is ...:
             yield self.body, slice(count)
             return
@@ -69,16 +69,16 @@ class TrueBat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueBalls:
-    """A lot of balls, one entry a ball: mass [kg] and e0 at the reference speed, shape (ball,).
+    """A lot of balls: mass [kg] and e0 at the reference speed of each ball, shape (ball,).
 
-    `spec` is the lot's: its radius and the slope of its e0 are the true ones. Lots of a block of
-    laboratories are (laboratory, ball), their radius and slope (laboratory,).
+    `spec` holds the true radius of the lot and the true slope of its e0. In a block of laboratories
+    the arrays are (laboratory, ball), and radius and slope are (laboratory,).
     """
 
     spec: BallSpec
     mass: Array
     restitution: Array
-    used: NDArray[np.bool_] | EllipsisType = ...  # those the laboratory did not set aside
+    used: NDArray[np.bool_] | EllipsisType = ...  # mask of the balls that were not rejected
 
     def of(self, laboratory: int) -> TrueBalls:
         """Return the lot of one laboratory of a block."""
@@ -86,11 +86,11 @@ class TrueBalls:
         return replace(self._of_owners(laboratory), used=used)
 
     def of_shots(self, owner: Owner, ball: NDArray[np.int_]) -> TrueBalls:
-        """Return the balls of shots as one lot, (shot,): shot i takes its ball i."""
+        """Return a lot (shot,) in which ball i is that of shot i."""
         return self._of_owners((owner, ball))
 
     def _of_owners(self, index: Any) -> TrueBalls:
-        """Return the balls of an index into the lots, and radius and slope of their owners."""
+        """Return the balls at `index` of the lots, with radius and slope of their laboratories."""
         owner = index[0] if isinstance(index, tuple) else index
         line = self.spec.restitution
         return TrueBalls(
@@ -104,9 +104,9 @@ class TrueBalls:
         )
 
     def restitution_at(self, ball: NDArray[np.int_] | EllipsisType, speed: Array) -> Array:
-        """Return the ball-wall restitution at `speed` [m/s], (shot,), of the balls indexed.
+        """Return the ball-wall restitution of the balls `ball` at `speed` [m/s], (shot,).
 
-        `...` is every ball of a lot of shots.
+        With `...` the lot has one ball per shot.
         """
         line = self.spec.restitution
         return np.maximum(self.restitution[ball] + line.slope * (speed - line.speed), line.floor)
@@ -120,27 +120,28 @@ class TrueBalls:
         slots: Slots,
         loss: Array | float = 0.0,
     ) -> Array:
-        """Return the restitution of these very hits: a ball's seams fall otherwise each time.
+        """Return the ball-wall restitution of each hit, (shot,), with its random scatter.
 
-        `loss` is what earlier hits have taken off it, (shot,).
+        The scatter is caused by the orientation of the seams. `loss` is the loss of e0 before each
+        hit, (shot,).
         """
         scatter = self.spec.spread.hit_restitution * draws.normal(name, slots=slots)
         e0 = self.restitution_at(ball, speed) - loss + scatter
         return np.clip(e0, self.spec.restitution.floor, 1.0)
 
     def numbers(self, owner: Owner, ball: NDArray[np.int_]) -> NDArray[np.int_]:
-        """Return numbers that tell the balls of all laboratories apart, (shot,)."""
+        """Return a number for each shot's ball that is unique over all laboratories, (shot,)."""
         return np.arange(self.mass.size).reshape(self.mass.shape)[owner, ball]
 
     def as_found(self, ball: NDArray[np.int_], loss: Array, owner: Owner = ...) -> TrueBalls:
-        """Return the lot as hits found it: every ball of e0 less its mean `loss` over its hits."""
+        """Return the lot with the e0 of each ball reduced by its mean `loss` over its hits."""
         number, size = self.numbers(owner, ball), self.mass.size
         hits = np.bincount(number, minlength=size)
         lost = np.bincount(number, loss, size) / np.maximum(hits, 1)
         return replace(self, restitution=self.restitution - lost.reshape(self.mass.shape))
 
     def mean_ball(self) -> TrueBalls:
-        """Return a lot of one: the mean ball of this lot, the one a measurand speaks of."""
+        """Return a lot of one ball, the mean of this lot, to which a measurand refers."""
         used = np.zeros(self.mass.shape, dtype=bool)
         used[self.used] = True
         many = used.sum(axis=-1, keepdims=True)
@@ -154,7 +155,7 @@ class TrueBalls:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueRecoil:
-    """A collision as seen by one support's rigid bat, arrays (place,)."""
+    """Restitution and recoil factor of the rigid bat with one support, arrays (place,)."""
 
     restitution: Array
     recoil_factor: Array
@@ -162,35 +163,35 @@ class TrueRecoil:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueOutcome:
-    """What really happens at each place, arrays (place,)."""
+    """True result at each impact position, arrays (place,)."""
 
     relative_speed: Array  # [m/s]
     collision_efficiency: Array
-    ball_restitution: Array  # of the lot's mean ball at the relative speed
+    ball_restitution: Array  # e0 of the lot's mean ball at the relative speed
     free: TrueRecoil
-    pivoted: TrueRecoil  # on an axis exactly where it should be
+    pivoted: TrueRecoil  # pivot at its nominal position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SealedTruth:
-    """All that really was, for the scorer: kept apart from everything a laboratory may see."""
+    """All true values of a test, for the score only; a laboratory never sees them."""
 
     seed: int
-    number: int  # of the laboratory in the study of this seed
+    number: int  # number of the laboratory in the study of this seed
     salt: bytes
     reality: str
     bat: TrueBat
     bat_properties: Mapping[str, Array]
     balls: TrueBalls
-    constants: Mapping[str, float]  # "stage.instrument.constant"
-    measurand: Mapping[str, float]  # "metric", and quantities by their names
-    place: Array  # aimed, (shot,) [m]
-    shots: Mapping[str, Array]  # what happened, (shot,)
+    constants: Mapping[str, float]  # key: "stage.instrument.constant"
+    measurand: Mapping[str, float]  # key: "metric", or the name of a quantity
+    place: Array  # aimed impact position, (shot,) [m]
+    shots: Mapping[str, Array]  # true values of each shot, (shot,)
     wall_hits: Mapping[str, Array]
-    faults: tuple[str, ...] = ()  # what went wrong on the day
+    faults: tuple[str, ...] = ()  # faults of the test day
 
     def document(self) -> dict[str, Any]:
-        """Return the truth in the form of its file."""
+        """Return the truth as the content of its JSON file."""
         return {
             "schema": 1,
             "seed": self.seed,
@@ -215,12 +216,12 @@ class SealedTruth:
 
 
 def _listed(arrays: Mapping[str, Array]) -> dict[str, Any]:
-    """Return arrays as lists for JSON, which has no NaN: a rebound that was none is null."""
+    """Return arrays as lists for JSON, with null for NaN (a ball that did not rebound)."""
     return {name: np.ma.masked_invalid(values).tolist(None) for name, values in arrays.items()}
 
 
 def made_bat(spec: BatSpec, draws: Draws) -> TrueBat:
-    """Draw a made bat, in a block one a laboratory: density, stiffness and balance differ."""
+    """Draw an individual bat, one per laboratory in a block: density, stiffness and balance."""
     drawn = draws.normal("bat", (3,)).reshape(-1, 3)
     return TrueBat(name=spec.name, bodies=tuple(_made(spec, *row) for row in drawn.tolist()))
 
@@ -239,7 +240,7 @@ def _made(spec: BatSpec, density: float, modulus: float, tilt: float) -> BatBody
 
 
 def draw_balls(spec: BallSpec, number: int, draws: Draws) -> TrueBalls:
-    """Draw a lot of `number` balls, with a radius and a slope of e0 of its own."""
+    """Draw a lot of `number` balls, with the radius and the slope of e0 of the lot."""
     mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
     wider, steeper = np.moveaxis(draws.normal("lot", 2), -1, 0)
     line = spec.restitution

@@ -1,1 +1,1 @@
-"""The motion of ball and bat around their collision: in closed form, by events, by pymunk."""
+"""Motion of ball and bat before and after the collision: closed form, events or pymunk."""

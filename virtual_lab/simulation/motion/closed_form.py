@@ -1,6 +1,6 @@
-"""One contact of ball and bat between free flights, in closed form: all shots at once.
+"""One contact of ball and bat between free flights, in closed form for all shots at once.
 
-It knows no stop, no frame and no second contact: `events` and `pymunk_scene` do.
+This model has no stop, no frames and no second contact; `events` and `pymunk_scene` have them.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from virtual_lab.simulation.motion.touch import first_touch, moved, nearness, ob
 
 
 def play_closed_form(scene: ShotScene) -> PlayedShots:
-    """Return the results of the shots; those refused have no pieces."""
+    """Return the motion of the shots. Refused shots have no pieces."""
     everyone = np.arange(scene.shots)
     time = first_touch(scene, scene.start, np.full(scene.shots, scene.duration), everyone)
     hit = np.flatnonzero(np.isfinite(time))

@@ -1,9 +1,9 @@
-"""Shots carried from one event to the next, each in numbers of its own; compiled.
+"""Compiled event-driven motion of the shots, one shot at a time.
 
 An event is a contact of the ball with the bat, a bar or a post, or of the bat with its stop.
-Between events all motion is in closed form, so that the moment of each is a root: of a quadratic
-at a bar or post, to which the ball flies straight in the plan; of the gap at the bat, found to
-rounding.
+Between events the motion is known in closed form, so the time of an event is a root. For a bar or
+post it is the root of a quadratic, because the ball flies straight in the horizontal plane. For the
+bat it is the root of the gap, found to rounding.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from virtual_lab.units import Array
 
 _, BAT, BAT_AGAIN, STOP, FRAME = range(len(Target))
 PLAYED, EDGE, GRAZED, FOLLOWED, MANY = range(len(Obstacle) + 1)
-MOST = 100  # contacts
+MOST = 100  # largest number of contacts in one record
 NEAR, PARTING, SHARP = TOUCHING.near, TOUCHING.parting, TOUCHING.sharp
-NEWTONS = 20  # at most: each leaves the share of the last error by which the taper slopes
-OVER = 1e-6  # m by which a ball over a bar or post overlaps it, more than rounding explains
+NEWTONS = 20  # largest number of Newton steps, each of which reduces the error by the taper's slope
+OVER = 1e-6  # overlap with a bar or post above which the ball is on top of it [m]
 
 
 class Own(NamedTuple):
-    """What a shot has for itself [SI]."""
+    """Properties of one shot [SI]."""
 
-    mass: float  # of the ball
+    mass: float  # mass of the ball
     drag: float
     radius: float
     gravity: float
@@ -40,7 +40,7 @@ class Own(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """Ball and bat at a moment: `ShotState` of one shot."""
+    """State of ball and bat in one shot, as in `ShotState`."""
 
     x: float
     y: float
@@ -53,7 +53,7 @@ class Moving(NamedTuple):
 
 
 class Near(NamedTuple):
-    """How near they are: `Nearness` of one shot."""
+    """Gap and relative motion of ball and bat in one shot, as in `Nearness`."""
 
     gap: float
     place: float
@@ -65,51 +65,51 @@ class Near(NamedTuple):
 
 
 class Solid(NamedTuple):
-    """Columns of what stands in the plan, (shot, solid, 10): a bar along z, or a post, as high."""
+    """Columns of the table of bars and posts, (shot, solid, 10)."""
 
     x: int = 0
-    low: int = 1  # its axis, from z
-    high: int = 2  # to z: a post's are equal
-    reach: int = 3  # from its axis to that of a ball that touches it
+    low: int = 1  # lower z of the axis
+    high: int = 2  # upper z of the axis, equal to `low` for a post
+    reach: int = 3  # distance between the axis and the centre of a touching ball
     restitution: int = 4
     kind: int = 5
-    under: int = 6  # heights of a ball that clears the bar: below this,
-    bottom: int = 7  # from this
-    top: int = 8  # to this,
-    over: int = 9  # and above this; NaN of a post
+    under: int = 6  # height below which a ball passes under the lower bar, NaN for a post
+    bottom: int = 7  # lowest height of a ball between the bars
+    top: int = 8  # highest height of a ball between the bars
+    over: int = 9  # height above which a ball passes over the upper bar
 
 
 SOLID = Solid()
 
 
 class Scene(NamedTuple):
-    """What the shots have in common, and what each has for itself [SI]."""
+    """Properties common to all shots, and the tables of each shot [SI]."""
 
-    knots: Array  # (k + 1,) from the tip
-    cubics: Array  # of the bat's radius past each, highest power first (4, k)
-    steepest: float  # the radius, at most
-    stop: float  # angle of the bat on it, inf without one
-    restitution: float  # of the bat on it
-    own: Array  # columns of `Own` (shot, 7)
+    knots: Array  # (k + 1,), distances from the tip
+    cubics: Array  # (4, k), cubics of the bat's radius from each knot, highest power first
+    steepest: float  # largest slope of the radius
+    stop: float  # angle of the bat at its stop, inf without a stop
+    restitution: float  # restitution of the bat at its stop
+    own: Array  # (shot, 7), columns of `Own`
     solids: Array  # (shot, solid, 10)
 
 
 class Log(NamedTuple):
-    """What came of the shots: rows of their pieces, the first the start."""
+    """Motion of the shots: one row per piece of free motion, the first row being the start."""
 
-    rows: NDArray[np.int64]  # so far (shot,)
+    rows: NDArray[np.int64]  # (shot,), number of rows so far
     kind: NDArray[np.int8]  # (row, shot)
     time: Array
-    place: Array  # on the bat
-    speed: Array  # of approach to it, normal
-    state: Array  # after the event; before a blow whose e_A it `waits` for (row, shot, 8)
-    waits: NDArray[np.bool_]  # for the e_A of a blow (shot,)
+    place: Array  # impact position on the bat
+    speed: Array  # normal speed of approach to the bat
+    state: Array  # (row, shot, 8), after the event, or before it if the shot `waits`
+    waits: NDArray[np.bool_]  # (shot,), whether the e_A of the contact is needed to continue
     refused: NDArray[np.int8]
 
 
 @njit(cache=True, error_model="numpy")
 def _radius(place: float, scene: Scene) -> float:
-    """Return the bat's radius [m]; beyond its ends that of the end."""
+    """Return the bat's radius [m]; beyond an end it is the radius of that end."""
     last = scene.knots.size - 1
     at = min(max(place, scene.knots[0]), scene.knots[last])
     k = 0
@@ -123,7 +123,7 @@ def _radius(place: float, scene: Scene) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _moved(state: Moving, time: float, shot: Own) -> Moving:
-    """Return the state a `time` [s] later if nothing is touched."""
+    """Return the state after a `time` [s] of free motion."""
     lost = shot.drag * hypot(state.vx, state.vz) * time
     way = time * log1p(lost) / lost if lost > 0 else time
     return Moving(
@@ -140,7 +140,7 @@ def _moved(state: Moving, time: float, shot: Own) -> Moving:
 
 @njit(cache=True, error_model="numpy")
 def _nearness(state: Moving, shot: Own, scene: Scene) -> Near:
-    """Return how near ball and bat are. Beyond its ends the bat is cut off flat."""
+    """Return gap and relative motion of ball and bat. The ends of the bat are flat."""
     c, s = cos(state.angle), sin(state.angle)
     z = state.z - shot.axis
     beside, lever = state.x * c + z * s, state.x * s - z * c
@@ -164,14 +164,14 @@ def _nearness(state: Moving, shot: Own, scene: Scene) -> Near:
 
 @njit(cache=True, error_model="numpy")
 def _kicked(state: Moving, gain: float, normal: tuple[float, float, float], rate: float) -> Moving:
-    """Return the state after the ball gained a speed along a normal, the bat then at a rate."""
+    """Return the state with the ball's velocity changed by `gain` along `normal`, and `rate`."""
     vx, vy, vz = state.vx + gain * normal[0], state.vy + gain * normal[1], state.vz
     return Moving(state.x, state.y, state.z, vx, vy, vz + gain * normal[2], state.angle, rate)
 
 
 @njit(cache=True, error_model="numpy")
 def _struck(state: Moving, efficiency: float, shot: Own, scene: Scene) -> tuple[Moving, int]:
-    """Return the state after a smooth blow of this e_A, and why it cannot be, if so."""
+    """Return the state after a frictionless contact with this e_A, and the obstacle, 0 if none."""
     near = _nearness(state, shot, scene)
     gain = (1 + efficiency) * near.approach
     rate = state.rate + shot.mass * gain * near.lever * near.turning / shot.inertia
@@ -185,13 +185,13 @@ def _struck(state: Moving, efficiency: float, shot: Own, scene: Scene) -> tuple[
 
 @njit(cache=True, error_model="numpy")
 def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
-    """Return when ball and bat first touch, before `until`; inf where they do not [s].
+    """Return the time of the first touch of ball and bat before `until` [s], inf if there is none.
 
-    The bound of `touch.first_touch`, which passes no touch however short.
+    The steps have the bound of `touch.first_touch`, which misses no touch, however short.
     """
     near, time = _nearness(state, shot, scene), 0.0
     fast = hypot(state.vx, state.vz)
-    if near.gap <= NEAR and near.approach < 0:  # they part
+    if near.gap <= NEAR and near.approach < 0:  # ball and bat are separating
         apart = hypot(state.x, state.z - shot.axis)
         speeds = hypot(fast, state.vy) + abs(state.rate) * apart
         reach = shot.radius + _radius(shot.axis - apart, scene)
@@ -224,7 +224,7 @@ def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
 def _next_solid(
     state: Moving, shot: Own, solids: Array
 ) -> tuple[float, int, tuple[float, float, float]]:
-    """Return when the ball comes to a bar or post [s], to which, and its normal in the plan."""
+    """Return the time of the next contact with a bar or post [s], its index and its normal."""
     first, ahead, normal = inf, -1, (0.0, 0.0, 0.0)
     speed = hypot(state.vx, state.vz)
     if speed == 0:
@@ -236,7 +236,7 @@ def _next_solid(
         if low < high:
             way = (abs(beside) - reach) / abs(along_x) if beside * along_x < 0 else inf
             if not low <= state.z + along_z * way <= high:
-                continue  # its ends are posts
+                continue  # the posts are the ends of a bar
         else:
             towards = -(beside * along_x + (state.z - low) * along_z)
             off = beside * along_z - (state.z - low) * along_x
@@ -263,9 +263,9 @@ def _write(state: Moving, row: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log) -> None:
-    """Carry shots on to their next contact with the bat, or to their end, and log what is met.
+    """Continue the shots to the next contact with the bat or to their end, and log the events.
 
-    `efficiency` is the e_A of the blows they wait for, (len(shots),).
+    `efficiency` is the e_A of the contacts that the shots wait for, (len(shots),).
     """
     for number in range(shots.size):
         i = shots[number]

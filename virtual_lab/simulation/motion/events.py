@@ -1,4 +1,4 @@
-"""Shots from event to event: all of a block at once, with stops, bars, posts and later contacts."""
+"""Event-driven motion of all shots of a block, with stop, bars, posts and repeated contacts."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from virtual_lab.units import Array
 
 
 def play_events(scene: ShotScene) -> PlayedShots:
-    """Return the results of the shots; those refused have no pieces.
+    """Return the motion of the shots. Refused shots have no pieces.
 
-    What becomes of a shot does not depend on the others, to the last bit.
+    The result of a shot does not depend on the other shots, to the last bit.
     """
     from virtual_lab.simulation.motion.event_kernel import MOST, Log, Own, Scene, carry_on
 
@@ -66,7 +66,7 @@ def play_events(scene: ShotScene) -> PlayedShots:
 
 
 def _solids(scene: ShotScene) -> Array:
-    """Return the stop's post and the bars and posts of the frames, (shot, solid, 10)."""
+    """Return the table of the stop's post and the frames' bars and posts, (shot, solid, 10)."""
     from virtual_lab.simulation.motion.event_kernel import FRAME, SOLID, STOP
 
     none, alike = (np.nan,) * 4, list[tuple[float, ...]]()

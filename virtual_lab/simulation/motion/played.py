@@ -1,4 +1,4 @@
-"""What came of the shots of a scene: pieces of free motion from one contact to the next."""
+"""Motion of the shots of a scene: pieces of free motion between contacts."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from virtual_lab.units import Array
 
 
 class Target(StrEnum):
-    """What the ball, or the bat at its stop, has struck."""
+    """Object struck by the ball, or by the bat at its stop."""
 
-    START = ""  # nothing: the shot begins
+    START = ""  # no object: start of the shot
     BAT = "bat"
     BAT_AGAIN = "bat again"
     STOP = "stop"
@@ -26,27 +26,27 @@ class Target(StrEnum):
 
 
 class Pieces(NamedTuple):
-    """Pieces of free motion, a row each (k,): all between contacts is exact."""
+    """Pieces of free motion, arrays (k,). The motion between contacts is exact."""
 
     shot: NDArray[np.int_]
-    time: Array  # it begins [s]
-    struck: NDArray[np.str_]  # what then was struck
-    place: Array  # of the bat, from its tip [m]; NaN of anything else
-    speed: Array  # of approach to the bat, normal [m/s]; NaN of anything else
-    state: ShotState  # after the contact
+    time: Array  # start of the piece [s]
+    struck: NDArray[np.str_]  # object struck at the start
+    place: Array  # impact position on the bat, from its tip [m], NaN for other objects
+    speed: Array  # normal speed of approach to the bat [m/s], NaN for other objects
+    state: ShotState  # state after the contact
 
     @classmethod
     def of(
         cls, shot: ArrayLike, time: Array, struck: Target, state: ShotState, *hit: Array
     ) -> Pieces:
-        """Return pieces that begin alike; `hit` are place and speed on the bat."""
+        """Return pieces that begin at one object; `hit` are position and speed on the bat."""
         place, speed = hit or (np.full(time.shape, np.nan),) * 2
         number = np.asarray(shot, dtype=np.int_)
         return cls(number, time, np.full(time.shape, struck), place, speed, state)
 
     @classmethod
     def joined(cls, parts: Sequence[Pieces]) -> Pieces:
-        """Return all pieces in the order of shot and time."""
+        """Return all pieces, sorted by shot and time."""
 
         def whole(name: str) -> Any:
             return np.concatenate([getattr(part, name) for part in parts])
@@ -57,35 +57,36 @@ class Pieces(NamedTuple):
         return unsorted.part(np.lexsort((unsorted.time, unsorted.shot)))
 
     def part(self, chosen: Any) -> Pieces:
-        """Return some of the pieces."""
+        """Return the `chosen` pieces."""
         columns: Any = self[:-1]
         return Pieces._make([*(each[chosen] for each in columns), self.state.part(chosen)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayedShots:
-    """Of n shots the pieces; a refused shot has none.
+    """Pieces of n shots.
 
-    `refused` is the sentence that says why a shot could not be played, empty where it could.
+    `refused` holds the reason why a shot could not be simulated, or an empty string. A refused shot
+    has no pieces.
     """
 
     refused: NDArray[np.str_]
     pieces: Pieces
 
     def first(self, struck: str) -> Pieces:
-        """Return, of every shot that strikes this thing, the piece that first begins so."""
+        """Return the piece after the first contact with this object, for each shot that has one."""
         own = np.flatnonzero(self.pieces.struck == struck)
         return self.pieces.part(own[np.unique(self.pieces.shot[own], return_index=True)[1]])
 
     def at(self, scene: ShotScene, times: ArrayLike) -> ShotState:
-        """Return the states at times [s], (s,): arrays (n, s), NaN of refused shots.
+        """Return the states at `times` (s,) [s] as arrays (n, s), NaN for refused shots.
 
-        At a contact it is the state after it.
+        At a contact this is the state after it.
         """
         moments = np.atleast_1d(np.asarray(times, dtype=float))
         whole = np.full((len(ShotState._fields), scene.shots, len(moments)), np.nan)
         for column, moment in enumerate(moments):
-            # pieces stand in the order of time, so that the last one begun is what stays
+            # pieces are sorted by time, so the last one that has begun overwrites the others
             begun = self.pieces.part(self.pieces.time <= moment)
             here = moved(scene, begun.state, moment - begun.time, begun.shot)
             whole[:, begun.shot, column] = np.array(here)

@@ -1,11 +1,11 @@
-"""Shots one by one: a pymunk space carries ball and bat, one shot at a time.
+"""Motion of the shots in a pymunk space, one shot at a time.
 
-Each step is given the mean velocity of the exact motion, so that its length costs no accuracy: it
-is that in which nothing can pass through anything, by the speeds as they then are.
-Ball and bat never collide in pymunk: the step that would bring them together ends at their touch,
-and the collision model's e_A and the angular momentum say how they part. The bat turns back at its
-stop. Posts and bars are pymunk's own shapes: a swept circle shows when the ball comes to one, the
-step ends there, and pymunk throws the ball back.
+Each step uses the mean velocity of the exact motion, so its length does not affect the accuracy.
+The length is chosen so that at the current speeds no body can pass through another.
+Ball and bat never collide in pymunk. A step that would bring them together ends at their touch, and
+the velocities after the contact follow from the model's e_A and the angular momentum. The bat
+rebounds at its stop. Posts and bars are pymunk shapes: a swept circle finds the time of a contact,
+the step ends there, and pymunk computes the rebound of the ball.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ from virtual_lab.simulation.motion.touch import (
 from virtual_lab.units import Array
 
 ONE = np.zeros(1, dtype=np.int_)
-SHARE = 0.9  # of the longest safe step, what one by the present speed takes
-OVERLAP = 1e-9  # m, of a ball and a post or bar: pymunk sees no contact before they overlap
+SHARE = 0.9  # length of a step at the current speeds [share of the longest safe step]
+OVERLAP = 1e-9  # overlap of ball and bar at the end of a step, which pymunk needs for contact [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PymunkSettings:
-    """Of the pymunk space, SI: its own defaults are for pixels."""
+    """Settings of the pymunk space in SI units; its defaults are for pixels."""
 
-    step: float | None = None  # [s]; None: by the present speed. A shorter one is no better
+    step: float | None = None  # step [s]; None uses the current speed; shorter is not better
     iterations: int = 10
-    slop: float = 1e-6  # overlap that is left alone [m]
+    slop: float = 1e-6  # tolerated overlap [m]
 
     def check(self, scene: ShotScene) -> None:
-        """Raise `InputError` where a setting is unsafe for a scene."""
+        """Raise `InputError` if a setting is unsafe for a scene."""
         most, step = longest_step(scene, scene.start), self.step
         for key, value, good, allowed in (
             (
@@ -65,17 +65,18 @@ USUAL = PymunkSettings()
 
 
 def longest_step(scene: ShotScene, state: ShotState) -> float:
-    """Time [s] in which no ball and what it should strike close by their radii.
+    """Return the longest safe step [s], in which no ball can pass through an object.
 
-    In a longer step the ball could pass through. Infinite where nothing moves.
+    Within it the distance of ball and object decreases by at most the sum of their radii. The step
+    is infinite if nothing moves.
 
     Parameters
     ----------
-    state
-        (n,): the shots of the scene at one moment. Between contacts they only slow down.
+    scene, state
+        Scene, and the state of its shots, (n,). Between contacts all speeds decrease.
     """
     bat, ball = scene.bat, np.hypot(state.vx, state.vz)
-    # where the bat is as the ball comes to it, within a step
+    # largest lever arm at which the ball can meet the bat within a step
     lever = np.hypot(state.x, state.z - bat.axis) + scene.ball_radius + bat.widest
     closing = ball + np.abs(state.rate) * np.minimum(lever, bat.axis)
     solids = [frame.spec.radius for frame in scene.frames]
@@ -88,9 +89,9 @@ def longest_step(scene: ShotScene, state: ShotState) -> float:
 
 
 def play_pymunk(scene: ShotScene, settings: PymunkSettings = USUAL) -> PlayedShots:
-    """Return the results of the shots.
+    """Return the motion of the shots. Refused shots have no pieces.
 
-    `InputError` for unsafe settings, a ball that starts inside the bat.
+    Raises `InputError` for unsafe settings or a ball that starts inside the bat.
     """
     gap = float(nearness(scene, scene.start).gap.min(initial=inf))
     if gap <= 0:
@@ -101,7 +102,7 @@ def play_pymunk(scene: ShotScene, settings: PymunkSettings = USUAL) -> PlayedSho
 
 
 def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
-    """Return the results of the shots, by settings as they are; those refused have no pieces."""
+    """Return the motion of the shots without a check of the settings."""
     shots = [_Shot(scene.alone(shot), settings) for shot in range(scene.shots)]
     pieces = [
         piece._replace(shot=np.array([number]))
@@ -116,7 +117,7 @@ def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
 
 
 class _Solid(NamedTuple):
-    """What stands in the hall: its shape, its name, and the frame whose bars it stands for."""
+    """A fixed object: its pymunk shape, its kind, and its frame if it represents the bars."""
 
     shape: Any
     kind: Target
@@ -124,7 +125,7 @@ class _Solid(NamedTuple):
 
 
 class _Shot:
-    """One shot on its way through a pymunk space, whose x and y are x and z of the scene."""
+    """One shot in a pymunk space, whose x and y are x and z of the scene."""
 
     def __init__(self, scene: ShotScene, settings: PymunkSettings) -> None:
         import pymunk
@@ -138,15 +139,15 @@ class _Shot:
         self.space.iterations, self.space.collision_slop = settings.iterations, settings.slop
         self.ball = pymunk.Body(float(scene.ball_mass[0]), inf)
         circle = pymunk.Circle(self.ball, float(scene.ball_radius))
-        circle.elasticity = 1.0  # pymunk multiplies: the solid's own stands
-        circle.filter = pymunk.ShapeFilter(categories=1)  # it alone meets what stands
-        # centre and moment are those of its axis: the joint does no work, whatever the step
+        circle.elasticity = 1.0  # pymunk multiplies elasticities, so that of the object remains
+        circle.filter = pymunk.ShapeFilter(categories=1)  # only the ball meets fixed objects
+        # centre and moment of inertia refer to the pivot, so the joint does no work
         self.bat = pymunk.Body(1.0, float(scene.bat.inertia))
         self.bat.position = (0.0, float(scene.bat.axis))
         joint = pymunk.PivotJoint(self.space.static_body, self.bat, self.bat.position)
         self.space.add(self.ball, circle, self.bat, joint)
         self.solids = self._stand(self.space.static_body)
-        self.ahead: _Solid | None = None  # what this step ends at
+        self.ahead: _Solid | None = None  # object at the end of the current step
         self.space.on_collision(pre_solve=self._pass_others)
 
     def _stand(self, hall: Any) -> list[_Solid]:
@@ -177,7 +178,7 @@ class _Shot:
         arbiter.process_collision = self.ahead is not None and self.ahead.shape in arbiter.shapes
 
     def play(self) -> list[Pieces]:
-        """Carry the shot to the end of the record; a refused one has no pieces."""
+        """Return the pieces of the shot to the end of the record, none if it is refused."""
         pieces = [Pieces.of(ONE, np.zeros(1), Target.START, self.state)]
         while self.now < self.end and not self.refused:
             step = min(self._longest(), self.end - self.now)
@@ -198,7 +199,7 @@ class _Shot:
         return [] if self.refused else pieces
 
     def _longest(self) -> float:
-        """Return how long the next step may be [s]."""
+        """Return the largest length of the next step [s]."""
         if self.settings.step is not None:
             return self.settings.step
         return SHARE * longest_step(self.scene, self.state)
@@ -208,7 +209,7 @@ class _Shot:
         return Pieces.of(ONE, np.array([self.now]), struck, self.state, *hit)
 
     def _carry(self, span: float) -> Array:
-        """Let pymunk move the bodies by their mean velocities [m/s]; return the ball's, (2,)."""
+        """Let pymunk move the bodies by their mean velocities. Return the ball's, (2,) [m/s]."""
         if span == 0:
             return np.zeros(2)
         start, after = self.state, moved(self.scene, self.state, np.array([span]), ONE)
@@ -224,7 +225,7 @@ class _Shot:
         return mean
 
     def _touch(self, step: float) -> float:
-        """Return when ball and bat touch within a step [s], inf if they do not."""
+        """Return the time at which ball and bat touch within a step [s], inf if they do not."""
         start, bat = self.state, self.scene.bat
         x, z, angle = float(start.x[0]), float(start.z[0]) - bat.axis, float(start.angle[0])
         swept = np.hypot(start.vx[0], start.vz[0]) + abs(start.rate[0]) * np.hypot(x, z)
@@ -238,7 +239,7 @@ class _Shot:
         return float(first_touch(self.scene, start, until, ONE, parting=self.touching)[0])
 
     def _solid(self, step: float) -> float:
-        """Return when the ball comes to a post or bar within a step [s], inf if it does not."""
+        """Return the time of the contact with a post or bar within a step [s], inf if none."""
         self.ahead = None
         if not self.solids or step == 0:
             return inf
@@ -251,7 +252,7 @@ class _Shot:
             hit = solid.shape.segment_query(here, there, scene.ball_radius)
             if not (hit and hit.shape) or hit.normal.dot(way) >= 0:
                 continue
-            # one it is already over, by more than rounding explains, it rolls over
+            # the ball rolls over an object that it already overlaps by more than rounding
             if solid.shape.point_query(here).distance < scene.ball_radius - 1e-6:
                 continue
             flown = hit.alpha * np.hypot(*way) + OVERLAP
@@ -263,7 +264,7 @@ class _Shot:
         return first
 
     def _strike(self) -> Pieces:
-        """Part ball and bat by the collision model."""
+        """Apply the collision of ball and bat, and return the new piece."""
         scene, near = self.scene, nearness(self.scene, self.state)
         efficiency = scene.efficiency(near.place, near.approach, ONE)
         self.state = parted(scene, self.state, near, efficiency, ONE)
@@ -279,7 +280,7 @@ class _Shot:
         return self._piece(Target.STOP)
 
     def _rebound(self, mean: Array) -> Pieces:
-        """Take the velocity pymunk gave the ball, scaled from the step's mean to its end's."""
+        """Take the ball's velocity from pymunk, scaled from the step's mean to its end."""
         went = np.array(self.ball.velocity)
         if not (went - mean).any():
             raise RuntimeError(f"pymunk saw no contact with a frame at {self.now:.9g} s")

@@ -1,10 +1,10 @@
-"""One pivoted bat, one ball a shot, the stop of the bat and the frames of the gates.
+"""Scene of the shots: a pivoted bat, one ball per shot, the stop of the bat, frames of the gates.
 
 Axes: x along the line of fire, z along the resting bat from its tip, y up. At angle 0 the bat's
-axis lies on x = 0, its tip at z = 0. Angle and rate are positive as the bat recoils, so a bat
-swung toward the ball has a negative rate. The bat turns about a vertical axis without friction;
-its weight does nothing. The barrel is a cylinder where it is struck: its taper moves the surface,
-no normal.
+axis is at x = 0 and its tip at z = 0. Angle and rate are positive in recoil, so a bat swung toward
+the ball has a negative rate. The bat rotates about a vertical axis without friction, so its weight
+has no effect. The barrel is treated as a cylinder at the impact position: its taper moves the
+surface but does not tilt the normal.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
 
 
 class ShotState(NamedTuple):
-    """Where ball and bat are and how they move, each (n,): SI, axes as in the module."""
+    """Positions and velocities of ball and bat, each (n,) in SI units, with the module's axes."""
 
     x: Array
     y: Array
@@ -39,25 +39,25 @@ class ShotState(NamedTuple):
 
     @classmethod
     def of(cls, **given: ArrayLike) -> Self:
-        """Broadcast numbers and arrays to (n,); what is not given is 0."""
+        """Return a state from numbers or arrays, broadcast to (n,). Omitted ones are 0."""
         wanted = (np.atleast_1d(given.get(name, 0.0)) for name in cls._fields)
         return cls(*(np.array(each, dtype=float) for each in np.broadcast_arrays(*wanted)))
 
     @classmethod
     def joined(cls, states: list[ShotState]) -> Self:
-        """Return the shots of several states one after the other."""
+        """Return one state with the shots of several states in a row."""
         return cls(*np.concatenate([np.array(state) for state in states], axis=1))
 
     def part(self, chosen: Any) -> Self:
-        """Return some of the shots."""
+        """Return the `chosen` shots."""
         return type(self)(*(each[chosen] for each in self))
 
 
 @dataclass(frozen=True)
 class PivotedBat:
-    """A bat on its axis, `axis` [m] from the tip, and its moment of inertia about it [kg m²].
+    """A bat on a pivot at `axis` [m] from the tip, with its moment of inertia about it [kg m²].
 
-    One axis for all shots, or (n,).
+    Both are numbers for all shots, or arrays (n,).
     """
 
     profile: Profile
@@ -70,22 +70,22 @@ class PivotedBat:
 
     @cached_property
     def widest(self) -> float:
-        """Greatest radius [m]."""
+        """Largest radius [m]."""
         return max(self.profile.outer_diameter) / 2
 
     @cached_property
     def thinnest(self) -> float:
-        """Least radius of the outer third, where balls strike [m]."""
+        """Smallest radius of the outer third, where balls strike [m]."""
         return float(np.min(self.radius(np.linspace(0.0, self.length / 3, 50))))
 
     @cached_property
     def steepest(self) -> float:
-        """Greatest slope of the radius, a bound: a cubic of Fritsch and Carlson keeps to 3."""
+        """Upper bound of the slope of the radius: 3 times the secant for Fritsch-Carlson cubics."""
         z, d = np.array(self.profile.z), np.array(self.profile.outer_diameter)
         return float(1.5 * np.abs(np.diff(d) / np.diff(z)).max())
 
     def radius(self, place: Array) -> Array:
-        """Return the radius [m] at places from the tip; beyond the ends, that of the end."""
+        """Return the radius [m] at distances from the tip; beyond an end, that of the end."""
         return outer_diameter(self.profile, np.clip(place, 0.0, self.length)) / 2
 
 
@@ -93,26 +93,26 @@ class PivotedBat:
 class StopSpec(Spec):
     """A post that ends the recoil of the bat."""
 
-    angle: Annotated[float, Gt(0), Dimension("angle")]  # of the bat that rests on it
-    reach: Annotated[float, Gt(0), Dimension("length")]  # from the axis to the post
+    angle: Annotated[float, Gt(0), Dimension("angle")]  # angle of the bat at the stop
+    reach: Annotated[float, Gt(0), Dimension("length")]  # distance of the post from the pivot
     radius: Annotated[float, Gt(0), Dimension("length")]
-    restitution: Share  # of the bat's rate, and of a ball that meets the post
+    restitution: Share  # restitution of the bat's rate, and of a ball that hits the post
 
     def post(self, bat: PivotedBat) -> tuple[Any, Any]:
-        """Return x and z of the post on which a bat rests by its widest place [m]."""
+        """Return x and z of the post [m], which the bat touches with its largest radius."""
         way = self.angle + np.arcsin(bat.widest / self.reach)
         return self.reach * np.sin(way), bat.axis - self.reach * np.cos(way)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameSpec(Spec):
-    """The frame around every gate: two posts, a bar above and one below."""
+    """The frame around each gate: two posts, with one bar above and one below the opening."""
 
-    bottom: Annotated[float, Dimension("length")]  # of the opening, from the line of fire
+    bottom: Annotated[float, Dimension("length")]  # lower edge of the opening from the line of fire
     top: Annotated[float, Dimension("length")]
-    tip_side: Annotated[float, Dimension("length")]  # of the opening, along the bat from its tip
+    tip_side: Annotated[float, Dimension("length")]  # edge of the opening, from the bat's tip
     knob_side: Annotated[float, Dimension("length")]
-    radius: Annotated[float, Gt(0), Dimension("length")]  # of bars and posts
+    radius: Annotated[float, Gt(0), Dimension("length")]  # radius of bars and posts
     restitution: Share
 
     def __post_init__(self) -> None:
@@ -121,11 +121,11 @@ class FrameSpec(Spec):
 
 
 class GateFrame(NamedTuple):
-    """A frame in the plane x of its gate, `up` [m] that the bat's axis is below the line of fire.
+    """A frame in the plane `x` of its gate. The line of fire is `up` [m] above the bat's axis.
 
-    Both are of all shots, or each one's own, (n,). A ball whose outline is not within the opening
-    as it comes to the plane is thrown back in the plan, as if smooth. One that comes down on a bar
-    while it passes rolls over it.
+    Both are numbers for all shots, or arrays (n,). A ball that is not completely inside the opening
+    when it reaches the plane rebounds horizontally without friction. A ball that descends onto a
+    bar while it passes rolls over it.
     """
 
     spec: FrameSpec
@@ -134,17 +134,20 @@ class GateFrame(NamedTuple):
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Axes of its posts, along the bat from its tip [m]."""
+        """Axes of the two posts, as distances along the bat from its tip [m]."""
         return self.spec.tip_side - self.spec.radius, self.spec.knob_side + self.spec.radius
 
     @property
     def heights(self) -> tuple[float, float, float, float]:
-        """Lower and upper faces of the bars, from below, from the line of fire [m]."""
+        """Faces of the two bars from the lowest to the highest, from the line of fire [m]."""
         spec, bar = self.spec, 2 * self.spec.radius
         return spec.bottom - bar, spec.bottom, spec.top, spec.top + bar
 
     def clears(self, height: ArrayLike, ball_radius: float | Array) -> NDArray[np.bool_]:
-        """Return whether balls at heights [m] above the bat's axis pass between or beside bars."""
+        """Return a mask of the balls that pass between, under or over the bars.
+
+        `height` [m] is measured from the bat's axis.
+        """
         y, (under, bottom, top, over) = np.asarray(height) - self.up, self.heights
         inside = (bottom + ball_radius < y) & (y < top - ball_radius)
         return np.asarray(inside | (y < under - ball_radius) | (y > over + ball_radius))
@@ -152,11 +155,11 @@ class GateFrame(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShotScene:
-    """Shots to be played, each from time 0 to `duration` [s], at one bat.
+    """Input of n shots at one bat, each from time 0 to `duration` [s].
 
-    What may be a number or an array (n,) is one of all shots, or each one's own. `efficiency` gives
-    e_A for places [m], normal relative speeds [m/s] and numbers of shots, at first contacts and
-    later ones alike; the contact takes no time here.
+    A number applies to all shots; an array has shape (n,). `efficiency` returns e_A for impact
+    positions [m], normal relative speeds [m/s] and indices of shots, for first and later contacts.
+    The contacts are instantaneous here.
     """
 
     start: ShotState
@@ -175,7 +178,7 @@ class ShotScene:
         return len(self.start.x)
 
     def alone(self, shot: int) -> Self:
-        """Return the scene of one shot; what may be a number is one."""
+        """Return the scene of one shot, with numbers instead of arrays where possible."""
 
         def own(each: Array | float) -> float:
             return float(np.broadcast_to(each, (self.shots,))[shot])

@@ -1,4 +1,4 @@
-"""Free motion of ball and bat, how far apart they are, and when they first touch."""
+"""Free motion of ball and bat, the gap between them, and the time of their first touch."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ Shots = NDArray[np.int_]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Touching:
-    """When ball and bat count as touching, and how the moment is found."""
+    """Settings of the search for the first touch."""
 
-    near: float = 1e-7  # m, that no barrel is round to
-    # A gap that opens at a rate stays open while this share of its radii, over the square of all
-    # speeds, times the rate passes: its curvature would have to be 8 of those squares over them.
+    near: float = 1e-7  # gap that counts as a touch, below the roundness of a barrel [m]
+    # time for which an opening gap stays open [opening rate times radii / squared speeds]; to close
+    # earlier, its curvature would have to exceed 8 squared speeds per radius
     parting: float = 0.25
-    polishing: int = 4  # steps of Newton from within `near`, the taper left out of their slope
-    sharp: float = 1e-2  # of the ball's speed, at which a gap must close to be polished
+    polishing: int = 4  # number of Newton steps within `near`, with a slope that omits the taper
+    sharp: float = 1e-2  # smallest closing speed for Newton steps [share of the ball's speed]
 
 
 TOUCHING = Touching()
 
 
 class Obstacle(StrEnum):
-    """Why a contact cannot be done, in the order of precedence."""
+    """Reason why a contact cannot be computed, in the order of precedence."""
 
     EDGE = "the ball strikes the edge of the bat's end, where no collision model holds"
     GRAZED = "the ball grazes the bat by less than its roundness is known"
@@ -41,26 +41,26 @@ class Obstacle(StrEnum):
 
 
 class Nearness(NamedTuple):
-    """Ball and bat at a moment, each (n,)."""
+    """Gap and relative motion of ball and bat, each (n,)."""
 
-    gap: Array  # between the surfaces [m]
-    place: Array  # of the ball's centre along the bat, from the tip [m]
-    lever: Array  # from the axis of rotation [m]
-    approach: Array  # normal speed, without the taper [m/s]
-    sliding: Array  # rate of the place [m/s]
-    normal: Array  # (3, n), from the bat to the ball
-    turning: Array  # share of the normal that turns the bat, positive in recoil
+    gap: Array  # distance of the surfaces [m]
+    place: Array  # position of the ball's centre along the bat, from the tip [m]
+    lever: Array  # distance of that position from the pivot [m]
+    approach: Array  # normal speed of approach, without the taper [m/s]
+    sliding: Array  # rate of change of `place` [m/s]
+    normal: Array  # (3, n), unit vector from the bat to the ball
+    turning: Array  # component of the normal that rotates the bat, positive in recoil
 
 
 def moved(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> ShotState:
-    """Return the state a `time` [s] later if nothing is touched, of these `shots` of the scene.
+    """Return the states of the `shots` of a scene after a `time` [s] of free motion.
 
-    Drag slows the ball along its way in the plan, gravity bends its height: exact in both.
+    Drag slows the ball in the horizontal plane, and gravity acts on its height. Both are exact.
     """
     speed = np.hypot(state.vx, state.vz)
     drag = scene.ball_drag[shots]
     gravity = np.broadcast_to(scene.gravity, (scene.shots,))[shots]
-    # a resting ball flies nowhere in any direction
+    # avoids 0 / 0 for a ball at rest
     share = 1 / np.where(speed > 0, speed, 1.0)
     way = distance_after(time, speed, drag) * share
     kept = np.where(speed > 0, speed_after(time, speed, drag) * share, 1.0)
@@ -77,7 +77,7 @@ def moved(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> Shot
 
 
 def nearness(scene: ShotScene, state: ShotState) -> Nearness:
-    """Return how near ball and bat are. Beyond its ends the bat is cut off flat."""
+    """Return gap and relative motion of ball and bat. The ends of the bat are flat."""
     bat = scene.bat
     cos, sin = np.cos(state.angle), np.sin(state.angle)
     z = state.z - bat.axis
@@ -105,10 +105,10 @@ def nearness(scene: ShotScene, state: ShotState) -> Nearness:
 def parted(
     scene: ShotScene, state: ShotState, near: Nearness, efficiency: Array, shots: Shots
 ) -> ShotState:
-    """Return the state after smooth contacts of these efficiencies, of these `shots`.
+    """Return the states of the `shots` after frictionless contacts with these values of e_A.
 
-    The ball's normal speed is reversed times e_A, its speed along the surface stays; the bat
-    takes the angular momentum about its axis.
+    The ball's normal speed is reversed and multiplied by e_A, and its speed along the surface does
+    not change. The bat takes up the angular momentum about its pivot.
     """
     gain = (1 + efficiency) * near.approach
     kick = near.normal * gain
@@ -122,9 +122,9 @@ def parted(
 
 
 def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.str_]:
-    """Return why contacts that leave ball and bat in states `after` cannot be, (n,); "": they can.
+    """Return the `Obstacle` of each contact, (n,), or an empty string if it can be computed.
 
-    `near` is how near they were before.
+    `near` is the situation before the contact and `after` the state after it.
     """
     edge = (near.place < 0) | (near.place > scene.bat.length)
     follows = nearness(scene, after).approach >= 0
@@ -133,7 +133,7 @@ def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.
 
 
 def time_to_stop(scene: ShotScene, state: ShotState) -> Array:
-    """Return when the bat comes to its stop [s]; inf where it does not."""
+    """Return the time at which the bat reaches its stop [s], inf if it does not."""
     if scene.stop is None:
         return np.full(state.rate.shape, np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -144,11 +144,11 @@ def time_to_stop(scene: ShotScene, state: ShotState) -> Array:
 def first_touch(
     scene: ShotScene, state: ShotState, until: Array, shots: Shots, *, parting: bool = False
 ) -> Array:
-    """Return when ball and bat first touch [s] from `state`, before `until`; inf where they do not.
+    """Return the time of the first touch of ball and bat before `until` [s], inf if there is none.
 
-    Conservative advancement: they cannot meet before their gap divided by the greatest speed at
-    which it may close, so no touch is ever passed, however short. `parting`: they may touch at
-    the start, where their gap opens.
+    The method is conservative advancement: ball and bat cannot meet before a time equal to their
+    gap divided by the largest possible closing speed, so no touch is missed, however short. With
+    `parting` they may touch at the start, if their gap is opening.
     """
     bat, start = scene.bat, np.zeros(len(until))
     drop = state.vy - scene.gravity * until
@@ -164,7 +164,7 @@ def first_touch(
         here = moved(scene, state.part(still), time[still], shots[still])
         near = nearness(scene, here)
         going = near.gap > TOUCHING.near
-        # gravity alone can raise it; places change by no more than the gap before it closes
+        # only gravity can increase the speed; distances change by at most the gap
         upright = np.maximum(np.abs(here.vy), np.abs(drop[still]))
         spin, wide = np.abs(here.rate), np.maximum(near.gap, 0.0)
         sliding = np.abs(near.sliding) + 2 * spin * wide
