@@ -1,4 +1,4 @@
-"""What goes wrong in a real laboratory: faults of a day, played where they really happen."""
+"""Faults of a real laboratory, simulated at the place where they occur."""
 
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
 from virtual_lab.simulation.faults.day import FaultSet

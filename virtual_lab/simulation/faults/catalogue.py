@@ -1,4 +1,4 @@
-"""The faults: of hands and papers, of what times the ball, of the machine at the bat."""
+"""The catalogue of faults: errors of people and papers, of timing, and of the machine."""
 
 from __future__ import annotations
 
@@ -25,54 +25,54 @@ Arrays = Mapping[str, Any]
 
 
 class Edge:
-    """Indices of gate times (shot, way, gate, ..., edge)."""
+    """Indices into gate times, (shot, direction, gate, ..., edge)."""
 
     IN, OUT = 0, 1
-    FIRST_GATE, LAST_GATE = 0, -1  # from the cannon to the target
+    FIRST_GATE, LAST_GATE = 0, -1  # in the order from the cannon to the target
     BROKEN, CLEARED = 0, 1
 
 
-FAR_SWING, USUAL_SWING = 20 * DEGREE, 4 * DEGREE  # at which the pendulum is let go
-SCRAPS = 0.6  # share of the balls that the scraps of a bad sabot are ahead of
+FAR_SWING, USUAL_SWING = 20 * DEGREE, 4 * DEGREE  # amplitudes at which the pendulum is released
+SCRAPS = 0.6  # share of the balls that are preceded by fragments of a bad sabot
 
 
 def misread(factor: float) -> Callable[[Any, FaultContext], Arrays]:
-    """Enter every reading as so many times itself."""
+    """Return a hook that enters each reading multiplied by `factor`."""
     return lambda record, _: {"readings": record.readings * factor}
 
 
 def from_knob(record: Any, written: FaultContext) -> Arrays:
-    """Measure the balance point from the knob's end and enter it as from the tip."""
+    """Balance point measured from the knob and entered as measured from the tip."""
     return {"readings": float(written.play.truth["length"]) - record.readings}
 
 
 def usual_amplitude(record: Any, _: FaultContext) -> Arrays:
-    """Note the usual amplitude, whatever it was."""
+    """Usual amplitude of the pendulum entered, whatever the real one was."""
     ends = ("first_amplitude", "last_amplitude")
     return {end: getattr(record, end) * (USUAL_SWING / FAR_SWING) for end in ends}
 
 
 def clamp_forgotten(known: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
-    """Never enter the moment of inertia of the pendulum's clamp."""
+    """Moment of inertia of the pendulum's clamp not entered."""
     key = "bench.pendulum.clamp_inertia"
     return {**known, key: replace(known[key], value=0.0)}
 
 
 def livelier(specimen: Specimen) -> Specimen:
-    """Fire balls of a livelier lot than those measured at the wall."""
+    """Balls of a livelier lot than those measured on the wall."""
     balls = specimen.balls
     return replace(specimen, balls=replace(balls, restitution=balls.restitution + 0.02))
 
 
 def worn_out(specimen: Specimen) -> Specimen:
-    """Have one ball of the lot that has been hit too often."""
+    """One ball of the lot worn by too many hits."""
     restitution = specimen.balls.restitution.copy()
     restitution[3] -= 0.04
     return replace(specimen, balls=replace(specimen.balls, restitution=restitution))
 
 
 def cracked(specimen: Specimen) -> Specimen:
-    """Crack the bat between the bench and the first hit: a tenth less stiff, f1 5 % lower."""
+    """Bat cracked between the bench and the first hit: stiffness 10 % and f1 5 % lower."""
     bat, left = specimen.bat, 0.9
     material = replace(
         bat.body.material,
@@ -83,9 +83,9 @@ def cracked(specimen: Specimen) -> Specimen:
 
 
 def out_of_round(record: Any, written: FaultContext) -> Arrays:
-    """Fire balls egg-shaped by 1.5 mm: each passage meets another radius, front and back.
+    """Balls out of round by 1.5 mm, so that front and back radius differ in each passage.
 
-    A beam that only just meets a round ball passes beside one that is flat there: no edges.
+    A beam that barely hits a round ball can miss such a ball. It then has no edges.
     """
     times, truth = record.times, written.play.truth
     speed = truth["speed"]
@@ -101,7 +101,7 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
 
 
 def swapped(record: Any, written: FaultContext) -> Arrays:
-    """File the gate records of two shots of one round under each other's number."""
+    """Gate records of two shots of one round exchanged."""
     slot = written.plan.slot
     first, second = (np.flatnonzero(slot == shot) for shot in (1, 4))
     filed = np.arange(len(slot))
@@ -111,26 +111,26 @@ def swapped(record: Any, written: FaultContext) -> Arrays:
 
 
 def every_second_missed(record: Any, written: FaultContext) -> Arrays:
-    """Miss every second ball that comes in, at the gate nearest the bat."""
+    """Every second incoming ball missed at the gate nearest the bat."""
     times = record.times.copy()
     times[written.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
     return {"times": times}
 
 
 def cleared_twice(record: Any, written: FaultContext) -> Arrays:
-    """Clear the gate nearest the bat a second time: its last edge is 0.4 ms later."""
+    """Gate nearest the bat cleared twice: its last edge is 0.4 ms late."""
     times = record.times.copy()
     times[written.some(0.6), Edge.IN, Edge.LAST_GATE, ..., Edge.CLEARED] += 0.4e-3
     return {"times": times}
 
 
 def scraps_of_beams(station: Station) -> Station:
-    """Let boards play the scraps of a sabot, which they do themselves."""
+    """Sabot fragments in front of light boards, which simulate them themselves."""
     return sheet_off("gates", sabot_rate=SCRAPS)(station) or station
 
 
 def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
-    """Break the first gate 30 mm ahead of many a ball, by scraps of the sabot."""
+    """First gate broken 30 mm ahead of many balls, by fragments of the sabot."""
     if isinstance(record, BoardRecord):
         return {}
     times, struck = record.times.copy(), written.some(SCRAPS)
@@ -141,7 +141,7 @@ def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
 
 
 def drifting(record: Any, written: FaultContext) -> Arrays:
-    """Show a greater and greater e0 at the wall from first hit to last, 6 % in all."""
+    """e0 on the wall rising from the first hit to the last, by 6 % in total."""
     times, slot = record.times.copy(), written.plan.slot
     back = times[:, Edge.OUT]
     start = back[:, Edge.LAST_GATE, Edge.BROKEN][:, None, None]
@@ -151,12 +151,12 @@ def drifting(record: Any, written: FaultContext) -> Arrays:
 
 
 def too_slow(plan: ShotPlan) -> ShotPlan:
-    """Fire 3 mph slower than asked for."""
+    """Balls fired 3 mph slower than planned."""
     return replace(plan, speed=plan.speed - 3 * MPH)
 
 
 def slipping(record: Any, written: FaultContext) -> Arrays:
-    """Slip the encoder's coupling once in some of the shots: 20 counts are lost."""
+    """Coupling of the encoder slipping once in some of the shots, with a loss of 20 counts."""
     samples = record.counts.shape[1]
     when = 0.3 + 0.6 * written.chance(".when")
     slipped = np.arange(samples) > samples * when[:, None]
@@ -164,7 +164,7 @@ def slipping(record: Any, written: FaultContext) -> Arrays:
 
 
 def loose(record: Any, written: FaultContext) -> Arrays:
-    """Loosen the bat on the pivot: the encoder follows once 0.3 degrees are taken up."""
+    """Bat loose on the pivot, so that the encoder follows with a play of 0.3 degrees."""
     counts = record.counts
     width = np.round(0.3 / 360 * counts_per_turn(written))
     followed = np.empty_like(counts)
@@ -176,14 +176,14 @@ def loose(record: Any, written: FaultContext) -> Arrays:
 
 
 def still_swinging(record: Any, written: FaultContext) -> Arrays:
-    """Fire while the bat still swings by 0.3 rad/s from being set, either way."""
+    """Bat still swinging at 0.3 rad/s, in either direction, when the ball is fired."""
     way = np.where(written.some(0.5), 1.0, -1.0)
     turned = counts_per_turn(written) / tau * 0.3 * record.times
     return {"counts": record.counts + np.round(way[:, None] * turned)}
 
 
 def counts_per_turn(written: FaultContext) -> float:
-    """Return what the laboratory takes the encoder for."""
+    """Return the counts per turn of the encoder that the laboratory uses."""
     return written.station.calibration["encoder.counts_per_turn"].value
 
 
@@ -198,29 +198,29 @@ def _at_bat(name: str, channel: str, record: Callable[[Any, FaultContext], Array
 CATALOGUE: Mapping[str, Fault] = {
     fault.name: fault
     for fault in (
-        # what times the ball: the recorder's clock runs fast, far more than its sheet allows
+        # timing of the ball: the recorder's clock runs fast, far beyond the limit of its data sheet
         Fault(name="gate-clock", station=constant_off("gates", "clock", times=1 + 100e-6)),
         _at_bat("gate-doubles", "gates", cleared_twice),
         _at_bat("gate-misses", "gates", every_second_missed),
-        # the one nearest the bat was knocked toward the cannon after its survey
+        # the gate nearest the bat was moved toward the cannon after its survey
         Fault(name="gate-moved", station=constant_off("gates", "distance", plus=1e-3)),
         Fault(name="sabot-trip", station=scraps_of_beams, channel="gates", record=scraps_ahead),
         Fault(name="wall-drift", stage=Stage.BALLS, channel="gates", record=drifting),
-        # the machine at the bat: aimed above the bat's axis, and too far from its tip
+        # machine at the bat: aim above the bat's axis, and aim too far from its tip
         Fault(name="aim-across", station=constant_off("cannon", "across", plus=0.3 * INCH)),
         Fault(name="aim-along", station=constant_off("cannon", "along", plus=0.5 * INCH)),
         _at_bat("bat-not-at-rest", "encoder", still_swinging),
-        # dry: it drags, and rubs like a plain one under the blow [N m, 1]
+        # dry bearing: it drags, and under the impact rubs like a plain bearing [N m, 1]
         Fault(
             name="bearing-friction", station=sheet_off("pivot", constant_torque=1.0, friction=0.1)
         ),
         Fault(name="cannon-slow", plan=too_slow),
-        # half the counts a turn that its sheet says
+        # half the counts per turn of its data sheet
         Fault(name="encoder-half-counts", station=constant_off("encoder", "scale", times=0.5)),
         _at_bat("encoder-play", "encoder", loose),
         _at_bat("encoder-slip", "encoder", slipping),
         Fault(name="pivot-off", station=constant_off("pivot", "from_knob", plus=5e-3)),
-        # hands and papers
+        # people and papers
         _at_bench("balance-from-knob", "balance", from_knob),
         # two digits transposed: 5.152 oz for 5.125 oz
         _at_bench("ball-mass-typed", "ball-mass", misread(5.152 / 5.125)),

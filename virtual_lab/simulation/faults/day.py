@@ -1,4 +1,4 @@
-"""A day in the laboratory: the faults that are on, and the seams they are played at."""
+"""The faults of one test day, and their application to stations, plans and records."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultSet:
-    """Everything that goes wrong on one day, in the order it is named; nothing: a sound day."""
+    """The faults of one day, in the order they were named. An empty set is a sound day."""
 
     faults: tuple[Fault, ...] = ()
 
     @classmethod
     def of(cls, names: Iterable[str], *, rig: str) -> FaultSet:
-        """Return the day of some faults at an impact rig.
+        """Return the faults of these names at an impact rig.
 
         Raises
         ------
         InputError
-            No fault of this name, or one that cannot befall the rig.
+            An unknown fault, or one that the rig cannot have.
         """
         names = tuple(dict.fromkeys(names))
         for name in names:
@@ -41,27 +41,27 @@ class FaultSet:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What is on, for the sealed truth."""
+        """Names of the faults, for the sealed truth."""
         return tuple(fault.name for fault in self.faults)
 
     def at(self, stage: Stage) -> list[Fault]:
-        """Return the faults that act at a stage."""
+        """Return the faults that affect a stage."""
         return [fault for fault in self.faults if fault.acts_at(stage)]
 
     def station(self, stage: Stage, station: Station) -> Station:
-        """Return the rig of a stage as it really stands."""
+        """Return the station of a stage with its faults."""
         for fault in self.at(stage):
             station = (fault.station and fault.station(station)) or station
         return station
 
     def calibration(self, known: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
-        """Return the constants as they were entered."""
+        """Return the calibrated constants as the laboratory entered them."""
         for fault in self.faults:
             known = fault.calibration(known) if fault.calibration else known
         return known
 
     def done(self, stage: Stage, plan: ShotPlan, specimen: Specimen) -> tuple[ShotPlan, Specimen]:
-        """Return what is done on this day instead of a plan, and what it is done to."""
+        """Return the plan and the specimen that are really used on this day."""
         for fault in self.at(stage):
             plan = fault.plan(plan) if fault.plan else plan
             specimen = fault.specimen(specimen) if fault.specimen else specimen
@@ -70,7 +70,7 @@ class FaultSet:
     def play(
         self, stage: Stage, station: Station, plan: ShotPlan, specimen: Specimen, draws: Draws
     ) -> RigOutput:
-        """Carry out a plan on this day; the log holds what was asked, whatever was done."""
+        """Carry out a plan with the faults of this day. The log states the original plan."""
         done, specimen = self.done(stage, plan, specimen)
         play = station.play(done, specimen, draws)
         if done is not plan and "log" in play.records:
@@ -85,7 +85,7 @@ class FaultSet:
 
 
 def _able(fault: Fault) -> list[str]:
-    """Return the installed impact rigs that a fault can befall."""
+    """Return the names of the installed impact rigs that can have a fault."""
     return [
         name
         for name, rig in installed_rigs().items()

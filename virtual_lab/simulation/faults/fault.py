@@ -1,7 +1,7 @@
-"""What a fault is: what it changes at the seams where a day in the laboratory can go wrong.
+"""A fault: hooks that change the station, the plan, the specimen or the records of a test day.
 
-A fault changes what is true or what is written down, never what a reduction makes of it; the
-calibrations stay as the laboratory believes them unless the fault is in the believing.
+A fault changes true values or written records, never the reduction. The calibrations remain those
+that the laboratory believes in, unless the fault concerns the calibrations themselves.
 """
 
 from __future__ import annotations
@@ -22,45 +22,45 @@ Standing = Callable[[Station], Station | None]
 
 
 class FaultContext(NamedTuple):
-    """A plan that was played, before its records are filed."""
+    """A plan that was carried out, before its records are filed."""
 
     stage: Stage
     station: Station
     plan: ShotPlan
     play: RigOutput
     draws: Draws
-    fault: str  # under whose name its chances are drawn
+    fault: str  # name of the fault, which its random numbers belong to
 
     def chance(self, part: str = "", shape: tuple[int, ...] = ()) -> NDArray[np.float64]:
-        """Return numbers from 0 to 1 of each shot, (shot,) or (shot, *shape)."""
+        """Return uniform random numbers from 0 to 1 for each shot, (shot, *shape)."""
         name = f"fault.{self.fault}{part}"
         return self.draws.uniform(name, shape, self.plan.slot) + 0.5
 
     def some(self, share: float) -> NDArray[np.bool_]:
-        """Return which shots a fault that comes and goes strikes, a `share` of them, (shot,)."""
+        """Return a mask of the shots with an intermittent fault, a `share` of them, (shot,)."""
         return np.asarray(self.chance() < share)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """One thing that goes wrong, and what it makes of what comes by; None is sound."""
+    """A fault: hooks that change stations, plans or records. A None hook changes nothing."""
 
     name: str
-    stage: Stage | None = Stage.IMPACT  # at which it acts; None: at all
-    # what really stands there instead of a station; None where that offers no such thing
+    stage: Stage | None = Stage.IMPACT  # stage of the test that it affects; None: all stages
+    # function that returns the faulty station, or None if the station cannot have the fault
     station: Standing | None = None
-    specimen: Callable[[Specimen], Specimen] | None = None  # the bat and the balls on the rig
-    plan: Callable[[ShotPlan], ShotPlan] | None = None  # what the machine really does
-    channel: str = ""  # whose record is changed, and that an impact rig must have
-    record: Callable[[Any, FaultContext], Mapping[str, Any]] | None = None  # arrays as written down
+    specimen: Callable[[Specimen], Specimen] | None = None  # bat and balls that are really used
+    plan: Callable[[ShotPlan], ShotPlan] | None = None  # plan that the machine really carries out
+    channel: str = ""  # channel of the changed record, which an impact rig must have
+    record: Callable[[Any, FaultContext], Mapping[str, Any]] | None = None  # changed arrays
     calibration: Callable[[Mapping[str, Estimate]], Mapping[str, Estimate]] | None = None
 
     def acts_at(self, stage: Stage) -> bool:
-        """Return whether it changes anything at a stage."""
+        """Return whether the fault affects a stage."""
         return self.stage in (None, stage)
 
     def befalls(self, rig: Rig, station: Station) -> bool:
-        """Return whether it can befall an impact rig, by what that and its station offer."""
+        """Return whether an impact rig with this station can have the fault."""
         if not self.acts_at(Stage.IMPACT):
             return True
         if self.channel:
@@ -69,9 +69,10 @@ class Fault:
 
 
 def constant_off(part: str, constant: str, *, times: float = 1.0, plus: float = 0.0) -> Standing:
-    """Return what makes a true constant of an instrument differ from its calibration.
+    """Return a hook that changes a true constant of the instrument `part`, not its calibration.
 
-    Of several that are numbered it is the last.
+    The true value is multiplied by `times` and increased by `plus`. If the constants of that name
+    are numbered, the last one is changed.
     """
 
     def standing(station: Station) -> Station | None:
@@ -87,7 +88,7 @@ def constant_off(part: str, constant: str, *, times: float = 1.0, plus: float = 
 
 
 def sheet_off(part: str, **values: float) -> Standing:
-    """Return what makes an instrument differ from its sheet."""
+    """Return a hook that gives the instrument `part` other `values` than its data sheet."""
 
     def standing(station: Station) -> Station | None:
         spec = getattr(instrument_of(station, part), "spec", None)
@@ -99,19 +100,19 @@ def sheet_off(part: str, **values: float) -> Standing:
 
 
 def instrument_of(station: Station, part: str) -> Any:
-    """Return an instrument of a station by its name, None where it offers none."""
+    """Return an instrument of a station by its name, or None."""
     return station.instruments().get(part) if isinstance(station, FittedStation) else None
 
 
 def fitted_with(station: Station, part: str, instrument: Any) -> Station:
-    """Return the station with another instrument of this name."""
+    """Return the station with the instrument `part` replaced."""
     fitted: Any = station
     changed: Station = fitted.with_instrument(part, instrument)
     return changed
 
 
 def other_sheet(station: Station, part: str, **changes: Any) -> Station:
-    """Return a station one of whose instruments is not what its sheet says."""
+    """Return the station with `changes` in the data sheet of the instrument `part`."""
     instrument = instrument_of(station, part)
     spec = replace(instrument.spec, **changes)
     return fitted_with(station, part, replace(instrument, spec=spec))
