@@ -1,10 +1,10 @@
-"""Images of stitched balls that fly and spin: the exact expectation, before any noise.
+"""Images of stitched balls in flight and spin: the exact expected values before noise.
 
-An opaque ball hides what is behind it, so a region is mu = b (1 - cover) + radiance, with the
-share `cover` of each pixel's light that the ball keeps off, and the light it sends instead.
-Both are the sphere's disc, summed over nodes of a quadrature that is as dense as the blur
-demands: the lens's blur (a Gaussian), the pixel's square and the motion are all exact. The
-sphere is shaded as if seen along parallel rays.
+An opaque ball hides the background, so the image of a region is mu = b (1 - cover) + radiance.
+`cover` is the share of a pixel's background light that the ball blocks, and `radiance` is the
+light of the ball itself. Both are integrals over the disc of the sphere, computed with a quadrature
+whose density follows the blur. The blur of the lens (a Gaussian), the square pixel and the motion
+are exact. The shading assumes parallel rays.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ Pixels = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sampling:
-    """How densely a ball is summed."""
+    """Density of the quadrature over a ball."""
 
-    spacing: float = 1.1  # of the nodes, in standard deviations of the blur
-    detail: float = 30.0  # nodes a radius that seams need, however small the ball
-    step: float = 1.12  # from one set of nodes to the next finer one
-    turn: float = 0.5  # pixels the surface may turn in one step of the exposure
-    least_blur: float = 0.5  # pixels
+    spacing: float = 1.1  # distance of the nodes [standard deviations of the blur]
+    detail: float = 30.0  # smallest number of nodes per radius for a ball with seams
+    step: float = 1.12  # ratio of density from one set of nodes to the next
+    turn: float = 0.5  # largest motion of the surface by spin per step of the exposure [px]
+    least_blur: float = 0.5  # [px]
     most_blur: float = 3.0
-    most_spread: float = 0.49  # pixels: what fits the eight grid points a node is spread over
+    most_spread: float = 0.49  # widest Gaussian that fits the eight grid points of a node [px]
 
 
 SAMPLING = Sampling()
@@ -41,10 +41,10 @@ SAMPLING = Sampling()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Light:
-    """Light on the ball: a share from everywhere, the rest from one side.
+    """Light on the ball: the share `ambient` from all directions, the rest from one lamp.
 
-    `toward` points from the ball to the lamp, in axes of the camera: (0, 0, -1) is light from
-    the camera. `softness` 0 is a lamp far away, 1 one as large as half the sky.
+    `toward` points from the ball to the lamp in axes of the camera; (0, 0, -1) is light from the
+    camera. `softness` is 0 for a distant lamp and 1 for one as large as half the sky.
     """
 
     ambient: float = 1.0
@@ -54,16 +54,16 @@ class Light:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderedBalls:
-    """Balls as their light reaches the pixels, each (region, row, column)."""
+    """Images of balls, each (region, row, column)."""
 
-    cover: Pixels  # share of the background's light that a ball keeps off
-    radiance: Pixels  # of the ball; a white surface that squarely faces the lamp has 1
+    cover: Pixels  # share of the background light that the ball blocks
+    radiance: Pixels  # light of the ball, 1 for a white surface that faces the lamp
 
     def over(self, background: ArrayLike, white: ArrayLike) -> Pixels:
         """Return the photoelectrons of each pixel.
 
-        `background` is what they had without a ball, (region, row, column) or less [e], `white`
-        what a white surface would give, () or (region,) [e].
+        `background` is the number without a ball, broadcast to (region, row, column) [e]. `white`
+        is the number for a white surface, () or (region,) [e].
         """
         hidden = np.asarray(background, np.float32) * (1 - self.cover)
         return hidden + np.asarray(white, np.float32).reshape(-1, 1, 1) * self.radiance
@@ -84,37 +84,41 @@ def render_balls(
     warp: ArrayLike | None = None,
     view: ArrayLike | None = None,
 ) -> RenderedBalls:
-    """Return the balls of many regions of one shape.
+    """Return the images of balls in many regions of one shape.
 
     Parameters
     ----------
     path
-        Centres of the ball in the frame, (region, point, 2) [px]: one point (at rest), two (from
-        the start of the exposure to its end), or more, a straight leg between each and the next.
+        Centres of the ball in the frame, (region, point, 2) [px]: one point for a ball at rest,
+        two from the start to the end of the exposure, or more for a path of straight segments.
     radius
-        () or (region,) [px].
+        Radius of the ball, () or (region,) [px].
     corners
-        Each region's first pixel (x, y) in the frame, (region, 2), whole numbers.
+        First pixel (x, y) of each region in the frame, (region, 2), whole numbers.
     shape
-        Rows and columns of every region.
+        Rows and columns of each region.
     sigma
-        Standard deviation of the lens's blur, 0.5 to 3 [px].
+        Standard deviation of the blur of the lens, 0.5 to 3 [px].
+    look
+        Albedo of the ball, and contrast and shape of its seam.
+    light
+        Light on the ball; ambient light by default.
     orientation
-        The ball's axes in its rows, in axes of the camera, at mid-exposure, (region, 3, 3) or less.
+        Axes of the ball at mid-exposure as rows, in axes of the camera, (region, 3, 3) or (3, 3).
     turn
         Rotation vector of the ball over the exposure, (region, 3) or (3,) [rad].
     times
-        When the ball is at each point, from 0 to 1, (region, point); evenly where None.
+        Time of each point of the path, from 0 to 1, (region, point); None means equal steps.
     warp
-        Outlines that are no circles: coefficients of x, y, x², xy and y² that carry the unit
-        disc into pixels about the centre, (region, 2, 5), in place of `radius`.
+        Outlines that are not circles, instead of `radius`: coefficients of x, y, x², xy and y²
+        that map the unit disc to pixels about the centre, (region, 2, 5).
     view
-        Rotation of the direction to the camera, (0, 0, -1), to what it really is, (region, 3, 3).
+        Rotation from the direction (0, 0, -1) to the true direction to the camera, (region, 3, 3).
 
     Raises
     ------
     ValueError
-        Where `sigma` is out of range.
+        `sigma` is out of range.
     """
     from virtual_lab.simulation.instruments.camera.ball_kernel import (
         LANES,
@@ -141,7 +145,7 @@ def render_balls(
     lamp = light or Light()
     toward = np.broadcast_to(lamp.toward, (regions, 3))
     if view is not None:
-        # shading and seams are those of the side that the camera sees
+        # shading and seams of the side that faces the camera
         seen = np.asarray(view, dtype=np.float64)
         turns, toward = (np.einsum("rji,rj->ri", seen, vector) for vector in (turns, toward))
         axes = axes @ seen
@@ -157,7 +161,9 @@ def render_balls(
         SAMPLING.detail if look.seam_contrast else 1.0,
     )
     warp, path, times, body, turned, lit = (
-        np.require(part, np.float64, ["C", "W"])  # one type: the kernel is compiled once
+        np.require(
+            part, np.float64, ["C", "W"]
+        )  # one array type, so that the kernel is compiled once
         for part in (outline, course, when, axes, turns, shades)
     )
     render(
@@ -176,7 +182,7 @@ def render_balls(
 
 
 def axes_of(turn: ArrayLike) -> Array:
-    """Return a ball's axes, (…, 3, 3), after rotation vectors (…, 3) [rad] from the camera's."""
+    """Return a ball's axes, (…, 3, 3), rotated from the camera's by vectors (…, 3) [rad]."""
     return np.swapaxes(rotation(turn), -1, -2)
 
 
@@ -193,15 +199,15 @@ def _gauss_of(number: int) -> Array:
 
 
 def _gauss(blur: float, sigma: float) -> Array:
-    """Return nodes and weights of Gauss and Legendre from 0 to 1, enough for a blur [px]."""
+    """Return Gauss-Legendre nodes and weights from 0 to 1 for a motion blur [px], (2, node)."""
     return _gauss_of(ceil(1.2 * blur / sqrt(sigma**2 + 1 / 12)) + 6)
 
 
 @cache
 def _table(sigma: float) -> Pixels:
-    """Return a Gaussian of `sigma` [px] at eight points half a pixel apart, flat (phase, point).
+    """Return a Gaussian of `sigma` [px] at eight half-pixel steps, flat (phase, point).
 
-    The node lies a phase beyond the fourth point; the last phase only ends the one before.
+    The node lies a phase beyond the fourth point. The last phase is the end of the previous one.
     """
     from virtual_lab.simulation.instruments.camera.ball_kernel import LANES, NODE_PHASES
 
@@ -214,10 +220,10 @@ def _table(sigma: float) -> Pixels:
 
 @cache
 def _nodes(level: int) -> Array:
-    """Return nodes on the unit disc: x, y, the sphere's height there, and their area, (node, 4).
+    """Return nodes on the unit disc, (node, 4): x, y, height of the sphere, and area.
 
-    Rings by Gauss and Legendre in the radius squared, points evenly spaced along each; none is
-    further from the next than 1 / SAMPLING.step^level.
+    The rings are Gauss-Legendre points in the squared radius, with equal spacing along each ring.
+    Neighbouring nodes are at most 1 / SAMPLING.step^level apart.
     """
     fine = SAMPLING.step**level
     rings = ceil(np.pi / 2 * fine) + 3

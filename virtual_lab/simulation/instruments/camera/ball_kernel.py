@@ -1,8 +1,8 @@
-"""Spread a shaded sphere over a fine grid, blur it and gather it into pixels; compiled.
+"""Compiled rendering of a shaded sphere: spread over a fine grid, blurred, gathered into pixels.
 
-The image of a node of the sphere's disc is a Gaussian. A part of its variance is given as nodes
-are spread over a grid of half pixels; the rest, with the pixel's square and the motion, as the
-grid is gathered into pixels. So no step looks a place up, and none sees an edge.
+The image of a node of the disc is a Gaussian. Part of its variance is applied when the nodes are
+spread over a grid of half pixels. The rest, with the square pixel and the motion, is applied when
+the grid is gathered into pixels.
 """
 
 from __future__ import annotations
@@ -20,45 +20,45 @@ from virtual_lab.units import Array
 
 Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
-NODE_PHASES = 256  # of a node between two grid points, in the table of its Gaussian
-REACH = 4.2  # standard deviations of a half of the blur
+NODE_PHASES = 256  # number of positions of a node between two grid points in the table
+REACH = 4.2  # half width of the blur [standard deviations]
 
 
 class Seam(NamedTuple):
-    """The shape of a seam, in its half width."""
+    """Shape of a seam, with lengths relative to its half width."""
 
     groove: float = 0.3
-    row: float = 0.45  # of stitches: half its width
-    away: float = 0.55  # from the groove
+    row: float = 0.45  # half width of a row of stitches
+    away: float = 0.55  # distance of a row from the groove
     slant: float = 4.0
-    stitches: float = 54.0  # pairs in half a round of the seam
-    evening: float = 1.1  # makes them evenly spaced
+    stitches: float = 54.0  # number of pairs of stitches in half a turn of the seam
+    evening: float = 1.1  # factor that spaces the stitches evenly
 
 
 SEAM = Seam()
 
 
 class KernelLook(NamedTuple):
-    """What all balls of a batch share."""
+    """Properties common to all balls of a batch."""
 
-    nodes: Array  # (node, 4): x, y, z of the unit sphere, share of the disc
-    surface: Array  # (4,): albedo, the seam's contrast, width and neck
-    table: Pixels  # flat: the Gaussian at eight grid points for each phase of a node
-    blur: float  # what `table` leaves of the lens's [px]
-    gauss: Array  # (2, point): nodes and weights along a leg of the path
-    size: int  # columns of the grid
+    nodes: Array  # (node, 4): x, y, z on the unit sphere, share of the disc
+    surface: Array  # (4,): albedo; contrast, width and neck of the seam
+    table: Pixels  # flat: Gaussian at eight grid points for each phase of a node
+    blur: float  # remaining blur of the lens, without that of `table` [px]
+    gauss: Array  # (2, point): nodes and weights along a segment of the path
+    size: int  # number of columns of the grid
 
 
 class ShownBall(NamedTuple):
-    """One ball, or (region, ...) of a batch."""
+    """Properties of one ball; the arrays of a batch have a leading axis of regions."""
 
-    warp: Array  # (2, 5) from the unit disc to the picture [px]
-    path: Array  # (point, 2) from the region's first pixel [px]
-    times: Array  # (point,) 0 to 1
-    body: Array  # (3, 3) axes of the ball in its rows
-    turn: Array  # (3,) rotation vector during the exposure [rad]
-    light: Array  # (5,): toward the lamp, ambient, softness
-    spans: NDArray[np.int64]  # steps in which a ball that turns is rendered
+    warp: Array  # (2, 5), map from the unit disc to the picture [px]
+    path: Array  # (point, 2), from the first pixel of the region [px]
+    times: Array  # (point,), from 0 to 1
+    body: Array  # (3, 3), axes of the ball as rows
+    turn: Array  # (3,), rotation vector over the exposure [rad]
+    light: Array  # (5,): direction to the lamp, ambient, softness
+    spans: NDArray[np.int64]  # number of steps in which a spinning ball is rendered
 
 
 @njit(**FAST)
@@ -68,9 +68,9 @@ def _bump(u: float) -> float:
 
 @njit(**FAST)
 def _albedo(x: float, y: float, z: float, look: Array) -> float:
-    """Return the albedo at a unit vector in axes of the ball.
+    """Return the albedo at a unit vector (x, y, z) in axes of the ball.
 
-    The seam is x^2 - y^2 + neck z = 0; about it, the first-order distance to it in radii.
+    The seam is the curve x^2 - y^2 + neck z = 0. The distance to it is of first order, in radii.
     """
     white, contrast, width, neck = look[0], look[1], look[2], look[3]
     square = x * x - y * y
@@ -90,7 +90,7 @@ def _albedo(x: float, y: float, z: float, look: Array) -> float:
 
 @njit(**FAST)
 def _spread(warp: Array, body: Array, light: Array, seen: KernelLook, grid: Pixels) -> None:
-    """Fill `grid`, rows of the disc and of its radiance in turn."""
+    """Fill `grid` with alternate rows of the disc and of its radiance."""
     nodes, look, table, size = seen.nodes, seen.surface, seen.table, seen.size
     for k in range(grid.size):
         grid[k] = 0
@@ -125,7 +125,7 @@ def _spread(warp: Array, body: Array, light: Array, seen: KernelLook, grid: Pixe
         column, row = int(px), int(py)
         _phase(px - column, table, across)
         _phase(py - row, table, down)
-        weight = np.float32(4 * abs(area) * share)  # four half pixels squared are a pixel
+        weight = np.float32(4 * abs(area) * share)  # one pixel has four grid cells
         bright = np.float32(shine)
         at = 2 * row * size + column
         for k in range(LANES):
@@ -137,7 +137,7 @@ def _spread(warp: Array, body: Array, light: Array, seen: KernelLook, grid: Pixe
 
 @njit(**FAST)
 def _phase(part: float, table: Pixels, out: Pixels) -> None:
-    """Set `out` to the Gaussian of a node `part` of the way from a grid point to the next."""
+    """Set `out` to the Gaussian of a node at a fraction `part` of the grid spacing."""
     entry = NODE_PHASES * part
     number = int(entry)
     rest = np.float32(entry - number)
@@ -157,9 +157,9 @@ def _weights(
     first: NDArray[np.int64],
     out: Array,
 ) -> None:
-    """Fill `out` with the pixel's square and the blur left, along the path from start to end.
+    """Fill `out` with the weights of square pixel, remaining blur and motion from start to end.
 
-    Element (k, l) is what a grid point gives a pixel (first + (k, l)) / 2 away from it.
+    Element (k, l) is the weight of a grid point for a pixel at a distance (first + (k, l)) / 2.
     """
     gauss, s = look.gauss, look.blur
     for k in range(len(out)):
@@ -191,10 +191,10 @@ def _weights(
 def _gather(
     grid: Pixels, planes: Pixels, weights: Array, first: NDArray[np.int64], out: Pixels
 ) -> None:
-    """Add to pixels `out` (channel, row, column) what grid points give them.
+    """Add the weighted grid points to the pixels `out` (channel, row, column).
 
-    `planes` (row, channel, parity, column) takes even and odd columns of the grid apart, so that
-    what follows one pixel after the other lies side by side.
+    `planes` (row, channel, parity, column) separates even and odd columns of the grid, so that the
+    points of neighbouring pixels are adjacent in memory.
     """
     size, _, _, columns = planes.shape
     for row in range(size):
@@ -227,7 +227,7 @@ def _gather(
 
 @njit(**FAST)
 def _turned(turn: Array, share: float, body: Array, out: Array) -> None:
-    """Set `out` to `body` (axes of the ball in its rows) after a share of a rotation vector."""
+    """Set `out` to `body` (axes of the ball as rows), rotated by a share of a rotation vector."""
     angle = share * sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
     a = share * (sin(angle) / angle if angle != 0 else 1.0)
     b = share * share * ((1 - cos(angle)) / (angle * angle) if angle != 0 else 0.5)
@@ -241,7 +241,7 @@ def _turned(turn: Array, share: float, body: Array, out: Array) -> None:
 
 @njit(**FAST)
 def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
-    """Render region after region, adding to `out` (region, channel, row, column)."""
+    """Render all regions and add them to `out` (region, channel, row, column)."""
     size = look.size
     grid = np.empty(2 * size * size, np.float32)
     planes = np.empty((size, 2, 2, size // 2), np.float32)

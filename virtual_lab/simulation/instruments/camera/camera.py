@@ -1,4 +1,4 @@
-"""The camera of one laboratory: what it watches, frame by frame, and what it writes of it."""
+"""The camera of one laboratory: its frames of the flights, and the records it writes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Pixels = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class Camera(CalibratedInstrument[CameraSpec]):
-    """Its true lens, pose, clock and sensor."""
+    """A camera with its true lens, pose, clock and sensor."""
 
     sensor: Sensor
 
@@ -55,26 +55,26 @@ class Camera(CalibratedInstrument[CameraSpec]):
 
     @property
     def lens(self) -> TrueLens:
-        """The lens where it really hangs."""
+        """True lens and pose."""
         return TrueLens.of(self.true)
 
     @property
     def clock(self) -> float:
-        """Its seconds a true second."""
+        """Seconds of the camera's clock per true second."""
         return float(self.true["clock"])
 
     @property
     def plane(self) -> float:
-        """Height of the rig's line of fire in the axes that were calibrated [m]."""
+        """Height of the rig's line of fire in the calibrated axes [m]."""
         return float(self.true["plane"])
 
     def frames(
         self, course: Course, draws: Draws, name: str, slots: Slots, *, whole: bool = False
     ) -> Frames:
-        """Return the frames it keeps of a batch: those in whose picture the ball's centre is.
+        """Return the frames of a batch of shots that show the centre of the ball.
 
-        `whole` keeps the others too. The camera runs freely: where contact falls between two
-        frames is chance.
+        With `whole` the other frames are returned, too. The camera runs freely, so the time of the
+        contact between two frames is random.
         """
         spec, lens, clock = self.spec, self.lens, self.clock
         lift = np.array([0.0, 0.0, self.plane])
@@ -126,9 +126,9 @@ class Camera(CalibratedInstrument[CameraSpec]):
         detail: RecordDetail = RecordDetail.FULL,
         bat: FilmedBat | None = None,
     ) -> tuple[ClipRecord | TrackRecord, dict[str, Array]]:
-        """Record the balls of a batch of shots; return what is written, and the truth of it.
+        """Return the record of a batch of shots, and the true values of its frames.
 
-        The truth is of every frame, (shot, frame, …), NaN where there is none: see `Frames`.
+        The true values are those of `Frames.truth`, (shot, frame, …), NaN for a missing frame.
         """
         frames = self.frames(course, draws, name, slots)
         if detail is RecordDetail.FULL:
@@ -138,9 +138,9 @@ class Camera(CalibratedInstrument[CameraSpec]):
     def render(
         self, frames: Frames, corners: NDArray[np.int64], behind: Pixels, bat: FilmedBat | None
     ) -> Pixels:
-        """Return the electrons that light frees on average in windows from `corners` (n, 2) on.
+        """Return the expected electrons in the windows whose first pixels are `corners` (n, 2).
 
-        `behind` (n, row, column) is what they are without ball and bat, with steady lamps.
+        `behind` (n, row, column) are those without ball and bat, with steady lamps.
         """
         spec = self.spec
         seen = render_balls(
@@ -165,7 +165,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
     def put(
         self, bat: FilmedBat, angle: Array, corners: NDArray[np.int64], electrons: Pixels
     ) -> None:
-        """Put a bat that has turned by angles (n,) over windows from `corners` on."""
+        """Draw a bat at angles (n,) [rad] into the windows whose first pixels are `corners`."""
         from virtual_lab.simulation.instruments.camera.scene_kernel import hide_behind
 
         spec, light = self.spec, self.light
@@ -182,7 +182,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
 
     @property
     def light(self) -> Light:
-        """The light on the ball, in axes of the camera."""
+        """Light on the ball, in axes of the camera."""
         light = self.spec.light
         toward = self.lens.rotation @ np.asarray(light.toward)
         x, y, z = toward / np.linalg.norm(toward)
@@ -199,7 +199,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         corners = np.clip(corners, 0, most)
         still, numbers = background(spec), frames.numbers(slots)
         pixels: list[NDArray[Any]] = []
-        few = 256  # windows that are rendered together
+        few = 256  # number of windows that are rendered together
         for start in range(0, len(corners), few):
             part = slice(start, start + few)
             behind = windows(still, corners[part], spec.window)
@@ -224,7 +224,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         )
 
     def empty(self, draws: Draws, name: str, bat: FilmedBat | None = None) -> Pixels:
-        """Return the mean of the frames taken before the shots, (row, column), noise and all."""
+        """Return the mean of the frames taken before the shots, with noise, (row, column)."""
         spec = self.spec
         behind = background(spec)[None]
         if bat is not None:
@@ -236,18 +236,18 @@ class Camera(CalibratedInstrument[CameraSpec]):
         )
 
     def _track(self, frames: Frames, draws: Draws, name: str, slots: Slots) -> TrackRecord:
-        """Write places as a tracker would: the least uncertainty there can be, times a little.
+        """Return positions as a tracker would write them, with 1.1 times the smallest possible u.
 
-        Of an edge of contrast C in noise of variance V the Cramér-Rao bound of a disc is
-        V/C² · 2s/(√π R) where it stands still, V/C² · L/(4R) along a blur L ≫ s. V is that of
-        the edge's pixels, each by what it says of a shift: the mean of 1/V where the edge is steep.
+        For an edge of contrast C in noise of variance V, the Cramér-Rao bound of a disc is
+        V/C² · 2s/(√π R) at rest and V/C² · L/(4R) along a blur L ≫ s. V is the variance of the
+        pixels on the edge: 1/V is averaged with the squared slope of the edge as weight.
         """
         spec, light = self.spec, self.light
         shine = light.ambient + (1 - light.ambient) * (light.softness / (1 + light.softness))
         ball = spec.light.ball * spec.exposed * spec.ball.albedo * shine
         behind = spec.light.background * spec.exposed
         across = NormalDist()
-        edge = np.linspace(-3, 3, 31)  # across it, in standard deviations of its blur
+        edge = np.linspace(-3, 3, 31)  # distance from the edge [standard deviations of the blur]
         steep = np.array([across.pdf(z) ** 2 for z in edge])
         mean = np.array([behind + (ball - behind) * across.cdf(z) for z in edge])
         noise = steep.sum() / (steep / (mean + spec.sensor.read_noise**2)).sum()

@@ -1,4 +1,4 @@
-"""Whole frames of a shot, and films of them: lossless with true time stamps, or to look at."""
+"""Whole frames of a shot, as a lossless film with time stamps and as a preview."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.streams import Draws, Slots
 
 Frame = NDArray[Any]
-PREVIEW_WIDTH = 480  # pixels
+PREVIEW_WIDTH = 480  # [px]
 
 
 def whole_frames(
@@ -30,10 +30,10 @@ def whole_frames(
     bat: FilmedBat | None = None,
     count: int | None = None,
 ) -> Iterator[tuple[float, Frame]]:
-    """Yield time stamp [s] and grey values (row, column) of the first shot's frames in turn.
+    """Yield time stamp [s] and grey values (row, column) of each frame of the first shot.
 
-    They go from the first frame the camera keeps to the last, whether the ball is there or not:
-    all of them, or `count` at equal steps.
+    These are all frames that the camera records, with or without the ball, or `count` of them at
+    equal steps.
     """
     spec = camera.spec
     frames = camera.frames(course, draws, name, slots, whole=True)
@@ -81,12 +81,13 @@ def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraS
 
 
 def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -> None:
-    """Write grey frames as FFV1 in MP4, their time stamps beside it.
+    """Write grey frames as a lossless film, FFV1 in MP4, with their time stamps in ``NAME.csv``.
 
-    The stamps stand in ``NAME.csv``. FFV1 keeps every bit; the film is opened again and every frame
-    counted and its first compared, for writers lose frames without a word. Frames are a time stamp
-    [s] and grey values (row, column) of 8 bits or 16 in turn, read once, at a `rate` a second.
-    `InputError` where there are none, or the file does not hold what was written.
+    `frames` yields the time stamp [s] and the grey values (row, column), of 8 or 16 bits, of each
+    frame; `rate` is the number of frames per second. Because video writers can lose frames
+    silently, the film is opened again, its frames are counted, and the first one is compared.
+
+    Raises `InputError` if there are no frames or the film does not contain what was written.
     """
     import cv2
 
@@ -138,7 +139,7 @@ def _writer(path: Path, grey: Frame, rate: float) -> Any:
 
 
 def write_preview(path: Path, small: Sequence[Frame], full_scale: float) -> None:
-    """Write small frames as an animated WebP in slow motion that a browser plays."""
+    """Write small frames as an animated WebP in slow motion, which browsers can play."""
     import cv2
 
     animation = cv2.Animation()

@@ -1,4 +1,4 @@
-"""The true lens where it really hangs: points of the rig to pixels, spheres to their outlines."""
+"""True lens and pose of a camera: projection of points to pixels, and of spheres to outlines."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlines:
-    """Images of spheres, arrays with a leading axis of n."""
+    """Images of n spheres."""
 
-    centre: Array  # of the sphere, (n, 2) [px]
-    warp: Array  # (n, 2, 5), what `render_balls` takes
-    view: Array  # (n, 3, 3), likewise
+    centre: Array  # (n, 2), image of the sphere's centre [px]
+    warp: Array  # (n, 2, 5), argument of `render_balls`
+    view: Array  # (n, 3, 3), argument of `render_balls`
 
     def __getitem__(self, some: slice) -> Self:
         return type(self)(centre=self.centre[some], warp=self.warp[some], view=self.view[some])
 
     @property
     def middle(self) -> Array:
-        """Centre of the outline's area, (n, 2) [px]: not where the sphere's own centre is.
+        """Centroid of the outline, (n, 2) [px], which is not the image of the sphere's centre.
 
-        The mean of the mapped disc, its parts weighed by how the map stretches them: <u²> = 1/4.
+        It is the mean of the mapped disc, weighted by the stretch of the map, with <u²> = 1/4.
         """
         (a, b, aa, ab, bb), (c, d, cc, cd, dd) = self.warp.transpose(1, 2, 0)
         stretch = np.stack(
@@ -42,23 +42,23 @@ class Outlines:
 
     @property
     def radius(self) -> Array:
-        """Radius of a circle as large as the outline, (n,) [px]."""
+        """Radius of the circle with the area of the outline, (n,) [px]."""
         return np.asarray(np.sqrt(np.abs(np.linalg.det(self.warp[:, :, :2]))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueLens:
-    """Lens and pose of one camera, as they are."""
+    """True lens and pose of one camera."""
 
-    focal: float  # [px]
-    centre: Array  # pixel the axis meets, (2,)
+    focal: float  # focal length [px]
+    centre: Array  # (2,), principal point [px]
     distortion: Array  # k1, k2, p1, p2, k3
-    tilt: Array  # rotation vector from looking straight down, (3,) [rad]
-    place: Array  # of the pinhole in axes of the rig, (3,) [m]
+    tilt: Array  # (3,), rotation vector from the vertical view [rad]
+    place: Array  # (3,), position of the pinhole in axes of the rig [m]
 
     @classmethod
     def of(cls, true: Mapping[str, float]) -> Self:
-        """Return the lens of a camera with these true constants."""
+        """Return the lens from the true constants of a camera."""
         return cls(
             focal=true["focal"],
             centre=np.array([true[f"centre_{axis}"] for axis in "xy"]),
@@ -69,30 +69,30 @@ class TrueLens:
 
     @property
     def rotation(self) -> Array:
-        """From axes of the rig to those of the camera, (3, 3)."""
+        """Rotation from axes of the rig to axes of the camera, (3, 3)."""
         return looking_down(self.tilt)
 
     def seen(self, points: ArrayLike) -> Array:
-        """Return points of the rig [m] in axes of the camera, (…, 3)."""
+        """Return points of the rig [m], (…, 3), in axes of the camera."""
         return np.asarray((np.asarray(points, dtype=np.float64) - self.place) @ self.rotation.T)
 
     def drawn(self, points: ArrayLike) -> Array:
-        """Return the pixels of points in axes of the camera, (…, 3) to (…, 2)."""
+        """Return the pixels (…, 2) of points (…, 3) in axes of the camera."""
         return projected(points, self.focal, self.centre, self.distortion)
 
     def outlines(self, centres: ArrayLike, radius: float) -> Outlines:
-        """Return the images of spheres about `centres` (n, 3) of the rig [m].
+        """Return the images of spheres with `centres` (n, 3) in axes of the rig [m].
 
-        A sphere is seen within a cone about the way to its centre, of sine radius / distance;
-        the lens carries the cone's cross-section, a disc, into pixels. What is kept of that map
-        is exact to the second order about the centre, and to the third on the rim.
+        A sphere appears within a cone about the direction to its centre; the sine of its half angle
+        is radius / distance. The lens maps the cross-section of the cone, a disc, to pixels. The
+        stored map is exact to second order about the centre, and to third order on the rim.
         """
         place = self.seen(centres)
         far = np.linalg.norm(place, axis=1)
         way = place / far[:, None]
         view = _turned_to(way)
         opening = radius / np.sqrt(far**2 - radius**2)
-        around = np.arange(16) * np.pi / 8  # the outline is traced in these directions
+        around = np.arange(16) * np.pi / 8  # directions in which the outline is traced
         u, v = np.cos(around), np.sin(around)
         rim = u[:, None] * view[:, None, :, 0] + v[:, None] * view[:, None, :, 1]
         centre = self.drawn(way)
@@ -103,7 +103,7 @@ class TrueLens:
 
 
 def _turned_to(way: Array) -> Array:
-    """Return the rotations that carry z to unit vectors (n, 3) the shortest way, (n, 3, 3)."""
+    """Return the smallest rotations from z to the unit vectors `way` (n, 3), (n, 3, 3)."""
     x, y, z = way.T
     first = np.stack([1 - x * x / (1 + z), -x * y / (1 + z), -x], axis=1)
     second = np.stack([-x * y / (1 + z), 1 - y * y / (1 + z), -y], axis=1)

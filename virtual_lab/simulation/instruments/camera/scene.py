@@ -1,4 +1,4 @@
-"""What stands before the camera: the light behind the ball, and the bat."""
+"""Scene of the camera: background light and bat."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ Pixels = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilmedBat:
-    """A round bat that turns about its pivot once it was hit; distances from the pivot on [m]."""
+    """A round bat that rotates about its pivot after the contact; distances from the pivot [m]."""
 
     pivot: tuple[float, float]  # X and Y
-    stations: Array  # along the axis toward the tip, (station,)
+    stations: Array  # (station,), distance along the axis toward the tip
     half_widths: Array  # (station,)
-    contact: Array  # (shot,) [s]
-    rate: Array  # of turning after it, away from the cannon, (shot,) [rad/s]
+    contact: Array  # (shot,), time of the contact [s]
+    rate: Array  # (shot,), angular rate after it, away from the cannon [rad/s]
 
     def angle(self, shot: NDArray[np.intp], time: Array) -> Array:
-        """Return how far the bat has turned, (n,) [rad]."""
+        """Return the angle of the bat, (n,) [rad]."""
         return np.asarray(self.rate[shot] * np.maximum(time - self.contact[shot], 0.0))
 
     def edges(self, angle: Array, lens: TrueLens) -> tuple[Array, Array]:
-        """Return the edges toward the cannon and away from it, each (n, station, 2) [px]."""
+        """Return the edge facing the cannon and the opposite edge, each (n, station, 2) [px]."""
         sine, cosine = np.sin(angle)[:, None], np.cos(angle)[:, None]
 
         def edge(side: float) -> Array:
@@ -44,7 +44,7 @@ class FilmedBat:
 
 
 def background(spec: CameraSpec) -> Pixels:
-    """Return the electrons that the light behind the ball frees, (row, column), at rest."""
+    """Return the expected electrons of the background with steady lamps, (row, column)."""
     sensor, light = spec.sensor, spec.light
     x = (np.arange(sensor.columns) + 0.5) / sensor.columns - 0.5
     y = (np.arange(sensor.rows) + 0.5) / sensor.rows - 0.5
@@ -54,13 +54,13 @@ def background(spec: CameraSpec) -> Pixels:
 
 
 def flicker(spec: CameraSpec, time: Array, phase: Array) -> Array:
-    """Return how bright all lamps burn at times [s] since a phase [turns], relative."""
+    """Return the relative brightness of the lamps at `time` [s], with `phase` [turns] at 0."""
     turns = spec.light.flicker_frequency * time + phase
     return np.asarray(1 + spec.light.flicker * np.sin(2 * np.pi * turns))
 
 
 def windows(picture: Pixels, corners: ArrayLike, side: int) -> Pixels:
-    """Return squares of a picture (row, column) from their first pixels (n, 2): (n, side, side)."""
+    """Return square windows (n, side, side) of a picture, given their first pixels (n, 2)."""
     views = np.lib.stride_tricks.sliding_window_view(picture, (side, side))
     x, y = np.asarray(corners).T
     return np.asarray(views[y, x], np.float32)

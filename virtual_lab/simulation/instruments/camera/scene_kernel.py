@@ -1,4 +1,4 @@
-"""Put the silhouette of a bat over regions; compiled."""
+"""Compiled drawing of the silhouette of a bat into regions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
 
 @njit(**FAST)
 def _step(z: float) -> float:
-    """Return the normal distribution's share below z."""
+    """Return the cumulative normal distribution at z."""
     if z > 6.0:
         return 1.0
     return 0.0 if z < -6.0 else 0.5 * (1 + erf(z / sqrt(2.0)))
@@ -25,7 +25,7 @@ def _step(z: float) -> float:
 
 @njit(**FAST)
 def _crossing(edge: Array, y: float) -> tuple[float, float]:
-    """Return x and the cosine of an edge (station, 2) at the height y; stations rise in -y."""
+    """Return x and the cosine of the slope of an edge (station, 2) at y, which falls along it."""
     k = 0
     while k < len(edge) - 2 and edge[k + 1, 1] > y:
         k += 1
@@ -44,11 +44,11 @@ def hide_behind(
     blur: float,
     electrons: Pixels,
 ) -> None:
-    """Blend a bat into `electrons` (region, row, column).
+    """Draw a bat into `electrons` (region, row, column).
 
-    `near` and `far` (region, station, 2) are its edges in pixels, left and right, from the pivot
-    to the tip; `light` (x, y, z toward the lamp, ambient, softness) in axes of the camera;
-    `white` is what a surface of the bat's albedo that faces the lamp sends [e].
+    `near` and `far` (region, station, 2) are its left and right edges in pixels, from the pivot to
+    the tip. `light` is the direction to the lamp in axes of the camera, ambient and softness, (5,).
+    `white` is the number of electrons for a surface of the bat that faces the lamp [e].
     """
     for r in range(len(electrons)):
         last = near.shape[1] - 1

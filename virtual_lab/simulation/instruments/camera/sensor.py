@@ -1,8 +1,8 @@
-"""The sensor: from the electrons that light should free to the grey values it writes.
+"""The sensor of a camera: from expected electrons to grey values.
 
-After EMVA 1288: shot noise of Poisson (its Gaussian where there are many), read noise, dark
-signal, maps of how pixels differ that are the camera's own, full well, gain, and whole grey
-values that end at full scale.
+The model follows EMVA 1288: Poisson shot noise (Gaussian for many electrons), read noise, dark
+signal, fixed maps of the differences between pixels, full well, gain, and integer grey values up
+to full scale.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Pixels = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class Sensor(CalibratedInstrument[SensorSpec]):
-    """The sensor of one camera, its maps drawn once."""
+    """The sensor of one camera, with fixed maps of its pixels."""
 
-    response: Pixels  # of each pixel, (row, column), about 1
-    offset: Pixels  # of each pixel, (row, column) [e]
+    response: Pixels  # response of each pixel relative to the mean, (row, column)
+    offset: Pixels  # dark signal of each pixel relative to the mean, (row, column) [e]
 
     @classmethod
     def commission(cls, spec: SensorSpec, draws: Draws, name: str) -> Self:
@@ -38,7 +38,7 @@ class Sensor(CalibratedInstrument[SensorSpec]):
 
     @property
     def gain(self) -> float:
-        """Grey values an electron."""
+        """Grey values per electron."""
         return float(self.true["gain"])
 
     def exact(self) -> dict[str, Estimate]:
@@ -62,10 +62,10 @@ class Sensor(CalibratedInstrument[SensorSpec]):
     ) -> NDArray[Any]:
         """Return grey values of regions, (region, row, column).
 
-        They are whole numbers of 8 or 16 bits, or real ones where the sensor does not count.
-        `electrons` are what light frees in each pixel on average [e], in regions from the pixels
-        `corners` (x, y) on, (region, 2). Noise belongs to the regions' numbers `slots`, in turn
-        without; dark current flows for `exposure` [s].
+        They are integers of 8 or 16 bits, or floats if the sensor does not digitise. `electrons`
+        are the expected electrons of each pixel [e] in regions whose first pixels (x, y) are
+        `corners` (region, 2). The noise belongs to the numbers `slots` of the regions, 0, 1, … by
+        default. Dark current flows for `exposure` [s].
         """
         from virtual_lab.simulation.instruments.camera.sensor_kernel import (
             Electronics,
@@ -102,10 +102,10 @@ class Sensor(CalibratedInstrument[SensorSpec]):
     def mean_of(
         self, electrons: Pixels, count: int, draws: Draws, name: str, exposure: float = 0.0
     ) -> Pixels:
-        """Return the mean of grey values of `count` whole frames of one scene, (row, column).
+        """Return the mean grey values of `count` whole frames of one scene, (row, column).
 
-        `electrons` are what light frees on average, as `exposure` in `expose`. The noise of a
-        mean is drawn once, and is far finer than a grey value: rounding adds its variance.
+        `electrons` and `exposure` are those of `expose`. The noise of the mean is drawn once. It is
+        much smaller than one grey value, so rounding is treated as additional variance.
         """
         spec = self.spec
         gathered = electrons * self.response + np.float32(spec.dark_current * exposure)

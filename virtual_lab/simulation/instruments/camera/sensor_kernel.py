@@ -1,4 +1,4 @@
-"""From expected electrons to noisy grey values, pixel by pixel; compiled."""
+"""Compiled conversion of expected electrons to noisy grey values, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from virtual_lab.units import Array
 
 Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy"}
-DIM = np.float32(25)  # electrons below which noise is Poisson's own, not the Gaussian near it
-# a product is quicker than a quotient; no dim pixel gathers more electrons
+DIM = np.float32(25)  # number of electrons below which the noise is exactly Poisson, not Gaussian
+# reciprocals, because a product is faster than a quotient; no dim pixel has more electrons
 INVERSE = 1 / np.maximum(np.arange(128), 1)
 
 
 class Electronics(NamedTuple):
-    """What turns electrons into grey values [e, DN]."""
+    """Constants of the conversion from electrons to grey values [e, DN]."""
 
-    read: float  # noise
+    read: float  # read noise
     full_well: float
     gain: float
     black: float
-    whole: bool  # grey values are counted
-    top: float  # greatest grey value
+    whole: bool  # whether grey values are integers
+    top: float  # largest grey value
 
 
 @njit(**FAST)
 def expect(
     electrons: Pixels, corners: NDArray[np.int64], response: Pixels, dark: float, out: Pixels
 ) -> bool:
-    """Fill `out` (region, row, column) with what each pixel gathers; return whether any is dim.
+    """Fill `out` (region, row, column) with the electrons of each pixel. Return if any is dim.
 
-    `response` is the sensor's map, to which `corners` (region, 2), columns and rows, point;
-    beyond the sensor all pixels are alike.
+    `response` is the map of the sensor, and `corners` (region, 2) are the first column and row of
+    each region in it. Beyond the sensor the response is 1.
     """
     dim = 0
     rows, columns = response.shape
@@ -56,7 +56,7 @@ def expect(
 
 @njit(**FAST)
 def _poisson(mean: float, share: float) -> float:
-    """Return the quantile of a Poisson distribution."""
+    """Return the quantile of the Poisson distribution of `mean` at the probability `share`."""
     term = exp(-mean)
     below, count = term, 0
     while below < share and count < INVERSE.size - 1:
@@ -76,9 +76,10 @@ def read_out(
     wired: Electronics,
     out: Any,
 ) -> None:
-    """Fill `out` (region, row, column) with grey values; `uniform` is as large if any is dim.
+    """Fill `out` (region, row, column) with grey values.
 
-    Numbers of exactly 0 are the middle of their distributions: they leave the mean as it is.
+    `normal` and, if any pixel is dim, `uniform` have the shape of `out`. A random number of exactly
+    0 is the middle of its distribution and gives the mean.
     """
     read, full_well, gain, black, whole, top = wired
     rows, columns = offset.shape

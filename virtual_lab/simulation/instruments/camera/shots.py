@@ -1,4 +1,4 @@
-"""The flights before a camera, and all that is true of each frame that it takes of them."""
+"""Flights in front of a camera, and the true values of each of its frames."""
 
 from __future__ import annotations
 
@@ -20,51 +20,51 @@ Ints = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frames:
-    """The frames that show a ball, of all shots one after the other: arrays with a leading n."""
+    """The n frames of all shots that show a ball: arrays with a leading axis of n."""
 
-    layout: tuple[int, int]  # shots, and frames that are kept of each at most
+    layout: tuple[int, int]  # number of shots, and largest number of frames per shot
     shot: Ints
-    number: Ints  # of the frame among those of its shot
-    time: Array  # the middle of the exposure, since the trigger [s]
-    stamp: Array  # what the camera's clock says of it [s]
-    position: Array  # of the ball in axes of the rig, (n, 3) [m]
-    path: Array  # of the image of its centre during the exposure, (n, 4, 2) [px]
-    shares: Array  # of the exposure that end at each point of the path, (n, 4)
-    axes: Array  # of the ball in its rows, axes of the rig, (n, 3, 3)
-    turn: Array  # rotation vector over the exposure, axes of the rig, (n, 3)
+    number: Ints  # number of the frame within its shot
+    time: Array  # middle of the exposure after the trigger [s]
+    stamp: Array  # time stamp of the camera's clock [s]
+    position: Array  # (n, 3), position of the ball in axes of the rig [m]
+    path: Array  # (n, 4, 2), path of the image of its centre during the exposure [px]
+    shares: Array  # (n, 4), time of each point of the path [share of the exposure]
+    axes: Array  # (n, 3, 3), axes of the ball as rows, in axes of the rig
+    turn: Array  # (n, 3), rotation vector over the exposure, in axes of the rig
     outlines: Outlines
-    brightness: Array  # of all lamps, relative
+    brightness: Array  # relative brightness of the lamps
 
     @property
     def blur(self) -> Array:
-        """Return how far the image moves during the exposure, (n, 2) [px]."""
+        """Motion of the image during the exposure, (n, 2) [px]."""
         return np.asarray(self.path[:, -1] - self.path[:, 0])
 
     def part(self, some: slice) -> Self:
-        """Return some of the frames."""
+        """Return the frames of a slice."""
         own = {part.name: getattr(self, part.name) for part in fields(self)}
         del own["layout"]
         return replace(self, **{name: values[some] for name, values in own.items()})
 
     def numbers(self, slots: Slots) -> Slots:
-        """Return each frame's number in its laboratory, (n,), from its shot's in `slots`."""
+        """Return the number of each frame in its laboratory, (n,), given those of the shots."""
         return np.asarray(slots[self.shot] * self.layout[1] + self.number)
 
     def laid(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return values (n, …) by shot and frame, NaN (0 in whole numbers) where there is none."""
+        """Return values (n, …) as a table (shot, frame, …), with NaN or 0 for a missing frame."""
         blank = np.nan if np.issubdtype(values.dtype, np.floating) else 0
         table = np.full((*self.layout, *values.shape[1:]), blank, values.dtype)
         table[self.shot, self.number] = values
         return table
 
     def truth(self) -> dict[str, Array]:
-        """Return what is sealed: times [s], places [m], and where the images lie [px]."""
+        """Return the true values to be sealed: times [s], positions [m], image positions [px]."""
         outlines = self.outlines
         return {
             "frame_time": self.laid(self.time),
             "frame_position": self.laid(self.position),
-            "frame_centre": self.laid(outlines.centre),  # of the ball
-            "frame_outline": self.laid(outlines.middle),  # of what is seen of it
+            "frame_centre": self.laid(outlines.centre),  # image of the ball's centre
+            "frame_outline": self.laid(outlines.middle),  # centroid of its outline
             "frame_radius": self.laid(outlines.radius),
             "frame_blur": self.laid(self.blur),
         }
@@ -74,23 +74,23 @@ class Frames:
 class Course:
     """Flights of a batch and their spin, in axes of the rig; arrays with a leading shot axis.
 
-    X runs with the ball toward the bat, Y along the bat to its tip, Z up; spins are rotation
-    vectors a second.
+    X points with the ball toward the bat, Y along the bat to its tip, Z up. A spin is a rotation
+    vector per second.
     """
 
     passage: Passage
-    contact: Array  # (shot,) [s]
-    leaving: Array  # (shot,) [s]
-    along: Array  # Y of the flight, (shot,) [m]
+    contact: Array  # (shot,), time of first touch [s]
+    leaving: Array  # (shot,), time of release [s]
+    along: Array  # (shot,), Y of the flight [m]
     spin_in: Array  # (shot, 3) [rad/s]
     spin_out: Array  # (shot, 3) [rad/s]
-    stand: Array  # rotation vector of the ball at contact, (shot, 3)
+    stand: Array  # (shot, 3), rotation vector of the ball at contact
 
     def at(self, shot: Ints, time: Array) -> Array:
-        """Return the ball's centre of each of n shots at a time, (n, 3) [m].
+        """Return the position of the ball's centre for n pairs of shot and time, (n, 3) [m].
 
-        While it touches, the centre goes on, stops and turns back on a cubic that has the
-        speeds in and out at its ends.
+        During the contact the centre moves on a cubic that has the incoming and the rebound speed
+        at its ends.
         """
         flight, shots = self.passage, len(self.contact)
 
@@ -115,7 +115,7 @@ class Course:
         return np.stack([x, self.along[shot], z], axis=1)
 
     def axes(self, shot: Ints, time: Array) -> tuple[Array, Array]:
-        """Return the ball's axes in their rows, (n, 3, 3), and its spin (n, 3) [rad/s]."""
+        """Return the ball's axes as rows, (n, 3, 3), and its spin, (n, 3) [rad/s]."""
         before = np.minimum(time - self.contact[shot], 0.0)[:, None]
         after = np.maximum(time - self.leaving[shot], 0.0)[:, None]
         turned = rotation(self.spin_out[shot] * after) @ rotation(self.spin_in[shot] * before)

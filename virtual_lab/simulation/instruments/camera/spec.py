@@ -1,4 +1,4 @@
-"""What data sheets say of a camera and its sensor, and how what stands before it looks."""
+"""Data sheets of a camera, its sensor, lens, pose, clock and light, and of the look of a ball."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Time = Annotated[float, Ge(0), Dimension("time")]
 Rate = Annotated[float, Ge(0), Dimension("rate")]
 Number = Annotated[float, Dimension("number")]
 Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
-Count = Annotated[int, Dimension("number", 1, 10_000)]  # of pixels
+Count = Annotated[int, Dimension("number", 1, 10_000)]  # number of pixels or frames
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 
 
@@ -45,81 +45,79 @@ class SensorSpec(CalibratedSpec):
     pixel: PositiveLength
     quantum_efficiency: Annotated[float, Gt(0), Le(1), Dimension("number")]
     full_well: PositiveNumber  # [e]
-    gain: PositiveNumber  # grey values an electron
+    gain: PositiveNumber  # grey values per electron
     gain_u: NonNegative  # relative
     read_noise: NonNegative  # [e]
     dark_current: Annotated[float, Ge(0), Dimension("rate")]  # [e/s]
-    photo_response: NonNegative  # its non-uniformity, PRNU: relative, pixel to pixel
-    dark_signal: NonNegative  # its non-uniformity, DSNU: pixel to pixel [e]
+    photo_response: NonNegative  # PRNU, relative standard deviation between pixels
+    dark_signal: NonNegative  # DSNU, standard deviation between pixels [e]
     black_level: NonNegative  # grey value without light
     bits: Annotated[int, Ge(1), Le(16), Dimension("number")]
     whole_counts: YesNo = True
 
     @property
     def full_scale(self) -> int:
-        """The greatest grey value."""
+        """Largest grey value."""
         return int(2**self.bits - 1)
 
     def certificate(self) -> dict[str, Estimate]:
-        """Return what a photon transfer measurement found with an uncertainty."""
+        """Return the constants that a photon transfer measurement gives, with uncertainties."""
         return {"gain": certified(self.gain, self.gain * self.gain_u)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallLook(Spec):
-    """How a ball looks: its albedo, and how its seam is darker."""
+    """Look of a ball: its albedo and its darker seam."""
 
     albedo: Share
-    seam_contrast: Share  # how much darker the seam is, as a share; 0: a plain ball
-    seam_width: PositiveNumber = 0.14  # half of it, stitches and all, in radii of the ball
+    seam_contrast: Share  # relative darkness of the seam, 0 for a plain ball
+    seam_width: PositiveNumber = 0.14  # half width of the seam with its stitches [ball radii]
     neck: Annotated[float, Gt(0), Lt(1), Dimension("number")] = (
-        0.34  # half, between seams, in radii
+        0.34  # half distance between the seams [ball radii]
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LensSpec(CalibratedSpec):
-    """A lens as calibrated: a pinhole with distortion, and how it blurs."""
+    """A lens: a pinhole with distortion and blur."""
 
     focal_length: PositiveLength
     focal_length_u: NonNegative  # relative
     centre_u: LengthU
     distortion: Annotated[tuple[float, ...], Len(5, 5), Dimension("number")]  # k1, k2, p1, p2, k3
     distortion_u: Annotated[tuple[float, ...], Len(5, 5), Dimension("number")]
-    # where the axis meets the sensor, from its middle, on the sensor
+    # principal point relative to the centre of the sensor
     centre: Annotated[tuple[float, ...], Len(2, 2), Dimension("length")] = (0.0, 0.0)
-    blur: PositiveLength  # standard deviation of a point's image, on the sensor
+    blur: PositiveLength  # standard deviation of the image of a point on the sensor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseSpec(CalibratedSpec):
-    """Where the camera hangs and what it looks at, in axes of the rig.
+    """Position and direction of the camera in axes of the rig.
 
-    X runs with the ball toward the bat, Y along the bat from pivot to tip, Z up; the origin is
-    the ball's centre at contact. Not tilted it looks straight down with X to the right.
+    X points with the ball toward the bat, Y along the bat from pivot to tip, Z up. The origin is
+    the ball's centre at contact. Without tilt the camera looks straight down, with X to the right.
     """
 
     place: Annotated[tuple[float, ...], Len(3, 3), Dimension("length")]
-    place_u: LengthU  # each way
+    place_u: LengthU  # standard uncertainty of each coordinate
     tilt: Annotated[tuple[float, ...], Len(3, 3), Dimension("angle")]  # about X, Y and Z
     tilt_u: Annotated[float, Ge(0), Dimension("angle")]
     plane_u: LengthU
-    plane: Annotated[float, Dimension("length")] = 0.0  # height of the line of fire, as calibrated
+    plane: Annotated[float, Dimension("length")] = 0.0  # calibrated height of the line of fire
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockSpec(CalibratedSpec):
-    """When frames are taken and for how long; a frame's time is the middle of its exposure."""
+    """Clock of the camera. The time of a frame is the middle of its exposure."""
 
     other_errors: ClassVar[tuple[str, ...]] = ("drop_rate",)
 
     frame_rate: Annotated[float, Ge(500), Le(100_000), Dimension("frequency")]
     exposure: Annotated[float, Gt(0), Dimension("time")]
     clock_u: NonNegative
-    clock_fast: Annotated[float, Gt(-1), Dimension("number")] = (
-        0.0  # its seconds a true one, less 1
-    )
-    jitter: Time  # of a time stamp about the frame's time
+    clock_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # relative rate error
+    jitter: Time  # standard deviation of a time stamp
     drop_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of frames lost
 
     def __post_init__(self) -> None:
@@ -132,22 +130,22 @@ class ClockSpec(CalibratedSpec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LightSpec(CalibratedSpec):
-    """Light on the ball and behind it, as photons that reach a pixel."""
+    """Light on the ball and behind it, as the rate of photons that reach a pixel."""
 
     other_errors: ClassVar[tuple[str, ...]] = ("slope", "bowl", "flicker")
 
-    ball: Rate  # from a white surface that squarely faces the lamp
-    ambient: Share  # of it, from everywhere
+    ball: Rate  # rate from a white surface that faces the lamp
+    ambient: Share  # share of the light from all directions
     toward: Annotated[
         tuple[float, ...], Len(3, 3), Dimension("number")
-    ]  # the lamp, axes of the rig
-    softness: Share  # 0: a lamp far away; 1: as large as half the sky
+    ]  # direction to the lamp in axes of the rig
+    softness: Share  # 0 for a distant lamp, 1 for one as large as half the sky
     background: Rate
     slope: Annotated[
         tuple[float, ...], Len(2, 2), Dimension("number")
-    ]  # rise over width and height
+    ]  # relative rise of the background over width and height
     bowl: Number  # relative rise of the background to a corner
-    flicker: Share  # amplitude
+    flicker: Share  # relative amplitude of the flicker
     flicker_frequency: Annotated[float, Ge(0), Dimension("frequency")]
     bat: Share  # albedo of the bat
 
@@ -164,10 +162,10 @@ class CameraSpec(CalibratedSpec):
     clock: ClockSpec
     light: LightSpec
     ball: BallLook
-    empty_frames: Count  # taken before the shots, for their background
-    frames_in: Count  # kept of those before contact
-    frames_out: Count  # and of those after it
-    window: Count  # side of what is kept of each frame [px]
+    empty_frames: Count  # number of frames taken before the shots, for the background
+    frames_in: Count  # number of frames before the contact
+    frames_out: Count  # number of frames after the contact
+    window: Count  # side of the recorded window [px]
 
     def __post_init__(self) -> None:
         if self.window > min(self.sensor.rows, self.sensor.columns):
@@ -175,19 +173,19 @@ class CameraSpec(CalibratedSpec):
 
     @property
     def blur(self) -> float:
-        """Standard deviation of the lens's blur [px]."""
+        """Standard deviation of the blur of the lens [px]."""
         return self.lens.blur / self.sensor.pixel
 
     @property
     def exposed(self) -> float:
-        """Electrons for each photon a second that reaches a pixel [e s]."""
+        """Electrons per frame for a rate of one photon per second on a pixel [e s]."""
         return self.sensor.quantum_efficiency * self.clock.exposure
 
     def certificate(self) -> dict[str, Estimate]:
-        """Return what its calibration found but for the sensor's, lengths on it in pixels.
+        """Return the calibrated constants except those of the sensor, with lengths on it in pixels.
 
-        ``place`` is where the pinhole is in axes of the rig and ``tilt`` how the camera is turned
-        from looking straight down; ``plane`` is the height of the line of fire.
+        ``place`` is the position of the pinhole in axes of the rig, ``tilt`` the rotation from the
+        vertical view, and ``plane`` the height of the line of fire.
         """
         lens, pose, pixel = self.lens, self.pose, self.sensor.pixel
         focal = lens.focal_length / pixel

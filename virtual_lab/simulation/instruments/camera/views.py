@@ -1,8 +1,9 @@
-"""Views of a board through the true lens: what a laboratory calibrates its camera with.
+"""Views of a calibration board through the true lens.
 
-A chessboard is the product of two square waves, each blurred across its own edges in closed form:
-lens and pixel as one Gaussian. At a crossing both stay odd, so no corner moves. Markers are blurred
-likewise, cell by cell. The first view lies in the plane that the calibration takes for the ball's.
+A chessboard is the product of two square waves. Each is blurred across its edges in closed form,
+with lens and pixel as one Gaussian. Both remain odd functions about a corner, so the corners do not
+move. Markers are blurred in the same way, cell by cell. In the first view the board lies in the
+plane that the calibration uses for the ball.
 """
 
 from __future__ import annotations
@@ -24,15 +25,15 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoardLook:
-    """How a board is lit and held."""
+    """Light, albedos and poses of a board."""
 
-    lit: float = 0.6  # of the full well, on white
-    paper: float = 0.9  # albedos
+    lit: float = 0.6  # exposure of white paper [share of the full well]
+    paper: float = 0.9  # albedo of the paper
     ink: float = 0.06
-    beyond: float = 0.02  # of what is behind the board
-    lean: float = 0.6  # spread of the poses [rad]
-    nearer: float = 0.35  # toward the camera [m]
-    aside: float = 0.25  # [m]
+    beyond: float = 0.02  # albedo behind the board
+    lean: float = 0.6  # spread of the angles of the poses [rad]
+    nearer: float = 0.35  # spread of the distance toward the camera [m]
+    aside: float = 0.25  # spread of the lateral position [m]
 
 
 LOOK = BoardLook()
@@ -41,10 +42,10 @@ LOOK = BoardLook()
 def board_views(
     camera: Camera, board: Board, views: int, draws: Draws, name: str
 ) -> Iterator[tuple[NDArray[Any], Array]]:
-    """Yield grey pictures (row, column) of a board, and where its corners truly are.
+    """Yield grey pictures (row, column) of a board, and the true positions of its corners.
 
-    The corners are (corner, 3) in the axes that are calibrated [m]. The first view is flat at
-    Z = 0, its rows along X; in the others it is held nearer, askew and aside.
+    The corners are (corner, 3) in the calibrated axes [m]. In the first view the board is flat at
+    Z = 0, with its rows along X. In the others it is closer, tilted and off-centre.
     """
     spec = camera.spec
     rays = _rays(camera.lens, (spec.sensor.rows, spec.sensor.columns))
@@ -67,12 +68,12 @@ def board_views(
 def _drawn(
     lens: TrueLens, board: Board, turned: Array, place: Array, rays: Array, blur: float
 ) -> Array:
-    """Return the albedo that each pixel sees on average, (row, column)."""
-    axes = lens.rotation @ turned  # the board's, in columns, in axes of the camera
+    """Return the mean albedo in each pixel, (row, column)."""
+    axes = lens.rotation @ turned  # axes of the board as columns, in axes of the camera
     origin = lens.seen(place)
     reach = (axes[:, 2] @ origin) / (rays @ axes[:, 2])
     on_board = (reach[..., None] * rays - origin) @ axes / board.square
-    u = on_board[..., 0] + board.columns / 2  # in squares, from the first one's outer corner
+    u = on_board[..., 0] + board.columns / 2  # from the outer corner of the first square [squares]
     v = on_board[..., 1] + board.rows / 2
     wide, high = (blur * np.hypot(*np.gradient(way)) for way in (u, v))
     waves = _wave(u, wide, board.columns) * _wave(v, high, board.rows)
@@ -86,12 +87,12 @@ def _drawn(
 
 
 def _markers(board: Board, u: Array, v: Array, wide: Array, high: Array) -> Array:
-    """Return the share of each pixel that is a marker's ink, at places in squares."""
+    """Return the share of ink of the markers in each pixel, at positions u, v [squares]."""
     ids = board.marker_at()
     column = np.clip(np.floor(u).astype(int), 0, board.columns - 1)
     row = np.clip(np.floor(v).astype(int), 0, board.rows - 1)
     inks = _inks(board.dictionary, int(ids.max()) + 1)
-    cells = inks.shape[1] - 4  # a border of paper, two cells wide, stands about the ink
+    cells = inks.shape[1] - 4  # without the border of paper, two cells wide
     size = board.marker / board.square / cells
     across, down = ((place - 0.5) / size + cells / 2 for place in (u - column, v - row))
     first, second = _shares(across, wide / size, cells), _shares(down, high / size, cells)
@@ -104,7 +105,7 @@ def _markers(board: Board, u: Array, v: Array, wide: Array, high: Array) -> Arra
 
 
 def _shares(place: Array, width: Array, cells: int) -> list[tuple[NDArray[np.intp], Array]]:
-    """Return a pixel's nearest three cells and its share of each, in a row of cells."""
+    """Return the three cells nearest to each pixel in a row of cells, and its share of each."""
     nearest = np.clip(np.floor(place), -1, cells)
     before = 1 - _share(place - nearest, width)
     after = _share(place - nearest - 1, width)
@@ -113,7 +114,7 @@ def _shares(place: Array, width: Array, cells: int) -> list[tuple[NDArray[np.int
 
 
 def _inks(dictionary: str, count: int) -> Array:
-    """Return where the first markers have ink, paper about them, (marker, cell, cell)."""
+    """Return the cells with ink of the first `count` markers, with border, (marker, cell, cell)."""
     from cv2 import aruco
 
     words = aruco.getPredefinedDictionary(getattr(aruco, f"DICT_{dictionary}"))
@@ -123,29 +124,29 @@ def _inks(dictionary: str, count: int) -> Array:
 
 
 def _wave(place: Array, width: Array, number: int) -> Array:
-    """Return a wave of ±1 that changes its sign at 1, 2 … number - 1, blurred by `width`."""
+    """Return a square wave of ±1 with sign changes at 1, 2 … number - 1, blurred by `width`."""
     nearest = np.clip(np.rint(place), 1, number - 1)
     sign = np.where(nearest % 2 == 0, 1.0, -1.0)
     return np.asarray(sign * (2 * _share(place - nearest, width) - 1))
 
 
 def _inside(place: Array, width: Array, number: int, border: int) -> Array:
-    """Return the share of a pixel between -border and number + border, blurred by `width`."""
+    """Return the share of each pixel between -border and number + border, blurred by `width`."""
     return _share(place + border, width) * _share(number + border - place, width)
 
 
 def _share(ahead: Array, width: Array) -> Array:
-    """Return how much of a blurred step there is `ahead` of it."""
+    """Return a step blurred by `width`, at a distance `ahead` of it."""
     from scipy.special import ndtr
 
     return np.asarray(ndtr(ahead / width))
 
 
 def _rays(lens: TrueLens, shape: tuple[int, int]) -> Array:
-    """Return the way each pixel looks, (row, column, 3) with z = 1, axes of the camera."""
+    """Return the direction of each pixel in axes of the camera, (row, column, 3) with z = 1."""
     y, x = np.indices(shape, dtype=np.float64)
     bent = (np.stack([x, y], axis=-1) - lens.centre) / lens.focal
     straight = bent.copy()
-    for _ in range(12):  # each some ten times closer
+    for _ in range(12):  # each step reduces the error about tenfold
         straight += bent - distorted(straight, lens.distortion)
     return np.concatenate([straight, np.ones((*shape, 1))], axis=-1)
