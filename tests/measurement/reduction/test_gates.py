@@ -56,6 +56,20 @@ def test_speeds_of_a_flown_ball(speed_in: float, speed_out: float, drag: float) 
     assert seen.speed_out == pytest.approx(speed_out, rel=1e-6)
 
 
+def test_a_flight_through_thick_air_is_that_of_both_ways() -> None:
+    """κ x of 1.2 at the far gate, where a series in κ x would no longer do: a feather.
+
+    Passages of a point, so that no radius blurs them.
+    """
+    places, drag = np.array([FAR, NEAR]), 2.0
+    ways = ((20, True), (15, False))
+    times = [flown(speed, places, drag=drag, towards=way) for speed, way in ways]
+    record = GateRecord(times=0.2 + np.repeat(np.stack(times)[None, ..., None], 2, axis=3))
+    seen = flights(SURVEYED, "impact", passages(record), np.array([drag]))
+    assert seen.speed_in == pytest.approx(20, rel=1e-9)
+    assert seen.speed_out == pytest.approx(15, rel=1e-9)
+
+
 def test_air_matters() -> None:
     """The same record reduced without air is off by κ x: the test above tests something."""
     record = record_of(26.8224, 7.0, DRAG)

@@ -121,6 +121,15 @@ def test_nothing_to_fit_at_all_is_said(contact: float, said: str) -> None:
         fitted(turn()[0], np.array([contact]))
 
 
+def test_u_of_half_against_whole_is_that_of_the_difference_of_their_weights() -> None:
+    """A record of a single count is a shot's weight of that sample, in both rates."""
+    before = int(np.searchsorted(TIMES, CONTACT - 1e-3))
+    record = EncoderRecord(counts=np.eye(TIMES.size)[:before], times=TIMES)
+    found = fit_swing(record, np.full(before, CONTACT), np.zeros(before))
+    whole, half = np.linalg.norm(found.rate), np.linalg.norm(found.by_half - found.rate)
+    assert found.by_half_u / found.rate_u == pytest.approx(np.full(before, half / whole), rel=1e-6)
+
+
 def test_u_of_a_swing_is_its_scatter_and_so_is_that_of_its_halves() -> None:
     """4 000 shots with white noise of a count: z of both has variance 1, to four of its √(2/4000).
 
