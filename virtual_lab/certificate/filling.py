@@ -63,6 +63,7 @@ from virtual_lab.measurement.reduction.air import (
     measured_density,
 )
 from virtual_lab.measurement.reduction.kinematics import batted_speed
+from virtual_lab.measurement.reduction.rate import unwrapped
 from virtual_lab.measurement.reduction.recoil import RECOIL
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.measurement.swing_range import SwingResult
@@ -509,9 +510,9 @@ def _encoder(certification: Certification) -> EncoderTrace | None:
     Rotation and vibration are fitted here again, with the frequencies and decays that the
     reduction found for all shots: for display only, no result uses this fit.
     """
-    counts = certification.session.records["impact"].get("encoder")
-    recoil, seen = certification.readings.recoil, np.isfinite(certification.shots.speed)
-    if not isinstance(counts, EncoderRecord) or recoil is None or not seen.any():
+    counts, recoil = _counts(certification), certification.readings.recoil
+    seen = np.isfinite(certification.shots.speed)
+    if counts is None or recoil is None or not seen.any():
         return None
     valid = certification.judgement.valid
     shot = int((valid if valid.any() else seen).argmax())
@@ -528,11 +529,8 @@ def _encoder(certification: Certification) -> EncoderTrace | None:
 
 def _contact_sheet(certification: Certification) -> Iterator[RingRecorded]:
     """Yield the encoder record of every shot seen, less its turn: for display only."""
-    counts, recoil = (
-        certification.session.records["impact"].get("encoder"),
-        certification.readings.recoil,
-    )
-    if not isinstance(counts, EncoderRecord) or recoil is None:
+    counts, recoil = _counts(certification), certification.readings.recoil
+    if counts is None or recoil is None:
         return
     for shot in np.flatnonzero(np.isfinite(certification.shots.speed)).tolist():
         after, angle = _angle_of(certification, counts, shot)
@@ -557,6 +555,15 @@ def _trace(after: Array, angle: Array, fit: Array) -> Trace:
         for values, places in ((after * 1e3, 4), (angle, 5), (fit, 5))
     )
     return Trace(time_ms=time, angle_deg=shown, fit_deg=fitted)
+
+
+def _counts(certification: Certification) -> EncoderRecord | None:
+    """Return the encoder's record as the reduction reads it; None without counts."""
+    record = certification.session.records["impact"].get("encoder")
+    if not isinstance(record, EncoderRecord):
+        return None
+    turn = certification.session.calibration["impact.encoder.counts_per_turn"].value
+    return unwrapped(record, turn, certification.readings.flights.raw.contact)
 
 
 def _angle_of(

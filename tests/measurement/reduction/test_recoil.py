@@ -12,7 +12,7 @@ from math import tau
 import numpy as np
 import pytest
 
-from virtual_lab.measurement.reduction.rate import RateFit
+from virtual_lab.measurement.reduction.rate import RateFit, unwrapped
 from virtual_lab.measurement.reduction.recoil import RECOIL, fit_recoil
 from virtual_lab.records import EncoderRecord
 
@@ -111,6 +111,34 @@ def test_a_bat_at_rest_before_contact() -> None:
     turning = EncoderRecord(counts=one.record.counts + np.floor(drift), times=one.record.times)
     before = fit_recoil(turning, one.contact).before
     assert before == pytest.approx(500, abs=20)
+
+
+@pytest.mark.parametrize("signed", [False, True])
+@pytest.mark.parametrize("period", [2**10, 2**12, 2**16, 2**32, COUNTS])
+def test_a_counter_that_starts_again_is_read_on(period: int, signed: bool) -> None:
+    """By the definition of such a counter: its range begins at 0, or half of it lies below 0."""
+    one = make(3)
+    counts = one.record.counts
+    top = period // 2 if signed else period
+    shown = (counts + top - counts.max(axis=1).min() // 2 + top - period) % period + top - period
+    assert shown.min() >= top - period
+    assert shown.max() < top
+    seen = EncoderRecord(counts=shown, times=one.record.times)
+    assert np.ptp(np.diff(shown)) > period - 100
+    found = unwrapped(seen, COUNTS, one.contact)
+    assert np.array_equal(np.diff(found.counts), np.diff(counts))
+    at = np.searchsorted(one.record.times, one.contact)
+    assert np.abs(found.counts[np.arange(SHOTS), at]).max() <= period / 2
+
+
+def test_a_counter_that_jumps_by_what_no_counter_starts_again_at_stays_as_it_is() -> None:
+    """By 300 counts, more than half the range of 9 bits, which all counts fit into."""
+    one = make(3, counts=300)
+    jumped = one.record.counts + 300.0 * (one.record.times > 0.07)
+    assert 300 < np.ptp(jumped) < 512
+    record = EncoderRecord(counts=jumped, times=one.record.times)
+    for seen in (one.record, record):
+        assert unwrapped(seen, 300, one.contact) is seen
 
 
 def test_without_rings() -> None:

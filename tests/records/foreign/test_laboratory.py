@@ -6,15 +6,19 @@ import json
 import re
 import shutil
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.cli.test_cli import Run, run  # noqa: F401 a fixture
 from tests.foreign_laboratory.make import ANSWER, RECORDS
 from virtual_lab.api import reduce
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.errors import InputError
+from virtual_lab.measurement.certification import certify_session
+from virtual_lab.records import EncoderRecord
 from virtual_lab.records.foreign.laboratory import LaboratoryForm, load_laboratory
 from virtual_lab.records.foreign.table import ChannelForm
 from virtual_lab.records.origin import Supplied
@@ -68,6 +72,22 @@ def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
     assert kept["laboratory"] == "Crosstown Bat Laboratory"
     assert kept["calibration"]["bench.scale.span"]["source"] == "certificate 4411"
     assert not (tmp_path / "theirs/truth").exists()
+
+
+def test_a_signed_counter_that_starts_again_changes_nothing() -> None:
+    """Of 16 bits, 32767 then -32768 in the midst of every record; nor on the certificate's plot."""
+    session = load_laboratory(RECORDS)
+    encoder = session.records["impact"]["encoder"]
+    assert isinstance(encoder, EncoderRecord)
+    counts = (encoder.counts + 32_700 + 32_768) % 65_536 - 32_768
+    impact = {**session.records["impact"], "encoder": replace(encoder, counts=counts)}
+    signed = replace(session, records={**session.records, "impact": impact})
+    whole, found = certify_session(session), certify_session(signed)
+    assert found.metric.value == pytest.approx(whole.metric.value, rel=1e-10)
+    assert found.metric.u == pytest.approx(whole.metric.u, rel=1e-10)
+    plots = [certificate(each).encoder.turn for each in (whole, found)]
+    known, shown = (np.array(plot.angle_deg) for plot in plots)
+    assert shown - shown[0] == pytest.approx(known - known[0], abs=1e-5)
 
 
 Change = Callable[[Path], object]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.reduction.flights import FlightReadings, Shots, some_of
 from virtual_lab.measurement.reduction.makers import flight_readings
-from virtual_lab.measurement.reduction.rate import RateFit, summed_up, unseen
+from virtual_lab.measurement.reduction.rate import RateFit, summed_up, unseen, unwrapped
 from virtual_lab.measurement.reduction.recoil import fit_recoil
 from virtual_lab.measurement.reduction.swing import fit_swing
 from virtual_lab.records import (
@@ -307,8 +307,9 @@ def _rates(
         raise InputError(where, "times", None, "must rise in even steps")
     if not np.isfinite(contact).any():
         return unseen(len(contact))
+    turn = block.calibration[f"impact.{channel}.counts_per_turn"].value[0]  # counts are of one
     try:
-        return fit(record, contact)
+        return fit(unwrapped(record, turn, contact), contact)
     except ValueError as fault:
         raise InputError(where, "times", None, str(fault)) from fault
 

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.measurement.reduction.flights import Shots, some_of
-from virtual_lab.records import RateRecord
+from virtual_lab.records import EncoderRecord, RateRecord
 from virtual_lab.units import Array
 
+WIDTHS = range(8, 33)  # of a counter that starts again [bit]
 MOST_MISFIT = 1.5  # of a fit that holds, over what counting and noise at rest leave
 
 
@@ -51,6 +52,30 @@ class RateFit:
     def noise(self) -> Array:
         """Rms that counting and noise at rest leave, (shot,) [counts]."""
         return np.hypot(self.counting, np.nan_to_num(self.rest))
+
+
+def unwrapped(record: EncoderRecord, counts_per_turn: float, contact: Array) -> EncoderRecord:
+    """Return the record of a counter that never starts again.
+
+    A counter of n bits, with or without a sign, and one that counts a turn start again at the other
+    end of their range. Such a step is larger than half the range, which the counts fill. The
+    counts at `contact`, (shot,) [s], are left within half the range of 0.
+    """
+    counts = record.counts
+    steps = np.diff(counts)
+    size, extent = np.abs(steps), np.ptp(counts)
+    for period in sorted({counts_per_turn, *(2.0**bits for bits in WIDTHS)}):
+        again = size > period / 2
+        if extent < period and again.any():
+            usual = size[~again].max(initial=1.0)
+            if (np.abs(size[again] - period) > 2 * usual).any():
+                continue  # a fault, which the fit shows
+            counts = counts.copy()
+            counts[:, 1:] -= period * np.cumsum(np.sign(steps) * again, axis=1)
+            at = np.searchsorted(record.times, contact).clip(max=record.times.size - 1)
+            ends = counts[np.arange(len(counts)), at]
+            return replace(record, counts=counts - period * np.rint(ends / period)[:, None])
+    return record
 
 
 def counting_noise(counts: Array) -> float:
