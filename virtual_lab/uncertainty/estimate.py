@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite, isnan, sqrt
+from math import inf, isfinite, isnan
 from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,12 +97,19 @@ def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0) -> Estimate:
     return means_of_readings(values[None], least_u=least_u).of(0)
 
 
-def means_of_readings(readings: Array, *, least_u: Array | float = 0.0) -> Known:
-    """Return the means of a block, as `mean_of_readings` of each row (laboratory, n)."""
-    scatter = readings.std(axis=1, ddof=1) / sqrt(readings.shape[1])
+def means_of_readings(
+    readings: Array, *, used: Mask | None = None, least_u: Array | float = 0.0
+) -> Known:
+    """Return the means of a block, as `mean_of_readings` of each row (laboratory, n).
+
+    `used`, of the same shape, tells which readings count; None: all do.
+    """
+    counted = np.ones(readings.shape, dtype=bool) if used is None else used
+    number = counted.sum(axis=1)
+    scatter = readings.std(axis=1, ddof=1, where=counted) / np.sqrt(number)
     return Known(
-        value=readings.mean(axis=1),
+        value=readings.mean(axis=1, where=counted),
         u=np.maximum(scatter, least_u),
-        dof=np.where(scatter >= least_u, readings.shape[1] - 1.0, inf),
+        dof=np.where(scatter >= least_u, number - 1.0, inf),
         evaluation="A",
     )

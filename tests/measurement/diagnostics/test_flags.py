@@ -16,7 +16,7 @@ from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.measurement.certification import certify_session
-from virtual_lab.measurement.diagnostics.bench import wall_drift
+from virtual_lab.measurement.diagnostics.bench import _worst_release, wall_drift
 from virtual_lab.measurement.diagnostics.flag import REMARKED, Pairs, chance, pairs
 from virtual_lab.measurement.reduction.observations import BallReadings
 from virtual_lab.records import BoardRecord, GateRecord, PendulumRecord, ShotLog
@@ -333,6 +333,73 @@ def test_a_passage_of_the_pendulum_lost_or_counted_twice_decides_nothing(procedu
         assert flag.invalidates
         shown = float(flag.sentence.split("%")[0].rpartition(" ")[2])
         assert shown == pytest.approx(100 * (swings / left - 1), abs=0.05)
+
+
+def with_a_gap(session: Session, releases: list[int], passage: int, by: float) -> Session:
+    """Return a session in which swings before a passage last longer by a share of themselves."""
+    times = session.records["bench"]["pendulum"].times.copy()
+    gap = times[releases, passage] - times[releases, passage - 1]
+    times[releases, passage:] += by * gap[:, None]
+    return changed(session, "bench", "pendulum", times=times)
+
+
+@pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
+@pytest.mark.parametrize(
+    ("releases", "passage", "by", "shown"), [([2], 5, 1.0, "2.00"), ([4, 1], 10, -0.5, "0.50")]
+)
+def test_a_release_with_a_passage_lost_or_counted_twice_is_left_out_and_named(
+    procedure: str, releases: list[int], passage: int, by: float, shown: str
+) -> None:
+    """What the others give is the result, to a fifth of its u: once a remark-free 7 u."""
+    session = certified("r161", procedure=procedure, seed=300).certification.session
+    untouched = certify_session(session).metric
+    found = certify_session(with_a_gap(session, releases, passage, by))
+    assert abs(found.metric.value - untouched.value) < 0.2 * untouched.u
+    assert found.metric.u == pytest.approx(untouched.u, rel=0.01)
+    (flag,) = found.flags
+    assert not flag.invalidates
+    assert flag.sentence.startswith(
+        f"release {min(releases) + 1} of bench/pendulum: after passage {passage} a swing lasts "
+        f"{shown} times the usual one"
+    )
+    assert f"; {len(releases)} of 5 releases are like this" in flag.sentence
+
+
+def test_releases_too_few_to_tell_which_are_right_decide_nothing(sound: Session) -> None:
+    """Three of five, and one of two."""
+    record = sound.records["bench"]["pendulum"]
+    assert isinstance(record, PendulumRecord)
+    two = replace(
+        sound,
+        records=sound.records
+        | {"bench": sound.records["bench"] | {"pendulum": record.rows(slice(2))}},
+    )
+    for few in (with_a_gap(sound, [0, 2, 3], 5, 1.0), with_a_gap(two, [1], 5, 1.0)):
+        flags = certify_session(few).flags
+        assert [flag.invalidates for flag in flags if flag.name == "pendulum-even"] == [True]
+
+
+def test_a_release_far_from_the_others_is_judged_by_their_scatter(sound: Session) -> None:
+    """A last passage .1 s late moves BBCOR by half of its u, and no scatter hides it."""
+    found = certify_session(with_a_gap(sound, [1], 10, 0.07))
+    (flag,) = [each for each in found.flags if each.name == "pendulum-even"]
+    assert flag.invalidates
+    assert "of release 2 of bench/pendulum is 0.70% off its median one" in flag.sentence
+
+
+@pytest.mark.parametrize("releases", [4, 5, 8])
+def test_the_worst_release_is_as_rarely_far_off_as_chance_says(releases: int) -> None:
+    """Of 40 000 laboratories with normal scatter, to four standard deviations of a count.
+
+    Also to be INVALID, where each difference would move the result by as many u as it has.
+    """
+    apart = np.random.default_rng(20261126).normal(3.0, 0.1, (40_000, releases))
+    found = _worst_release(apart, np.full(len(apart), 10.0 * releases))
+    for chances in (found.likely, found.harmful):
+        for chance_of in (0.05, 0.01, 1e-3):
+            number, most = np.sum(chances < chance_of), chance_of * len(apart)
+            assert number < most + 4 * most**0.5
+    assert np.sum(found.likely < 0.05) > 0.9 * 0.05 * len(apart)
 
 
 def test_marks_off_the_aim_decide_nothing_where_the_result_hangs_on_them() -> None:

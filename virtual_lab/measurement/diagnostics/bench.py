@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import pi, sqrt
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
 
 from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.measurement.diagnostics.evidence import Evidence
-from virtual_lab.measurement.diagnostics.flag import Pairs, Raised, pairs
+from virtual_lab.measurement.diagnostics.flag import Answer, Pairs, Raised, pairs
 from virtual_lab.measurement.procedure import lot_of
-from virtual_lab.measurement.reduction.observations import restitution_names
+from virtual_lab.measurement.reduction.observations import (
+    counted_releases,
+    odd_swings,
+    restitution_names,
+)
 from virtual_lab.records import PendulumRecord
 from virtual_lab.uncertainty.budget import types_a
 from virtual_lab.units import Array, Mask
@@ -95,12 +99,11 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
         evidence.sensitivities.get("bat.period", unknown) * evidence.best["bat.period"][:, 0, 0]
     )
     moves = np.abs(period) * square.mean(axis=1) / 16
-    releases = square.shape[1]
     yield pairs(
         "pendulum-swing",
         lambda i: (
             f"periods shorten {found.times[i]:.1f} times as much as the amplitudes read allow, in "
-            f"{releases} releases of bench/pendulum"
+            f"{found.releases[i]} releases of bench/pendulum"
         ),
         found.times - 1,
         types_a("scatter", np.zeros(evidence.laboratories), found.u, found.dof),
@@ -110,31 +113,97 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
     )
 
 
-def pendulum_even(evidence: Evidence) -> Iterator[Pairs]:
-    """Compare the mean swing of a release with the median: a lost passage doubles one of them."""
+def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
+    """Compare the mean swing of a release with the median: a lost passage doubles one of them.
+
+    All counted releases together, and the worst one with the others, because an outlier inflates
+    the scatter by which it would be judged. Releases that are left out are named.
+    """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
-    swings = np.diff(record.times.reshape(evidence.laboratories, -1, record.times.shape[1]), axis=2)
+    times = record.times.reshape(evidence.laboratories, -1, record.times.shape[1])
+    swings, odd = np.diff(times, axis=2), odd_swings(times)
+    counted = counted_releases(odd)
     apart = swings.mean(axis=2) / np.median(swings, axis=2) - 1
-    mean, releases = apart.mean(axis=1), apart.shape[1]
-    if releases < FEWEST_RELEASES:
-        return
-    u = apart.std(axis=1, ddof=1) / sqrt(releases)
+    number, mean = counted.sum(axis=1), apart.mean(axis=1, where=counted)
+    compared = number >= FEWEST_RELEASES
     unknown = np.full(evidence.laboratories, np.inf)
     period = (
         evidence.sensitivities.get("bat.period", unknown) * evidence.best["bat.period"][:, 0, 0]
     )
-    yield pairs(
+    moves = np.where(np.isfinite(period), np.abs(period), np.inf)
+    if compared.any():
+        spread = apart.std(axis=1, ddof=1, where=counted & compared[:, None])
+        yield pairs(
+            "pendulum-even",
+            lambda i: (
+                f"the mean swing is {mean[i]:+.2%} longer than the median one, in {number[i]} "
+                "releases of bench/pendulum: was a passage lost, or counted twice?"
+            ),
+            mean,
+            types_a("scatter", mean, spread / np.sqrt(number), number - 1.0),
+            least=EVEN_U,
+            moves=moves,
+            compared=compared,
+        )
+        yield _worst_release(np.where(counted, apart, np.nan), moves)
+    yield from _odd_releases(swings, odd, counted)
+
+
+def _worst_release(apart: Array, moves: Array) -> Pairs:
+    """Return the pair of the release that differs most from the mean of the others.
+
+    `apart` is (laboratory, release), NaN: not counted. Its scatter is that of the others, of which
+    there must be enough to have one.
+    """
+    number = np.isfinite(apart).sum(axis=1)
+    compared = number > FEWEST_RELEASES
+    mean = np.nanmean(apart, axis=1, keepdims=True)
+    worst = np.nanargmax(np.abs(apart - mean), axis=1)
+    others = apart.copy()
+    others[np.arange(len(apart)), worst] = np.nan
+    left = np.where(compared, number - 1.0, 2.0)
+    off = np.nanmax(np.abs(apart - mean), axis=1) * number / left
+    spread = np.sqrt(np.nanvar(others, axis=1) * left / np.maximum(left - 1, 1))
+    return pairs(
         "pendulum-even",
         lambda i: (
-            f"the mean swing is {mean[i]:+.2%} longer than the median one, in {releases} releases "
-            "of bench/pendulum: was a passage lost, or counted twice?"
+            f"the mean swing of release {worst[i] + 1} of bench/pendulum is {off[i]:.2%} off its "
+            "median one, measured by the other releases"
         ),
-        mean,
-        types_a("scatter", mean, u, releases - 1.0),
+        off,
+        types_a("scatter", off, spread * np.sqrt(1 + 1 / left), left - 1),
+        of="worst release",
         least=EVEN_U,
-        moves=np.where(np.isfinite(period), np.abs(period), np.inf),
+        moves=moves / number,
+        among=number,
+        compared=compared,
     )
+
+
+def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
+    """Flag releases with an odd swing: left out, or too many to leave a result.
+
+    `swings` and `odd` are (laboratory, release, swing), `counted` is (laboratory, release).
+    """
+    usual = np.median(swings, axis=(1, 2))
+    irregular: Mask = np.asarray(odd.any(axis=2))
+    kept: Mask = np.asarray((irregular & counted).any(axis=1))  # as the others are too few
+    out: Mask = np.asarray((irregular & ~counted).any(axis=1))
+
+    def said(i: int) -> str:
+        release = int(irregular[i].argmax())
+        swing = int(odd[i, release].argmax())
+        times, many = swings[i, release, swing] / usual[i], int(irregular[i].sum())
+        left = "too many releases to leave out" if kept[i] else "left out of the period"
+        return (
+            f"release {release + 1} of bench/pendulum: after passage {swing + 1} a swing lasts "
+            f"{times:.2f} times the usual one, so that a passage was lost or counted twice; "
+            f"{many} of {irregular.shape[1]} releases are like this: {left}"
+        )
+
+    yield Raised(name="pendulum-even", where=out, sentence=said)
+    yield Raised(name="pendulum-even", where=kept, sentence=said, invalidates=True)
 
 
 class Slowing(NamedTuple):
@@ -142,7 +211,8 @@ class Slowing(NamedTuple):
 
     times: Array  # NaN of a swing that did not decay
     u: Array
-    dof: int
+    releases: Array  # number of those counted
+    dof: Array
 
 
 def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | None:
@@ -152,12 +222,13 @@ def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | No
     amount of this change shows the real amplitude. None for a swing that is too short.
     """
     times = record.times.reshape(laboratories, -1, record.times.shape[1])
-    _, releases, passages = times.shape
+    counted = counted_releases(odd_swings(times))
+    releases, passages = counted.sum(axis=1), times.shape[2]
     swings = passages - 1
     if swings < 4:
         return None
     first, last = (
-        np.mean(each.reshape(laboratories, -1), axis=1, keepdims=True)
+        np.mean(each.reshape(laboratories, -1), axis=1, keepdims=True, where=counted)
         for each in (record.first_amplitude, record.last_amplitude)
     )
     middle = first * (last / first) ** ((np.arange(swings) + 0.5) / swings)
@@ -177,10 +248,11 @@ def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | No
     slowing = np.einsum("lrp,lp->lr", rest, longer) / square[:, None]
     rest = rest - slowing[..., None] * longer[:, None]
     dof = releases * (passages - 3)
-    spread = np.sqrt(np.sum(rest**2, axis=(1, 2)) / dof)
-    slowed = slowing.mean(axis=1)
-    small = period.mean(axis=1) - slowed * part
-    return Slowing(slowed / small, spread / np.sqrt(releases * square) / small, dof)
+    spread = np.sqrt(np.sum(rest**2, axis=(1, 2), where=counted[..., None]) / dof)
+    slowed = slowing.mean(axis=1, where=counted)
+    small = period.mean(axis=1, where=counted) - slowed * part
+    u = spread / np.sqrt(releases * square) / small
+    return Slowing(slowed / small, u, releases, dof)
 
 
 def lot_rules(evidence: Evidence) -> Iterator[Raised]:

@@ -153,6 +153,8 @@ def pairs(
     harms = moves > 0
     spared = np.where(harms, HARMLESS / np.where(harms, moves, 1.0), 0.0)
     _, harmful = chances(value, components, least=np.maximum(least, spared))
+    # what counts as noise has endless degrees of freedom, which a scatter of few has not
+    harmful = np.maximum(harmful, likely)
     everywhere = np.ones(value.shape, dtype=bool)
     return Pairs(
         name=name,

@@ -38,10 +38,11 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.uncertainty.estimate import Known, means_of_readings
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 
 REPEATABILITY = "balls.repeatability"
 SLOPE_REPEATABILITY = "balls.slope_repeatability"
+UNEVEN = 0.25  # relative difference of a swing from the usual one; that of a lost passage is 1
 READ_WITH = (  # property, channel, instrument
     ("mass", "bat-mass", "scale"),
     ("length", "length", "rule"),
@@ -117,7 +118,8 @@ class ImpactReadings:
 def bench_constants(block: SessionBlock) -> dict[str, Known]:
     """Return the bat's readings as constants ``bat.…`` with type A uncertainties [SI].
 
-    The period is that of small swings: each release is corrected for its amplitudes.
+    The period is that of small swings: each release is corrected for its amplitudes, and those
+    with an odd swing are left out, see `counted_releases`.
     """
     pendulum = _channel(block, "bench", "pendulum", PendulumRecord)
     times = _by_laboratory(block, pendulum.times)
@@ -130,6 +132,7 @@ def bench_constants(block: SessionBlock) -> dict[str, Known]:
     for name in ("first_amplitude", "last_amplitude"):
         if not (getattr(pendulum, name) > 0).all():
             raise InputError("bench/pendulum", name, None, "amplitudes must be above 0")
+    counted = counted_releases(odd_swings(times))
     shown = (times[..., -1] - times[..., 0]) / swings
     first = _by_laboratory(block, pendulum.first_amplitude)
     last = _by_laboratory(block, pendulum.last_amplitude)
@@ -141,11 +144,33 @@ def bench_constants(block: SessionBlock) -> dict[str, Known]:
         for name, channel, instrument in READ_WITH
     }
     small = shown / mean_amplitude_factor(first, last, swings)
-    constants["bat.period"] = means_of_readings(small)
-    constants["bat.first_amplitude"] = _exactly(first.mean(axis=1))
-    constants["bat.last_amplitude"] = _exactly(last.mean(axis=1))
+    constants["bat.period"] = means_of_readings(small, used=counted)
+    constants["bat.first_amplitude"] = _exactly(first.mean(axis=1, where=counted))
+    constants["bat.last_amplitude"] = _exactly(last.mean(axis=1, where=counted))
     constants["bat.swings"] = _exactly(np.full(block.laboratories, float(swings)))
     return constants
+
+
+def odd_swings(times: Array) -> Mask:
+    """Return the swings far from the median of a laboratory, (laboratory, release, swing).
+
+    A passage that was lost doubles a swing, one that was counted twice leaves a short one. `times`
+    are (laboratory, release, passage) [s].
+    """
+    swings = np.diff(times, axis=2)
+    usual = np.median(swings, axis=(1, 2), keepdims=True)
+    return np.asarray(np.abs(swings / usual - 1) > UNEVEN)
+
+
+def counted_releases(odd: Mask) -> Mask:
+    """Return the releases without an odd swing, (laboratory, release).
+
+    If these are fewer than two or than half of all, no release is left out, because the records do
+    not show which are right.
+    """
+    even = ~odd.any(axis=2)
+    few = even.sum(axis=1) < max(2, even.shape[1] / 2)
+    return np.asarray(even | few[:, None])
 
 
 def _exactly(value: Array) -> Known:
