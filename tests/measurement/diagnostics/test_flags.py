@@ -335,6 +335,46 @@ def test_a_passage_of_the_pendulum_lost_or_counted_twice_decides_nothing(procedu
         assert shown == pytest.approx(100 * (swings / left - 1), abs=0.05)
 
 
+@pytest.mark.parametrize(("off", "raised"), [(3.3, False), (-3.7, True), (9.0, True)])
+def test_air_as_it_was_read_is_compared_with_air_as_it_was_stated(
+    sound: Session, off: float, raised: bool
+) -> None:
+    """On both sides of the remarks, 3.48 u: of the climate as it was read, u .0022 kg/m³.
+
+    By hand: 22 °C, 45 %, 1 013.25 hPa are 1.1911 kg/m³ (CIPM-2007). It hardly moves a result.
+    """
+    key, logger = "hall.air.density", "bench.climate."
+    shown = {"temperature": 295.15, "humidity": 0.45, "pressure": 101_325.0}
+    fields = {
+        name: np.full(2, value + sound.calibration[logger + name].value)
+        for name, value in shown.items()
+    }
+    read = changed(sound, "bench", "climate", **fields)
+    stated = replace(sound.calibration[key], value=1.1911 - off * np.hypot(0.02, 0.0022), u=0.02)
+    found = certify_session(replace(read, calibration={**sound.calibration, key: stated}))
+    assert [flag.name for flag in found.flags] == ["air-density"] * raised
+    assert found.verdict.value == "PASS"
+    (pair,) = [each for each in found.pairs if each.name == "air-density"]
+    assert pair.sigmas == pytest.approx(abs(off), rel=0.01)
+    without = {name: each for name, each in sound.records["bench"].items() if name != "climate"}
+    silent = replace(sound, records={**sound.records, "bench": without})
+    assert "air-density" not in {each.name for each in certify_session(silent).pairs}
+
+
+@pytest.mark.parametrize("way", [0, 1])
+@pytest.mark.parametrize("lost", [1, 24])
+def test_hits_at_the_wall_that_are_not_seen_are_counted(
+    sound: Session, way: int, lost: int
+) -> None:
+    """Of 48, on the way in or back: the wall sends every ball back."""
+    times = sound.records["balls"]["gates"].times.copy()
+    assert len(times) == 48
+    times[1 : 2 * lost : 2, way, 0] = np.nan
+    (flag,) = certify_session(changed(sound, "balls", "gates", times=times)).flags
+    assert flag.name == "ball-seen"
+    assert flag.sentence.endswith(f"not see the ball both ways in {lost} of 48 hits at the wall")
+
+
 def with_a_gap(session: Session, releases: list[int], passage: int, by: float) -> Session:
     """Return a session in which swings before a passage last longer by a share of themselves."""
     times = session.records["bench"]["pendulum"].times.copy()

@@ -12,6 +12,7 @@ from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import Answer, Pairs, Raised, pairs
 from virtual_lab.measurement.procedure import lot_of
+from virtual_lab.measurement.reduction.air import DENSITY
 from virtual_lab.measurement.reduction.observations import (
     counted_releases,
     odd_swings,
@@ -23,6 +24,7 @@ from virtual_lab.units import Array, Mask
 
 EVEN_U = 2e-5  # relative, of a period: what swings shorten by unevenly as they decay
 FEWEST_RELEASES = 3  # that have a scatter
+DENSITY_U = 5e-4  # of the air [kg/m³], by the digits in which it is stated
 DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
 
 
@@ -253,6 +255,27 @@ def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | No
     small = period.mean(axis=1, where=counted) - slowed * part
     u = spread / np.sqrt(releases * square) / small
     return Slowing(slowed / small, u, releases, dof)
+
+
+def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
+    """Compare the air's density from the climate record with that of the calibration."""
+    stated = evidence.block.calibration.get(DENSITY)
+    if stated is None or "climate" not in evidence.block.records["bench"]:
+        return
+    read = evidence.reduced.constants[DENSITY]
+    off = read.value - stated.value
+    moves = np.abs(evidence.sensitivities.get(DENSITY, np.full(off.shape, np.inf)))
+    yield pairs(
+        "air-density",
+        lambda i: (
+            f"the air's density by bench/climate is {read.value[i]:.3f} kg/m³, by the calibration "
+            f"{stated.value[i]:.3f} kg/m³"
+        ),
+        off,
+        types_a("climate", off, read.u, read.dof) + types_a("stated", off, stated.u, stated.dof),
+        least=DENSITY_U,
+        moves=np.where(np.isfinite(moves), moves, np.inf),
+    )
 
 
 def lot_rules(evidence: Evidence) -> Iterator[Raised]:

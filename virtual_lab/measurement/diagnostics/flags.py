@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from virtual_lab.measurement.diagnostics.bench import (
+    air_read_and_stated,
     bat_shape,
     check_standard,
     lot_rules,
@@ -39,6 +40,7 @@ CHECKS: Mapping[str, Callable[[Evidence], Iterator[Answer]]] = {
     "bat-shape": bat_shape,
     "pendulum-swing": pendulum_swing,
     "pendulum-even": pendulum_even,
+    "air-density": air_read_and_stated,
     "lot-rules": lot_rules,
     "wall-drift": wall_drift,
     "chords": chords,

@@ -24,7 +24,17 @@ RATE_ROUNDING = 1e-5  # relative, of a rate: what its extrapolation to contact i
 
 
 def ball_seen(evidence: Evidence) -> Iterator[Raised]:
-    """Count incoming balls that a gate did not see: faultless gates see every one."""
+    """Count balls that a gate did not see: faultless gates see every one, at the wall both ways."""
+    hits = evidence.reduced.preparation.balls.ball[:, 0]
+    lost = np.sum(hits < 0, axis=1)
+    yield Raised(
+        name="ball-seen",
+        where=lost > 0,
+        sentence=lambda i: (
+            f"the gates did not see the ball both ways in {lost[i]} of {hits.shape[1]} hits at the "
+            "wall"
+        ),
+    )
     missed = evidence.per_laboratory(~evidence.readings.flights.raw.complete)
     fired = evidence.per_laboratory(np.ones(evidence.owner.size))
     yield Raised(
