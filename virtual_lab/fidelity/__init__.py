@@ -1,1 +1,1 @@
-"""Speed against accuracy: what each method costs and how far off it is."""
+"""Speed against accuracy: run time and error of each model and method."""

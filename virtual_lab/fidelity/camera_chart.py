@@ -1,8 +1,8 @@
-"""Speed against accuracy of every way of locating a ball: OpenCV's estimators beside ours.
+"""Speed against accuracy of the methods to locate a ball: OpenCV's estimators and ours.
 
-All see the same pictures: a ball of 30 pixels' radius that moves 2 in an exposure, at every place
-within a pixel, its contrast 96 times a pixel's noise. Errors are root mean squares along an axis;
-times are the processor's, on one core.
+All methods use the same pictures: a ball with a radius of 30 pixels that moves 2 pixels during the
+exposure, at positions spread over one pixel, with a contrast of 96 times the noise of a pixel.
+Errors are root mean squares along an axis. Times are processor times on one core.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ def camera_chart(
     scenes: Mapping[tuple[str, str], Case] = SCENES,
     estimators: Mapping[str, Estimator] = ESTIMATORS,
 ) -> SpeedChart:
-    """Return a row a scene and estimator: error and limit [px], bias over it, time a frame [ms].
+    """Return one row per scene and estimator: errors [px], shares, and time per frame [ms].
 
-    Bias is that of the worst phase of a pixel, without noise; of a stitched ball, whose pattern is
-    another in each picture, there is none. Shares are of pictures: lost without a place, flagged,
-    and off by more than five of their own standard uncertainties without a flag. What does not
-    apply is None.
+    The limit is the smallest possible error. The bias, relative to the limit, is that of the worst
+    phase within a pixel, without noise. A stitched ball has no bias, because its pattern differs in
+    each picture. The shares of pictures are: lost without a position, flagged, and wrong by more
+    than five stated standard uncertainties without a flag. Values that do not apply are None.
     """
     import cv2
 
@@ -95,7 +95,7 @@ def _scene(ball: str, scene: str, case: Case, estimators: Mapping[str, Estimator
 
 
 def draw_camera(rows: list[Row], title: str) -> Figure:
-    """Return the figure of rows as `camera_chart` gives them."""
+    """Return the figure of the rows of `camera_chart`."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
@@ -152,7 +152,7 @@ def _panel(axes: Any, rows: list[Row], colours: dict[str, str]) -> None:
             [], [], "o", color="#c00000", markersize=9, markerfacecolor="none", label="flagged"
         )
     axes.legend(handles=keys, fontsize=8, frameon=False, loc="upper left", ncols=2)
-    axes.set_ylim(limit / 2, 150.0)  # above the worst error there is room for the key
+    axes.set_ylim(limit / 2, 150.0)  # leaves room for the legend above the largest error
     ticks = (0.2, 0.5, 1, 2, 5, 10)
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_xticks([], minor=True)

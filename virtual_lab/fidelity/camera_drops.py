@@ -1,4 +1,4 @@
-"""What frames that a camera drops unnoticed do to a speed, and whether anything is said of them."""
+"""Effect of unnoticed dropped frames on the speed of a ball, and whether they are flagged."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
-ERRORS = (0.002, 0.02, 0.1, 0.5)  # px, of a place
+ERRORS = (0.002, 0.02, 0.1, 0.5)  # standard deviations of a position [px]
 
 
 def dropped_frames(
     counts: Sequence[int] = (0, 1, 2, 3, 5), flights: int = 24
 ) -> list[dict[str, Any]]:
-    """Return rows as `camera_stability.picture_cells` does; errors are relative, of the speed.
+    """Return rows like those of `camera_stability.picture_cells`, with errors of the speed.
 
-    So many frames in a row are dropped of each of `flights` balls that come in and go out; a
-    place errs by `ERRORS`.
+    `counts` are the numbers of consecutive frames dropped, and `flights` the number of balls per
+    cell, each with an incoming and a rebound flight. The positions have the errors `ERRORS`.
     """
     return [_cell(count, error, flights) for error in ERRORS for count in counts]
 
 
 def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
-    frames, speed_in, speed_out = 20, 12.5, -5.0  # each way, pixels a frame
+    frames, speed_in, speed_out = 20, 12.5, -5.0  # frames per flight; speeds [px/frame]
     draws = Streams(1)
     name = f"{count} of {error:g}"
     middle = np.round(2 + (frames - 5) * (draws.uniform(f"{name}: where", flights) + 0.5))
@@ -81,7 +81,7 @@ def _last_speed(fit: Fit) -> float:
 
 
 def _followed(places: Array) -> tuple[list[Piece], FlightScene]:
-    """Follow places, one a frame: their flights and the scene."""
+    """Return the flights through positions, one per frame, and their scene."""
     found = np.zeros(len(places), BLOB)
     found["frame"] = np.arange(len(places))
     for names, values in ((("x", "picture_x"), places[:, 0]), (("y", "picture_y"), places[:, 1])):

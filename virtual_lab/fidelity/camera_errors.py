@@ -1,4 +1,4 @@
-"""How far off places are: spread, bias by phase, what is lost, flagged, or wrong unsaid."""
+"""Errors of located positions: spread, bias by phase, and shares lost, flagged or wrong."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from virtual_lab.fidelity.camera_estimators import Estimator
 from virtual_lab.fidelity.camera_scenes import Batch, EstimatorInput
 from virtual_lab.video.locate.located import Located
 
-BEYOND = 5.0  # standard uncertainties: no error of a sound picture is as large
+BEYOND = 5.0  # error beyond which a position is wrong [standard uncertainties]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceScore:
-    """Of many pictures; those without a place count in `lost` alone."""
+    """Errors of the positions in many pictures. Pictures without a position count as lost only."""
 
-    rms: float  # of an error along an axis [pixel]
-    bias: float  # worst mean of a phase, over the limit
-    lost: float  # share without a place
-    flagged: float  # share with a place and a flag
-    unsaid: float  # share off by more than five of its own standard uncertainties, unflagged
+    rms: float  # root mean square error along an axis [px]
+    bias: float  # largest mean error of a phase, relative to the limit
+    lost: float  # share of pictures without a position
+    flagged: float  # share of pictures with a position and a flag
+    unsaid: float  # share with an error above five stated standard uncertainties and no flag
 
 
 def score_places(batch: Batch, found: Located) -> PlaceScore:
-    """Return what places are worth."""
+    """Return the errors of the positions in a batch of pictures."""
     off = np.stack([found.x - batch.x, found.y - batch.y])
     here = np.isfinite(off).all(axis=0)
     if not here.any():
@@ -44,9 +44,9 @@ def score_places(batch: Batch, found: Located) -> PlaceScore:
 
 
 def wrong_unsaid(batch: Batch, found: Located) -> NDArray[np.bool_]:
-    """Return which places are off by more than five of their uncertainties with no flag for it.
+    """Return a mask of positions with an error above five standard uncertainties and no flag.
 
-    A method that states no uncertainty is taken at the limit.
+    If a method states no uncertainty, the limit is used.
     """
     pattern = np.nan_to_num(found.pattern_u)
     wrong = np.zeros(batch.x.shape, bool)
@@ -57,7 +57,7 @@ def wrong_unsaid(batch: Batch, found: Located) -> NDArray[np.bool_]:
 
 
 def seconds_a_picture(estimator: Estimator, given: EstimatorInput, rounds: int = 3) -> float:
-    """Return the least processor time a picture takes [s]; done once before."""
+    """Return the shortest processor time per picture [s], after one run to warm up."""
     estimator(given)
     times = []
     for _ in range(rounds):

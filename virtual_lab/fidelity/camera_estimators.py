@@ -1,7 +1,8 @@
-"""Ways of locating a ball in a picture, each as well as it can be used: OpenCV's, and ours.
+"""Methods to locate a ball in a picture, each used as well as possible: OpenCV's and ours.
 
-OpenCV's take the share of the ball in each pixel, the matte: what differs from the background,
-over the ball's brightness there. With a plain difference they would do worse before a slope.
+The input of OpenCV's methods is the matte, the share of the ball in each pixel: the difference from
+the background, divided by that of the ball. With the plain difference they would be worse on a
+background with a slope.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ Estimator = Callable[[EstimatorInput], Located]
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One region and where to start in it, pixels from its own first."""
+    """One region and the start of the search in it, in pixels from the first one of the region."""
 
     image: Image
     behind: Image
@@ -39,17 +40,17 @@ class Picture:
 
     @property
     def matte(self) -> Image:
-        """Each pixel's share of the ball."""
+        """Share of the ball in each pixel."""
         rows, columns = np.ogrid[: self.image.shape[0], : self.image.shape[1]]
         away = np.hypot(columns - self.x, rows - self.y)
-        reach = self.radius + np.hypot(*self.blur) / 2 + 3.0  # what may be the ball's
+        reach = self.radius + np.hypot(*self.blur) / 2 + 3.0  # pixels that may show the ball
         light = np.median(self.image[away < 0.7 * self.radius])
         share = (self.image - self.behind) / (light - self.behind)
         return np.where(away < reach, np.clip(share, -1, 2), 0).astype(np.float32)
 
     @property
     def model(self) -> Image:
-        """What the matte would be, were the start right."""
+        """Matte of a ball at the start position."""
         rows, columns = np.ogrid[: self.image.shape[0], : self.image.shape[1]]
         width, long = np.sqrt(self.lens**2 + 1 / 12), np.hypot(*self.blur)
         nodes, weights = np.polynomial.legendre.leggauss(int(np.ceil(0.9 * long / width)) + 4)
@@ -62,7 +63,7 @@ class Picture:
 
 
 def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
-    """Return the estimator that takes picture after picture; a place beyond the ball is none."""
+    """Return an estimator that locates one picture at a time and drops positions off the ball."""
 
     def estimator(given: EstimatorInput) -> Located:
         found = np.full((len(given.seen.pixels), 2), np.nan)
@@ -92,7 +93,7 @@ def _picture(given: EstimatorInput, k: int) -> Picture:
 
 
 def _by_outline(centre: Callable[[Any, NDArray[Any]], Place | None]) -> Estimator:
-    """Return the estimator by OpenCV and the largest outline of what is more than half ball."""
+    """Return an estimator from an OpenCV function and the largest contour at half matte."""
 
     def place(picture: Picture) -> Place | None:
         import cv2
@@ -109,7 +110,7 @@ def _matte_moments(picture: Picture) -> Place | None:
     import cv2
 
     matte = picture.matte
-    seen = np.where(matte > 0.05, matte, 0.0)  # less is noise
+    seen = np.where(matte > 0.05, matte, 0.0)  # smaller values are noise
     return _centre(cv2.moments(seen.astype(np.float32)))
 
 
@@ -121,7 +122,7 @@ def _phase(picture: Picture) -> Place | None:
 
 
 def _template(picture: Picture) -> Place | None:
-    """Return the maximum of the correlation with a smaller model, between pixels by parabolas."""
+    """Return the maximum of the correlation with a smaller model, with parabolas for subpixels."""
     import cv2
 
     edge = 4
@@ -136,7 +137,7 @@ def _template(picture: Picture) -> Place | None:
 
 
 def _ecc(picture: Picture) -> Place | None:
-    """Return the shift of greatest correlation; rendered there once more, as shifts blur."""
+    """Return the shift of largest correlation; the model is rendered again, as shifts blur it."""
     import cv2
 
     matte, at = picture.matte, picture
@@ -195,7 +196,7 @@ def _edge(given: EstimatorInput) -> Located:
 
 
 def _learnt(given: EstimatorInput) -> Located:
-    """Do as the tracker does, which finds the noise in the pictures themselves."""
+    """Locate the balls as the tracker does, with the noise estimated from the pictures."""
     return sharp_places(given.clip, given.seen, given.start, lens=given.lens)
 
 

@@ -1,4 +1,4 @@
-"""The pictures of a case: rendered, exposed and cut, with what is true of them."""
+"""The pictures of a case, rendered, exposed and cut out, with their true values."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from virtual_lab.video.locate.noise import ROUNDING
 
 @dataclass(frozen=True, slots=True)
 class CaseSettings:
-    """What all cases have alike."""
+    """Settings common to all cases."""
 
     frame: tuple[int, int] = (800, 1280)  # rows, columns
-    lens: float = 0.65  # standard deviation of its blur [pixel]
+    lens: float = 0.65  # standard deviation of the blur [px]
     bat: float = 110.0  # grey value [DN]
-    albedo: float = 0.85  # of the ball
-    seam: float = 0.6  # how much darker the seam is
-    turn: tuple[float, float, float] = (0.001, -0.002, 0.003)  # rad in an exposure: 1500 rpm, 25 us
-    empty: int = 32  # frames the background is known from
+    albedo: float = 0.85  # albedo of the ball
+    seam: float = 0.6  # relative darkness of the seam
+    turn: tuple[float, float, float] = (0.001, -0.002, 0.003)  # per exposure [rad], as at 1500 rpm
+    empty: int = 32  # number of frames for the background
 
 
 CASE = CaseSettings()
 
 
 def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
-    """Return the pictures of a case; each block has noise, places and patterns of its own."""
+    """Return the pictures of a case. Each block has different noise, positions and patterns."""
     draws, side = Streams(seed), case.side
     count, middle = case.phases * case.repeats, (side - 1) / 2
     slots = block * count + np.arange(count)
@@ -72,7 +72,7 @@ def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
 
 
 def _means(case: Case, own: Array, draws: Streams, slots: Slots) -> tuple[Array, Array]:
-    """Return mean grey values with the ball at `own` places, and those without it."""
+    """Return expected grey values with the ball at the positions `own`, and those without it."""
     side, count = case.side, len(own)
     middle = (side - 1) / 2
     seen = render_balls(
@@ -97,7 +97,7 @@ def _means(case: Case, own: Array, draws: Streams, slots: Slots) -> tuple[Array,
 
 
 def _light(name: str) -> Light:
-    """Return the light of a camera of the catalog that looks straight down, or even light."""
+    """Return the light of a camera in the catalog as seen from above, or uniform light."""
     if name in ("even", "back"):
         return Light()
     camera = {"soft": "camera-overhead", "hard side": "camera-side-lit"}[name]
@@ -110,7 +110,7 @@ def _light(name: str) -> Light:
 def _exposed(
     case: Case, mean: Array, behind: Array, draws: Streams, slots: Slots, block: int
 ) -> tuple[NDArray[Any], NDArray[np.uint8], Array]:
-    """Return grey values of means [DN], those of empty pictures, and the mean of many of these."""
+    """Return grey values of the means [DN], empty pictures, and the mean of many of those."""
     noise, side = case.noise, mean.shape[1]
     spec = SensorSpec(
         columns=side,
@@ -147,7 +147,7 @@ def _exposed(
 
 
 def _corners(case: Case, draws: Streams, shape: tuple[int, int], slots: Slots) -> Array:
-    """Return where regions begin in the frame; those of a ball that is cut end with it."""
+    """Return the first pixels of the regions. For a cut ball a region ends with the frame."""
     room = np.array([CASE.frame[1] - shape[1], CASE.frame[0] - shape[0]])
     share = draws.uniform("corners", 2, slots) + 0.5
     corners: Array = np.floor(share * (room + 1))
@@ -163,7 +163,7 @@ def _start(case: Case, x: Array, y: Array, draws: Streams, slots: Slots) -> Loca
 
 
 def _clip(samples: NDArray[np.uint8]) -> Clip:
-    """Return a clip that was opened, with the statistics of one pass over its frames."""
+    """Return an open clip with the statistics of one pass over its frames."""
     return Clip(
         source=Source(path=Path("made"), declared=0, read=lambda _: iter(())),
         times=np.zeros(0),

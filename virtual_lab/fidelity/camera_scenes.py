@@ -1,8 +1,8 @@
-"""Pictures of a ball for every way of locating it: the same frames for all, their truth apart.
+"""Pictures of a ball for the comparison of methods, the same for all, with separate true values.
 
-A case is a ball of one size, blur and light; its centres fall evenly into a pixel, places in the
-frame and noise are fresh in each picture. The ratio of signal to noise is that of the contrast to
-a pixel halfway up the edge; a fifth of that noise's variance is the dark's.
+A case is a ball of one size, blur and light. Its centres are spread evenly over one pixel, and the
+position in the frame and the noise differ in each picture. The signal-to-noise ratio is that of the
+contrast to a pixel halfway up the edge; a fifth of its variance is dark noise.
 """
 
 from __future__ import annotations
@@ -23,54 +23,54 @@ FULL_SCALE = 255.0  # DN
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What is seen, in pixels and grey values; shares of its diameter hide the ball."""
+    """Scene of the pictures, in pixels and grey values. Hidden parts are shares of the diameter."""
 
     radius: float = 30.0
     blur: float = 2.0  # shift during the exposure
     snr: float = 96.0
-    slope: float = 0.0  # of the background along x [DN/pixel]
+    slope: float = 0.0  # slope of the background along x [DN/px]
     stitched: bool = False
     light: Literal["even", "soft", "back", "hard side"] = "even"
-    cut: float = 0.0  # out of the frame
-    covered: float = 0.0  # behind the bat
-    exposure: float = 1.0  # over the right one: from 1.34 on the ball saturates
-    hot: int = 0  # pixels at full scale in each picture
-    flicker: float = 0.0  # of the light from picture to picture, amplitude
-    radius_off: float = 0.01  # of the start, relative
-    start_off: float = 0.5  # likewise, up to so many pixels each way
-    quiet: bool = False  # no noise, no whole grey values: what is left is bias
+    cut: float = 0.0  # share of the ball outside the frame
+    covered: float = 0.0  # share of the ball behind the bat
+    exposure: float = 1.0  # exposure relative to the correct one; from 1.34 the ball saturates
+    hot: int = 0  # number of pixels at full scale in each picture
+    flicker: float = 0.0  # amplitude of the light from picture to picture
+    radius_off: float = 0.01  # relative error of the start radius
+    start_off: float = 0.5  # largest error of the start position in each direction [px]
+    quiet: bool = False  # no noise and no rounding, so that only the bias remains
     phases: int = 8
     repeats: int = 25
 
     @property
     def side(self) -> int:
-        """Side of a region, as the tracker cuts it."""
+        """Side of a region as the tracker uses it [px]."""
         return 2 * ceil(1.1 * self.radius + self.blur / 2 + MARGIN) + 1
 
     @property
     def way(self) -> tuple[float, float]:
-        """The ball's shift during the exposure, x and y."""
+        """Shift of the ball during the exposure, x and y [px]."""
         return self.blur * cos(0.3), self.blur * sin(0.3)
 
     @property
     def levels(self) -> tuple[float, float]:
-        """Grey values of a plain ball and of what is behind it: the noisier, the less apart."""
+        """Grey values of a plain ball and of the background, which set the noise."""
         contrast = float(np.interp(self.snr, (5.0, 27.0, 96.0), (40.0, 100.0, 150.0)))
         return (4.0, 4.0 + contrast) if self.light == "back" else (40.0 + contrast, 40.0)
 
     def limit(self, lens: float) -> float:
-        """Return the least standard uncertainty of a plain ball's place along its motion [pixel].
+        """Return the smallest possible u of a plain ball's position along its motion [px].
 
-        Cramér and Rao's bound in closed form, exact where the ball stands still and where its
-        blur is long against the edge but not against the ball; `lens` is the standard deviation
-        of the lens's blur [pixel].
+        This is the Cramér-Rao bound in closed form. It is exact for a ball at rest and for a motion
+        blur that is long compared with the edge but not with the ball. `lens` is the standard
+        deviation of the blur of the lens [px].
         """
         still = 2 * sqrt(lens**2 + 1 / 12) / (sqrt(pi) * self.radius)
         return sqrt(max(still, self.blur / (4 * self.radius))) / self.snr
 
     @property
     def noise(self) -> Noise:
-        """The camera's noise, rounding included."""
+        """Noise of the camera, including rounding."""
         ball, behind = self.levels
         middle = (abs(ball - behind) / self.snr) ** 2
         return Noise(
@@ -82,7 +82,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EstimatorInput:
-    """What a way of locating the ball may know."""
+    """Input of a method to locate the ball."""
 
     clip: Clip
     seen: Regions
@@ -93,9 +93,9 @@ class EstimatorInput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Batch:
-    """Pictures phase by phase, (phase x repeat), what is true of them, and the limit."""
+    """Pictures in the order of phases, (phase x repeat), their true values, and the limit."""
 
     given: EstimatorInput
     x: Array
     y: Array
-    limit: float  # least standard uncertainty of a plain ball's place along an axis [pixel]
+    limit: float  # smallest possible u of a plain ball's position along an axis [px]

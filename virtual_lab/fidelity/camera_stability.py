@@ -1,9 +1,9 @@
-"""Where the ways of locating a ball hold: maps against what may go wrong in a picture.
+"""Maps of the conditions under which the methods to locate a ball work.
 
-A cell is a handful of pictures of a plain ball, or of a stitched one in some light, at places all
-over a pixel. An error counts as unsaid where it is beyond five of the standard uncertainties that
-came with the place and no flag did. Frames that a camera drops are another matter: a cell is then
-a handful of flights, without time stamps, and the error is that of the speed.
+A cell holds a few pictures of a plain ball, or of a stitched ball in one light, at positions spread
+over a pixel. An error is *wrong without a flag* if it exceeds five stated standard uncertainties
+and no flag was raised. For dropped frames a cell holds a few flights without time stamps, and the
+error is that of the speed.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 
 
 def camera_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return a row a cell: its state, the error of what is not flagged, and counts of pictures.
+    """Return one row per cell: its state, the error of unflagged pictures, and counts of pictures.
 
-    Errors are in pixels, of dropped frames relative, None where there is nothing to err.
+    Errors are in pixels, or relative for dropped frames, and None if there are no positions.
     """
     rows = picture_cells(progress)
     progress("frames dropped")
@@ -83,7 +83,7 @@ def picture_cells(
     axes: Mapping[str, tuple[str, Sequence[float]]] = AXES,
     balls: Mapping[str, Case] = BALLS,
 ) -> list[Row]:
-    """Return the rows of pictures, by both methods that the tracker may take."""
+    """Return the rows of pictures, for both methods of the tracker."""
     rows: list[Row] = []
     for axis, (name, values) in axes.items():
         progress(axis)
@@ -91,7 +91,7 @@ def picture_cells(
             change = {name: int(value) if name == "hot" else value}
             for ball, case in balls.items():
                 seen = replace(case, phases=4, repeats=4, **change)  # type: ignore[arg-type]
-                batch = pictures(seen, block=len(rows))  # no picture is counted twice
+                batch = pictures(seen, block=len(rows))  # different pictures in each cell
                 for method in ("convex hull", EDGE):
                     found = ESTIMATORS[method](batch.given)
                     own = {"map": axis, "value": value, "method": method, "ball": ball}
@@ -100,7 +100,7 @@ def picture_cells(
 
 
 def _maps_text(rows: list[Row]) -> str:
-    """Return a table a map for a terminal, the states by their marks."""
+    """Return one table per map for a terminal, with a letter for each state."""
     parts = [", ".join(f"{state.mark} {state}" for state in PictureState)]
     for axis in dict.fromkeys(row["map"] for row in rows):
         table = []
@@ -114,7 +114,7 @@ def _maps_text(rows: list[Row]) -> str:
 
 
 def unsaid_share(rows: list[Row], method: str) -> float:
-    """Return the share of a method's pictures that are wrong and do not say so."""
+    """Return the share of a method's pictures that are wrong without a flag."""
     own = [row for row in rows if row["method"] == method]
     return float(sum(row["unsaid"] for row in own) / sum(row["pictures"] for row in own))
 
@@ -126,7 +126,7 @@ def _summary(rows: list[Row]) -> str:
 
 
 def _cell(batch: Batch, found: Located) -> Row:
-    """Return the state of a cell and the counts it rests on."""
+    """Return the state of a cell and its counts of pictures."""
     whole = score_places(batch, found)
     unsaid = int(wrong_unsaid(batch, found).sum())
     clean = np.isfinite(found.x) & (found.flags == 0)
@@ -138,7 +138,7 @@ def _cell(batch: Batch, found: Located) -> Row:
         state = PictureState.LOST
     elif rms is None or whole.lost + whole.flagged >= 0.5:
         state = PictureState.FLAGGED
-    else:  # good is within 0.02 px, or near what noise allows
+    else:  # good: within 0.02 px, or close to the limit of the noise
         state = (
             PictureState.GOOD if rms <= max(0.02, 1.5 * batch.limit) else PictureState.INACCURATE
         )

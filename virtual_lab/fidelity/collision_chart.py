@@ -1,10 +1,10 @@
-"""Speed against accuracy of the collision rungs: error in e_A over time a shot.
+"""Speed against accuracy of the collision models: error of e_A against time per shot.
 
-Two questions, a reference to each. What a rung errs by in all, that is by leaving modes out, by
-meshing, by interpolating and by stepping, is held against 120 modes stepped one by one. What a
-method of solving errs by is held against the same modes it was given, stepped one by one four
-times finer. Errors are the worst of scenes drawn over the barrel, times medians of repeated
-batches. Where a method fails is looked for all along the bat, from its tip to its knob.
+The chart has two panels with different references. The total error of a model (truncation of
+modes, mesh, interpolation and stepping) is measured against 120 modes integrated one scene at a
+time. The error of an integration method is measured against the same modes, integrated one scene
+at a time with steps four times finer. Errors are the largest of random scenes on the barrel, and
+times are medians of repeated batches. Failures are searched for along the whole bat.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ Ends = tuple[float, float]
 
 
 class Question(StrEnum):
-    """What errors are held against, a panel each."""
+    """Reference of the errors, one per panel."""
 
     IN_ALL = "120 modes, one by one"
     SOLVING = "the same 20 modes, solved finer"
 
 
 class Series(StrEnum):
-    """What is drawn alike."""
+    """Series of points with the same marker."""
 
     RIGID = "rigid"
     SURROGATE = "surrogate of the default"
@@ -72,38 +72,39 @@ MARKS = {  # marker, colour
     Series.STEPS: ("^", "#d55e00"),
     Series.SCIPY: ("X", "#666666"),
 }
-BARREL_IN, WHOLE_IN = (2.0, 12.0), (0.3, 33.0)  # where scenes are drawn: on the barrel, all along
+BARREL_IN, WHOLE_IN = (2.0, 12.0), (0.3, 33.0)  # ranges of random scenes: the barrel, the whole bat
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extent:
-    """How much is charted, by what an hour allows."""
+    """Numbers of scenes of the chart."""
 
     mode_counts: tuple[int, ...] = (4, 6, 8, 10, 14, 20, 30, 40)
-    scenes: int = 400  # for ours
-    few: int = 40  # for methods of milliseconds a scene
+    scenes: int = 400  # for our models
+    few: int = 40  # for methods that take milliseconds per scene
     fewest: int = 6  # for the reference
-    batch: int = 8192  # scenes that ours are timed with
+    batch: int = 8192  # for the timing of our models
 
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """What is charted: a way to e_A, what it is held against, and on how many scenes."""
+    """A point of the chart: a method to compute e_A, its reference and its number of scenes."""
 
     panel: Question
     series: Series
     setting: str
     efficiency: Efficiency
-    exact: Callable[[Ends, int], Array]  # of `_scenes`
+    exact: Callable[[Ends, int], Array]  # reference e_A of `_scenes`
     scenes: int
-    timed: int | None = None  # scenes of the barrel that its time is taken of; None: the same
+    timed: int | None = None  # number of scenes for the timing; None means `scenes`
 
 
 def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> SpeedChart:
-    """Return a row a model.
+    """Return one row per model.
 
-    Of the scenes about the barrel: worst and rms error in e_A, time a shot [µs]. Of as many all
-    along the bat: the share off by more than the u of a certificate, and the share refused.
+    For scenes on the barrel: largest and rms error of e_A, and time per shot [µs]. For as many
+    scenes along the whole bat: the share with an error above the u of a certificate, and the share
+    refused.
     """
     rows = []
     for point in _points(catalog.load_bat("r161").spec.body, extent):
@@ -111,7 +112,7 @@ def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> Sp
         barrel, whole = (_scenes(ends, point.scenes) for ends in (BARREL_IN, WHOLE_IN))
         error = np.abs(point.efficiency(barrel) - point.exact(BARREL_IN, point.scenes))
         found = _answers(point.efficiency, whole)
-        off = np.abs(found - point.exact(WHOLE_IN, point.scenes)) > EFFICIENCY_U  # not of a nan
+        off = np.abs(found - point.exact(WHOLE_IN, point.scenes)) > EFFICIENCY_U  # False for NaN
         batch = _scenes(BARREL_IN, point.timed or point.scenes)
         _, spent = least_time(partial(point.efficiency, batch))
         rows.append(
@@ -156,7 +157,7 @@ def _points(body: BatBody, extent: Extent) -> Iterator[Point]:
             scenes=extent.fewest if dear else extent.scenes,
             timed=None if dear else extent.batch,
         )
-    # without residual flexibility: what the methods of scipy solve
+    # without residual flexibility, as the methods of scipy solve it
     bare = replace(default, stiff=default.stiff.above(default.stiff.count))
     exact = _kept(_of(replace(bare, stepper=OneByOne(refinement=4.0))))
     for series, setting, model in _solvers(bare):
@@ -181,7 +182,7 @@ def _rungs(
         yield Series.SURROGATE, f"{surrogate.coefficients.size} nodes", surrogate.efficiency
     for count in counts:
         yield Series.MODES, f"{count} modes", _of(ModalModel.of(body, Free(), count))
-    for degree in (4, 5):  # where the default is 8
+    for degree in (4, 5):  # the default is 8
         modes = modes_of(body, Free(), BENDING_MODES + STIFF_MODES, order=degree)
         yield Series.ELEMENTS, f"degree {degree}", _of(ModalModel.within(modes, BENDING_MODES))
     yield Series.REFERENCE, "DOP853 1e-12", _of(ReferenceModel.of(body, Free()))
@@ -211,12 +212,12 @@ def _of(model: CollisionModel) -> Efficiency:
 
 
 def _kept(efficiency: Efficiency) -> Callable[[Ends, int], Array]:
-    """Return what finds e_A of scenes between two places once."""
+    """Return a function that computes e_A of the scenes of a range once and stores it."""
     return cache(lambda ends_in, count: efficiency(_scenes(ends_in, count)))
 
 
 def _answers(efficiency: Efficiency, scenes: Scenes) -> Array:
-    """Return e_A of each scene, nan where it is refused."""
+    """Return e_A of each scene, NaN if it is refused."""
     found = np.full(len(scenes), np.nan)
     for i in range(len(scenes)):
         try:
@@ -228,12 +229,12 @@ def _answers(efficiency: Efficiency, scenes: Scenes) -> Array:
 
 @cache
 def usual_ball() -> BallSpec:
-    """Return the ball that collisions are charted and mapped with."""
+    """Return the ball of the charts and maps of collisions."""
     return catalog.load("balls", "baseball-2003", BallSpec).spec
 
 
 def _box() -> Box:
-    """Return a box about the scenes of this chart over the barrel."""
+    """Return the box that holds the scenes of this chart on the barrel."""
     ball = usual_ball()
     return Box(
         impact_position=(1.5 * INCH, 12.5 * INCH),
@@ -247,7 +248,7 @@ def _box() -> Box:
 
 @cache
 def _scenes(ends_in: Ends, count: int) -> Scenes:
-    """Return scenes drawn evenly between two places, and over the speeds."""
+    """Return random scenes, uniform over a range of positions and over the speeds."""
     draws = Streams(1)
 
     def between(ends: Ends, name: str) -> Array:
@@ -258,7 +259,7 @@ def _scenes(ends_in: Ends, count: int) -> Scenes:
 
 
 def draw_collision(rows: list[Row], title: str) -> Figure:
-    """Return the figure of rows as `collision_chart` gives them."""
+    """Return the figure of the rows of `collision_chart`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -270,7 +271,7 @@ def draw_collision(rows: list[Row], title: str) -> Figure:
         _draw_panel(axes, own[panel], panel)
     figure.legend(loc="outside lower center", ncols=5, fontsize=8, frameon=False)
     figure.suptitle(title, fontsize=11)
-    canvas.draw()  # settles the layout, which labels go by
+    canvas.draw()  # fixes the layout, which the labels need
     for panel, axes in panels.items():
         label_points(
             axes,
@@ -283,13 +284,15 @@ def draw_collision(rows: list[Row], title: str) -> Figure:
 
 
 def _draw_panel(axes: Any, rows: list[Row], panel: Question) -> None:
-    """Draw the points, rings about what fails, and the line that decides."""
+    """Draw the points, circles around models that fail, and the line of the allowed error."""
     first = panel is Question.IN_ALL
     for series, (marker, colour) in MARKS.items():
         own = [row for row in rows if row["series"] == series]
         if own:
             times, errors = zip(*((r["us_a_shot"], r["worst_error"]) for r in own), strict=True)
-            width = 0 if series is Series.SCIPY else 1  # each is a method of its own
+            width = (
+                0 if series is Series.SCIPY else 1
+            )  # the points of this series are different methods
             axes.plot(times, errors, marker=marker, color=colour, linewidth=width, label=series)
     for key, ring, style, words in (
         ("off_along_the_bat", "#c00000", "solid", "off by more than u elsewhere on the bat"),

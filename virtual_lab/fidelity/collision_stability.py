@@ -1,10 +1,10 @@
-"""Where the stepping of the modal rung holds: maps of the step against what may strain it.
+"""Maps of the conditions under which the stepping of the modal model is accurate.
 
-A cell is a handful of scenes, on a bat of either sort, followed in one bare pass: none is redone,
-however little the pass trusts it. Errors in e_A are against the same modes followed one by one.
-Steps are factors on the default's, the modes' and the ball's alike. Beside them stands the default
-as shipped, with its second tries. Steps that the program refuses are taken all the same, to see
-whether it is right to; of scenes that it gives no result for there is nothing to be held against.
+A cell holds a few scenes with wood and hollow bats, integrated in a single pass without second
+tries. The errors of e_A are relative to the same modes integrated one scene at a time. A step is a
+factor on the default steps of modes and ball. One more line shows the default as shipped, with its
+second tries. Steps that the program refuses are computed nevertheless, to test the refusal. Scenes
+without a result have no reference.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, Support
 from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH, Array, Mask
 
-Column = list[tuple[ModalModel, Scenes]]  # a batch of `collide_bats`
+Column = list[tuple[ModalModel, Scenes]]  # input of `collide_bats`
 FACTORS = (0.25, 0.5, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5, 2.0, 3.0, 3.5, 4.0)
-SHIPPED = "as shipped"  # in place of a factor
+SHIPPED = "as shipped"  # name of the line of the default, instead of a factor
 PLACES_IN, SPEEDS_MPH = (1.0, 4.0, 6.5, 10.0, 16.0, 24.0), (60.0, 160.0)
 SUPPORTS: dict[str, Support] = {
     "free": Free(),
@@ -52,11 +52,11 @@ SUPPORTS: dict[str, Support] = {
     "clamped 33 in": Clamped(33 * INCH),
     "clamped 25 in": Clamped(25 * INCH),
 }
-POOLED_SCENES = 3000  # that those of so many contacts are picked from
+POOLED_SCENES = 3000  # number of scenes from which those with several contacts are selected
 
 
 class CollisionAxis(StrEnum):
-    """What changes across a map."""
+    """Quantity that varies across a map."""
 
     MODES = "bending modes"
     PLACE = "z [in]"
@@ -84,19 +84,19 @@ AXES: dict[CollisionAxis, tuple[Any, ...]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnePass:
-    """A first try that is taken as it comes."""
+    """A stepper that makes the first try only."""
 
     stepper: InStep
 
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
-        """Follow all contacts that begin within `window` [s] of the first touch."""
+        """Integrate all contacts that begin within `window` [s] of the first touch."""
         followed, doubted = self.stepper.one_pass(struck, window)
         none = np.zeros_like(followed.failure)
         return replace(followed, redone=doubted.astype(np.int64), failure=none)
 
 
 class Boundless(Splitting):
-    """A scheme that is taken at any step, to see what its limit is good for."""
+    """A scheme without a stability limit, to test the limit."""
 
     @cached_property
     def limit(self) -> float:
@@ -105,12 +105,12 @@ class Boundless(Splitting):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnOutcome:
-    """Of all scenes of a column."""
+    """Results of all scenes of a column."""
 
     efficiency: Array
-    leak: Array  # share of the energy that does not close
-    doubted: Mask  # that the default steps again
-    given_up: Mask  # before the first release
+    leak: Array  # error of the energy balance [share of the energy]
+    doubted: Mask  # scenes that the default integrates again
+    given_up: Mask  # scenes that did not reach the first release
 
     @classmethod
     def of(cls, parts: list[Collisions]) -> ColumnOutcome:
@@ -126,9 +126,9 @@ class ColumnOutcome:
 
 
 def collision_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return a row a cell: its place, its state, its worst errors in e_A and leak of energy.
+    """Return one row per cell: position, state, largest error of e_A and of the energy balance.
 
-    Those of a refused step are of the step computed all the same.
+    Refused steps are computed nevertheless.
     """
     rows = []
     for axis, values in AXES.items():
@@ -154,7 +154,7 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
 
 
 def _steppers() -> Iterator[tuple[str, Stepper, bool]]:
-    """Yield name, stepper, and whether the program itself refuses it."""
+    """Yield the name of each stepper, the stepper, and whether the program refuses it."""
     scheme = FINE.splitting
     boundless = Boundless(order=scheme.order, kicks=scheme.kicks, drifts=scheme.drifts)
     for factor in FACTORS:
@@ -165,7 +165,7 @@ def _steppers() -> Iterator[tuple[str, Stepper, bool]]:
 
 
 def _column(axis: CollisionAxis, value: Any) -> Column:
-    """Return the bats and scenes of one column: all as usual but one thing."""
+    """Return the bats and scenes of one column, in which one quantity is not the usual one."""
     if axis is CollisionAxis.CONTACTS:
         return _meeting(int(value))
     ball = usual_ball()
@@ -183,7 +183,7 @@ def _column(axis: CollisionAxis, value: Any) -> Column:
     grid = np.meshgrid(np.array(places) * INCH, np.array(speeds) * MPH, exponents)
     place, speed, exponent = (each.ravel() for each in grid)
     scenes = Scenes.with_ball(ball, impact_position=place, relative_speed=speed)
-    # whatever the exponent, the same force at a usual compression of 12 mm
+    # the force at a compression of 12 mm is the same for every exponent
     stiffness = ball.stiffness * 0.012 ** (ball.exponent - exponent)
     scenes = replace(scenes, exponent=exponent, stiffness=stiffness)
     if axis is CollisionAxis.STIFFNESS:
@@ -198,7 +198,7 @@ def _column(axis: CollisionAxis, value: Any) -> Column:
 
 
 def _meeting(contacts: int) -> Column:
-    """Return as many scenes as usual in which ball and bat meet so often, if there are."""
+    """Return scenes with this number of contacts, at most as many as usual."""
     column = []
     for bat in ("r161", "ea70"):
         pool, met = _pool(bat)
@@ -209,7 +209,7 @@ def _meeting(contacts: int) -> Column:
 
 @cache
 def _pool(bat: str) -> tuple[Scenes, NDArray[np.int64]]:
-    """Return scenes all along a bat, balls up to 100 times as hard, and how often they meet."""
+    """Return scenes along a whole bat with balls up to 100 times as hard, and their contacts."""
     ball = usual_ball()
     draws, (slow, fast) = Streams(5), SPEEDS_MPH
     names = ("z", "speed", "harder")
@@ -229,7 +229,7 @@ def _model(bat: str, support: str, count: int) -> ModalModel:
 
 
 def _exact(column: Column) -> ColumnOutcome | None:
-    """Return what is true of a column; None where the program gives no result."""
+    """Return the reference results of a column, None if the program gives none."""
     try:
         return _outcome(column, OneByOne())
     except InputError:
@@ -238,20 +238,20 @@ def _exact(column: Column) -> ColumnOutcome | None:
 
 def _outcome(column: Column, stepper: Stepper) -> ColumnOutcome:
     (first, scenes), *others = column
-    with np.errstate(all="ignore"):  # what runs away overflows
+    with np.errstate(all="ignore"):  # diverging scenes overflow
         return ColumnOutcome.of(collide_bats([(replace(first, stepper=stepper), scenes), *others]))
 
 
 def _cell(found: ColumnOutcome | None, true: ColumnOutcome | None, shipped: bool) -> dict[str, Any]:
-    """Return the state of a cell and of how many scenes what is said."""
+    """Return the state of a cell, its errors, and its counts of scenes."""
     if found is None or true is None:
         counts = dict.fromkeys(("scenes", "off", "doubted"), 0)
         worst = dict.fromkeys(("worst_error", "worst_unnoticed_error", "worst_leak"))
         return {"state": State.NO_RESULT.value} | counts | worst
     error = np.abs(found.efficiency - true.efficiency)
-    # no collision has such an e_A or is worth such a leak; and no comparison holds of a nan
+    # such values of e_A or of the leak are impossible; comparisons are False for NaN
     held = (np.abs(found.efficiency) <= 2.0) & (found.leak <= 0.1) | found.given_up
-    good = error <= FINE.tolerance  # what the default promises
+    good = error <= FINE.tolerance  # tolerance of the default
     unnoticed = ~good if shipped else ~good & ~found.doubted
     state = State.GOOD if good.all() else State.INACCURATE if unnoticed.any() else State.NOTICED
     return {
@@ -266,6 +266,6 @@ def _cell(found: ColumnOutcome | None, true: ColumnOutcome | None, shipped: bool
 
 
 def _worst(values: Array) -> float | None:
-    """Return the greatest; None where one is beyond numbers, which JSON has no word for."""
+    """Return the largest value, None if one is not finite, because JSON has no such numbers."""
     worst = float(values.max(initial=0.0))
     return worst if isfinite(worst) else None

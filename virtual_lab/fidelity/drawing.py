@@ -1,4 +1,4 @@
-"""How charts and maps look: cells and their states, axes of errors over times, words at points."""
+"""Drawing of charts and maps: cells with states, axes of error against time, labels of points."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Row = dict[str, Any]
 
 
 class CellState(StrEnum):
-    """Result in a cell of a map: words, letter in a terminal, colour in a picture."""
+    """Result in a cell of a map: description, letter in a terminal, colour in a picture."""
 
     mark: str
     colour: str
@@ -28,7 +28,7 @@ class CellState(StrEnum):
 
 
 class State(CellState):
-    """Result in a cell where steps are tried."""
+    """Result in a cell of a map of steps."""
 
     GOOD = "good", ".", "#6baed6"
     NOTICED = "inaccurate, and the pass doubts it", "?", "#fee391"
@@ -38,7 +38,7 @@ class State(CellState):
 
 
 class PictureState(CellState):
-    """Result of the pictures of a cell."""
+    """Result in a cell of a map of pictures."""
 
     GOOD = "good", ".", "#6baed6"
     INACCURATE = "inaccurate, and says so", "o", "#fee391"
@@ -48,7 +48,7 @@ class PictureState(CellState):
 
 
 def _map_of(row: Row) -> str:
-    """Return the name of a row's map, under the method where there are several."""
+    """Return the name of a row's map, with the method if there are several."""
     return f"{row['method']}: {row['map']}" if "method" in row else str(row["map"])
 
 
@@ -74,9 +74,9 @@ def _short(value: float | str) -> str:
 
 
 def maps_text(rows: Sequence[Row], down: str) -> str:
-    """Return a table a map for a terminal, the states by their marks.
+    """Return one table per map for a terminal, with a letter for each state.
 
-    A row is a cell: its `map`, its `value` and its `step`, its `state`, whether it is `refused`.
+    A row is a cell with its `map`, `value`, `step` and `state`, and whether it is `refused`.
     """
     key = ", ".join(f"{state.mark} {state}" for state in _used(State, rows))
     parts = [f"down, {down}; {key}; in brackets refused, and what it would be"]
@@ -102,23 +102,27 @@ def draw_maps(
     abreast: int = 5,
     framed: str | None = None,
 ) -> None:
-    """Draw the maps of rows, each of them a cell with its `value` and its `state`.
+    """Draw the maps of `rows` into a file. Each row is a cell with its `value` and its `state`.
 
-    A cell shows how many of its scenes are `off`, or its pictures wrong and `unsaid`, where its
-    row says so, and is hatched where it is `refused`.
+    A cell shows its number of scenes with an error (`off`) or of wrong pictures without a flag
+    (`unsaid`), if its row has such a number. A `refused` cell is hatched.
 
     Parameters
     ----------
+    rows, path
+        Cells, and the file to write.
+    title
+        Title of the figure.
     states
-        Which the states are.
+        Enumeration of the states.
     map_of, line_of
-        Map that a row belongs to, and its line in there.
+        Functions that return the map of a row, and its line in the map.
     down
-        What the lines are.
+        Label of the lines.
     abreast
         Number of maps side by side.
     framed
-        The line to frame.
+        Name of the line to frame.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
@@ -127,7 +131,7 @@ def draw_maps(
     high = -(-len(maps) // abreast)
     figure = Figure(figsize=(17, 3.6 * high + 0.6), dpi=110, layout="constrained")
     panels = figure.subplots(high, abreast, squeeze=False).ravel()
-    left: list[str] = []  # labels that the maps further right share
+    left: list[str] = []  # labels shared with the maps to the right
     for k, (axes, (name, own)) in enumerate(zip(panels, maps.items(), strict=False)):
         labels = _draw_map(axes, own, states, line_of, framed)
         axes.set_xlabel(name, fontsize=9)
@@ -153,7 +157,7 @@ def _draw_map(
     line_of: Callable[[Row], str],
     framed: str | None,
 ) -> list[str]:
-    """Draw one map; return the labels of its lines."""
+    """Draw one map, and return the labels of its lines."""
     from matplotlib.patches import Rectangle
 
     values = list(dict.fromkeys(row["value"] for row in rows))
@@ -183,15 +187,15 @@ def _draw_map(
 
 
 def error_axes(axes: Any, error: str) -> None:
-    """Lay out axes of an error over the time of a shot."""
+    """Set up axes of an error against the time per shot."""
     axes.set(xscale="log", yscale="log", xlabel="time per shot, one core [µs]", ylabel=error)
     axes.grid(True, which="major", linewidth=0.3)
 
 
 def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> None:
-    """Write words at points (x, y, words, colour) where they cover no mark, line or word.
+    """Write labels at points (x, y, label, colour) where they cover no marker, line or label.
 
-    The figure must have been drawn once, which settles where everything is.
+    The figure must have been drawn once, which fixes the positions.
     """
     from matplotlib.transforms import Bbox
 
@@ -202,7 +206,7 @@ def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> 
     for line in axes.lines:
         if line.get_linewidth():
             corners = line.get_transform().transform(line.get_xydata())
-            for start, end in pairwise(corners):  # in boxes closer than a word is long
+            for start, end in pairwise(corners):  # boxes closer together than the length of a word
                 way = start + np.linspace(0.0, 1.0, 60)[:, None] * (end - start)
                 taken += [Bbox.from_bounds(x - 1, y - 1, 2, 2) for x, y in way]
     left, right = axes.get_window_extent(renderer).intervalx

@@ -1,7 +1,7 @@
-"""The whole test at a glance: what each rung of each part does to the metric, over its time.
+"""Chart of the whole test: effect of each model of each part on the metric, against its time.
 
-The rows stand in ``data/uncertainty/laboratory.csv``, which a command of the benchmarks makes
-(CONTRIBUTING.md); the chart is drawn from them.
+The chart is drawn from ``data/uncertainty/laboratory.csv``, which a command of the benchmarks
+writes (CONTRIBUTING.md).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Row = dict[str, Any]
-LEAST = 1e-4  # u: effects below are drawn there
-CLOSE = 3  # times of one another: the words stand on either side
-EXPLAINED = {  # why a part ships another rung than the cheapest below a tenth of u
+LEAST = 1e-4  # smallest effect that is drawn; smaller ones are drawn there [u]
+CLOSE = 3  # ratio of effects below which the labels are placed on opposite sides
+EXPLAINED = {  # reason why a part does not use the fastest model below a tenth of u
     "camera": "one test films the windows that it tracks, for the clip is the record",
     "uncertainty": "by draws the interval of few hits is longer; that of the first order holds the "
     "truth as often as stated",
@@ -29,7 +29,7 @@ SIZES = ("effect", "se", "rms", "ms")
 
 
 def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
-    """Return a row a part and rung: effect on the metric in u, its error, and time."""
+    """Return one row per part and model: effect on the metric [u], its error, and time."""
     text = (DATA / "uncertainty" / "laboratory.csv").read_text("utf-8")
     rows: list[Row] = []
     for line in csv.DictReader(text.splitlines()):
@@ -51,7 +51,7 @@ def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
 
 
 def draw_laboratory(rows: list[Row], title: str) -> Figure:
-    """Return the figure of rows as `laboratory_chart` gives them, a panel a part."""
+    """Return the figure of the rows of `laboratory_chart`, with one panel per part."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.5, 6.4), dpi=150, layout="constrained")

@@ -1,8 +1,8 @@
-"""How many modes a collision needs, and what patch and residual flexibility do to that.
+"""Number of modes that a collision needs, with and without contact patch and residual flexibility.
 
-Worst error in e_A along the barrel of a free bat against 120 modes, for a point of contact and
-for a patch, each with and without the flexibility of the modes left out; every variant is held
-against 120 modes of its own sort of contact.
+The study computes the largest error of e_A along the barrel of a free bat, for a point contact and
+for a patch, each with and without the flexibility of the omitted modes. The reference of each
+variant has 120 modes and the same contact.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Speed against accuracy of the motion rungs, beside pymunk left to itself.
+"""Speed against accuracy of the models of the motion, compared with plain pymunk.
 
-Errors are root mean squares over shots whose starts are spread evenly over one step, against
-contacts that are found on straight lines and parted by vectors: the bat is rigid, of one radius,
-in no air and on no friction, so that pymunk itself could be right.
+Errors are root mean squares over shots whose starts are spread evenly over one step. The reference
+is an independent calculation with vectors. The bat is rigid with one radius, and there is no air
+and no friction, so that plain pymunk could be exact.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Row = dict[str, Any]
 
 
 class Carrier(StrEnum):
-    """What carries ball and bat."""
+    """Model of the motion."""
 
     ALONE = "pymunk alone"
     RUNG = "pymunk rung"
@@ -48,7 +48,7 @@ class Carrier(StrEnum):
 
 
 class Start(StrEnum):
-    """How the ball comes to the bat."""
+    """Approach of the ball to the bat."""
 
     SQUARE = "at rest, square"
     SWUNG = "swung and aslant"
@@ -66,11 +66,11 @@ STARTS: dict[Start, dict[str, float]] = {
 
 
 class PartingState(NamedTuple):
-    """Ball and bat as they part."""
+    """State of ball and bat after the contact."""
 
     efficiency: float
-    velocity: Array  # of the ball, (3,) [m/s]
-    rate: float  # of the bat [rad/s]
+    velocity: Array  # velocity of the ball, (3,) [m/s]
+    rate: float  # angular rate of the bat [rad/s]
 
 
 def motion_chart(
@@ -79,15 +79,22 @@ def motion_chart(
     losses: Sequence[float] = (1e-2, 1e-3, 1e-4, 1e-5),
     batch: int = 20_000,
 ) -> SpeedChart:
-    """Return a row a model, scene and setting: errors, shares, time a shot [µs].
+    """Return one row per model, scene and setting: errors, shares, time per shot [µs].
 
-    Steps [s] are those of hits and of a bat that turns for its lost energy; a `batch` of shots is
-    timed in the closed form.
-    Errors are in e_A, in the ball's velocity [m/s] and in the bat's rate [rad/s]; shares, of
-    shots missed or of energy lost. What does not apply is None.
+    The errors are those of e_A, of the ball's velocity [m/s] and of the bat's rate [rad/s]. The
+    shares are those of missed contacts or of lost energy. Values that do not apply are None.
+
+    Parameters
+    ----------
+    progress
+        Function called with the current step.
+    steps, losses
+        Steps for the hits, and for the energy loss of a rotating bat [s].
+    batch
+        Number of shots for the timing of the closed form.
     """
     rows: list[Row] = []
-    play_pymunk(_scene(Start.SQUARE, 1e-3, 1))  # what is loaded at first use is nobody's time
+    play_pymunk(_scene(Start.SQUARE, 1e-3, 1))  # loads modules before the timing
     for name in STARTS:
         progress(name)
         rows += _accuracy(name, steps, batch)
@@ -134,7 +141,7 @@ def _accuracy(name: Start, steps: Sequence[float], batch: int) -> Iterator[Row]:
 
 
 def _of_rung(scene: str, step: float, work: Callable[[], Mapping[str, float]]) -> Row:
-    """Return the row of the rung: what `work` finds, or that the rung refuses."""
+    """Return the row of a model: the results of `work`, or its refusal."""
     setting = f"{step:.0e} s"
     try:
         return _row(Carrier.RUNG, scene, setting, **work())
@@ -160,19 +167,21 @@ def _errors(scene: ShotScene, found: PlayedShots) -> dict[str, float]:
 
 
 def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
-    """Return how ball and bat part, all positions vectors; neither air nor gravity acts."""
+    """Return the state after the contact, computed with vectors, without air and gravity."""
     bat, start = rod(), scene.start.part(shot)
     velocity, turning = np.array(start[3:6]), np.array([0.0, -float(start.rate), 0.0])
 
     def apart(time: float) -> tuple[Array, Array]:
-        """Return the vectors from the axis of the bat to the ball, from the pivot to its foot."""
+        """Return the vectors from the bat's axis to the ball, and from the pivot to its foot."""
         angle = start.angle + start.rate * time
         along = np.array([np.sin(angle), 0.0, -np.cos(angle)])
         arm = np.array(start[:3]) + velocity * time - [0.0, 0.0, bat.axis]
         foot = (arm @ along) * along
         return arm - foot, foot
 
-    behind = float(-start.x / start.vx)  # by then the ball is where the bat was
+    behind = float(
+        -start.x / start.vx
+    )  # time at which the ball reaches the rest position of the bat
     time = brentq(lambda t: np.linalg.norm(apart(t)[0]) - bat.reach, 0, behind, xtol=1e-16)
     offset, foot = apart(time)
     normal, place = offset / np.linalg.norm(offset), bat.axis - np.linalg.norm(foot)
@@ -203,7 +212,7 @@ def _losses(step: float) -> Iterator[Row]:
     spin = 11.5  # rad/s
     scene = f"energy lost a second at {spin:g} rad/s"
     yield _row(Carrier.ALONE, scene, f"{step:.0e} s", share=energy_lost(rod(), spin, step))
-    # a ball that rests far away limits no step
+    # a ball at rest far away, which does not limit the step
     alone = rod_scene({"rate": spin, "vx": 0.0}, 0.0, step, 1, ahead=9.0, duration=1.0)
 
     def of_rung() -> dict[str, float]:
@@ -218,7 +227,7 @@ def _rms(error: Array) -> float:
 
 
 def draw_motion(rows: list[Row], title: str) -> Figure:
-    """Return the figure of rows as `motion_chart` gives them."""
+    """Return the figure of the rows of `motion_chart`."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.5, 4.6), dpi=150, layout="constrained")

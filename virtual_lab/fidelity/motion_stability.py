@@ -1,10 +1,10 @@
-"""Where pymunk holds, left to itself and as the motion's dear rung: maps of the step.
+"""Maps of the steps at which pymunk is accurate, alone and as a model of the motion.
 
-A cell is a handful of shots whose contacts fall evenly into a step, on a rigid bat of one radius,
-at rest and struck 6 in from its tip; of the slop it is swung and the ball aslant, of iterations it
-is struck 20 in from the tip. Errors are in the ball's velocity after the contact, over the speed
-of approach, against the closed form. What the rung refuses is carried out all the same, to see
-whether it is right to.
+A cell holds a few shots whose contacts are spread evenly over a step. The bat is rigid with one
+radius, at rest, and struck 6 in from its tip. In the map of slop the bat is swung and the ball
+comes at an angle; in the map of iterations the impact is 20 in from the tip. The error is that of
+the ball's velocity after the contact, relative to the speed of approach, against the closed form.
+Settings that the model refuses are computed nevertheless, to test the refusal.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from virtual_lab.units import INCH, MPH
 
 Row = dict[str, Any]
 STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
-BOUNDS = {  # of the error: good as of e_A; a ball is off by half that jumped the bat or gained
+BOUNDS = {  # limits of the relative error; at one half the ball passed the bat or gained energy
     State.GOOD: 1e-4,
     State.INACCURATE: 0.5,
 }
 
 
 class MotionAxis(StrEnum):
-    """What changes across a map."""
+    """Quantity that varies across a map."""
 
     SPEED = "speed [mph]"
     PLACE = "z [in]"
@@ -55,9 +55,9 @@ AXES: dict[MotionAxis, tuple[float, ...]] = {
 
 
 def motion_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return a row a cell: its place, its state, its worst error, and whether it is refused.
+    """Return one row per cell: position, state, largest error, and whether it is refused.
 
-    State and error of a refused step are those of the step computed all the same.
+    Refused steps are computed nevertheless.
     """
     rows = []
     for method in (Carrier.ALONE, Carrier.RUNG):
@@ -80,7 +80,7 @@ def motion_stability(progress: Progress = quiet) -> StabilityMap:
 def _cell(axis: MotionAxis, method: Carrier, step: float, value: float) -> Row:
     """Return the result of the shots of a cell."""
     speed = (value if axis is MotionAxis.SPEED else 60.0) * MPH
-    # iterations show where the joint works hard: by the grip
+    # iterations matter near the grip, where the load on the joint is large
     place = 20 * INCH if axis is MotionAxis.ITERATIONS else 6 * INCH
     start = STARTS[Start.SWUNG] if axis is MotionAxis.SLOP else {"z": place}
     own: dict[MotionAxis, dict[str, float]] = {

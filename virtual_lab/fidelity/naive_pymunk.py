@@ -1,9 +1,9 @@
-"""Pymunk left to itself: what it makes of hits when it does the collision too.
+"""Plain pymunk, which also computes the collision itself.
 
-Bodies have their own centre of mass, elasticities carry the restitution, and whatever step and
-iterations are asked for are taken. Nothing is refused here: this is what
-`virtual_lab.simulation.motion` is held against. The bat is rigid, of one radius, in no air and on
-no friction, so that pymunk could be right. The truth is smooth contact of rigid bodies.
+The bodies have their real centre of mass, elasticities represent the restitution, and any step and
+number of iterations are accepted. This is the comparison for `virtual_lab.simulation.motion`. The
+bat is rigid with one radius, and there is no air and no friction, so that pymunk could be exact.
+The reference is the frictionless contact of rigid bodies.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from virtual_lab.simulation.motion.scene import PivotedBat, ShotScene, ShotState
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.units import INCH, Array
 
-# The bat from above, where it is struck on its straight side; the same with a half circle for a
-# tip; and its barrel as a disc, seen along the bat, of the mass that it opposes 6 in from its tip.
+# shapes of the bat: top view with a straight side; top view with a semicircular tip; section of
+# the barrel as a disc, with the effective mass of the bat 6 in from its tip
 Shape = Literal["side", "round tip", "section"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rod:
-    """A rigid bat of one radius on an axis, and the ball that meets it: SI."""
+    """A rigid bat of one radius on a pivot, and a ball, in SI units."""
 
     length: float
     radius: float
-    axis: float  # from the tip
+    axis: float  # distance of the pivot from the tip
     mass: float
     z_cm: float
-    inertia: float  # about the axis
+    inertia: float  # moment of inertia about the pivot
     ball_mass: float
     ball_radius: float
     restitution: float
@@ -48,22 +48,22 @@ class Rod:
 
     @property
     def reach(self) -> float:
-        """Distance of ball and axis as they touch [m]."""
+        """Distance of the ball's centre from the bat's axis at contact [m]."""
         return self.radius + self.ball_radius
 
     def recoil(self, lever: Any) -> Any:
-        """Return r for a blow at a lever [m]."""
+        """Return the recoil factor r for an impact at a distance `lever` from the pivot [m]."""
         return self.ball_mass * lever**2 / self.inertia
 
     def efficiency(self, place: Array, *_: Any) -> Array:
-        """Return e_A with e = e0, as a scene of motion asks for it."""
+        """Return e_A for e = e0, with the signature that `ShotScene` needs."""
         r = self.recoil(self.axis - place)
         return np.asarray((self.restitution - r) / (1 + r))
 
 
 @cache
 def rod() -> Rod:
-    """Return a bat of one radius with the mass and the inertia of a real one."""
+    """Return a bat of one radius with the mass and the moment of inertia of a real bat."""
     beam = beam_of(catalog.load_bat("r161").spec.body)
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     axis = beam.length - 6 * INCH
@@ -89,10 +89,11 @@ def rod_scene(
     ahead: float = 0.12,
     duration: float | None = None,
 ) -> ShotScene:
-    """Return shots at the bat of `rod` that start some 0.12 m ahead of its axis.
+    """Return shots at the bat of `rod` that start `ahead` [m] in front of its axis.
 
-    Their contacts fall evenly into a `step` [s]; `start` says what is not as usual. By default
-    they last to 5 ms after the last contact.
+    The contacts are spread evenly over a `step` [s]. `start` holds the state variables that differ
+    from the usual ones, and `speed` is the ball's [m/s]. By default the shots end 5 ms after the
+    last contact.
     """
     bat, many = rod(), np.ones(shots)
     way = ahead + speed * step * (np.arange(shots) + 0.5) / shots
@@ -119,7 +120,7 @@ def naive_errors(
     slop: float = 1e-5,
     shape: Shape = "side",
 ) -> Array:
-    """Return how far the ball's velocity is off after pymunk's contact, (shot,) [m/s]."""
+    """Return the error of the ball's velocity after pymunk's contact, (shot,) [m/s]."""
     bat, errors = rod(), np.empty(scene.shots)
     thrown = np.array(play_closed_form(scene).first(Target.BAT).state[3:6]).T
     for shot in range(scene.shots):
@@ -136,9 +137,9 @@ def naive_errors(
 
 
 def missed(bat: Rod, speed: float, step: float, shots: int) -> float:
-    """Return the share of `shots`, evenly spread over a step, that are not thrown back.
+    """Return the share of `shots`, spread evenly over a step, that pass through the bat.
 
-    The ball comes squarely at a place where it would be, so it jumped what it had to strike.
+    The ball comes at right angles to a position at which it would rebound.
     """
     passed = 0
     for shot in range(shots):
@@ -150,7 +151,7 @@ def missed(bat: Rod, speed: float, step: float, shots: int) -> float:
 
 
 def energy_lost(bat: Rod, rate: float, step: float) -> float:
-    """Return the share of its energy that a bat loses in a second, free on a `PivotJoint`."""
+    """Return the share of its energy that a bat loses in one second, free on a `PivotJoint`."""
     space = _space()
     body = _stand(space, bat, rate=rate)
     before = body.kinetic_energy
@@ -163,14 +164,14 @@ def _space(iterations: int = 10, slop: float = 1e-5) -> Any:
     import pymunk
 
     space = pymunk.Space()
-    space.iterations, space.collision_slop = iterations, slop  # its own slop is 0.1 m
+    space.iterations, space.collision_slop = iterations, slop  # pymunk's default slop is 0.1 m
     return space
 
 
 def _stand(
     space: Any, bat: Rod, shape: Shape = "side", angle: float = 0.0, rate: float = 0.0
 ) -> Any:
-    """Put the bat into a space; return its body."""
+    """Add the bat to a space, and return its body."""
     import pymunk
 
     if shape == "section":
@@ -194,7 +195,7 @@ def _stand(
 
 
 def _hit(space: Any, bat: Rod, start: Array, velocity: Array, step: float) -> Array:
-    """Return a ball's velocity two steps after its first kick, or as it is past the bat [m/s]."""
+    """Return a ball's velocity two steps after first contact, or after it passed the bat [m/s]."""
     import pymunk
 
     ball = pymunk.Body(bat.ball_mass, inf)
@@ -205,15 +206,15 @@ def _hit(space: Any, bat: Rod, start: Array, velocity: Array, step: float) -> Ar
     came = ball.velocity
     while ball.velocity == came and ball.position.x <= 0.1:
         space.step(step)
-    for _ in range(2):  # in which a contact may still work
+    for _ in range(2):  # steps in which the contact may continue
         space.step(step)
     return np.array(ball.velocity)
 
 
 def _off_round_tip(bat: Rod, place: float, speed: float) -> Array:
-    """Return the velocity (x, z) off a resting bat whose tip is a half circle [m/s].
+    """Return the rebound velocity (x, z) from a bat at rest with a semicircular tip [m/s].
 
-    Up to one radius from the tip the ball meets that circle, beyond it the straight side.
+    Up to one radius from the tip the ball hits the circle, beyond it the straight side.
     """
     aside = np.arcsin(min(place - bat.radius, 0.0) / bat.reach)
     normal = np.array([-np.cos(aside), np.sin(aside)])

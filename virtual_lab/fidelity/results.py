@@ -1,4 +1,4 @@
-"""What the studies of models and methods hand back: charts of speed against accuracy, and maps."""
+"""Results of the studies of models and methods: charts of speed against accuracy, and maps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 T = TypeVar("T")
-COLUMNS = {  # of all charts, by key; one that is not here stands under its own name
+COLUMNS = {  # columns of all charts by key; the title of any other column is its key
     "series": Column("model"),
     "held_against": Column("held against"),
     "estimator": Column("way of locating"),
@@ -42,17 +42,17 @@ COLUMNS = {  # of all charts, by key; one that is not here stands under its own 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SpeedChart(StudyResult):
-    """The error of every model of a part against its time, drawn with a page about it."""
+    """Error of each model of a part against its run time, with a figure and a page."""
 
     name: str
     title: str
-    words: str  # what is drawn, on the page
+    words: str  # description of the figure on the page
     rows: list[Row]
-    figure: Callable[[list[Row], str], Figure]  # of rows and title
+    figure: Callable[[list[Row], str], Figure]  # function of rows and title
 
     @property
     def text(self) -> str:
-        """The rows as a table, blank where there is none."""
+        """The rows as a table, with blanks for missing values."""
         return table_text(self.rows, {key: COLUMNS.get(key, Column(key)) for key in self.rows[0]})
 
     def draw(self, path: Path) -> None:
@@ -60,7 +60,7 @@ class SpeedChart(StudyResult):
         self.figure(self.rows, self.title).savefig(path)
 
     def fill(self, folder: Path) -> None:
-        """Write the rows as CSV, and what was drawn of them as PNG and HTML page."""
+        """Write the rows as CSV, and the figure as PNG and HTML page."""
         figure = self.figure(self.rows, self.title)
         write_csv(self.table, folder / f"{self.name}.csv")
         figure.savefig(folder / f"{self.name}.png")
@@ -70,7 +70,7 @@ class SpeedChart(StudyResult):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StabilityMap(StudyResult):
-    """Where the numerics of a part hold, as maps in letters and as a picture."""
+    """Maps of the conditions under which the numerical methods of a part are valid."""
 
     title: str
     text: str
@@ -84,9 +84,9 @@ class StabilityMap(StudyResult):
 
 
 def least_time(work: Callable[[], T]) -> tuple[T, float]:
-    """Return what work gives and the least processor time it took [s], of up to five tries.
+    """Return the result of `work`, and its shortest processor time of up to five runs [s].
 
-    Work of more than half a second is not tried again.
+    Work that takes more than half a second is run once.
     """
     times: list[float] = []
     while not times or (len(times) < 5 and sum(times) < 0.5):

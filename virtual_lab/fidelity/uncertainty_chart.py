@@ -1,7 +1,7 @@
-"""Methods to propagate uncertainty: the errors of u and of both ends of the interval over time.
+"""Chart of the methods to propagate uncertainty: error of u and of the interval against time.
 
-The rows stand in ``data/uncertainty/methods.csv``, which a command of the benchmarks makes in
-minutes (CONTRIBUTING.md); the chart is drawn from them.
+The chart is drawn from ``data/uncertainty/methods.csv``, which a command of the benchmarks writes
+in minutes (CONTRIBUTING.md).
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ Row = dict[str, Any]
 PANELS = {"u_error": "of u", "low_error": "of the lower end", "high_error": "of the upper end"}
 MARKERS = {"first-order": "o", "second-order": "s", "monte-carlo": "."}
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
-EXACT = 1e-5  # what the reference's own draws leave of an error
-TWO_DIGITS = 0.05, 0.005  # half of u's second digit, over u: 1.0 and 9.9 of it
+EXACT = 1e-5  # error of the reference due to its number of draws [u]
+TWO_DIGITS = 0.05, 0.005  # half of the second digit of u, for a u of 1.0 and of 9.9 [u]
 
 
 def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
-    """Return a row a model and method: time and errors over u, against 2^27 draws."""
+    """Return one row per model and method: time, and errors relative to u against 2^27 draws."""
     text = (DATA / "uncertainty" / "methods.csv").read_text("utf-8")
     rows: list[Row] = []
     for line in csv.DictReader(text.splitlines()):
@@ -44,7 +44,7 @@ def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
 
 
 def draw_uncertainty(rows: list[Row], title: str) -> Figure:
-    """Return the figure of rows as `uncertainty_chart` gives them."""
+    """Return the figure of the rows of `uncertainty_chart`."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.5, 4.6), dpi=150, layout="constrained")

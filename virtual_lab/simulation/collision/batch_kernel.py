@@ -99,7 +99,7 @@ class Events(NamedTuple):
 
 
 class LaneLimits(NamedTuple):
-    """Limits of the steps and of the numbers; the README of `fidelity` states their origin."""
+    """Limits of the steps and of the numbers; the README of this folder states their origin."""
 
     most_steps: float = 1500.0
     sweep: float = 0.5  # largest motion of a reloading ball per step [largest compression / b]
