@@ -1,4 +1,4 @@
-"""What data sheets and rule books say: specs, and the files that hold them."""
+"""Data sheets and rule books: specifications, and the files that contain them."""
 
 from virtual_lab.catalog.reading import (
     KINDS,

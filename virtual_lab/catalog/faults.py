@@ -1,4 +1,4 @@
-"""What ``data/faults`` says of a fault: how it shows, what it does, what was predicted of it."""
+"""Sheets of ``data/faults``: signs of a fault, its effect, and its prediction."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Number = Annotated[float | None, Dimension("number")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prediction(Spec):
-    """Written before the fault was ever played: what catches it, or what it leaves in the result.
+    """Prediction made before the first simulation of a fault: its detection, or its bias.
 
-    A bias is that of the certificate's number against the same laboratory's on a sound day; its
-    `_u` is how far the algebra it comes from is to be trusted.
+    A bias is the difference between the results of the same laboratory with and without the fault.
+    Its `_u` is the uncertainty of the estimate.
     """
 
     procedure: str
-    caught_by: str = ""  # flags or the verdict INVALID, any of them; empty: nothing does
+    caught_by: str = ""  # flags, or the verdict INVALID, any of which detects it; empty if none
     efficiency_bias: Number = None
     efficiency_bias_u: Annotated[float | None, Ge(0), Dimension("number")] = None
     metric_bias: Number = None
@@ -39,33 +39,35 @@ class Prediction(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundBy(Spec):
-    """How a fault is found at the bench: what to do there, and the number that decides."""
+    """Detection of a fault at the rehearsal bench: the actions, and the deciding number."""
 
-    actions: Annotated[tuple[str, ...], MinLen(1)]  # of data/bench/actions.toml
-    number: str  # in words; a larger one is worse
-    reading: str  # in words, that a page shows beside its limit; {} for what differs by the day
-    unit: str = ""  # of the reading in print
-    beyond: Annotated[float, Gt(0), Dimension("number")]  # which it is the fault
-    # standard deviation of the number on sound days, where no certificate gives one
+    actions: Annotated[tuple[str, ...], MinLen(1)]  # names of actions in data/bench/actions.toml
+    number: str  # description of the number; a larger one is worse
+    reading: str  # description on the page beside its limit; {} for parts that differ by the day
+    unit: str = ""  # unit of the printed reading
+    beyond: Annotated[float, Gt(0), Dimension("number")]  # limit above which it is the fault
+    # standard deviation of the number on sound days, if no certificate gives one
     u: Annotated[float | None, Gt(0), Dimension("number")] = None
-    sure: Annotated[float, Gt(0), Le(1), Dimension("number")]  # of it, who sees that
-    unless: tuple[str, ...] = ()  # faults that show the same, and more
+    sure: Annotated[
+        float, Gt(0), Le(1), Dimension("number")
+    ]  # probability of the fault above that limit
+    unless: tuple[str, ...] = ()  # faults with the same signs and others
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultSheet(Spec):
-    """One fault in words, what finds it, and what it was predicted to do."""
+    """Sheet of one fault: description, detection and prediction."""
 
     name: str
     title: str
     does: str
     onset: str
-    cue: str  # what could be seen in the laboratory
+    cue: str  # visible sign in the laboratory
     response: str
-    missed: str  # what it does to the result if nobody sees it
-    excludes: str  # what the evidence rules out
-    found_by: FoundBy | None = None  # none: no check at the bench shows it on 99 days of 100
-    unfound: str = ""  # why there is none
+    missed: str  # effect on the result if it is not detected
+    excludes: str  # explanations that the evidence rules out
+    found_by: FoundBy | None = None  # None if no check detects it on 99 of 100 days
+    unfound: str = ""  # reason why there is no check
     predictions: Annotated[tuple[Prediction, ...], MinLen(1)]
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
-"""TOML files into specs, and every number's provenance beside them.
+"""Reading of TOML files into specifications, with the source of each number.
 
-A catalog name (``r161``) is looked up in the shipped ``data``; anything that ends in
-``.toml`` is a user's own file. Both go through the same reader, so both are checked alike.
+A catalog name (``r161``) refers to the shipped ``data``; a name that ends in ``.toml`` is a file of
+the user. One reader serves both, so both are checked in the same way.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Key = tuple[str, str]  # kind and name of an entry
 
 @dataclass(frozen=True, slots=True)
 class Datum:
-    """One number of a file as written there, with where it comes from."""
+    """One number of a file as written there, with its source."""
 
     key: str
     value: Any
@@ -52,7 +52,7 @@ class Datum:
 
 @dataclass(frozen=True, slots=True)
 class SheetsInPlace:
-    """Texts that stand in the place of files, and the keys of all entries read meanwhile."""
+    """Texts that replace files, and the keys of all entries read in the meantime."""
 
     texts: Mapping[Key, str]
     used: set[Key]
@@ -63,7 +63,7 @@ _in_place: ContextVar[SheetsInPlace | None] = ContextVar("in_place", default=Non
 
 @dataclass(frozen=True, slots=True)
 class Entry(Generic[T]):
-    """A spec with the file text it came from and the provenance of its numbers."""
+    """A specification with the text of its file and the sources of its numbers."""
 
     spec: T
     text: str
@@ -71,14 +71,14 @@ class Entry(Generic[T]):
 
 
 def require_kind(kind: str) -> None:
-    """Refuse a kind that the catalog does not have."""
+    """Raise `InputError` for a kind that the catalog does not have."""
     if kind not in KINDS:
         raise InputError("", "kind", kind, f"{nearest(kind, KINDS)}known: {', '.join(KINDS)}")
 
 
 @lru_cache
 def names(kind: str) -> tuple[str, ...]:
-    """Return the names the shipped catalog holds of one kind, sorted."""
+    """Return the names of one kind in the shipped catalog, sorted."""
     return tuple(sorted(path.stem for path in (DATA / kind).glob("*.toml")))
 
 
@@ -92,12 +92,12 @@ def title(kind: str, name: str) -> str:
 
 
 def find(kind: str, name: str) -> Path:
-    """Return the file of a catalog name, or the user's own file where `name` ends in .toml.
+    """Return the path of a catalog entry, or of the user's file if `name` ends in .toml.
 
-    Raises `InputError` with the nearest names where there is no such file.
+    Raises `InputError` with the nearest names if there is no such file.
     """
     if name.endswith(".toml"):
-        if not os.path.isfile(name):  # and no name that is too long for one
+        if not os.path.isfile(name):  # False also for a name that is too long
             raise InputError("", f"{Path(kind).name.removesuffix('s')} file", name, "no such file")
         return Path(name)
     known = names(kind)
@@ -110,16 +110,17 @@ def find(kind: str, name: str) -> Path:
 
 
 def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
-    """Return a file as it was parsed, and its numbers with their provenance."""
+    """Return the content of a file, and its numbers with their sources."""
     document = parse_toml(*source(kind, name))
     numbers = load_bat(name).sheet if kind == "bats" else tuple(datums(document))
     return document, numbers
 
 
 def unverified(kind: str, name: str) -> dict[str, str]:
-    """Return, for a catalog entry and what it names in turn, how many numbers are unverified.
+    """Return the number of unverified values of a catalog entry and of the entries it names.
 
-    A rig names its instruments; the result reads ``{"rigs/astm-pivot": "4 of 5", …}``.
+    A rig, for example, names its instruments. The result has the form
+    ``{"rigs/astm-pivot": "4 of 5", …}``.
     """
     document, numbers = sheet(kind, name)
     doubtful = sum(not datum.verified for datum in numbers)
@@ -132,36 +133,36 @@ def unverified(kind: str, name: str) -> dict[str, str]:
 
 
 def text(kind: str, name: str) -> str:
-    """Return the text of a catalog entry's (or user's own) file."""
+    """Return the text of the file of a catalog entry, or of the user's file."""
     return source(kind, name)[0]
 
 
 def load(kind: str, name: str, spec: type[T]) -> Entry[T]:
-    """Return the catalog entry (or user's file) `name`, read as `spec`."""
+    """Return the catalog entry or user's file `name`, read as `spec`."""
     return read(*source(kind, name), spec)
 
 
 def read(text: str, where: str, spec: type[T]) -> Entry[T]:
-    """Return the entry that TOML `text` holds; `where` names the file in errors."""
+    """Return the entry in a TOML `text`; `where` names the file in error messages."""
     return cast("Entry[T]", _read(text, where, cast("Hashable", spec)))
 
 
 @lru_cache(maxsize=64)
 def _read(text: str, where: str, spec: Hashable) -> Any:
-    """Read a text once: a test reads its rules after every round."""
+    """Read a text once, because a test reads its rules after every round."""
     document = parse_toml(text, where)
     return Entry(validate(document, where, cast("type", spec)), text, tuple(datums(document)))
 
 
 def load_bat(name: str) -> Entry[BatSpec]:
-    """Return a bat, either drawn in full or as a modification of another (``base = "…"``)."""
+    """Return a bat that is described in full or as a modification of another (``base = "…"``)."""
     return read_bat(*source("bats", name))
 
 
 def read_bat(text: str, where: str) -> Entry[BatSpec]:
-    """Return the bat that TOML `text` describes, resolving ``base`` in the catalog.
+    """Return the bat described by a TOML `text`, with its ``base`` from the catalog.
 
-    A plain number may stand for the table of `wall_factor`; its source is then ``not stated``.
+    `wall_factor` can be a plain number instead of a table; its source is then ``not stated``.
     """
     document = parse_toml(text, where)
     if "base" not in document:
@@ -182,10 +183,10 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModifiedBat(Spec):
-    """A bat made from another: thinner or thicker wall, weights added, hoop mode retuned.
+    """A bat made from another one: another wall thickness, added weights, another hoop mode.
 
-    Without a `hoop` of its own the hoop mode of the base follows the wall, see
-    `BatBody.with_wall`; without a `sport` the bat is of the base's.
+    Without `hoop` the hoop mode of the base is adapted to the wall (see `BatBody.with_wall`), and
+    without `sport` the bat has the sport of its base.
     """
 
     name: Name
@@ -227,7 +228,7 @@ def _replaced(key: str, change: ModifiedBat, own: set[str]) -> bool:
 
 
 def source(kind: str, name: str) -> tuple[str, str]:
-    """Return an entry's text, and its name in errors: of one that ships, without its folder."""
+    """Return the text of an entry, and its name for error messages, without a catalog folder."""
     given = _in_place.get()
     if given is not None:
         given.used.add((kind, name))
@@ -241,7 +242,7 @@ def source(kind: str, name: str) -> tuple[str, str]:
 
 @cache
 def _shipped(kind: str, name: str) -> str:
-    """Read a text once: the rigs ask for their instruments in every laboratory."""
+    """Read a text once, because the rigs request their instruments in each laboratory."""
     return read_text(find(kind, name))
 
 

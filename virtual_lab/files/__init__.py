@@ -1,4 +1,4 @@
-"""What is read and written on disk: whole or not at all, with errors that name the file."""
+"""Reading and writing of files: complete or not at all, with errors that name the file."""
 
 from virtual_lab.files.documents import (
     check_new_folder,

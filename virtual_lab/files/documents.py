@@ -1,4 +1,4 @@
-"""What is read and written on disk: documents with errors that name the file, whole folders."""
+"""Reading of documents, with errors that name the file, and writing of complete folders."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from virtual_lab.files.drafts import draft_in
 if TYPE_CHECKING:
     import pandas as pd
 
-DEEPEST = 32  # levels of a document; ours have six
-# a key of a key of a key …
+DEEPEST = 32  # largest nesting depth of a document; ours have six levels
+# pattern of a dotted key that is nested too deeply
 DOTTED = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
 NESTED = f"is nested deeper than {DEEPEST} levels"
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 
 
 def read_bytes(path: Path, *, most: float = 2e9) -> bytes:
-    """Return the content of a file; `InputError` where it cannot be read or is beyond `most` B."""
+    """Return the content of a file. Raises `InputError` if unreadable or above `most` bytes."""
     try:
         found = path.stat()
         # a device or a pipe may never end
@@ -38,23 +38,23 @@ def read_bytes(path: Path, *, most: float = 2e9) -> bytes:
             return path.read_bytes()
     except OSError as fault:
         raise InputError(str(path), "file", None, f"cannot be read ({fault.strerror})") from fault
-    except ValueError as fault:  # a name that no file can have
+    except ValueError as fault:  # impossible file name
         raise InputError(str(path), "file", None, f"cannot be read ({fault})") from fault
     allowed = f"cannot be read (it is no file, or has more than {most / 1e6:g} MB)"
     raise InputError(str(path), "file", None, allowed)
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a UTF-8 file, with or without its mark; `InputError` where it is none."""
+    """Return the text of a UTF-8 file, with or without byte-order mark, else raise `InputError`."""
     try:
-        # the largest of ours has 0.1 MB
+        # our largest file has 0.1 MB
         return read_bytes(path, most=20e6).decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         raise InputError(str(path), "file", None, f"is no UTF-8 text ({fault.reason})") from fault
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Return the JSON object in a file; `InputError` where it holds none, or a key twice."""
+    """Return the JSON object in a file. Raises `InputError` for other content or a double key."""
     text = read_text(path)
     try:
         document = json.loads(text, object_pairs_hook=_once, parse_constant=_no_number)
@@ -69,17 +69,17 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the TOML document in a file; `InputError` where it holds none."""
+    """Return the TOML document in a file. Raises `InputError` for other content."""
     return parse_toml(read_text(path), str(path))
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """Return the TOML document that `text` holds, as `read_toml` does."""
-    if DOTTED.search(text):  # the parser takes hours
+    """Return the TOML document in `text`, as `read_toml` does."""
+    if DOTTED.search(text):  # the parser would take hours
         raise InputError(where, "TOML", None, NESTED)
     try:
         document = tomllib.loads(text)
-    except ValueError as fault:  # of the parser, or a whole number of thousands of digits
+    except ValueError as fault:  # syntax error, or an integer with thousands of digits
         raise InputError(where, "TOML", None, f"cannot be parsed: {fault}") from fault
     except RecursionError as fault:
         raise InputError(where, "TOML", None, NESTED) from fault
@@ -88,7 +88,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return the object of JSON's pairs, of which a plain one would keep the last."""
+    """Return a JSON object from its pairs, and refuse a key that appears twice."""
     found = dict(pairs)
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]
@@ -102,7 +102,7 @@ def _no_number(text: str) -> None:
 
 
 def _require_shallow(document: dict[str, Any], where: str, kind: str) -> None:
-    """Refuse what would take every function that follows it down beyond Python's stack."""
+    """Refuse a document so deeply nested that recursive functions would overflow the stack."""
     level: list[Any] = [document]
     for _ in range(DEEPEST):
         parts = (part.values() if isinstance(part, dict) else part for part in level)
@@ -113,12 +113,12 @@ def _require_shallow(document: dict[str, Any], where: str, kind: str) -> None:
 
 
 def inside(folder: Path, name: str, where: str, key: str) -> Path:
-    """Return the path of a file in a folder; `InputError` where it leads out of it."""
+    """Return the path of a file in a folder. Raises `InputError` if it lies outside."""
     path = folder / name
     try:
         if path.resolve().is_relative_to(folder.resolve()):
             return path
-    except (OSError, ValueError, RuntimeError) as fault:  # links in a circle, a NUL
+    except (OSError, ValueError, RuntimeError) as fault:  # circular links, a NUL character
         raise InputError(where, key, name, f"cannot be read ({fault})") from fault
     raise InputError(where, key, name, f"leads out of {folder}; allowed: files within it")
 
@@ -132,9 +132,9 @@ KINDS = (
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Return what lies in a folder and in the folders in it: kind by path within it, in order.
+    """Return the kind of each entry of a folder and its subfolders, by relative path, sorted.
 
-    A kind is ``file``, ``link`` (of a folder too; it is not followed), ``pipe``, ``socket`` or
+    A kind is ``file``, ``link`` (to files or folders, not followed), ``pipe``, ``socket`` or
     ``device``.
     """
     found = {}
@@ -149,10 +149,10 @@ def contents(folder: Path) -> dict[str, str]:
 
 
 def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.DataFrame:
-    """Return the table in a CSV file: a header, then rows as long as it.
+    """Return the table in a CSV file with a header and rows of the same length.
 
-    Raises `InputError` where the file is empty, no text, of another delimiter, or its rows are
-    not as long as the header.
+    Raises `InputError` if the file is empty, is not a text, has another delimiter, or has rows of
+    another length than the header.
     """
     return parse_table(read_bytes(path), str(path), delimiter=delimiter, decimal=decimal)
 
@@ -160,12 +160,12 @@ def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.Da
 def parse_table(
     data: bytes, where: str, *, delimiter: str = ",", decimal: str = "."
 ) -> pd.DataFrame:
-    """Return the table that the bytes of a CSV file hold, as `read_table` does."""
+    """Return the table in the bytes of a CSV file, as `read_table` does."""
     import pandas as pd
 
     head = _head(data, where, delimiter)
     with warnings.catch_warnings():
-        # a row longer than the header: pandas would drop or shift its cells
+        # pandas would drop or shift the cells of a row longer than the header
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
             table = pd.read_csv(
@@ -192,9 +192,9 @@ def parse_table(
 
 
 def _require_whole_rows(data: bytes, where: str, delimiter: str, cells: int) -> None:
-    """Refuse a row shorter than the header, which pandas fills up: the file may be cut short."""
+    """Refuse a row shorter than the header, because the file may be truncated; pandas fills it."""
     if b'"' in data:
-        return  # what parts cells may stand within them
+        return  # quoted cells may contain the delimiter
     for number, line in enumerate(data.splitlines(), 1):
         found = line.count(delimiter.encode()) + 1
         if found < cells and line.strip():
@@ -203,7 +203,7 @@ def _require_whole_rows(data: bytes, where: str, delimiter: str, cells: int) -> 
 
 
 def _head(data: bytes, where: str, delimiter: str) -> list[str]:
-    """Return the names in the first line of a CSV file, each of them once."""
+    """Return the column names in the first line of a CSV file. Refuse a name that appears twice."""
     if not data.strip():
         raise InputError(where, "CSV", None, "cannot be read: the file is empty")
     line = data.replace(b"\r", b"\n").split(b"\n", 1)[0]
@@ -215,7 +215,7 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
         raise InputError(where, "CSV", None, "cannot be read: it is no UTF-8 text") from fault
     try:
         (names,) = csv.reader([text], delimiter=delimiter, skipinitialspace=True)
-    except csv.Error:  # a cell beyond any length
+    except csv.Error:  # cell of excessive length
         names = []
     if not names:
         raise InputError(where, "CSV", None, "cannot be read: no header in its first line")
@@ -231,12 +231,12 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
 
 
 def check_new_folder(target: Path) -> None:
-    """Raise `InputError` unless `target` can become a new folder: absent or empty, writable."""
+    """Raise `InputError` unless `target` can become a new folder: absent or empty, and writable."""
     try:
         linked = stat.S_ISLNK(target.lstat().st_mode)
     except (FileNotFoundError, NotADirectoryError):
         linked = False
-    except (OSError, ValueError) as fault:  # too long, links in a circle, a NUL
+    except (OSError, ValueError) as fault:  # name too long, circular links, a NUL character
         allowed = f"cannot be written ({getattr(fault, 'strerror', fault)})"
         raise InputError("", "output folder", str(target), allowed) from fault
     if linked and not target.exists():
@@ -255,7 +255,7 @@ def check_new_folder(target: Path) -> None:
 
 
 def first_free(target: Path) -> Path:
-    """Return `target`, or target-2, target-3 … : the first that is absent or empty."""
+    """Return the first of `target`, target-2, target-3 … that is absent or empty."""
     candidate, number = target, 1
     while candidate.exists() and (not candidate.is_dir() or any(candidate.iterdir())):
         number += 1
@@ -265,7 +265,7 @@ def first_free(target: Path) -> Path:
 
 @contextmanager
 def new_folder(target: Path) -> Iterator[Path]:
-    """Yield a folder to fill beside `target`; it becomes `target` only if nothing went wrong."""
+    """Yield a folder to fill beside `target`, which becomes `target` if no error occurs."""
     check_new_folder(target)
     try:
         with draft_in(target.parent) as draft:
@@ -281,9 +281,9 @@ def new_folder(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_files(folder: Path) -> Iterator[Path]:
-    """Yield a folder to fill; its files move into `folder` only if nothing went wrong.
+    """Yield a folder to fill, whose files are moved into `folder` if no error occurs.
 
-    `InputError` where `folder` cannot be written, or holds one of them already.
+    Raises `InputError` if `folder` cannot be written or already contains one of the files.
     """
     try:
         with draft_in(folder) as draft:
@@ -298,9 +298,9 @@ def new_files(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """Yield a file to write; it takes its place, on the disk itself, only if nothing went wrong.
+    """Yield a file to write, which becomes `path`, synchronised to disk, if no error occurs.
 
-    Raises `OSError` where the folder cannot be written.
+    Raises `OSError` if the folder cannot be written.
     """
     with draft_in(path.parent) as draft:
         with open(draft / path.name, "wb") as file:

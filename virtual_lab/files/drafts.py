@@ -1,8 +1,8 @@
-"""Drafts: what is written takes its place whole or not at all, however the program ends.
+"""Drafts: a result appears completely or not at all, however the program ends.
 
-A draft is a hidden folder beside that place. Its maker holds a lock on it which the system takes
-back with the process, so a draft that nobody holds was left by a process that was killed: the
-next one that writes to the same folder removes it.
+A draft is a hidden folder beside the final place. The process that made it holds a lock, which the
+system releases when the process ends. A draft without a lock was left by a killed process, and the
+next process that writes to the same folder removes it.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PREFIX, RANDOM_BYTES = ".virtual-lab-draft-", 8
-own: set[Path] = set()  # drafts of this process, for who must end it at once
+own: set[Path] = set()  # drafts of this process, for its removal when it must end at once
 
 
 @contextmanager
 def draft_in(folder: Path) -> Iterator[Path]:
-    """Yield a new draft in `folder`, which is made where missing; what is not moved out goes.
+    """Yield a new draft in `folder`, which is created if missing. Files left in it are deleted.
 
-    Raises `OSError` where `folder` cannot be written.
+    Raises `OSError` if `folder` cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     _sweep(folder)
     draft = folder / f"{PREFIX}{os.urandom(RANDOM_BYTES).hex()}"
-    young = draft.with_suffix(".new")  # not a draft by its name, until it is locked
+    young = draft.with_suffix(".new")  # without the name of a draft until it is locked
     own.update((young, draft))
     young.mkdir()
     lock = _lock(young)
@@ -41,13 +41,13 @@ def draft_in(folder: Path) -> Iterator[Path]:
 
 
 def remove_drafts() -> None:
-    """Remove the drafts of this process, which is about to end."""
+    """Remove the drafts of this process before it ends."""
     for draft in tuple(own):
         shutil.rmtree(draft, ignore_errors=True)
 
 
 def _sweep(folder: Path) -> None:
-    """Remove the drafts in `folder` whose makers are no more."""
+    """Remove the drafts in `folder` whose processes have ended."""
     for draft in folder.glob(PREFIX + "[0-9a-f]" * 2 * RANDOM_BYTES):
         lock = _lock(draft)
         if lock is not None:
@@ -56,7 +56,7 @@ def _sweep(folder: Path) -> None:
 
 
 def _lock(folder: Path) -> int | None:
-    """Return a lock on a folder, None where another has it or the system has none to give."""
+    """Return a lock on a folder, None if another process has it or the system offers none."""
     if sys.platform == "win32":
         return None
     import fcntl

@@ -1,6 +1,7 @@
-"""Work shared out to processes of this machine, each with one thread.
+"""Distribution of work to processes of this computer, each with one thread.
 
-They import what they are asked to call and not the caller's script, which so needs no guard.
+A worker imports the functions that it calls but not the caller's script, so the script needs no
+``if __name__ == "__main__"``.
 """
 
 from __future__ import annotations
@@ -22,29 +23,29 @@ ONE_THREAD = {f"{each}_NUM_THREADS": "1" for each in THREADS} | {"VECLIB_MAXIMUM
 
 
 class WorkerLostError(Exception):
-    """A worker that ended over its work."""
+    """A worker process ended during its work."""
 
 
 class Submit(Protocol):
-    """Takes a function that a module has, and its arguments; the workers call it in turn."""
+    """Function that submits a call of a module-level function to the next free worker."""
 
     def __call__(self, function: Callable[..., Answer], *arguments: Any) -> Future[Answer]: ...
 
 
 class Worker:
-    """A process that answers calls, started at the first one, and anew when it died."""
+    """A process that carries out calls. It starts at the first call, and again after it died."""
 
     def __init__(self, words: str = "") -> None:
-        """Prepare one whose command line has these words, by which it can be told."""
+        """Prepare a worker whose command line contains `words`, which identify it."""
         self.command = [sys.executable, "-m", "virtual_lab.processes.worker", words]
         self.process: Popen[bytes] | None = None
         self.dismissed = False
-        self.starting = Lock()  # a call starts a process while another thread may dismiss
+        self.starting = Lock()  # one thread may dismiss the worker while another starts it
 
     def call(self, function: Callable[..., Answer], *arguments: Any) -> Answer:
-        """Return what a function answers, or raise what it raises.
+        """Return the result of a function called in the process, or raise its exception.
 
-        `WorkerLostError` where the process ended meanwhile, or the worker is dismissed.
+        Raises `WorkerLostError` if the process ended during the call or the worker is dismissed.
         """
         call = pickle.dumps((function, arguments))
         with self.starting:
@@ -59,24 +60,24 @@ class Worker:
             asked.write(len(call).to_bytes(8, "big") + call)
             asked.flush()
             answer, fault = pickle.load(answers)
-        except (OSError, EOFError, ValueError, pickle.UnpicklingError):  # ValueError: a closed pipe
+        except (OSError, EOFError, ValueError, pickle.UnpicklingError):  # ValueError: closed pipe
             raise WorkerLostError(f"its worker ended with {self.end()}") from None
         if fault is not None:
             raise fault
         return cast("Answer", answer)
 
     def end(self) -> int | None:
-        """End the process, whatever it is about; the next call starts another."""
+        """End the process, even during a call. The next call starts another one."""
         with self.starting:
             process, self.process = self.process, None
         if process is None:
             return None
         with process, suppress(OSError):
-            cast("Any", process.stdin).close()  # which ends it
+            cast("Any", process.stdin).close()  # ends the process
         return process.returncode
 
     def dismiss(self) -> None:
-        """End the process, whatever it is about, and answer no more calls."""
+        """End the process, even during a call, and refuse further calls."""
         with self.starting:
             self.dismissed = True
         self.end()
@@ -84,7 +85,7 @@ class Worker:
 
 @contextmanager
 def workers(count: int, words: str = "") -> Iterator[Submit]:
-    """Start so many processes; they end with the context, whatever they are about."""
+    """Start `count` worker processes, which end with the context, even during a call."""
     own = [Worker(words) for _ in range(count)]
     idle: SimpleQueue[Worker] = SimpleQueue()
 

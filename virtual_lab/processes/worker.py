@@ -1,7 +1,7 @@
-"""A worker process: ``python -m virtual_lab.processes.worker WORDS``, the words for who looks.
+"""A worker process: ``python -m virtual_lab.processes.worker WORDS``; the words identify it.
 
-It takes pickled calls from its standard input and answers each with a pickle. It ends with that
-input, so it never outlives the one that started it, however that one ended.
+It reads pickled calls from its standard input and answers each with a pickle. It ends when its
+input ends, so it never outlives the process that started it.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from virtual_lab.files.drafts import remove_drafts
 
 
 def work() -> None:
-    """Answer the calls that come in; end when no more can come."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, and that this one
+    """Answer calls until the input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, which ends this process
     asked: SimpleQueue[bytes] = SimpleQueue()
     Thread(target=_hear, args=(asked,), daemon=True).start()
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints is no answer
+    os.dup2(2, 1)  # output of libraries must not mix with the answers
     answer: tuple[Any, Exception | None]
     while True:
         try:
             function, arguments = pickle.loads(asked.get())
             answer = function(*arguments), None
-        except Exception as fault:  # for the parent to raise
+        except Exception as fault:  # the parent raises it
             answer = None, fault
         pickle.dump(answer, answers)
         answers.flush()
 
 
 def _hear(asked: SimpleQueue[bytes]) -> None:
-    """Pass on what comes in; its end ends this process at once, whatever it is about."""
+    """Pass on incoming calls. The end of the input ends this process at once."""
     while length := sys.stdin.buffer.read(8):
         asked.put(sys.stdin.buffer.read(int.from_bytes(length, "big")))
     remove_drafts()

@@ -1,1 +1,1 @@
-"""Closed forms that both the true and the measuring side need; they know of neither."""
+"""Closed-form equations used by both the simulation and the measurement side."""

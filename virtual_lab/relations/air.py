@@ -1,7 +1,8 @@
 """Density of moist air by CIPM-2007.
 
 A. Picard, R. S. Davis, M. Gläser, K. Fujii, Metrologia 45 (2008) 149, with 400 µmol/mol of carbon
-dioxide. Its range is 600 to 1100 hPa and 15 to 27 °C; its own relative standard uncertainty 22e-6.
+dioxide. Valid from 600 to 1100 hPa and from 15 to 27 °C, with a relative standard uncertainty of
+22e-6.
 """
 
 from __future__ import annotations
@@ -10,18 +11,18 @@ import numpy as np
 
 from virtual_lab.units import Array
 
-FORMULA_U = 22e-6  # relative, without the readings'
+FORMULA_U = 22e-6  # relative u of the formula, without that of the readings
 MASS_OVER_R = 3.483740e-3  # molar mass of dry air over the gas constant [kg K/J]
-WATER_LIGHTER = 0.3780  # 1 less the molar mass of water over that of dry air
-ZERO_CELSIUS = 273.15  # K
+WATER_LIGHTER = 0.3780  # 1 minus the ratio of the molar masses of water and dry air
+ZERO_CELSIUS = 273.15  # [K]
 
 
 def air_density(
     temperature: Array | float, humidity: Array | float, pressure: Array | float
 ) -> Array:
-    """Return the density of air [kg/m³] of any shape.
+    """Return the density of air [kg/m³].
 
-    Temperature in K, relative humidity as a number from 0 to 1, pressure in Pa.
+    The arguments broadcast: temperature [K], relative humidity from 0 to 1, pressure [Pa].
     """
     kelvin, p = np.asarray(temperature, dtype=float), np.asarray(pressure, dtype=float)
     t = kelvin - ZERO_CELSIUS
@@ -29,7 +30,7 @@ def air_density(
         (1.2378847e-5 * kelvin - 1.9121316e-2) * kelvin + 33.93711047 - 6.3431645e3 / kelvin
     )
     enhanced = 1.00062 + 3.14e-8 * p + 5.6e-7 * t**2
-    vapour = humidity * enhanced * saturated / p  # its mole fraction
+    vapour = humidity * enhanced * saturated / p  # mole fraction of water vapour
     per_kelvin = p / kelvin
     compressibility = (
         1
@@ -48,9 +49,9 @@ def air_density(
 def air_pressure(
     temperature: Array | float, humidity: Array | float, density: Array | float
 ) -> Array:
-    """Return the pressure [Pa] at which air of a temperature and humidity has a density [kg/m³]."""
+    """Return the pressure [Pa] at which air of this temperature and humidity has the density."""
     over = np.asarray(temperature) / MASS_OVER_R
     pressure = density * over
-    for _ in range(6):  # each leaves a hundredth of what was missing
+    for _ in range(6):  # each step reduces the error to a hundredth
         pressure = pressure + (density - air_density(temperature, humidity, pressure)) * over
     return np.asarray(pressure)

@@ -1,7 +1,7 @@
-"""Boards that cameras are calibrated with: chessboards, bare or with ArUco markers (ChArUco).
+"""Calibration boards of cameras: chessboards, plain or with ArUco markers (ChArUco).
 
-A board's axes are OpenCV's, from its middle: x along its rows, y down its columns, z into it. The
-first square is black, as OpenCV prints boards since 4.6.
+The axes of a board are those of OpenCV, with the origin at its centre: x along the rows, y down the
+columns, z into the board. The first square is black, as in OpenCV since 4.6.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from virtual_lab.errors import InputError
 from virtual_lab.units import Array, to_si
 
 LENGTHS = ("mm", "cm", "m", "in", "um")
-SQUARE = (1e-3, 1.0)  # m, the side of a square
+SQUARE = (1e-3, 1.0)  # smallest and largest side of a square [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Board:
-    """A board by its squares, lengths in metres; a marker of 0: a bare chessboard."""
+    """A board, with lengths in metres. A marker of 0 is a plain chessboard."""
 
     columns: int = 14
     rows: int = 9
     square: float = 0.04
-    marker: float = 0.0  # side, its black border too
-    dictionary: str = "4X4_1000"  # which holds those of 50, 100 and 250
-    source: str = ""  # how it was named
+    marker: float = 0.0  # side of a marker with its black border
+    dictionary: str = "4X4_1000"  # contains the markers of those with 50, 100 and 250
+    source: str = ""  # text that describes the board
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Inner corners in a row, and rows of them."""
+        """Number of inner corners per row, and number of rows of corners."""
         return self.columns - 1, self.rows - 1
 
     def corners(self) -> Array:
@@ -43,7 +43,7 @@ class Board:
         return np.pad(self.square * flat.reshape(-1, 2), ((0, 0), (0, 1)))
 
     def marker_at(self) -> NDArray[np.int_]:
-        """Return which marker stands in each square, -1 on black, (row, column)."""
+        """Return the number of the marker in each square, -1 for black ones, (row, column)."""
         white = np.indices((self.rows, self.columns)).sum(axis=0) % 2 == 1
         ids = np.full(white.shape, -1)
         ids[white] = np.arange(white.sum())
@@ -51,13 +51,13 @@ class Board:
 
 
 def board_of(text: str) -> Board:
-    """Return the board that a text like ``charuco:14x9:40mm:30mm`` names, counted in squares.
+    """Return the board described by a text like ``charuco:14x9:40mm:30mm``, counted in squares.
 
     Raises
     ------
     InputError
-        Another form, fewer squares than 4 x 3, a marker that does not fit, more markers than the
-        dictionary has.
+        Another form, fewer than 4 x 3 squares, a marker that does not fit, or more markers than
+        the dictionary has.
     """
     key, (kind, *parts) = "--board", text.strip().split(":")
     charuco = kind == "charuco"
@@ -94,7 +94,7 @@ def board_of(text: str) -> Board:
 
 
 def length_of(text: str, key: str, low: float, high: float) -> float:
-    """Return a length in metres from ``25mm``; `InputError` where it is none of `low` to `high`."""
+    """Return a length [m] from a text like ``25mm``. Raises `InputError` beyond `low` to `high`."""
     match = re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]+)\s*", text, re.ASCII)
     allowed = f"expected a length with its unit ({', '.join(LENGTHS)}), e.g. 25mm"
     if not match or match[2] not in LENGTHS:

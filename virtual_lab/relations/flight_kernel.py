@@ -1,6 +1,6 @@
-"""Flights of many balls in blocks that stay in the nearest cache; compiled.
+"""Compiled flights of many balls, in blocks that fit in the first-level cache.
 
-Each loop does one thing to a whole block, which is what vector instructions want.
+Each loop applies one operation to a whole block, which suits vector instructions.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ FAST = {"nsz"}
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def time_over(way: Array, pace: Array, drag: Array, out: Array) -> None:
-    """Fill `out` with the time [s] over a `way` [m] from where a ball's pace is known, (shot,).
+    """Fill `out` with the time [s] over the distance `way` [m] from a point of known pace, (shot,).
 
-    `pace` is 1/speed [s/m]; `drag` is κ [1/m] of a way ahead, -κ of a way flown already.
+    `pace` is 1/speed [s/m]. `drag` is κ [1/m] for a distance after the point, -κ for one before it.
     """
     long = 0
     for i in range(out.size):

@@ -1,4 +1,4 @@
-"""The greatest value of a curve known at places: between them a spline."""
+"""The maximum of a curve known at discrete positions, with a spline between them."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from virtual_lab.units import Array
 
 
 class Peak(NamedTuple):
-    """A greatest value and its place."""
+    """A maximum and its position."""
 
     value: float
     place: float
 
 
 def peak(places: Array, values: Array) -> Peak:
-    """Return the greatest value of the cubic spline through a curve, ends included.
+    """Return the maximum of the cubic spline through a curve, including its ends.
 
     Parameters
     ----------
     places, values
-        Shape (n,), places increasing, n at least 4. A place step h errs by order h⁴ in the
-        value and h³ in the place.
+        Shape (n,), with increasing places and n of at least 4. With a step h the error is of order
+        h⁴ in the value and h³ in the position.
     """
     spline = CubicSpline(places, values)
     turns = np.asarray(spline.derivative().roots(discontinuity=False, extrapolate=False))

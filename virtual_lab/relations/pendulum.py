@@ -1,6 +1,6 @@
-"""The physical pendulum: moment of inertia from the period, and the finite-amplitude factor.
+"""The physical pendulum: moment of inertia from the period, and the factor of finite amplitude.
 
-T/T₀ = 2 K(sin(θ/2))/π of an amplitude θ: L. D. Landau and E. M. Lifshitz, Mechanics, section 11.
+For an amplitude θ, T/T₀ = 2 K(sin(θ/2))/π (L. D. Landau and E. M. Lifshitz, Mechanics, section 11).
 """
 
 from __future__ import annotations
@@ -12,28 +12,28 @@ from virtual_lab.units import Array
 
 
 def small_period(inertia: ArrayLike, moment: ArrayLike, gravity: ArrayLike) -> Array:
-    """Return T₀ = 2π √(I / (g M d)) [s]; `moment` is M d [kg m] about the axis."""
+    """Return T₀ = 2π √(I / (g M d)) [s], where `moment` is M d about the axis [kg m]."""
     stiffness = np.asarray(gravity, dtype=float) * np.asarray(moment, dtype=float)
     return np.asarray(2 * np.pi * np.sqrt(np.asarray(inertia, dtype=float) / stiffness))
 
 
 def inertia_from_period(period: ArrayLike, moment: ArrayLike, gravity: ArrayLike) -> Array:
-    """Return I = T₀² g M d / 4π² [kg m²] (ASTM F2398's form), the inverse of `small_period`."""
+    """Return I = T₀² g M d / 4π² [kg m²] (as in ASTM F2398), the inverse of `small_period`."""
     turn = np.asarray(period, dtype=float) / (2 * np.pi)
     return np.asarray(turn**2 * np.asarray(gravity) * np.asarray(moment))
 
 
 def amplitude_factor(amplitude: ArrayLike) -> Array:
-    """Return T/T₀ = 1 + θ²/16 + 11 θ⁴/3072 of a swing of amplitude θ [rad]; 1e-7 at 20°."""
+    """Return T/T₀ = 1 + θ²/16 + 11 θ⁴/3072 for an amplitude θ [rad], to 1e-7 at 20°."""
     square = np.square(amplitude)
     return np.asarray(1 + square / 16 + 11 * np.square(square) / 3072)
 
 
 def mean_amplitude_factor(first: ArrayLike, last: ArrayLike, swings: int) -> Array:
-    """Return the mean of `amplitude_factor` over swings whose amplitude decays geometrically.
+    """Return the mean of `amplitude_factor` over swings with a geometric decay of the amplitude.
 
-    `first` and `last` are the amplitudes [rad] at the two ends of `swings` whole periods; a swing
-    counts by its middle.
+    `first` and `last` are the amplitudes [rad] at the two ends of `swings` whole periods. Each
+    swing counts with the amplitude at its middle.
     """
     square, decay = np.square(first), np.log(np.asarray(last) / np.asarray(first)) / swings
     return np.asarray(
@@ -44,7 +44,7 @@ def mean_amplitude_factor(first: ArrayLike, last: ArrayLike, swings: int) -> Arr
 
 
 def _mean_power(rate: Array, count: int) -> Array:
-    """Return the mean of e^(rate (i + 1/2)), i from 0 to count - 1: a geometric series."""
+    """Return the mean of e^(rate (i + 1/2)) for i from 0 to count - 1, as a geometric series."""
     still = rate == 0
     step = np.where(still, 1.0, rate)
     total = np.exp(step / 2) * np.expm1(count * step) / np.expm1(step)

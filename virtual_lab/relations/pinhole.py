@@ -1,6 +1,6 @@
-"""How a lens draws: a pinhole with the distortion of Brown (1971), in OpenCV's terms.
+"""Projection by a lens: a pinhole with the distortion of Brown (1971), as in OpenCV.
 
-Axes of the camera: x right, y down, z away from it. Pixel (0, 0) is the centre of the first.
+Axes of the camera: x right, y down, z away from it. The centre of the first pixel is (0, 0).
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from virtual_lab.units import Array
 
-DOWN = np.diag([1.0, -1.0, -1.0])  # axes of a camera that looks straight down, X to the right
+DOWN = np.diag([1.0, -1.0, -1.0])  # axes of a camera that looks straight down, with X to the right
 
 
 def distorted(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
-    """Return where a lens moves points of the plane z = 1, (…, 2).
+    """Return the distorted positions of points in the plane z = 1, (…, 2).
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ def distorted(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array
 
 
 def undistorted(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
-    """Return the points of the plane z = 1 that a lens moves to `points`, (…, 2).
+    """Return the points in the plane z = 1 whose distorted positions are `points`, (…, 2).
 
-    By repeated substitution, to 1e-10 for lenses that move points by a few per cent.
+    The method is fixed-point iteration, exact to 1e-10 for a distortion of a few per cent.
 
     Parameters
     ----------
     points
-        x/z and y/z as drawn, (…, 2).
+        Distorted x/z and y/z, (…, 2).
     coefficients
         k1, k2, p1, p2, k3, each a number or of a shape that broadcasts with x.
     """
@@ -58,14 +58,18 @@ def undistorted(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Arr
 
 
 def projected(points: ArrayLike, focal: float, centre: ArrayLike, coefficients: Array) -> Array:
-    """Return the pixels of points in axes of the camera, (…, 3) to (…, 2).
+    """Return the pixels (…, 2) of points (…, 3) in axes of the camera.
 
     Parameters
     ----------
+    points
+        Points in front of the camera, (…, 3).
     focal
         Focal length [px].
     centre
-        Pixel that the optical axis meets, (2,).
+        Principal point [px], (2,).
+    coefficients
+        Distortion k1, k2, p1, p2, k3.
     """
     place = np.asarray(points, dtype=np.float64)
     flat = distorted(place[..., :2] / place[..., 2:], coefficients)
@@ -79,15 +83,15 @@ def rotation(vector: ArrayLike) -> Array:
     x, y, z = np.moveaxis(turn, -1, 0)
     zero = np.zeros_like(x)
     skew = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
-    # sin(a)/a and (1 - cos(a))/a^2, whole at 0
+    # sin(a)/a and (1 - cos(a))/a^2, with their limits at 0
     first, second = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
     return np.asarray(np.eye(3) + first * skew + second * (skew @ skew))
 
 
 def looking_down(tilt: ArrayLike) -> Array:
-    """Return the rotations (…, 3, 3) from axes of a rig to those of a camera over it.
+    """Return the rotations (…, 3, 3) from axes of a rig to those of a camera above it.
 
-    The rig's Z is up and its X is to the right in the picture of a camera that is not tilted,
-    (…, 3) [rad].
+    `tilt` is the rotation vector of the camera, (…, 3) [rad]. Without tilt the rig's Z points
+    toward the camera and its X to the right in the picture.
     """
     return np.asarray(DOWN @ rotation(tilt))

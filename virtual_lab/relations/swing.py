@@ -1,4 +1,4 @@
-"""How fast a batter swings a bat of a given moment of inertia."""
+"""Laws of the swing: angular speed of a bat as a function of its moment of inertia."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from virtual_lab.units import INCH
 
 Floats = float | NDArray[np.float64]
-KNOB_OFFSET = INCH  # the bat turns about a point this far from its knob end [m]
+KNOB_OFFSET = INCH  # distance of the swing point from the knob end, on the bat [m]
 
 
 class SwingLaw(Protocol):
-    """Angular speed of the swing from the bat's inertia about the law's axis."""
+    """Angular speed of the swing as a function of the bat's inertia about the law's axis."""
 
     @property
     def inertia_0(self) -> float:
-        """Inertia of the bat that is swung at the law's angular speed [kg m^2]."""
+        """Inertia of the bat that is swung at the reference angular speed [kg m^2]."""
         ...
 
     @property
     def axis_beyond_knob(self) -> float:
-        """How far beyond the knob end that axis lies [m]; below 0 it lies on the bat."""
+        """Distance of the axis beyond the knob end [m], negative if it lies on the bat."""
         ...
 
     def angular_speed(self, inertia: Floats) -> Floats:
@@ -34,7 +34,7 @@ class SwingLaw(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerLawSwing:
-    """``omega = omega0 (I0 / I)^n``, Eqs. (13) and (14): n = 0 to 1/2, data about 0.3."""
+    """``omega = omega0 (I0 / I)^n``, Eqs. (13) and (14), with n from 0 to 1/2 (data: about 0.3)."""
 
     angular_speed_0: float  # [rad/s]
     inertia_0: float  # [kg m^2]
@@ -42,7 +42,7 @@ class PowerLawSwing:
 
     @property
     def axis_beyond_knob(self) -> float:
-        """The point of turning, which lies on the handle [m]."""
+        """Position of the swing point, which lies on the handle [m]."""
         return -KNOB_OFFSET
 
     def angular_speed(self, inertia: Floats) -> Floats:
@@ -52,15 +52,16 @@ class PowerLawSwing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergySwing:
-    """``omega = omega0 ((I0 + I_batter) / (I + I_batter))^(1/2)``, the paper's Sec. III B.
+    """``omega = omega0 ((I0 + I_batter) / (I + I_batter))^(1/2)``, Sec. III B of the paper.
 
-    The same energy goes into bat and batter, both about the vertical axis of the batter's body.
+    The kinetic energy of bat and batter is the same for all bats. Both rotate about the vertical
+    axis of the batter's body.
     """
 
-    angular_speed_0: float  # [rad/s] with the bat of inertia_0
-    inertia_0: float  # of the bat, about the body's axis [kg m^2]
+    angular_speed_0: float  # angular speed with the bat of `inertia_0` [rad/s]
+    inertia_0: float  # inertia of the bat about the body's axis [kg m^2]
     inertia_batter: float  # [kg m^2]
-    axis_beyond_knob: float  # of the knob end from the body's axis [m]
+    axis_beyond_knob: float  # distance of the knob end from the body's axis [m]
 
     def angular_speed(self, inertia: Floats) -> Floats:
         """Return the angular speed [rad/s] for an inertia about the body's axis [kg m^2]."""
@@ -69,5 +70,5 @@ class EnergySwing:
 
 
 def bat_speed(angular_speed: Floats, length: float, z: Floats) -> Floats:
-    """Return the speed [m/s] of a bat of `length` at `z` [m], turning near its knob."""
+    """Return the speed [m/s] at `z` [m] of a bat of `length` [m] that rotates near its knob."""
     return angular_speed * (length - KNOB_OFFSET - z)

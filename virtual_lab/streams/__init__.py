@@ -1,11 +1,11 @@
-"""Random numbers by (seed, branch, name) and by (laboratory, slot, index): the same bits always.
+"""Reproducible random numbers, addressed by (seed, branch, name) and (laboratory, slot, index).
 
-A slot is the number of a shot in its laboratory, or of a reading. A number depends on nothing that
-was drawn before it or beside it: not on rounds, batches or the order of actions.
+A slot is the number of a shot, or of a reading, in its laboratory. A random number depends only on
+its address, not on earlier draws, rounds, batches or the order of actions.
 
-Everything random in a laboratory is drawn through `Draws`. `Streams` draws; `Quiet` answers
-every request with the middle of the distribution, which turns any rig into its noise-free
-self without a line of the rig knowing.
+Every random number of a laboratory is drawn through `Draws`. `Streams` draws random numbers.
+`Quiet` returns the centre of each distribution, which makes any rig noise-free without a change of
+its code.
 """
 
 from __future__ import annotations
@@ -41,23 +41,23 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Slots = NDArray[np.int_]
-# whose each row is: an index into a block of laboratories, ... where one laboratory is alone
+# laboratory of each row, as an index into a block of laboratories; ... for a single laboratory
 Owner = NDArray[np.int_] | EllipsisType
-LABORATORIES = 2**32  # that one study can count
+LABORATORIES = 2**32  # largest number of laboratories in one study
 
 
 def of_owners(values: ArrayLike, owner: Owner) -> Any:
-    """Return values (laboratory, ...) of the laboratories that own shots, (shot, ...).
+    """Return the value of each shot's laboratory, (shot, ...), from values (laboratory, ...).
 
-    Those of one laboratory alone are numbers, and stay numbers.
+    Values of a single laboratory are numbers and remain numbers.
     """
     return np.asarray(values)[owner][()]
 
 
 def in_turn(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
-    """Return the owner and the slot of `count` readings in turn in every laboratory of a block.
+    """Return owner and slot of `count` consecutive readings in each laboratory of a block.
 
-    `laboratories` is the shape of what a block has one of a laboratory: (n,), () of one alone.
+    `laboratories` is the shape of the block: (n,), or () for a single laboratory.
     """
     slots = np.tile(np.arange(count), laboratories)
     return (np.arange(*laboratories).repeat(count) if laboratories else ...), slots
@@ -66,9 +66,10 @@ def in_turn(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
 class Draws(Protocol):
     """Standardised random numbers, independent by name, laboratory, slot and index in the slot.
 
-    Those of one laboratory: with `slots` (n,), whole numbers from 0, the numbers are (n, *shape)
-    and each row depends on its own slot alone; without, they are those of slot 0, of `shape`.
-    Those of n laboratories have a leading axis (n,), each row of its laboratory, and `slots` (n,).
+    For one laboratory and `slots` (n,), whole numbers from 0, the numbers have the shape
+    (n, *shape), and each row depends only on its slot. Without `slots` they are those of slot 0,
+    with `shape`. For n laboratories the numbers have a leading axis (n,), one row per laboratory,
+    and `slots` has the shape (n,).
     """
 
     def normal(
@@ -90,13 +91,12 @@ class Draws(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Streams:
-    """The numbers of one laboratory of a study, or of some.
+    """The random numbers of one or more laboratories of a study.
 
-    The study has a `seed`, a whole number of any size, and its laboratories are counted, by whole
-    numbers of 32 bits. Each `branch` of a seed has numbers of its own: what one laboratory draws
-    for each of its tests.
+    The study has a `seed`, a whole number of any size. Its laboratories have numbers of 32 bits.
+    Each `branch` of a seed has different random numbers, for example each test of one laboratory.
 
-    Raises `InputError` for a laboratory that cannot be counted.
+    Raises `InputError` for a laboratory number outside 32 bits.
     """
 
     seed: int
@@ -127,7 +127,7 @@ class Streams:
     ) -> Array:
         own = (shape,) if isinstance(shape, int) else shape
         leading, each = _leading(self.laboratory, slots), prod(own)
-        numbers = np.ascontiguousarray(self.laboratory, dtype=np.int64)  # of one axis at least
+        numbers = np.ascontiguousarray(self.laboratory, dtype=np.int64)  # at least one axis
         if slots is None:
             rows = np.zeros(prod(leading), np.int64)
         else:
@@ -141,7 +141,7 @@ class Streams:
 
 @dataclass(frozen=True, slots=True)
 class Quiet:
-    """No randomness: every draw is the mean of its distribution."""
+    """Draws without randomness: each is the mean of its distribution."""
 
     laboratory: int | Slots = 0  # or (n,)
 
@@ -158,7 +158,7 @@ class Quiet:
 
 
 def _leading(laboratory: int | Slots, slots: Slots | None) -> tuple[int, ...]:
-    """Return the leading axes of draws of some laboratories or slots."""
+    """Return the leading axes of draws for these laboratories and slots."""
     leading = np.shape(laboratory)
     if slots is None:
         return leading
@@ -179,24 +179,24 @@ def salt_of(seed: int | None) -> bytes:
 
 
 def commitment(salt: bytes, seed: int) -> str:
-    """Return SHA-256(salt‖seed) in hexadecimal: binds a record to a seed without telling it."""
+    """Return SHA-256(salt‖seed) in hexadecimal, which commits to a seed without revealing it."""
     return hashlib.sha256(salt + str(seed).encode()).hexdigest()
 
 
 def generator(seed: int, name: str, block: int) -> np.random.Generator:
-    """Return numpy's generator for one block of the numbers of a name, each of its own bits.
+    """Return a numpy generator for one block of random numbers of a name.
 
-    For distributions whose numbers numpy makes by rejection: those of a block have one order, and
-    no block depends on another.
+    It serves distributions that numpy samples by rejection. The blocks are independent, and the
+    numbers within a block have a fixed order.
     """
     digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=16).digest()
     key = np.frombuffer(digest, "<u8")
     return np.random.Generator(np.random.Philox(key=key, counter=[0, 0, block, 0]))
 
 
-@lru_cache(4096)  # keys of some laboratories
+@lru_cache(4096)  # keys of recent laboratories and names
 def _key(seed: int, branch: tuple[int, ...], name: str) -> tuple[int, int, int]:
-    """Return three words of 32 bits: BLAKE2b of what the numbers belong to."""
+    """Return three words of 32 bits: the BLAKE2b hash of seed, branch and name."""
     owner = "/".join(map(str, (seed, *branch, name)))
     digest = hashlib.blake2b(owner.encode(), digest_size=12).digest()
     words: tuple[int, int, int] = unpack("<3I", digest)

@@ -1,10 +1,10 @@
-"""Numbers counted, not drawn in turn: Philox4x32-10 and the inverse normal; compiled.
+"""Compiled counter-based random numbers: Philox4x32-10 and the inverse normal distribution.
 
-Salmon, Moraes, Dror, Shaw, Parallel random numbers: as easy as 1, 2, 3 (SC11), gives two words of
-64 bits for each counter of four words and key of two. Wichura's AS 241 (PPND16, Applied Statistics
-37, 1988) makes each word one normal number. Every operation is one IEEE arithmetic defines and none
-is contracted, so a number has the same bits on any machine. Each loop does one thing to a chunk
-that stays in the nearest cache, which is what vector instructions want.
+Philox (Salmon, Moraes, Dror, Shaw, Parallel random numbers: as easy as 1, 2, 3, SC11) returns two
+words of 64 bits for each counter of four words and key of two. AS 241 (PPND16, Wichura, Applied
+Statistics 37, 1988) converts each word to a normal number. All operations are defined by IEEE
+arithmetic and none is contracted, so a number has the same bits on every machine. Each loop applies
+one operation to a chunk that fits in the first-level cache, which suits vector instructions.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ LOW, HALF = np.uint64(0xFFFFFFFF), np.uint64(32)
 MULTIPLIERS = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 WEYL = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
 
-ONE = np.uint64(0x3FF0000000000000)  # the bits of 1.0
-ROOT_HALF = np.int64(0x3FE6A09E667F3BCD)  # the bits of √(1/2)
+ONE = np.uint64(0x3FF0000000000000)  # bits of 1.0
+ROOT_HALF = np.int64(0x3FE6A09E667F3BCD)  # bits of √(1/2)
 FRACTION = np.int64(52)
 LN_2 = log(2.0)
 
@@ -37,7 +37,7 @@ def fill(
     normal: bool,
     out: Floats,
 ) -> bool:
-    """Fill `out` with `each` numbers of every slot; return whether all slots can be counted.
+    """Fill `out` with `each` numbers per slot. Return whether all slots fit into 32 bits.
 
     Number i of a slot is word i % 2 of the counter (i // 2, slot, laboratory, third word of the
     key).
@@ -47,14 +47,17 @@ def fill(
     key
         Three words of 32 bits.
     laboratories
-        (slot,), or (1,) that all slots belong to: numbers in a study of many, which share a key,
-        whole numbers of 32 bits.
+        Number of the laboratory of each slot, (slot,), or of all slots, (1,): whole numbers of 32
+        bits. All laboratories of a study share a key.
     slots
-        (slot,), whole numbers of 32 bits.
+        Whole numbers of 32 bits, (slot,).
+    each
+        Number of random numbers per slot.
     normal
-        Standard normal numbers; else uniform ones of zero mean between -1/2 and 1/2, never 0.
+        Whether the numbers are standard normal. Otherwise they are uniform between -1/2 and 1/2
+        and never 0.
     out
-        (slot x each,).
+        Result, (slot x each,).
     """
     pairs = (each + 1) // 2
     room = min(256, slots.size * pairs)
@@ -110,7 +113,7 @@ def _philox(
     first: Words,
     second: Words,
 ) -> None:
-    """Fill in the two words of each counter."""
+    """Fill `first` and `second` with the two words of each counter."""
     for i in range(index.size):
         a, b, c, d = index[i], slot[i], laboratory[i], np.uint64(key[2])
         x, y = np.uint64(key[0]), np.uint64(key[1])
@@ -125,17 +128,17 @@ def _philox(
 
 @njit(cache=True)
 def _uniform(words: Words, out: Floats) -> None:
-    """Fill `out` with odd multiples of 2^-53 between -1/2 and 1/2; uses up the words."""
+    """Fill `out` with odd multiples of 2^-53 between -1/2 and 1/2. The words are overwritten."""
     for i in range(words.size):
         words[i] = words[i] >> np.uint64(12) | ONE  # the fraction of a double has 52 bits
-    between = words.view(np.float64)  # 1 and 2
+    between = words.view(np.float64)  # numbers from 1 to 2
     for i in range(words.size):
         out[i] = between[i] - 1.5 + 2.0**-53
 
 
 @njit(cache=True, error_model="numpy")
 def _normal(numbers: Floats, values: Floats, tails: Floats, at: Whole) -> None:
-    """Turn uniform numbers about 0 into the normal ones of their quantiles."""
+    """Convert uniform numbers about 0 to the normal numbers of the same quantiles."""
     for i in range(numbers.size):
         q = numbers[i]
         values[i] = q * _middle(0.180625 - q * q)
@@ -158,7 +161,7 @@ def _normal(numbers: Floats, values: Floats, tails: Floats, at: Whole) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _root_log(x: Floats) -> None:
-    """Turn each x into √(-ln x), 2^-1000 < x < 1: ln by its series in (m - 1)/(m + 1), m near 1."""
+    """Replace each x by √(-ln x), 2^-1000 < x < 1, with ln as a series in (m - 1)/(m + 1)."""
     bits = x.view(np.int64)
     for k in range(x.size):
         exponent = (bits[k] - ROOT_HALF) >> FRACTION
