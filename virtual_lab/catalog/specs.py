@@ -1,9 +1,9 @@
-"""Nominal quantities: what a data sheet, a drawing or a rule book says. SI floats, frozen.
+"""Nominal quantities from data sheets, drawings and rule books, as frozen SI floats.
 
-Axes and signs, for the whole project: ``z`` runs along the bat from the barrel tip (0) to
-the knob (the length); speeds are positive in their usual directions (ball toward the bat,
-bat toward the ball, batted ball away). A field annotated with a `Dimension` stands in its
-file as ``{ value, unit, source, verified }`` and here as an SI float.
+Axes and signs of the whole project: ``z`` is the distance along the bat from the barrel tip (0) to
+the knob (the length). Speeds are positive in their usual directions: ball toward the bat, bat
+toward the ball, batted ball away from the bat. A field annotated with a `Dimension` has the form
+``{ value, unit, source, verified }`` in its file and is an SI float here.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 QUANTITY_KEYS = ("value", "unit", "source", "verified", "note")
 JOINERS = str.maketrans("", "", "\u200c\u200d")  # characters that shape their neighbors
-LARGEST = 1e18  # of any quantity, SI: products of such numbers stay finite
+LARGEST = 1e18  # largest value of any quantity [SI], so that products stay finite
 
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
-    """Mark on a field: its file entry is a quantity of this dimension, read into SI.
+    """Annotation of a field whose file entry is a quantity of this dimension, converted to SI.
 
-    What lies beyond `low` to `high` is a slip, of the unit mostly: no such thing is made.
+    A value outside `low` to `high` is refused, because it is usually an error of the unit.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Dimension:
     high: float = LARGEST
 
     def read(self, raw: object) -> object:
-        """Return the SI value (or tuple of values) of one file entry; `ValueError` if unfit."""
+        """Return the SI value, or tuple of values, of a file entry. Raises `ValueError` if unfit."""
         if not isinstance(raw, Mapping):
             raise ValueError("expected a table { value, unit, source, verified }")
         if unknown := sorted(set(raw) - set(QUANTITY_KEYS)):
@@ -69,7 +69,7 @@ class Dimension:
         if (
             isinstance(value, bool)
             or not isinstance(value, int | float)
-            or not abs(value) < 1e300  # a whole number in TOML may be beyond any float
+            or not abs(value) < 1e300  # an integer in TOML can exceed every float
         ):
             raise ValueError("value must be a finite number")
         number = to_si(float(value), unit, self.name)
@@ -95,7 +95,7 @@ class Dimension:
 
 
 def is_line(text: str, most: int) -> bool:
-    """Whether a text is one line of at most `most` characters that can be printed.
+    """Return whether a text is one printable line of at most `most` characters.
 
     The joiners U+200C and U+200D, needed in Persian, in Indian scripts and in emoji, are allowed.
     """
@@ -104,12 +104,12 @@ def is_line(text: str, most: int) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """Mark on a field: its file entry is a line that can be printed."""
+    """Annotation of a field whose file entry is one printable line."""
 
     most: int
 
     def read(self, raw: object) -> object:
-        """Return the entry; `ValueError` if unfit."""
+        """Return the file entry. Raises `ValueError` if it is not a printable line."""
         if isinstance(raw, str) and not is_line(raw, self.most):
             raise ValueError(f"must be a line of up to {self.most} characters that can be printed")
         return raw
@@ -124,7 +124,7 @@ class Words:
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """Mark on a field: its file entry is of the very type, no text for a number, no 1 for true."""
+    """Annotation of a field whose file entry has exactly its type, such as `true` instead of 1."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -133,7 +133,7 @@ class Exact:
 
 
 class Spec:
-    """Base of every nominal dataclass: unknown keys in its file are errors."""
+    """Base of every nominal dataclass. Unknown keys in its file are errors."""
 
     __slots__ = ()
     __pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # noqa: RUF012 pydantic's own form
@@ -144,20 +144,20 @@ Title = Annotated[str, Words(200)]
 Real = Annotated[float, Exact()]
 Whole = Annotated[int, Exact()]
 YesNo = Annotated[bool, Exact()]
-SHORTEST, LONGEST = 0.2, 1.5  # m, of a bat
+SHORTEST, LONGEST = 0.2, 1.5  # limits of the length of a bat [m]
 PositiveLength = Annotated[float, Gt(0), Dimension("length")]
-Sport = Literal["baseball", "softball"]  # whose bat, ball or procedure it is
+Sport = Literal["baseball", "softball"]  # sport of a bat, ball or procedure
 CHECK_STANDARD: Final = "check standard"
-BatSport = Literal["baseball", "softball", "check standard"]  # which is no bat
+BatSport = Literal["baseball", "softball", "check standard"]  # a check standard is no bat
 PositiveNumber = Annotated[float, Gt(0), Dimension("number")]
 NonNegative = Annotated[float, Ge(0), Dimension("number")]
-# a relative standard deviation: five of it leave what is spread above 0
+# relative standard deviation, so small that a value five of it below the mean is positive
 Spread = Annotated[float, Dimension("number", 0, 0.2)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Profile(Spec):
-    """Outline of the bat by stations: z, outer diameter, wall thickness (absent: solid) [m]."""
+    """Outline of a bat: z, outer diameter and wall thickness [m] at stations; no wall: solid."""
 
     z: Annotated[tuple[float, ...], Len(2, 100), Dimension("length", 0, LONGEST)]
     outer_diameter: Annotated[tuple[float, ...], Dimension("length", 1e-3, 0.2)]
@@ -192,10 +192,10 @@ class Profile(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material(Spec):
-    """Of the whole bat. The shear coefficient is 0.9 for a solid round, about 0.5 for a thin tube.
+    """Material of the whole bat. The shear coefficient is 0.9 for a solid round, 0.5 for a tube.
 
-    `density_tilt` t makes the density run linearly along the bat, from (1 + t) times the mean
-    at the tip to (1 - t) times at the knob; drawings have none, individuals do.
+    With `density_tilt` t the density varies linearly along the bat, from (1 + t) times the mean at
+    the tip to (1 - t) times the mean at the knob. It is 0 in drawings, but not in individual bats.
     """
 
     density: Annotated[float, Dimension("density", 100, 3e4)]
@@ -207,7 +207,7 @@ class Material(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lump(Spec):
-    """A knob, an end cap or an added weight: mass [kg] and rotary inertia [kg m^2] at z [m]."""
+    """A knob, end cap or added weight: mass [kg] and rotary inertia [kg m^2] at z [m]."""
 
     name: Name
     z: Annotated[float, Dimension("length", 0, LONGEST)]
@@ -225,7 +225,7 @@ class HoopMode(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatBody(Spec):
-    """Geometry and material of one bat, all the physics needs."""
+    """Geometry and material of a bat: all that the physical model needs."""
 
     profile: Profile
     material: Material
@@ -246,13 +246,13 @@ class BatBody(Spec):
         return self.profile.z[-1]
 
     def with_wall(self, factor: float) -> BatBody:
-        """Return the bat with every wall `factor` times as thick; a solid bat stays as it is.
+        """Return the bat with all walls multiplied by `factor`. A solid bat does not change.
 
-        The hoop mode follows the wall t as a thin ring's does that bends without stretching
-        (Hoppe 1871; Rayleigh, The Theory of Sound, § 233): f = 6/√5 √(E/12ρ) t / 2πR², so the
-        frequency and, as a share of the ring's, the modal mass are proportional to t, and the
-        stiffness to t³. The mean radius R is taken as constant (1 % of f for a tenth of a barrel's
-        wall), and so is the share of the stiffness that the barrel's ends give by stretching.
+        The hoop mode changes with the wall thickness t like that of a thin ring that bends without
+        stretching (Hoppe 1871; Rayleigh, The Theory of Sound, § 233): f = 6/√5 √(E/12ρ) t / 2πR².
+        Frequency and modal mass are therefore proportional to t, and the stiffness to t³. The mean
+        radius R is treated as constant (an error of 1 % of f for a tenth of the wall), and so is
+        the share of the stiffness from stretching at the ends of the barrel.
         """
         if self.profile.wall is None:
             return self
@@ -267,16 +267,16 @@ class BatBody(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatSpread(Spec):
-    """How one made bat differs from the drawing: relative standard deviations."""
+    """Variation of individual bats about the drawing, as relative standard deviations."""
 
     density: Spread
     youngs_modulus: Spread
-    density_tilt: Spread  # of the density, tip against knob
+    density_tilt: Spread  # tilt of the density between tip and knob
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublishedBat(Spec):
-    """What a publication says of the bat, for comparison with what the body computes to."""
+    """Published properties of the bat, for comparison with those computed from the body."""
 
     length: PositiveLength
     mass: Annotated[float, Gt(0), Dimension("mass")]
@@ -307,16 +307,18 @@ class RestitutionLine(Spec):
     value: Annotated[float, Dimension("number", 0.05, 1)]
     slope: Annotated[float, Le(0), Dimension("slope of speed")]
     floor: Annotated[float, Dimension("number", 0.05, 1)]
-    slope_u: Annotated[float, Ge(0), Dimension("slope of speed")] = 0.0  # of a lot's own
+    slope_u: Annotated[float, Ge(0), Dimension("slope of speed")] = (
+        0.0  # standard uncertainty between lots
+    )
 
     def at(self, speed: ArrayLike) -> NDArray[np.float64]:
-        """Return e0 of the nominal ball at `speed` [m/s], of its shape."""
+        """Return e0 of the nominal ball at `speed` [m/s], in the shape of `speed`."""
         return np.maximum(self.value + self.slope * (np.asarray(speed) - self.speed), self.floor)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallSpread(Spec):
-    """Ball to ball within a lot, and hit to hit of one ball: standard deviations."""
+    """Standard deviations between the balls of a lot, and between the hits of one ball."""
 
     mass: Annotated[float, Dimension("mass", 0, 0.02)]
     restitution: Spread
@@ -325,17 +327,17 @@ class BallSpread(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallAgeing(Spec):
-    """A hit at v takes loss (v / speed)² off e0; a share comes back while the ball rests."""
+    """Ageing: a hit at v reduces e0 by loss (v / speed)², and a share of the loss recovers."""
 
     speed: Annotated[float, Gt(0), Dimension("speed")]
     loss: Annotated[float, Ge(0), Lt(1), Dimension("number")]
-    recovering: Annotated[float, Ge(0), Le(1), Dimension("number")]  # share of the loss
-    recovery_time: Annotated[float, Gt(0), Dimension("time")]  # of its exponential
+    recovering: Annotated[float, Ge(0), Le(1), Dimension("number")]  # share that recovers at rest
+    recovery_time: Annotated[float, Gt(0), Dimension("time")]  # time constant of the recovery
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallSpec(Spec):
-    """A ball as specified; force F = stiffness u^exponent while it is compressed."""
+    """A nominal ball. The force of loading is F = stiffness u^exponent."""
 
     name: Name
     title: Title
@@ -345,7 +347,9 @@ class BallSpec(Spec):
     exponent: Annotated[float, Dimension("number", 1, 5)]
     restitution: RestitutionLine
     spread: BallSpread
-    radius_u: Annotated[float, Ge(0), Dimension("length")] = 0.0  # of a lot's own
+    radius_u: Annotated[float, Ge(0), Dimension("length")] = (
+        0.0  # standard uncertainty between lots
+    )
     sport: Sport | None = None  # None: not known
     ageing: BallAgeing | None = None
 
