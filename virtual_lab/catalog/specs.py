@@ -40,7 +40,7 @@ class Dimension:
     high: float = LARGEST
 
     def read(self, raw: object) -> object:
-        """Return the SI value, or tuple of values, of a file entry. Raises `ValueError` if unfit."""
+        """Return the SI value, or tuple of values, of an entry. Raises `ValueError` if unfit."""
         if not isinstance(raw, Mapping):
             raise ValueError("expected a table { value, unit, source, verified }")
         if unknown := sorted(set(raw) - set(QUANTITY_KEYS)):
