@@ -1,4 +1,4 @@
-"""One test, through both sides: rigs write records, the reduction reads them."""
+"""One test through both sides: rigs write the records, and the reduction reads them."""
 
 from virtual_lab.lab.bat_test import BatTest, BlockTest
 from virtual_lab.lab.certify import certify_bat, certify_block

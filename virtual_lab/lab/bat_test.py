@@ -1,4 +1,4 @@
-"""A finished test: what was measured, and beside it what was true, which only a study may read."""
+"""A finished test: measured results, and the true values, which only a study may read."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class BatTest:
 
     certification: Certification
     sealed: SealedTruth
-    control: BatTest | None = None  # of the control bat, where the rules ask for one
-    film: Callable[[Path], None] | None = None  # films the first shot into a folder
+    control: BatTest | None = None  # test of the control bat, if the rules require one
+    film: Callable[[Path], None] | None = None  # function that films the first shot into a folder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,17 +38,17 @@ class BlockTest:
     laboratories: Laboratory
     sessions: SessionBlock
     reduced: BlockReduction
-    readings: ImpactReadings  # of all shots, as fired
+    readings: ImpactReadings  # readings of all shots, in the order in which they were fired
     certified: BlockCertification
-    measurands: Mapping[str, Array]  # ``metric``, and by the quantities' names, (laboratory,)
+    measurands: Mapping[str, Array]  # ``metric`` and the quantities by name, (laboratory,)
     bench: Mapping[str, Array]  # true properties of the bats
-    wall: Mapping[str, Array]  # what really happened at the wall, (hit,)
-    shots: Mapping[str, Array]  # and at the bat, (shot,)
+    wall: Mapping[str, Array]  # true values of the hits on the wall, (hit,)
+    shots: Mapping[str, Array]  # true values of the shots at the bat, (shot,)
     control: BatTest | None = None
     film: Callable[[Path], None] | None = None
 
     def of(self, laboratory: int) -> BatTest:
-        """Return the test of one laboratory, to be printed and sealed."""
+        """Return the test of one laboratory, ready to print and seal."""
         of_all, one = self.laboratories, self.sessions.part(laboratory)
         rungs = {
             "collision": of_all.collision.report(),

@@ -32,14 +32,14 @@ def film_board(
     folder
         The new folder.
     views
-        How many pictures, 3 to 60.
+        Number of pictures, 3 to 60.
     seed
-        Of everything random; one is drawn without it.
+        Seed of all random numbers; None draws a seed.
 
     Raises
     ------
     InputError
-        No such camera, a folder that is not empty, too few pictures or too many.
+        An unknown camera, a folder that is not empty, too few or too many pictures.
     """
     import cv2
 

@@ -16,27 +16,27 @@ from virtual_lab.simulation.collision.modal import kernel_is_compiled
 from virtual_lab.simulation.truth import made_bat
 from virtual_lab.uncertainty.estimate import Estimate, Known
 
-CONTROL_TEST = 1_000_000  # branch of its draws, beyond any number of tests
+CONTROL_TEST = 1_000_000  # branch of the control test's random numbers, above any test number
 
 
 def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
-    """Take a bat through a procedure in one laboratory; `InputError` as `certify_block`."""
+    """Test a bat by a procedure in one laboratory. Raises `InputError` as `certify_block` does."""
     return certify_block(setup, progress).of(0)
 
 
 def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
-    """Take a bat through a procedure in all laboratories of a setup.
+    """Test a bat by a procedure in all laboratories of a setup.
 
-    If the procedure corrects by a control bat, this bat is tested first, by the same procedure, at
-    the same rigs and with the same balls. Its measured e over its known e is the constant
-    ``control.restitution_ratio`` of the main test. Calibration errors common to both tests largely
-    cancel in this ratio, but the budget counts them twice: u is slightly too large.
+    If the procedure has a correction by a control bat, that bat is tested first, by the same
+    procedure, on the same rigs and with the same balls. The ratio of its measured to its known e is
+    the constant ``control.restitution_ratio`` of the main test. Calibration errors common to both
+    tests largely cancel in this ratio, but the budget counts them twice: u is slightly too large.
 
     Raises
     ------
     InputError
-        As `Laboratory.open`; a control bat where the rules correct by none, or none where they do;
-        one whose own test gives no result.
+        As for `Laboratory.open`; a control bat that the rules do not use, or a missing one; a
+        control bat whose test gives no result.
     """
     if not kernel_is_compiled():
         progress("compiling the numerical code, which happens once and takes some fifteen seconds")

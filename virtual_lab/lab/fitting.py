@@ -17,7 +17,7 @@ from virtual_lab.units import INCH, OUNCE
 
 
 def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
-    """Return the range of places where the nominal bat will be hit [m from the tip]."""
+    """Return the range of impact positions on the nominal bat [m from the tip]."""
     if procedure.scan:
         return procedure.scan.low, procedure.scan.high
     beam = beam_of(bat.body)
@@ -27,7 +27,7 @@ def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
 
 
 def require_rig(rig: Rig, procedure: Procedure) -> None:
-    """Refuse a rig without a record that the procedure needs."""
+    """Raise `InputError` for a rig without a record that the procedure needs."""
     if lacking := _lacking(rig, procedure):
         able = [
             name
@@ -44,13 +44,13 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
 
 
 def _lacking(rig: Rig, procedure: Procedure) -> list[str]:
-    """Return the channels that a procedure needs and a rig does not write."""
+    """Return the channels that a procedure needs but a rig does not write."""
     timed = any(issubclass(kind, BallRecord) for kind in rig.channels.values())
     return sorted(procedure.needs - rig.channels.keys() | (set() if timed else {"gates"}))
 
 
 def require_motion(rig: Rig, motion: MotionRung) -> None:
-    """Refuse a motion model that the rig does not have."""
+    """Raise `InputError` for a motion model that the rig does not have."""
     able = rig.motions if isinstance(rig, MotionRig) else {MotionRung.CLOSED_FORM}
     if motion not in able:
         names = ", ".join(sorted(each.value for each in able))
@@ -58,14 +58,14 @@ def require_motion(rig: Rig, motion: MotionRung) -> None:
 
 
 def require_camera(rig: Rig) -> None:
-    """Refuse to film at a rig that has no camera."""
+    """Raise `InputError` for a film at a rig without a camera."""
     if "camera" not in rig.channels:
         able = [name for name, other in installed_rigs().items() if "camera" in other.channels]
         raise InputError("", "film", rig.name, f"has no camera; allowed: {', '.join(able)}")
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:
-    """Refuse a scan that leaves the bat or reaches the axis of its pivot."""
+    """Raise `InputError` for a scan that leaves the bat or reaches its pivot."""
     if procedure.scan is None:
         return
     axis = bat.body.length - procedure.pivot_from_knob
@@ -81,7 +81,7 @@ def require_places(procedure: Procedure, bat: BatSpec) -> None:
 
 
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
-    """Refuse windows that exclude the nominal ball: hardly any shot would count."""
+    """Raise `InputError` for windows that exclude the nominal ball, so that few shots count."""
     windows = procedure.windows
     e0 = ball.restitution.at(windows.ball_restitution_speed)
     for name, value, unit, unit_si in (

@@ -42,34 +42,34 @@ from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Draws, Quiet, commitment, salt_of
 from virtual_lab.uncertainty.estimate import Estimate, Known
 
-SEED_BITS = 128  # of a seed that is drawn: too many to try
-EFFICIENCY_U = 2e-3  # standard uncertainty of e_A in a test: 0.8e-3 to 2.4e-3 by procedure
+SEED_BITS = 128  # length of a random seed, too long for trial and error
+EFFICIENCY_U = 2e-3  # typical u of e_A in a test; 0.8e-3 to 2.4e-3, depending on the procedure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Laboratory:
     """A laboratory on the day of one test, or a block of laboratories side by side.
 
-    What differs between the laboratories of a block is an array (laboratory,), of one alone a
-    number. What a laboratory draws, measures and certifies depends on its number alone: in a block
-    it is what it is in a test of its own.
+    Values that differ between the laboratories of a block are arrays (laboratory,), and numbers for
+    a single laboratory. The draws, measurements and certificate of a laboratory depend only on its
+    number, so they are the same in a block and alone.
     """
 
     setup: TestSetup
     seed: int
     salt: bytes
     date: str
-    sealing: str  # whether the truth could be found by trying seeds
+    sealing: str  # statement whether the truth can be found by trying seeds
     draws: Draws
     collision: Ladder
     stations: Mapping[Stage, Station]
     specimen: Specimen
-    calibration: Mapping[str, Known]  # before anything is measured
-    control: float = 1.0  # true e of the control bat with these balls over the e it is known by
+    calibration: Mapping[str, Known]  # constants before the first measurement
+    control: float = 1.0  # ratio of the control bat's true e with these balls to its known e
 
     @classmethod
     def open(cls, setup: TestSetup) -> Laboratory:
-        """Install the rigs and draw bat and balls; without a seed a random one is used.
+        """Install the rigs, and draw bat and balls. Without a seed a random one is used.
 
         Raises
         ------
@@ -129,12 +129,12 @@ class Laboratory:
 
     @property
     def impact(self) -> ImpactStation:
-        """The rig that fires at the bat, as installed in this laboratory."""
+        """Rig that fires at the bat, as installed in this laboratory."""
         return cast("ImpactStation", self.stations[Stage.IMPACT])
 
     @property
     def sessions(self) -> SessionBlock:
-        """What stands in the sessions before anything is measured."""
+        """Sessions before the first measurement."""
         bat, ball = self.setup.bat.spec, self.setup.ball.spec
         return SessionBlock(
             procedure_text=self.setup.rules.text,
@@ -150,11 +150,11 @@ class Laboratory:
 
     @property
     def session(self) -> Session:
-        """The session of a laboratory alone before anything is measured."""
+        """Session of a single laboratory before the first measurement."""
         return self.session_of(self.sessions, {})
 
     def session_of(self, one: SessionBlock, rungs: Mapping[str, RungTaken]) -> Session:
-        """Return the session of one of the laboratories, with the rungs that were taken."""
+        """Return the session of one laboratory, with the models that were used."""
         setup = self.setup
         return Session(
             bat=one.bat,
@@ -179,16 +179,16 @@ class Laboratory:
         )
 
     def play(self, stage: Stage, plan: ShotPlan) -> RigOutput:
-        """Carry out ordered shots, with the faults of this day."""
+        """Carry out a plan, with the faults of this day."""
         station = self.stations[stage]
         return self.setup.faults.play(stage, station, plan, self.specimen, self.draws)
 
 
 @lru_cache(maxsize=32)
 def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | None = None) -> Ladder:
-    """Return the collision of a bat's individuals in tests by a procedure.
+    """Return the collision models for individuals of a bat in tests by a procedure.
 
-    Tests of one setup share it, so its rung is chosen once.
+    Tests of one setup share them, so the rung is chosen once.
     """
     speed = rules.ball_speed + (rules.bat_speed or 0.0)
     return Ladder(
@@ -201,14 +201,14 @@ def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | Non
 
 
 def constant_name(stage: Stage, name: str) -> str:
-    """Return a constant's name in a session; rigs in one hall share air and gravity."""
+    """Return the name of a constant in a session. Rigs in one hall share air and gravity."""
     if name.startswith("hall."):
         return name
     return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
 
 
 def lot_constants(ball: BallSpec) -> dict[str, Estimate]:
-    """Return the constants of a lot that are known before a ball is measured."""
+    """Return the constants of a lot that are known before the balls are measured."""
     return {
         "ball.radius": Estimate(value=ball.radius, u=ball.radius_u),
         "ball.restitution_slope": Estimate(
@@ -218,7 +218,7 @@ def lot_constants(ball: BallSpec) -> dict[str, Estimate]:
 
 
 def _sealing(setup: TestSetup) -> str:
-    """Return whether somebody with the records could recompute the truth by trying seeds."""
+    """Return the statement whether the truth can be recomputed from the records by trying seeds."""
     if setup.reality is not Reality.REAL:
         return "reproducible: nothing is random, not sealed"
     if setup.seed is not None:

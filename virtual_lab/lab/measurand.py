@@ -1,8 +1,8 @@
-"""The measurand: the procedure's result on the exact curve of the tested bat.
+"""The measurand: the procedure's result for the exact curve of the tested bat.
 
-There are two: (i) the result from the places visited, which a laboratory without errors finds
-exactly; (ii) for a scan, the value at the maximum of the continuous curve and, if the procedure
-asks for it, the width of the curve near its maximum.
+There are two measurands: (i) the result from the positions that were hit, which a laboratory
+without errors finds exactly; (ii) for a scan, the value at the maximum of the continuous curve and,
+if the procedure requires it, the width of the curve near its maximum.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from virtual_lab.units import Array
 
 CONTINUOUS = "metric_of_continuous_curve"
 WIDTH_KEY = "width_m"
-POINTS = 41  # of the continuous curve
+POINTS = 41  # number of points of the continuous curve
 
 
 def measurands(
@@ -31,11 +31,11 @@ def measurands(
     weights: Array,
     control: float = 1.0,
 ) -> dict[str, Array]:
-    """Return the true metric as ``metric``, and quantities by their names, (laboratory,).
+    """Return the true ``metric`` and the true quantities by name, (laboratory,).
 
-    The other quantities are those at the place on the certificate, so they have the `weights` of
-    its hits, (shot,). `control` is the error-free argument of `TrueCurve.metric`. NaN where a test
-    gave no result.
+    The other quantities are those at the impact position on the certificate, so they are averaged
+    with the `weights` of its hits, (shot,). `control` is the error-free argument of
+    `TrueCurve.metric`. Values are NaN if a test gave no result.
     """
     procedure, owner = reduced.procedure, reduced.owner
     laboratories = reduced.preparation.laboratories
@@ -71,9 +71,9 @@ def measurands(
 def _of_continuous(
     scan: Scan, place: Array, sought_at: Array, metric_at: Array
 ) -> dict[str, Array]:
-    """Return the metric at the maximum of each curve, and the width the rules ask for, (curve,).
+    """Return the metric at the maximum of each curve, and the width that the rules require.
 
-    The curves are known at `place`, (curve, place).
+    The results are (curve,). The curves are known at `place`, (curve, place).
     """
     sought, metric = (CubicSpline(place, values.T) for values in (sought_at, metric_at))
     best = _tops(sought)
@@ -86,13 +86,13 @@ def _of_continuous(
 
 
 def _tops(curves: CubicSpline) -> Array:
-    """Return the place of the greatest value of each curve: an end, or where it is flat."""
+    """Return the position of the maximum of each curve: an end, or a zero of the slope."""
     cubic, square, flat, value = curves.c  # (piece, curve)
     start, size = curves.x[:-1, None], np.diff(curves.x)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         root = -(square + np.copysign(np.sqrt(square**2 - 3 * cubic * flat), square))
         turns = np.stack([root / (3 * cubic), flat / root])
-    turns = np.where((turns > 0) & (turns < size), turns, 0.0)  # false of one that is none
+    turns = np.where((turns > 0) & (turns < size), turns, 0.0)  # False for NaN
     values = ((cubic * turns + square) * turns + flat) * turns + value
     ends = np.full((1, curves.c.shape[2]), curves.x[-1])
     places = np.concatenate([(start + turns).reshape(-1, ends.size), ends])
@@ -101,9 +101,10 @@ def _tops(curves: CubicSpline) -> Array:
 
 
 def _reached(curves: CubicSpline, at: Array, level: Array, best: Array, way: int) -> Array:
-    """Return where each curve first comes down to a level one `way` from its best place.
+    """Return the position at which each curve first falls to `level`, in direction `way` (±1).
 
-    The end where it does not. `at` are the values at the knots, (knot, curve).
+    The search starts at the maximum `best`. If the curve does not fall to the level, the result is
+    the end. `at` are the values at the knots, (knot, curve).
     """
     knots = curves.x[:, None]
     beyond = (at < level) & ((knots - best) * way > 0)
@@ -112,7 +113,7 @@ def _reached(curves: CubicSpline, at: Array, level: Array, best: Array, way: int
     outer = np.where(some, curves.x[low], curves.x[-1 if way > 0 else 0])
     inner = np.where(way * (curves.x[low - way] - best) > 0, curves.x[low - way], best)
     inner = np.where(some, inner, outer)
-    for _ in range(52):  # halvings, to rounding
+    for _ in range(52):  # bisections down to rounding
         middle = (inner + outer) / 2
         above = _at(curves, middle) >= level
         inner, outer = np.where(above, middle, inner), np.where(above, outer, middle)
@@ -120,7 +121,7 @@ def _reached(curves: CubicSpline, at: Array, level: Array, best: Array, way: int
 
 
 def _at(curves: CubicSpline, place: Array) -> Array:
-    """Return the value of each curve at a place of its own, (curve,), by Horner's rule."""
+    """Return the value of each curve at one position per curve, (curve,), by Horner's rule."""
     piece = np.clip(np.searchsorted(curves.x, place, side="right") - 1, 0, len(curves.x) - 2)
     off, total, curve = place - curves.x[piece], np.zeros(place.shape), np.arange(place.size)
     for power in curves.c:
@@ -137,7 +138,7 @@ def true_curve(
 ) -> TrueCurve:
     """Return the true curve at `places` [m] at the procedure's nominal speeds.
 
-    `owner` is the laboratory whose balls strike at each place of a block.
+    `owner` is the laboratory, in a block, whose balls are used at each position.
     """
     bat = specimen.bat.of_shots(owner).rigid
     plan = ShotPlan(

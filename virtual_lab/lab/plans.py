@@ -1,4 +1,4 @@
-"""What a procedure orders at each stage of a test, in one laboratory or in many side by side."""
+"""Plans of a procedure for each stage of a test, in one laboratory or in a block."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from virtual_lab.simulation.rig import Reality, RigOutput, ShotPlan, Stage
 from virtual_lab.streams import in_turn
 from virtual_lab.units import Array, Mask
 
-ALONE = ()  # the laboratories of a plan for one; (n,) of a block
+ALONE = ()  # shape of a single laboratory; (n,) for a block
 
 
 def bench_plan(rules: Procedure, laboratories: tuple[int, ...] = ALONE) -> ShotPlan:
-    """Return the order to measure every ball of the lot."""
+    """Return the plan to measure every ball of the lot."""
     owner, ball = in_turn(laboratories, rules.balls)
     nothing = np.full(ball.shape, np.nan)
     return ShotPlan(slot=ball, ball=ball, speed=nothing, place=nothing, owner=owner)
@@ -31,7 +31,7 @@ def bench_plan(rules: Procedure, laboratories: tuple[int, ...] = ALONE) -> ShotP
 def wall_plan(
     rules: Procedure, detail: RecordDetail, laboratories: tuple[int, ...] = ALONE
 ) -> ShotPlan:
-    """Return the order to fire every ball at the wall at each of the procedure's speeds."""
+    """Return the plan to fire every ball at the wall at each of the procedure's speeds."""
     speeds = np.tile(rules.wall_speeds, rules.wall_hits)
     owner, slot = in_turn(laboratories, rules.balls * speeds.size)
     return ShotPlan(
@@ -45,16 +45,16 @@ def wall_plan(
 
 
 class BeforeShots(NamedTuple):
-    """What is known before shots are ordered, arrays (laboratory,)."""
+    """State of each laboratory before the next shots, arrays (laboratory,)."""
 
-    fired: NDArray[np.intp]  # shots so far
-    used: Mask  # balls that were not set aside, (laboratory, ball)
-    turn_rate: Array  # that the procedure asks for [rad/s]
+    fired: NDArray[np.intp]  # number of shots so far
+    used: Mask  # balls that were not rejected, (laboratory, ball)
+    turn_rate: Array  # angular rate of the bat required by the procedure [rad/s]
     along: Array  # correction of the cannon's aim [m]
 
 
 def impact_plan(setup: TestSetup, asked: NextShots, before: BeforeShots) -> ShotPlan:
-    """Return the order to fire one ball at each place asked for, the balls in turn."""
+    """Return the plan to fire one ball at each requested position, with the balls in turn."""
     owner = asked.owner
     turn, many = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)
     slot = before.fired[owner] + shot_numbers(owner)
@@ -72,17 +72,17 @@ def impact_plan(setup: TestSetup, asked: NextShots, before: BeforeShots) -> Shot
 
 
 def shot_numbers(owner: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the number of each shot among those of its laboratory; the owners are sorted."""
+    """Return the number of each shot within its laboratory. `owner` is sorted."""
     return np.asarray(np.arange(owner.size) - np.searchsorted(owner, owner))
 
 
 def stage_records(rounds: Sequence[RigOutput]) -> dict[str, Record]:
-    """Return the records of a stage: those of its rounds, one after another."""
+    """Return the records of a stage, concatenated over its rounds."""
     return {
         channel: join([each.records[channel] for each in rounds]) for channel in rounds[0].records
     }
 
 
 def with_records(session: Session, stage: Stage, rounds: Sequence[RigOutput]) -> Session:
-    """Return the session with the records of a stage: those of its rounds, one after another."""
+    """Return the session with the records of a stage, concatenated over its rounds."""
     return replace(session, records={**session.records, stage.value: stage_records(rounds)})

@@ -1,11 +1,11 @@
 """One bat design in many laboratories with different errors.
 
-In metrology a round robin is one artefact that goes from laboratory to laboratory.
+In metrology a round robin is one artefact that travels from laboratory to laboratory.
 
-The common parts (surrogate of the nominal bat's collision, procedure) are made once. Laboratories
-are the numbered ones of one seed, as of ``certify --seed S --number n``. Where instruments write
-sums they run in blocks, side by side: of a nominal bat a fraction of a millisecond each, of an
-individual bat a twentieth of a second.
+The common parts (procedure, surrogate of the nominal bat's collision) are made once. The
+laboratories are those of one seed by number, as in ``certify --seed S --number n``. If the
+instruments write sums, laboratories run side by side in blocks. A nominal bat then takes a fraction
+of a millisecond per laboratory, and an individual bat a twentieth of a second.
 """
 
 from __future__ import annotations
@@ -37,25 +37,26 @@ from virtual_lab.simulation.rig import find_rig, knows_blocks
 from virtual_lab.uncertainty.scatter import HitVariance
 
 Taken = TypeVar("Taken")
-BLOCK = 1024  # laboratories side by side: more gain a few per cent and take memory
-SCANS = 768  # the same of scans, which fire more shots
-INDIVIDUALS = 32  # where each has a bat of its own, whose modes and splines are kept meanwhile
+BLOCK = 1024  # number of laboratories per block; more gain a few per cent and need memory
+SCANS = 768  # number per block for scans, which need more shots
+INDIVIDUALS = 32  # number per block for individual bats, whose modes and splines need memory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoundRobin:
-    """Everything that all laboratories have in common."""
+    """The common parts of all laboratories."""
 
     setup: TestSetup
-    history: int = 0  # earlier tests of each laboratory, whose hits' scatter counts
+    history: int = 0  # number of earlier tests of each laboratory whose scatter is used
 
     @classmethod
     def of(cls, bat: str, procedure: str, *, summed: bool = True, individual: bool = False) -> Self:
-        """Return the round robin of a bat by a procedure; `InputError` as `TestSetup.of`.
+        """Return the round robin of a bat by a procedure.
 
-        With `summed` instruments write sums, and all laboratories get the nominal bat, whose
-        collision is that of a surrogate, unless bats are to be `individual`, each with its own
-        modes to find. In full they always are.
+        With `summed` the instruments write sums, and all laboratories test the nominal bat with a
+        surrogate of its collision. With `individual` each laboratory has an individual bat, whose
+        modes must be computed; without `summed` this is always so. Raises `InputError` as
+        `TestSetup.of` does.
         """
         detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
         setup = TestSetup.of(bat, procedure=procedure, detail=detail)
@@ -63,7 +64,7 @@ class RoundRobin:
 
     @classmethod
     def shared(cls, setup: TestSetup) -> Self:
-        """Return the round robin of a setup, with the collision of a bat that is nominal."""
+        """Return the round robin of a setup, with a common collision model for a nominal bat."""
         if setup.made:
             return cls(setup=setup)
         rules, ball, drawn = setup.rules.spec, setup.ball.spec, setup.bat.spec
@@ -71,12 +72,12 @@ class RoundRobin:
         return cls(setup=replace(setup, collision=collision))
 
     def laboratory(self, seed: int, number: int = 0) -> Laboratory:
-        """Return a laboratory of a seed, by its number."""
+        """Return the laboratory `number` of a seed."""
         return Laboratory.open(replace(self.setup, seed=seed, number=number))
 
     @property
     def in_blocks(self) -> bool:
-        """Whether its laboratories can be played side by side: all its rigs know blocks."""
+        """Whether laboratories can be simulated side by side, which all rigs must support."""
         setup = self.setup
         rigs = (find_rig(name, stage) for stage, name in setup.rigs.items())
         plain = not setup.faults.names and not setup.rules.spec.controlled
@@ -85,16 +86,16 @@ class RoundRobin:
 
     @property
     def _share(self) -> int:
-        """Number of laboratories that are made together."""
+        """Number of laboratories per block."""
         if self.setup.made or not self.in_blocks:
             return INDIVIDUALS
         return SCANS if self.setup.rules.spec.scan else BLOCK
 
     def blocks(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BlockTest]:
-        """Yield the tests in so many laboratories of a seed, in blocks.
+        """Yield the tests of `laboratories` laboratories of a seed, in blocks.
 
-        They are blocks of one where laboratories cannot be played side by side. `InputError` as
-        `certify_block`.
+        If laboratories cannot be simulated side by side, each block has one. Raises `InputError` as
+        `certify_block` does.
         """
         numbers, setup = np.arange(first, first + laboratories), replace(self.setup, seed=seed)
         if not self.in_blocks:
@@ -105,7 +106,7 @@ class RoundRobin:
             yield self._tested(replace(setup, number=numbers[begin : begin + self._share]))
 
     def _tested(self, setup: TestSetup) -> BlockTest:
-        """Return the tests of a block, after the earlier ones of its laboratories."""
+        """Return the tests of a block, after the earlier tests of its laboratories."""
         if not self.history:
             return certify_block(setup)
         tests = range(1, self.history + 1)
@@ -123,9 +124,10 @@ class RoundRobin:
     def each_block(
         self, take: Callable[[BlockTest], Taken], laboratories: int, seed: int, processes: int = 1
     ) -> Iterator[Taken]:
-        """Yield the result of `take`, a function of a module, for each block, in turn.
+        """Yield the result of `take`, a module-level function, for each block in turn.
 
-        So many processes of this machine share the blocks. `InputError` as `blocks`.
+        `processes` processes of this computer share the blocks. Raises `InputError` as `blocks`
+        does.
         """
         if processes < 1:
             raise InputError("", "workers", processes, "allowed: 1 and more")
@@ -145,7 +147,7 @@ class RoundRobin:
                 yield from each.result()
 
     def run(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BatTest]:
-        """Yield the same tests one after another, as they are printed."""
+        """Yield the tests of `blocks` one by one, ready to print."""
         for block in self.blocks(laboratories, seed, first):
             for one in range(block.sessions.laboratories):
                 yield block.of(one)
@@ -159,7 +161,7 @@ def _taken(
         return [take(block) for block in shared.blocks(laboratories, seed, first)]
 
 
-@lru_cache(maxsize=1)  # a worker is asked for the blocks of one round robin
+@lru_cache(maxsize=1)  # a worker makes the blocks of one round robin
 def _unpickled(pickled: bytes) -> tuple[RoundRobin, Mapping[Key, str]]:
     setup, history, texts = pickle.loads(pickled)
     with catalog.sheets_in_place(texts):
@@ -167,19 +169,19 @@ def _unpickled(pickled: bytes) -> tuple[RoundRobin, Mapping[Key, str]]:
 
 
 def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
-    """Return the range of a test's collisions: nominal values and six sigma about them.
+    """Return the range of a test's collisions: nominal values plus and minus six sigma.
 
     It depends only on procedure, bat and lot, so a surrogate over it is always the same.
     """
     either = np.array([-1.0, 1.0])
-    sigmas = 6  # a scene outside costs time, no accuracy
-    # scatter as the cannons' sheets in data/instruments have it; others make more scenes lie
-    # outside. That of the place [m] has the percussion centre's own uncertainty among it.
+    sigmas = 6  # half width; a scene outside costs time but no accuracy
+    # Scatter of the cannons in data/instruments. With other cannons more scenes lie outside. The
+    # scatter of the position [m] includes the uncertainty of the centre of percussion.
     place = np.array(nominal_places(procedure, bat)) + sigmas * 1.7e-3 * either
     axis = bat.body.length - procedure.pivot_from_knob
     bat_speed = procedure.turn_rate(bat.body.length) * (axis - place[::-1])
     speed = procedure.ball_speed + bat_speed + sigmas * 0.2 * either  # m/s
-    speed[0] *= 0.99  # a hit six sigma above the bat's axis is slanted
+    speed[0] *= 0.99  # a hit six sigma above the bat's axis is oblique
     scatter = hypot(ball.spread.restitution, ball.spread.hit_restitution)
     e0 = np.asarray(ball.restitution.at(speed[::-1])) + sigmas * scatter * either
     return Box.about(

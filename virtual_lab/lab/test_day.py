@@ -1,9 +1,9 @@
-"""A test as a sequence of steps; each returns the day with added records and truth.
+"""A test as a sequence of steps, each of which returns the day with new records and truth.
 
 An operator chooses the steps and their order; `by_the_book` follows the procedure. The random
-numbers of a step depend on the number of its reading or shot, so a step gives the same records
-whatever was done before it. The laboratories of a block take each step together, and fire as many
-shots as each of them still needs.
+numbers of a step depend on the number of its reading or shot, so its records do not depend on the
+steps before it. The laboratories of a block take each step together, and each fires the shots that
+it still needs.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from virtual_lab.records.session import Session
 from virtual_lab.simulation.rig import FilmingStation, RigOutput, ShotPlan, Stage
 from virtual_lab.units import INCH
 
-SWUNG = frozenset({"pendulum"})  # the bench's channels that swing the bat; the others measure it
+SWUNG = frozenset({"pendulum"})  # channels of the bench for which the bat swings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,22 +45,22 @@ class TestDay:
     """A test in progress, in one laboratory or in a block of them."""
 
     laboratory: Laboratory
-    sessions: SessionBlock  # what bench and wall recorded so far
+    sessions: SessionBlock  # records of bench and wall so far
     bench: RigOutput | None = None
     wall: RigOutput | None = None
     preparation: BlockPreparation | None = None
-    plans: tuple[ShotPlan, ...] = ()  # what was fired at the bat, round by round
+    plans: tuple[ShotPlan, ...] = ()  # plan of each round fired at the bat
     rounds: tuple[RigOutput, ...] = ()
-    reduced: BlockReduction | None = None  # of the shots judged so far
-    readings: ImpactReadings | None = None  # of the same shots, where they were read together
+    reduced: BlockReduction | None = None  # reduction of the shots judged so far
+    readings: ImpactReadings | None = None  # readings of these shots, if they are read together
 
     @classmethod
     def begin(cls, laboratory: Laboratory) -> TestDay:
-        """Return the morning of the test."""
+        """Return the day before its first step."""
         return cls(laboratory=laboratory, sessions=laboratory.sessions)
 
     def weigh(self) -> TestDay:
-        """Weigh, measure and balance the bat, weigh the balls."""
+        """Weigh, measure and balance the bat, and weigh the balls."""
         return self._on_bench(lambda channel: channel not in SWUNG)
 
     def swing(self) -> TestDay:
@@ -68,7 +68,7 @@ class TestDay:
         return self._on_bench(lambda channel: channel in SWUNG)
 
     def hit_wall(self) -> TestDay:
-        """Fire every ball at the wall at each of the procedure's speeds; the balls age.
+        """Fire every ball at the wall at each of the procedure's speeds, which ages the balls.
 
         The true e0 of the lot is its mean over these hits, and the measurand refers to it; changes
         of a ball between wall and bat are not modelled.
@@ -86,7 +86,7 @@ class TestDay:
         )
 
     def prepare(self) -> TestDay:
-        """Reduce the records of bench and wall: where to hit, and which balls to use."""
+        """Reduce the records of bench and wall, to find the impact position and usable balls."""
         preparation, laboratory = prepare_block(self.sessions), self.laboratory
         specimen = laboratory.specimen
         used = preparation.used.reshape(specimen.balls.mass.shape)
@@ -95,7 +95,7 @@ class TestDay:
         return replace(self, laboratory=laboratory, preparation=preparation)
 
     def next_shots(self) -> NextShots:
-        """Return what the procedure asks for next; nothing where every test is complete."""
+        """Return the shots that the procedure requires next, none if every test is complete."""
         assert self.preparation is not None, "prepare() comes first"
         if self.reduced is not None:
             return self.reduced.next_shots()
@@ -104,7 +104,7 @@ class TestDay:
         return next_shots(rules, percussion, none, nothing, nothing.astype(bool), nothing)
 
     def fire(self, asked: NextShots) -> TestDay:
-        """Fire one ball at each place, corrected by the calibration of the cannon."""
+        """Fire one ball at each position, corrected by the calibration of the cannon."""
         preparation, laboratory = self.preparation, self.laboratory
         assert preparation is not None, "prepare() comes first"
         along = laboratory.calibration.get(AIM_ALONG)
@@ -119,9 +119,10 @@ class TestDay:
         return replace(self, plans=(*self.plans, plan), rounds=rounds)
 
     def judge(self, acceptance: Acceptance | None = None) -> TestDay:
-        """Reduce the new hits and decide which count, by default by the procedure.
+        """Reduce the new hits and decide which are valid, by default by the procedure.
 
-        All hits are reduced where they share the fit of an encoder's counts, or a person judges.
+        All hits are reduced again if they share the fit of an encoder's counts, or if a person
+        judges.
         """
         assert self.preparation is not None, "prepare() comes first"
         done = 0 if self.reduced is None else self.reduced.owner.size
@@ -140,7 +141,7 @@ class TestDay:
         return replace(self, reduced=reduced, readings=readings if whole else None)
 
     def recorded(self, first: int = 0) -> SessionBlock:
-        """Return everything recorded so far; of the rounds at the bat from the `first` on."""
+        """Return all records so far, with the rounds at the bat from number `first` on."""
         if not self.rounds[first:]:
             return self.sessions
         records = {**self.sessions.records, Stage.IMPACT.value: stage_records(self.rounds[first:])}
@@ -148,7 +149,7 @@ class TestDay:
 
     @property
     def session(self) -> Session:
-        """Everything that a laboratory alone recorded so far."""
+        """Return all records of a single laboratory so far."""
         return self.laboratory.session_of(self.recorded(), {})
 
     def finish(self) -> BlockTest:
@@ -156,7 +157,7 @@ class TestDay:
         return self.finished(self.recorded())
 
     def finished(self, sessions: SessionBlock) -> BlockTest:
-        """Return the same of a day whose records an operator kept otherwise."""
+        """Return the result of `finish` for other `sessions`, those that an operator kept."""
         laboratory, reduced = self.laboratory, self.reduced
         assert self.bench is not None
         assert self.wall is not None
@@ -201,19 +202,19 @@ class TestDay:
         return replace(self, sessions=sessions, bench=bench)
 
     def _recorded(self, stage: Stage, play: RigOutput) -> SessionBlock:
-        """Return the sessions with more records of a stage."""
+        """Return the sessions with the new records of a stage."""
         before = self.sessions.records.get(stage.value, {})
         records = {**self.sessions.records, stage.value: {**before, **play.records}}
         return replace(self.sessions, records=records)
 
     def _owner(self, plans: tuple[ShotPlan, ...]) -> NDArray[np.intp]:
-        """Return whose the shots of some plans are, (shot,)."""
+        """Return the laboratory of each shot of the plans, (shot,)."""
         owners = [np.broadcast_to(0 if p.owner is ... else p.owner, p.slot.shape) for p in plans]
         return np.concatenate([np.zeros(0, dtype=np.intp), *owners])
 
 
 def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest:
-    """Measure bats and balls, then fire and judge until the procedure asks for no more shots."""
+    """Measure bats and balls, then fire and judge until the procedure requires no more shots."""
     day = prepared(laboratory, progress)
     while (asked := day.next_shots()).owner.size:
         if progress is not quiet:
@@ -223,7 +224,7 @@ def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest
 
 
 def prepared(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
-    """Return the day of a laboratory after bat and balls were measured, before the first shot."""
+    """Return the day after bat and balls were measured, before the first shot."""
     rules = laboratory.rules.spec
     progress("bench: weighing, balancing and swinging the bat, weighing the balls")
     day = TestDay.begin(laboratory).weigh().swing()
@@ -232,7 +233,7 @@ def prepared(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
 
 
 def _round_in_words(asked: NextShots) -> str:
-    """Return the number of shots of a round, and their places if several."""
+    """Return a text with the number of shots of a round, and of positions if several."""
     where = np.unique(np.round(asked.place / INCH, 2))
     along = f" at {', '.join(f'{place:g}' for place in where)} in" if len(where) > 1 else ""
     return f"{asked.place.size} shots{along}"

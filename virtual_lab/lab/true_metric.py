@@ -1,7 +1,7 @@
-"""The procedure's metric of an exact curve.
+"""The procedure's metric for an exact curve.
 
-Simulation and measurement share only the numbers of the procedure. Every formula here is written
-independently, so that a wrong formula on either side shows as an error of the test.
+Simulation and measurement share only the numbers of the procedure. All formulas here are written
+independently, so that a wrong formula on either side appears as an error of the test.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class TrueCurve:
 
     procedure: Procedure
     bat: RigidBat[Any]
-    place: Array  # from the barrel tip [m]
+    place: Array  # distance from the barrel tip [m]
     collision_efficiency: Array
-    restitution: Array  # of ball and bat, on the support the procedure names
+    restitution: Array  # e of ball and bat, with the support named by the procedure
     recoil_factor: Array
     ball_restitution: Array
 
@@ -41,7 +41,7 @@ class TrueCurve:
         }
 
     def metric(self, control: float = 1.0) -> Array:
-        """Return the metric. `control`: e of the control bat with this lot over its known e."""
+        """Return the metric. `control` is the ratio of e of the control bat to its known e."""
         procedure = self.procedure
         e, efficiency = self._with_standard_ball(control)
         match procedure.metric:
@@ -62,7 +62,7 @@ class TrueCurve:
         return self.metric(control)
 
     def _batted(self, efficiency: Array) -> Array:
-        """Return v_f [m/s]: in the bat's frame the ball comes with both speeds."""
+        """Return v_f [m/s], computed in the frame of the bat."""
         game, length = self.procedure.game, self.bat.length
         if game is None:
             pitch, rate = self.procedure.ball_speed, float(self.procedure.turn_rate(length))
@@ -85,7 +85,7 @@ class TrueCurve:
         return np.asarray(bat + efficiency * (game.pitch_speed + bat))
 
     def _with_standard_ball(self, control: float) -> tuple[Array, Array]:
-        """Return e and e_A as the rules convert them to the standard ball."""
+        """Return e and e_A converted to the standard ball by the rules."""
         correction, e, e0 = self.procedure.correction, self.restitution, self.ball_restitution
         if correction is None or correction.method == "none":
             return e, self.collision_efficiency
@@ -93,7 +93,7 @@ class TrueCurve:
             e = e / control
         elif correction.method == "ratio":
             e = correction.standard * (e / e0)
-        else:  # of the energy that the shell does not return, the ball's share goes with 1 - e0²
+        else:  # the ball's share of the lost energy is proportional to 1 - e0²
             lost = (1 - e**2) / (1 - e0**2)
             sprung = np.sqrt(1 - lost * (1 - correction.standard**2))
             e = np.where(e > e0, sprung, correction.standard * (e / e0))
@@ -101,20 +101,20 @@ class TrueCurve:
 
 
 class Visits(NamedTuple):
-    """Places that the tests of a block visited, (shot,)."""
+    """Impact positions of the tests of a block, arrays (shot,)."""
 
-    owner: NDArray[np.intp]  # whose shot it was
-    place: Array  # set [m]
-    valid: NDArray[np.bool_]  # which hits counted
+    owner: NDArray[np.intp]  # laboratory of the shot
+    place: Array  # set position [m]
+    valid: NDArray[np.bool_]  # whether the hit is valid
 
 
 def results_of_curves(
     procedure: Procedure, laboratories: int, visits: Visits, sought: Array, metric: Array
 ) -> Array:
-    """Return the procedure's results of exact curves at the places visited, (laboratory,).
+    """Return the procedure's result for exact curves at the positions hit, (laboratory,).
 
-    `sought` and `metric` are those of the exact curve at each shot's place, (shot,). NaN where no
-    place has all its hits.
+    `sought` and `metric` are the values of the exact curve at the position of each shot, (shot,).
+    The result is NaN if no position has all its hits.
     """
     owner, place, valid = visits
     if procedure.scan is None:
@@ -135,14 +135,14 @@ def results_of_curves(
     if procedure.scan.final_hits:
         return np.asarray(np.take_along_axis(wanted, best, axis=1)[:, 0])
     off = np.abs(at - np.take_along_axis(at, best, axis=1))
-    near = off < procedure.scan.fit_half_width + 1e-3  # m, two steps in setting it
+    near = off < procedure.scan.fit_half_width + 1e-3  # two steps of the setting [m]
     return _at_the_top(at, near, looked, wanted)
 
 
 def _at_the_top(at: Array, near: NDArray[np.bool_], looked: Array, wanted: Array) -> Array:
-    """Return what is wanted where the curve that is looked at has its top, (curve,).
+    """Return the value of the curve `wanted` at the maximum of the curve `looked`, (curve,).
 
-    Polynomials up to the third degree by least squares through the places near the best one.
+    Both are fitted with polynomials up to the third degree at the positions near the best one.
     """
     low = np.min(at, axis=1, where=near, initial=np.inf)[:, None]
     high = np.max(at, axis=1, where=near, initial=-np.inf)[:, None]
@@ -158,7 +158,7 @@ def _at_the_top(at: Array, near: NDArray[np.bool_], looked: Array, wanted: Array
     with np.errstate(divide="ignore", invalid="ignore"):
         root = -(bend + np.copysign(np.sqrt(bend**2 - 4 * twist * flat), bend)) / 2
         turns = np.concatenate([root / twist, flat / root], axis=1)
-    inside = np.abs(turns) < 1  # false of a turn that is none
+    inside = np.abs(turns) < 1  # False for NaN
     ends = np.broadcast_to([-1.0, 1.0], turns.shape)
     candidates = np.concatenate([ends, np.where(inside, turns, -1.0)], axis=1)
     rows = candidates[..., None] ** powers
