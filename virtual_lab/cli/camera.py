@@ -91,8 +91,9 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
 def track(clip: Path, progress: Progress, **asked: Any) -> Any:
     """Follow the ball through CLIP: flights, contacts, speeds, restitution, acceleration.
 
-    CLIP is a video (MP4, MOV, AVI, MKV, CINE, MRAW), a folder of images, a TIFF stack or a .npy
-    array. The folder CLIP-track beside it gets track, result, plot, contact sheet and film.
+    CLIP is a video (MP4, MOV, AVI, MKV, WebM, GIF, CINE, MRAW), a folder of images in the order of
+    their numbers (negative ones first), a TIFF stack, an animated WebP or PNG, or a .npy array.
+    The folder CLIP-track beside it gets track, result, plot, contact sheet and film.
     """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its messages would stand beside ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")

@@ -132,7 +132,7 @@ BAD: dict[str, tuple[Callable[[Path], Path], str]] = {
     "zero frames": (lambda at: saved(at, np.zeros((0, 40, 64), np.uint8)), "frames = 0"),
     "floats": (lambda at: saved(at, np.zeros((3, 40, 64))), "float64"),
     "cut MP4": (lambda at: cut(WRITERS["mp4"](at, noise()), 0.6), "cut short"),
-    "cut AVI": (lambda at: cut(WRITERS["avi"](at, noise()), 0.6), "says it holds 12"),
+    "cut AVI": (lambda at: cut(WRITERS["avi"](at, noise()), 0.6), "cut short"),
     "cut array": (lambda at: cut(WRITERS["npy"](at, noise()), 0.6), "cut short"),
     "cut image": (cut_image, "cut short"),
     "changing size": (spoil_size, "64 x 41"),
@@ -261,20 +261,22 @@ def test_motion_jpeg_shows_what_ffmpeg_shows(tmp_path: Path) -> None:
     for frame in frames:
         assert np.abs(frame.astype(float) - theirs.read()[1]).mean() < 2
     assert not theirs.grab()
-    assert [k for k, (frame, _) in enumerate(source.read(5)) if frame is not None] == [0, 5, 10]
+    assert [
+        k for k, (frame, _) in enumerate(source.read(lambda k: k % 5 == 0)) if frame is not None
+    ] == [0, 5, 10]
     content = bytearray(path.read_bytes())
     at = [found.start() for found in re.finditer(b"\xff\xd8\xff", bytes(content))][7]
     content[at : at + 40] = bytes(40)
     path.write_bytes(content)
-    with pytest.raises(InputError, match="says it holds 12"):
+    with pytest.raises(InputError, match="frame 7; cannot be decoded"):
         list(open_source(path).pictures())
 
 
 def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its file may go once it was opened; a long one is read anew, frame by frame."""
     path = tmp_path / "clip.npy"
-    frames = np.arange(5 * 8 * 9, dtype=np.uint8).reshape(5, 8, 9)
-    for kept, there in ((5 * 8 * 9, True), (5 * 8 * 9 - 1, False)):
+    frames = np.arange(30 * 8 * 9).astype(np.uint8).reshape(30, 8, 9)
+    for kept, there in ((frames.nbytes, True), (frames.nbytes - 1, False)):
         small = replace(MEMORY, most_bytes=kept)
         monkeypatch.setattr("virtual_lab.video.clips.clip.MEMORY", small)
         np.save(path, frames)

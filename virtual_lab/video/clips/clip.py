@@ -79,27 +79,37 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
         wide, high = camera.image_size
         allowed = f"the calibrated camera's are {wide} x {high}: is it another camera's?"
         raise InputError(str(source.path), "frames", f"{size[0]} x {size[1]}", allowed)
-    room = MEMORY.most_bytes / first.nbytes
+    return _read(source, first, calibration)
+
+
+def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
+    """Read a clip once. Its samples lie evenly if the file counts its frames nearly right."""
+    room, deep = MEMORY.most_bytes / first.nbytes, first.dtype != np.uint8
     count = int(np.clip(room, MEMORY.least_samples, MEMORY.samples))
-    every, stays = max(1, -(-source.declared // count)), 0 < source.declared <= room
+    most, every = room, 1
+    if not 0 < source.declared <= room:
+        most, every = 2 * count, max(1, -(-source.declared // count))
     stamps: list[float] = []
     kept: dict[int, Frame] = {}
     brightest = 255
-    whole = stays or first.dtype != np.uint8
-    for number, (frame, stamp) in enumerate(source.pictures(1 if whole else every)):
+    frames = source.pictures(lambda number: deep or number % every == 0)
+    for number, (frame, stamp) in enumerate(frames):
         stamps.append(stamp)
-        if stays or number % every == 0:
+        if number % every == 0:
             kept[number] = frame
-        if not stays and len(kept) > 2 * count:  # the file declares too few, or none
-            every *= 2
+        while len(kept) > most:  # the file counts too few frames, or none
+            most, every = 2 * count, 2 * every
             kept = {k: kept[k] for k in kept if k % every == 0}
-        if first.dtype != np.uint8:
+        if deep:
             brightest = max(brightest, int(frame.max()))
+    counted = len(stamps)
+    if 2 * len(kept) < min(count, counted) and counted < source.declared:
+        return _read(replace(source, declared=counted), first, calibration)
     times, warnings = frame_times(source, np.array(stamps), calibration)
-    sampled = np.arange(0, len(stamps), every)
+    sampled = np.array([*kept])[:: -(-counted // count) if every == 1 else 1]
     held = replace(source, read=lambda _: zip(kept.values(), stamps, strict=True))
     return Clip(
-        source=held if stays else source,
+        source=held if every == 1 else source,
         times=times,
         shape=(first.shape[0], first.shape[1]),
         full_scale=float(2 ** brightest.bit_length() - 1),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError, of_extra
 from virtual_lab.units import Array
-from virtual_lab.video.clips.source import Source, Stamped, rate_of
+from virtual_lab.video.clips.source import Source, Stamped, Wanted, rate_of
 
 
 @contextmanager
@@ -37,7 +37,7 @@ def cine(path: Path) -> Source:
         count, first = int(head.ImageCount), int(head.FirstImageNo)
         rate, exposure, stamps = rate_of(head.FrameRate), head.ExposureTime, _stamps(path, head)
 
-    def read(_: int) -> Stamped:
+    def read(_: Wanted) -> Stamped:
         for number in range(count):
             with _library_errors(path, ".cine"):
                 image = reader.read_image(head, str(path), first + number)
@@ -78,9 +78,9 @@ def mraw(path: Path) -> Source:
         raise InputError(str(path), ".mraw", f"{bits} bits", "allowed: grey of 8, 12 or 16 bits")
     size = shape[0] * shape[1] * bits // 8
 
-    def read(_: int) -> Stamped:
+    def read(_: Wanted) -> Stamped:
         with data.open("rb") as file:
-            for _ in range(count):
+            for _number in range(count):
                 if len(raw := file.read(size)) < size:
                     return
                 yield _grey(np.frombuffer(raw, np.uint8), bits).reshape(shape), np.nan

@@ -13,14 +13,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from virtual_lab.errors import InputError
+from virtual_lab.video.clips.containers import is_cut_short
 from virtual_lab.video.clips.highspeed import HIGHSPEED
-from virtual_lab.video.clips.source import Frame, Source, Stamped, rate_of
+from virtual_lab.video.clips.source import Frame, Source, Stamped, Wanted, rate_of
 
 if TYPE_CHECKING:
     import cv2
 
-IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
-KINDS = "a video (MP4, MOV, AVI, MKV, CINE, MRAW), a folder of images, a TIFF stack or a .npy array"
+IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp")
+KINDS = (
+    "a video (MP4, MOV, AVI, MKV, WebM, GIF, CINE, MRAW), a folder of images, a TIFF stack, an "
+    "animated WebP or PNG, or a .npy array"
+)
 LARGEST = 50e6  # pixels of a picture: a film of 8K has 33 million
 
 
@@ -42,17 +46,38 @@ def open_source(path: Path | Frame) -> Source:
         return _array(path, partial(np.lib.format.open_memmap, path, "r"))
     if kind in HIGHSPEED:
         return HIGHSPEED[kind](path)
-    return _images(path, [path]) if kind in IMAGES else _video(path)
+    if kind not in IMAGES or (kind == ".png" and _is_animation(path)):
+        return _video(path)
+    return _images(path, [path])
+
+
+def _is_animation(path: Path) -> bool:
+    import cv2
+
+    return cv2.imcount(str(path)) > 1
 
 
 def _image_files(folder: Path) -> list[Path]:
-    """Images in a folder, image9 before image10; `InputError` where there are none."""
+    """Images in a folder, image9 before image10, image-9 (before a trigger) before image0.
+
+    A sign belongs to a number if a separator or nothing is before it (image_-9), or if another
+    image has a digit or a plus in its place. Raises `InputError` if there are no images.
+    """
+    shown = [each for each in folder.iterdir() if not each.name.startswith(".")]
+    images = [each for each in shown if each.suffix.lower() in IMAGES]
+    names = [each.name.lower() for each in images]
+    ends = min(names, default=""), max(names, default="")
+    alike = [one == other for one, other in zip(*ends, strict=False)]
+    start = ends[0][: [*alike, False].index(False)]  # that all names share
+    signs = r"(?<![^\W_])"
+    if any(re.match(r"\+?\d", name[len(start) :]) for name in names):
+        signs = f"(?:{signs}|(?<=^{re.escape(start)}))"
+    number = re.compile(rf"{signs}[-+]\d+|\d+")
 
     def counted(file: Path) -> str:
-        return re.sub(r"\d+", lambda number: number[0].zfill(20), file.name.lower())
+        return number.sub(lambda found: f"{10**19 + int(found[0]):020d}", file.name.lower())
 
-    shown = (each for each in folder.iterdir() if not each.name.startswith("."))
-    files = sorted((each for each in shown if each.suffix.lower() in IMAGES), key=counted)
+    files = sorted(images, key=counted)
     if not files:
         raise InputError(str(folder), "images", 0, f"a folder holds {', '.join(IMAGES)}")
     return files
@@ -68,19 +93,20 @@ def _images(path: Path, files: list[Path]) -> Source:
         _require_sizes(file)
     pages = [cv2.imcount(str(file), cv2.IMREAD_UNCHANGED) for file in files]
 
-    def read(_: int) -> Stamped:
+    def read(_: Wanted) -> Stamped:
         for file, count in zip(files, pages, strict=True):
-            for page in _pages(file, count):
+            # of a WebP OpenCV 5.0 reads from the first picture on alone
+            for page in _pages(file, count, count if file.suffix.lower() == ".webp" else 8):
                 yield page, np.nan
 
     return Source(path=path, declared=sum(pages), read=read)
 
 
-def _pages(file: Path, count: int, at_once: int = 8) -> Iterator[Frame]:
+def _pages(file: Path, count: int, at_once: int) -> Iterator[Frame]:
     """Yield the pictures in an image file; `InputError` where there is none."""
     import cv2
 
-    for start in range(0, max(count, 1), at_once):
+    for start in range(0, max(count, 1), max(at_once, 1)):
         some, flags = min(at_once, count - start), cv2.IMREAD_UNCHANGED
         read = count and cv2.imreadmulti(str(file), start=start, count=some, flags=flags)[1]
         if not read:
@@ -109,28 +135,30 @@ def _array(path: Path, load: Callable[[], Frame]) -> Source:
 def _video(path: Path) -> Source:
     import cv2
 
+    if is_cut_short(path):
+        allowed = "it ends before the last of its parts does (was it cut short?)"
+        raise InputError(str(path), "video", None, allowed)
     capture = _capture(path)
     wide, high = capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
     _require_size(path, (int(wide), int(high)))
     rate, turn = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_ORIENTATION_META)
-    # estimated from the duration it may be one frame too many
-    estimated = path.suffix.lower() in {".mkv", ".webm"}
-
     jpegs = _is_motion_jpeg(path, capture, (int(high), int(wide)))
 
-    def read(every: int) -> Stamped:
+    def read(wanted: Wanted) -> Stamped:
         capture = cv2.VideoCapture(str(path), cv2.CAP_OPENCV_MJPEG) if jpegs else _capture(path)
         number = 0
         while capture.grab():
-            frame = None if number % every else capture.retrieve()[1]
-            if frame is None and number % every == 0:
-                break
+            frame = capture.retrieve()[1] if wanted(number) else None
+            if frame is None and wanted(number):
+                allowed = "cannot be decoded (is the file damaged?)"
+                raise InputError(str(path), f"frame {number}", None, allowed)
             yield frame, number / rate if jpegs else capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
             number += 1
 
     return Source(
         path=path,
-        declared=max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) - estimated, 0),
+        declared=max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0),
+        estimated=not jpegs,
         rate=rate_of(rate),
         rotation=turn % 360 if np.isfinite(turn) else None,
         read=read,
@@ -159,8 +187,9 @@ def _capture(path: Path) -> cv2.VideoCapture:
     if not capture.isOpened():
         allowed = f"cannot be opened (cut short, or no clip?), expected {KINDS}"
         raise InputError(str(path), "video", None, allowed)
-    pixels = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(4, "little")
-    if pixels in (b"Y800", b"Y1\0\x10"):  # FFmpeg's own grey of 8 and 16 bits
+    # FFmpeg's own grey of 8 and 16 bits; a format that is not known is -1
+    greys = [int.from_bytes(name, "little") for name in (b"Y800", b"Y1\0\x10")]
+    if capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT) in greys:
         capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # else 16 bits are cut to 8
     return capture
 

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 
 Frame = NDArray[Any]  # of 8 or 16 bits without sign
-# frames, None: not asked for; each with its time [s], NaN: it has none
+# frames, None: not wanted; each with its time [s], NaN: it has none
 Stamped = Iterator[tuple[Any, float]]
+Wanted = Callable[[int], bool]  # whether a frame need be decoded, by its number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,19 +27,20 @@ class Source:
 
     path: Path
     declared: int  # frames the file says it holds
+    estimated: bool = False  # that count, by a duration or with frames that are never shown
     rate: float | None = None  # frames a second the file says
     exposure: float | None = None  # of a frame [s], that the file says
     rotation: float | None = None  # degrees clockwise that frames were turned as the file asks for
-    read: Callable[[int], Stamped]  # every so manieth frame at least
+    read: Callable[[Wanted], Stamped]
 
-    def pictures(self, every: int = 1) -> Stamped:
-        """Yield frames, grey or in colour, with their time stamps; None where one may be left out.
+    def pictures(self, wanted: Wanted = lambda _: True) -> Stamped:
+        """Yield frames, grey or in colour, with their time stamps; None for one that is not wanted.
 
         Raises `InputError` where a frame has another size or depth than the first, where
-        fewer can be read than the file says it holds, or where there is none.
+        fewer can be read than the file counts, or where there is none.
         """
         first, count = "", 0
-        for frame, stamp in self.read(every):
+        for frame, stamp in self.read(wanted):
             size = "" if frame is None else _size(frame, f"{self.path}: frame {count}")
             first = first or size
             if size and size != first:
@@ -48,7 +50,7 @@ class Source:
             yield frame, stamp
         if count == 0:
             raise InputError(str(self.path), "frames", 0, "no frame in it can be read")
-        if count < self.declared:
+        if count < self.declared and not self.estimated:
             allowed = f"the file says it holds {self.declared} (is it cut short?)"
             raise InputError(str(self.path), "frames that can be read", count, allowed)
 

@@ -16,6 +16,8 @@ from virtual_lab.video.clips.highspeed import HIGHSPEED
 from virtual_lab.video.clips.source import Source
 
 UNSURE_RATE = "the frame rate is the file's own"
+ROUNDED = 1e-3  # unit to which MKV, WebM, FLV and some MP4 files round time stamps [s]
+REPEATED = 0.25  # largest share of time stamps that repeat in a clip whose stamps are used
 
 
 def frame_times(
@@ -25,16 +27,17 @@ def frame_times(
 
     `stamps` (frame,) came with the frames, NaN where the file has none [s]. Time stamps of the
     calibration go before its frame rate, that before the file's word. Raises `InputError` where
-    they are missing, too few or too many, do not rise or are not finite.
+    the calibration's time stamps are too few or too many, do not rise or are not finite, or where
+    nothing is known of time.
     """
     count, given = len(stamps), calibration.frames_per_second
     kind, fastest = source.path.suffix.lower(), max(given or 0.0, source.rate or 0.0)
-    rounded = kind in {".mkv", ".webm"}
+    rounding = ROUNDED if _are_rounded(stamps) else 0.0
     warnings = []
     if kind == ".avi" and fastest >= 2000:  # as was seen
         warnings.append("AVI loses frames without a word at 2000 a second and above")
-    if rounded and fastest > 500:
-        warnings.append("MKV rounds time stamps to 1 ms: those of its own were not used")
+    if rounding * fastest > 0.5:
+        warnings.append("the file rounds time stamps to 1 ms: they do not show lost frames")
     if calibration.timestamps is not None:
         times = _read_stamps(Path(calibration.timestamps), count)
         if given and abs((rate := 1 / float(np.median(np.diff(times)))) / given - 1) >= 0.01:
@@ -50,25 +53,63 @@ def frame_times(
                 "the calibration's were used"
             )
         steps = np.diff(stamps)
-        if not rounded and len(steps) > 1 and np.isfinite(steps).all():
-            gaps = np.flatnonzero(steps > 1.5 * np.median(steps))
+        if len(steps) > 1 and np.isfinite(steps).all():
+            gaps = np.flatnonzero(steps > 1.5 * np.median(steps) + rounding)
             if gaps.size:
                 warnings.append(
                     f"the file's time stamps jump after frame {gaps[0]} ({gaps.size} jumps in "
                     "all): frames may be missing there"
                 )
         return np.arange(count) / given, tuple(warnings)
+    times, more = _own_times(source, stamps, rounding)
+    return times, (*warnings, *more)
+
+
+def _own_times(source: Source, stamps: Array, rounding: float) -> tuple[Array, list[str]]:
+    """Time of each frame [s] by the file alone, whose time stamps are rounded; and warnings."""
     if source.rate is None:
         allowed = "the clip says nothing of time: give --fps, frames_per_second or timestamps"
         raise InputError(str(source.path), "frames_per_second", None, allowed)
-    if kind not in HIGHSPEED:  # whose cameras write the rate they film with
+    warnings = []
+    if source.path.suffix.lower() not in HIGHSPEED:  # whose cameras write the rate they film with
         warnings.append(
             f"{UNSURE_RATE}, {source.rate:.6g} a second: a slow-motion file declares the rate it "
             "plays at"
         )
-    if rounded or not (np.isfinite(stamps).all() and (np.diff(stamps) > 0).all()):
-        return np.arange(count) / source.rate, tuple(warnings)
-    return stamps, tuple(warnings)
+    even = np.arange(len(stamps)) / source.rate
+    if not np.isfinite(stamps).all() or np.ptp(stamps - even) < rounding:
+        return even, warnings
+    times = _rising(stamps)
+    if times is None:
+        warnings.append("the file's time stamps do not rise: frames were counted by its rate")
+        return even, warnings
+    if (changed := np.flatnonzero(times != stamps)).size:
+        warnings.append(
+            f"time stamps repeat or fall ({changed.size} frames, the first is {changed[0]}): "
+            "those frames were timed by their neighbours"
+        )
+    return times, warnings
+
+
+def _are_rounded(stamps: Array) -> bool:
+    """Whether all time stamps [s] are whole milliseconds."""
+    return bool((np.abs(np.rint(stamps / ROUNDED) - stamps / ROUNDED) < 1e-3).all())
+
+
+def _rising(stamps: Array) -> Array | None:
+    """Time stamps (frame,) [s] that rise, None where too many do not.
+
+    Of two stamps in a row that do not rise either may be wrong: both frames lie evenly between
+    their neighbours.
+    """
+    falls = np.flatnonzero(np.diff(stamps) <= 0)
+    number = np.arange(len(stamps))
+    good = np.setdiff1d(number, np.union1d(falls, falls + 1))
+    steps = np.diff(stamps[good])
+    if len(falls) > REPEATED * len(stamps) or len(good) < 2 or steps.min() <= 0:
+        return None
+    outside = number - np.clip(number, good[0], good[-1])
+    return np.asarray(np.interp(number, good, stamps[good]) + outside * np.median(steps))
 
 
 def usual_step(times: Array) -> float:

@@ -193,7 +193,8 @@ def _restitution(
     if ratio.value - CONTACTS.coverage * ratio.u > 1:
         why = (
             f"the speeds have the ratio {ratio.value:.3g}, and nothing at rest gives back more "
-            "than it takes: it moved, or something else was followed; no restitution is given"
+            "than it takes: it moved, the pictures run backwards, or something else was followed; "
+            "no restitution is given"
         )
         return None, "ABOVE_ONE", why
     if ratio.value <= 0:

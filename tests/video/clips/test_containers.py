@@ -1,0 +1,209 @@
+"""Whole clips of every container are read with their true times; one that was cut short is said."""
+
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.video.clips.test_reading import cut, noise
+from virtual_lab.errors import InputError
+from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.clips.clip import MEMORY, Clip, open_clip
+from virtual_lab.video.clips.reading import open_source
+from virtual_lab.video.clips.source import Source
+from virtual_lab.video.clips.timing import frame_times
+
+Stamps = NDArray[np.float64]
+ANY = ClipCalibration(metres_per_pixel=1e-3)
+CLOCK = 6000  # ticks a second
+COUNT = 30
+EVEN = np.arange(COUNT) / 60
+CHANGING = np.cumsum(np.repeat([1 / 60, 1 / 40], COUNT // 2)) - 1 / 60
+
+
+def write(
+    path: Path,
+    stamps: Stamps,
+    codec: str = "ffv1",
+    *,
+    sound: float = 0.0,
+    hidden: int = 0,
+    colours: str = "yuv420p",
+    **options: str,
+) -> Path:
+    """Write frames of a brightness of their own, `sound` seconds of silence; some are hidden."""
+    with av.open(str(path), "w", options=options) as file:
+        stream = file.add_stream(codec, Fraction(60))
+        stream.width, stream.height, stream.pix_fmt = 64, 48, colours
+        stream.codec_context.time_base = Fraction(1, 60 if path.suffix == ".avi" else CLOCK)
+        stream.codec_context.gop_size, stream.bit_rate = 10, 4_000_000
+        clock = stream.codec_context.time_base
+        if sound:
+            silence = file.add_stream("pcm_s16le", 8000, layout="mono")
+        for number, stamp in enumerate(stamps - stamps[hidden]):
+            picture = np.full((48, 64, 3), 8 * number, np.uint8)
+            frame = av.VideoFrame.from_ndarray(picture, "bgr24").reformat(format=colours)
+            frame.pts, frame.time_base = round(stamp / clock), clock
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode())
+        if sound:
+            still = np.zeros((1, round(8000 * sound)), np.int16)
+            heard = av.AudioFrame.from_ndarray(still, "s16", layout="mono")
+            heard.sample_rate, heard.pts = 8000, 0
+            file.mux(silence.encode(heard))
+            file.mux(silence.encode())
+    return path
+
+
+def numbers_of(clip: Clip) -> list[int]:
+    """Return which frames a clip shows, by their brightness."""
+    return [round(float(picture.mean()) / 8) for picture in clip.pictures()]
+
+
+def trimmed(at: Path) -> Path:
+    """Write a clip whose first 12 frames an edit list hides, as a phone's trim leaves it."""
+    silent = {"avoid_negative_ts": "disabled"}
+    return write(at / "a.mp4", EVEN, "libx264", hidden=12, **silent)
+
+
+WHOLE: dict[str, tuple[Callable[[Path], Path], Stamps]] = {
+    "edit list": (trimmed, EVEN[:-12]),
+    "audio longer": (lambda at: write(at / "a.mkv", EVEN, sound=1.0), EVEN),
+    "audio far longer": (lambda at: write(at / "a.mkv", EVEN, sound=20.0), EVEN),
+    "changing rate, MKV": (lambda at: write(at / "a.mkv", CHANGING), CHANGING),
+    "changing rate, MP4": (lambda at: write(at / "a.mp4", CHANGING, "libx264"), CHANGING),
+    "changing rate, TS": (lambda at: write(at / "a.ts", CHANGING, "libx264"), CHANGING),
+    "changing rate, FLV": (lambda at: write(at / "a.flv", CHANGING, "libx264"), CHANGING),
+    # its container fills the time between frames with empty ones
+    "skipping AVI": (lambda at: write(at / "a.avi", 2 * EVEN, "mpeg4"), 2 * EVEN),
+    "fragments": (lambda at: write(at / "a.mp4", EVEN, "libx264", movflags="frag_keyframe"), EVEN),
+    "APNG": (lambda at: write(at / "a.apng", EVEN, "apng", colours="rgb24"), EVEN),
+    "GIF": (lambda at: write(at / "a.gif", 1.2 * EVEN, "gif", colours="gray"), 1.2 * EVEN),
+}
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+@pytest.mark.parametrize("most_bytes", [MEMORY.most_bytes, 1.0])
+def test_whole_clips_are_read_with_their_times(
+    kind: str, most_bytes: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where they do not stay in memory, and the container counts frames that are not there."""
+    monkeypatch.setattr(
+        "virtual_lab.video.clips.clip.MEMORY",
+        type(MEMORY)(most_bytes=most_bytes, samples=9, least_samples=9),
+    )
+    make, times = WHOLE[kind]
+    clip = open_clip(make(tmp_path), ANY)
+    first = 12 if kind == "edit list" else 0
+    assert numbers_of(clip) == list(range(first, COUNT))
+    rounding = 0.0 if kind in ("edit list", "fragments") else 1e-3
+    np.testing.assert_allclose(clip.times, times - times[0], rtol=0, atol=rounding / 2 + 1e-5)
+    assert 5 <= len(clip.samples) <= 18
+    assert not [each for each in clip.warnings if "stamp" in each]
+
+
+CUT: dict[str, Callable[[Path], Path]] = {
+    "index first": lambda at: write(at / "a.mp4", EVEN, "libx264", movflags="faststart"),
+    "fragments": lambda at: write(at / "a.mov", EVEN, "libx264", movflags="frag_keyframe"),
+    "MKV": lambda at: write(at / "a.mkv", EVEN),
+    "MKV with sound": lambda at: write(at / "a.mkv", EVEN, sound=2.0),
+    "WebM": lambda at: write(at / "a.webm", EVEN, "libvpx"),
+    "AVI": lambda at: write(at / "a.avi", EVEN, "mpeg4"),
+    "GIF": lambda at: write(at / "a.gif", EVEN, "gif", colours="gray"),
+    "APNG": lambda at: write(at / "a.apng", EVEN, "apng", colours="rgb24"),
+}
+
+
+@pytest.mark.parametrize("kind", CUT)
+def test_a_clip_that_was_cut_short_is_said(kind: str, tmp_path: Path) -> None:
+    whole = CUT[kind](tmp_path)
+    assert open_clip(whole, ANY).count == COUNT
+    with pytest.raises(InputError, match="was it cut short"):
+        open_clip(cut(whole, 0.8), ANY)
+
+
+def test_rounded_time_stamps_of_an_even_clip_leave_its_rate(tmp_path: Path) -> None:
+    """MKV stores 240 a second as 4 and 5 ms, and 4000 a second as four frames of one time."""
+    for rate in (240, 4000):
+        path, size = tmp_path / f"{rate}.mkv", (64, 48)
+        writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"FFV1"), rate, size)
+        for picture in noise(COUNT, shape=(48, 64, 3)):
+            writer.write(picture)
+        writer.release()
+        np.testing.assert_allclose(open_clip(path, ANY).times, np.arange(COUNT) / rate, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "times"),
+    [
+        ([0, 1, 2, 2, 4, 5], [0, 1, 2, 3, 4, 5]),
+        ([0, 1, 3, 3, 4, 5], [0, 1, 2, 3, 4, 5]),  # the earlier of two is wrong
+        ([0, 1, 3, 2, 4, 6], [0, 1, 2, 3, 4, 6]),
+        ([0, 0, 2, 3, 4, 5], [0, 1, 2, 3, 4, 5]),
+        ([0, 1, 2, 3, 4, 4], [0, 1, 2, 3, 4, 5]),
+        ([0, 1, 2, 7, 8, 8, 10], [0, 1, 2, 7, 8, 9, 10]),  # a gap stays
+    ],
+)
+def test_a_repeated_time_stamp_spoils_its_frame_alone(stamps: list[int], times: list[int]) -> None:
+    at = 0.0503 * np.array(stamps)
+    found, warnings = frame_times(_source(len(at)), at, ANY)
+    assert "time stamps repeat or fall" in warnings[-1]
+    first = at[2] if stamps[1] == 0 else at[0]
+    expected = 0.0503 * np.array(times)
+    np.testing.assert_allclose(found - first, expected - (expected[2] if stamps[1] == 0 else 0))
+
+
+def test_time_stamps_most_of_which_repeat_are_not_used() -> None:
+    at = np.array([0, 0, 0, 1, 1, 1, 2, 2, 2, 7.0])
+    found, warnings = frame_times(_source(len(at)), at, ANY)
+    np.testing.assert_allclose(found, np.arange(10) / 20)
+    assert "do not rise" in warnings[-1]
+
+
+def _source(count: int) -> Source:
+    return Source(path=Path("a.mp4"), declared=count, rate=20.0, read=lambda _: iter(()))
+
+
+def test_an_animated_webp_is_read_and_needs_a_rate(tmp_path: Path) -> None:
+    animation, path = cv2.Animation(), tmp_path / "a.webp"
+    animation.frames = [np.full((24, 32, 3), 20 * k, np.uint8) for k in range(10)]
+    animation.durations = [20] * 10
+    cv2.imwriteanimation(str(path), animation)
+    clip = open_clip(path, ClipCalibration(metres_per_pixel=1e-3, frames_per_second=50))
+    grey = [float(picture[..., :3].mean()) for picture in clip.pictures()]
+    np.testing.assert_allclose(grey, 20 * np.arange(10), atol=4)
+    with pytest.raises(InputError, match="says nothing of time: give --fps"):
+        open_clip(path, ANY)
+
+
+def test_a_png_that_moves_is_a_clip(tmp_path: Path) -> None:
+    moving = write(tmp_path / "a.apng", EVEN, "apng", colours="rgb24").rename(tmp_path / "a.png")
+    assert numbers_of(open_clip(moving, ANY)) == list(range(COUNT))
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["shot-0011", "shot-0002", "shot-0001", "shot00000", "shot00001", "shot00010"],
+        ["cam1-10", "cam1-9", "cam10", "cam11", "cam110"],  # a name that ends in a digit
+        ["s-2", "s-1", "s+0", "s+1", "s+10"],
+        ["shot_-10", "shot_-9"],  # all before the trigger
+        ["-10", "-9", "0", "7"],
+        ["shot-9", "shot-10", "shot-11"],  # a hyphen between words
+        ["2024-01-05-9", "2024-01-05-10"],
+        ["shot9", "shot10"],
+    ],
+)
+def test_a_sign_belongs_to_a_number(names: list[str], tmp_path: Path) -> None:
+    """Cameras number the pictures before a trigger from below 0."""
+    (tmp_path / "a").mkdir()
+    for number, name in enumerate(names):
+        picture = np.full((8, 8), 20 * number, np.uint8)
+        cv2.imwrite(str(tmp_path / "a" / f"{name}.png"), picture)
+    read = [int(picture[0, 0]) for picture, _ in open_source(tmp_path / "a").pictures()]
+    assert read == [20 * number for number in range(len(names))]
