@@ -1,1 +1,1 @@
-"""The machines of this laboratory, one file each, found through entry points like anybody's."""
+"""The rigs of this project, one file each, found through entry points like any others."""

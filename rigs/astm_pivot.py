@@ -1,8 +1,8 @@
-"""The ASTM pivoted bat: a 60 mph ball, a bat at rest on a vertical axis 6 in from its knob.
+"""The ASTM pivoted bat: a 60 mph ball, and a bat at rest on a vertical pivot 6 in from its knob.
 
-The cannon fires at the place the operator set; light gates time the ball in and, where it
-reaches them, out; an encoder on the axis counts the recoil. The encoder turns with the
-section of the bat at the axis, so it also shows the bending ring.
+The cannon fires at the position that the operator set. Light gates time the incoming ball and, if
+it reaches them, the rebound. An encoder on the pivot counts the recoil. It rotates with the section
+of the bat at the pivot, so it also records the bending vibration.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from virtual_lab.simulation.rig import MotionRung, RigOutput, ShotPlan, Specimen
 from virtual_lab.streams import Draws
 from virtual_lab.units import Array
 
-GAP = 2.3e-3  # s, a recorder that sums up leaves out after contact: the blow's own shudder
+GAP = 2.3e-3  # time after contact that a recorder of sums leaves out, due to the impact [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PivotSpec(AxisSpec):
-    """The bearing that holds the bat: its place, and the torques that slow the recoil."""
+    """The bearing that holds the bat: its position, and the torques that slow the recoil."""
 
     other_errors: ClassVar[tuple[str, ...]] = (
         "constant_torque",
@@ -52,21 +52,21 @@ class PivotSpec(AxisSpec):
     constant_torque: Annotated[float, Ge(0), Dimension("torque")]
     viscous_torque: Annotated[float, Ge(0), Dimension("viscous torque")]
     air_torque: Annotated[float, Ge(0), Dimension("quadratic torque")]
-    friction: Annotated[float, Ge(0), Dimension("number")]  # of the journal, under the blow
+    friction: Annotated[float, Ge(0), Dimension("number")]  # coefficient of the loaded journal
     journal_radius: Annotated[float, Ge(0), Dimension("length")]
-    clearance: Annotated[float, Ge(0), Dimension("length")]  # that the journal moves either way
+    clearance: Annotated[float, Ge(0), Dimension("length")]  # play of the journal in each direction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AstmPivotSpec(RestingBatSpec):
-    """Which instruments make up the rig, its bearing and what stands around the bat."""
+    """Data sheet of the rig: instruments, bearing, and objects around the bat."""
 
     encoder: str
     pivot: PivotSpec
 
 
 class AstmPivot:
-    """The rig."""
+    """The ASTM pivoted-bat rig."""
 
     name = "astm-pivot"
     stage = Stage.IMPACT
@@ -96,7 +96,7 @@ class AstmPivot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AstmPivotStation(RestingBatStation):
-    """The rig in one laboratory."""
+    """The ASTM pivoted-bat rig in one laboratory, or in a block of them."""
 
     name = "astm-pivot"
 
@@ -117,13 +117,13 @@ class AstmPivotStation(RestingBatStation):
         return 0.0 if self.ideal else self.hall.acceleration
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Fire at the bat; every shot finds it at rest and is timed from its trigger."""
+        """Fire at the bat at rest; the times of each shot start at its trigger."""
         fired = self.fly(plan, specimen, draws)
         name, slots = "astm-pivot.encoder", plan.slot
         if plan.detail is RecordDetail.SUMMED:
             rate = self._rate(specimen.bat.of_shots(plan.owner).rigid, fired)
             clock = self.gates.at(plan.owner).clock
-            # to the record's end, or until the bat that is not yet slowed would meet its stop
+            # to the end of the record, or until an unslowed bat would reach its stop
             with np.errstate(divide="ignore"):
                 turning = self.stop.angle / np.abs(rate)
             span = np.minimum(self.encoder.spec.duration - fired.leaving, turning) - GAP
@@ -137,7 +137,7 @@ class AstmPivotStation(RestingBatStation):
         return replace(timed, records={**timed.records, "encoder": encoder})
 
     def _rate(self, bat: RigidBat[Any], fired: BallFlights) -> Array:
-        """Return the rate of the rigid bat as the ball leaves [rad/s], (shot,)."""
+        """Return the angular rate of the rigid bat when the ball leaves it, (shot,) [rad/s]."""
         axis, scenes = fired.bat.axis, fired.blows.scenes
         impulse = scenes.ball_mass * scenes.relative_speed * (1 + fired.blows.efficiency)
         impulse = impulse * np.cos(fired.tilt) * fired.flown.met
@@ -145,7 +145,7 @@ class AstmPivotStation(RestingBatStation):
         return rate - self._rubbed(rate, impulse, bat, axis)
 
     def _rubbed(self, rate: Array, impulse: Array, bat: RigidBat[Any], axis: Array) -> Array:
-        """Return the rate the bearing takes while the blow loads it; none at percussion [rad/s]."""
+        """Return the rate lost by friction under the impact load, (shot,) [rad/s]; 0 at the COP."""
         reaction = np.abs(impulse - bat.mass * (axis - bat.z_cm) * rate)
         lost = (
             self.holder.spec.friction
@@ -156,21 +156,21 @@ class AstmPivotStation(RestingBatStation):
         return np.asarray(np.sign(rate) * np.minimum(lost, np.abs(rate)))
 
     def _loose(self, impulse: Array, rate: Array, bat: RigidBat[Any]) -> tuple[Array, float]:
-        """Return how fast a bat turns beside `rate` until its journal bears, and how far.
+        """Return the additional rate, (shot,) [rad/s], and angle [rad] in the bearing's clearance.
 
-        Until then the bat moves as a free one. Its angular momentum about the axis is that of
-        the pivoted bat all along, so the play is worth the angle clearance / distance from axis
-        to centre of percussion, whichever side of it was struck, and no rate. The journal is
-        taken not to bounce. (shot,) [rad/s], [rad].
+        While the bat takes up the clearance it moves as a free one. Its angular momentum about the
+        pivot is that of the pivoted bat throughout, so the clearance adds the angle clearance /
+        distance from pivot to centre of percussion, on either side of it, and no final rate. The
+        journal does not bounce.
         """
         lever = bat.length - self.holder.from_knob - bat.z_cm
         reaction = impulse - bat.mass * lever * rate
-        yields = 1 / bat.mass + lever**2 / bat.inertia_cm  # of the free bat, at the axis
+        yields = 1 / bat.mass + lever**2 / bat.inertia_cm  # compliance of the free bat at the pivot
         length = bat.inertia(bat.length - self.holder.from_knob) / (bat.mass * lever)
         return np.asarray(-reaction * yields / length), self.holder.spec.clearance / length
 
     def _recoil(self, specimen: Specimen, fired: BallFlights) -> Callable[[slice], Array]:
-        """Return a function to the encoder's true angles [rad] of some shots, (shot, sample)."""
+        """Return a function that gives the encoder's true angles of shots, (shot, sample) [rad]."""
         body, bat = specimen.bat.body, specimen.bat.rigid
         tilt, contact, flown = fired.tilt, fired.contact, fired.flown
         leaving = contact + fired.blows.contact_time
@@ -180,7 +180,7 @@ class AstmPivotStation(RestingBatStation):
         axis = body.length - self.holder.from_knob
         turn = modes.rotation(axis) * np.cos(tilt)[:, None]
         inertia = bat.inertia(axis)
-        # the recorder's ticks are the gates' clock, which runs a little fast or slow
+        # the recorder uses the clock of the gates, which has a small rate error
         ticks = self.encoder.spec.sample_times() / self.gates.clock
         moved, moving = collisions.modal_displacements, collisions.modal_velocities
         impulse = collisions.impulse * np.cos(tilt)

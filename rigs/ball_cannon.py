@@ -1,8 +1,8 @@
-"""The ball cannon: a ball of 60 to 160 mph, a bat at rest on its pivot, boards of light beams.
+"""The ball cannon: a ball of 60 to 160 mph, a bat at rest on its pivot, and light boards.
 
-Nothing watches the bat: e_A is the ball's own speed back over its speed in, from all the edges
-of three boards, which also show how high above the bat's axis each ball struck. The pivot only
-holds the bat: e_A does not know it is there.
+No instrument observes the bat. e_A is the rebound speed of the ball over its incoming speed, from
+all the edges of three light boards, which also measure the height of each ball above the bat's
+axis. The pivot holds the bat and has no effect on e_A.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from virtual_lab.streams import Draws
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallCannonSpec(RestingBatSpec):
-    """Which instruments make up the rig, what holds the bat and what stands around it."""
+    """Data sheet of the rig: instruments, pivot, and objects around the bat."""
 
     holder: HolderSpec
 
 
 class BallCannon:
-    """The rig."""
+    """The ball-cannon rig."""
 
     name = "ball-cannon"
     stage = Stage.IMPACT
@@ -44,13 +44,13 @@ class BallCannon:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallCannonStation(RestingBatStation):
-    """The rig in one laboratory."""
+    """The ball-cannon rig in one laboratory, or in a block of them."""
 
     name = "ball-cannon"
 
 
 def parts(spec: BallCannonSpec, factory: InstrumentFactory) -> dict[str, Any]:
-    """Return what a ball cannon is made of, by the fields of its station."""
+    """Return the commissioned parts of a ball cannon, as the fields of its station."""
     holder = factory.as_asked(spec.holder)
     return {
         "holder": Holder.commission(holder, factory.draws, "ball-cannon.holder"),

@@ -1,4 +1,4 @@
-"""The ball-wall rig: balls fired at a massive rigid wall through gates that time both ways."""
+"""The ball-wall rig: balls fired at a massive rigid wall, timed by gates in both directions."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallWallSpec(CannonRigSpec):
-    """Which instruments make up the rig."""
+    """Data sheet of the rig: its instruments and its wall."""
 
-    rest: Annotated[float, Ge(0), Dimension("time")]  # between two hits of one ball
-    # of what a rigid wall would give back: 1 for one that stands fast
+    rest: Annotated[float, Ge(0), Dimension("time")]  # time between two hits of one ball
+    # rebound speed relative to that from a rigid wall
     wall_restitution: Annotated[float, Gt(0), Le(1), Dimension("number")]
 
 
 class BallWall:
-    """The rig."""
+    """The ball-wall rig."""
 
     name = "ball-wall"
     stage = Stage.BALLS
@@ -59,13 +59,13 @@ class BallWall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallWallStation(FittedStation):
-    """The rig in one laboratory."""
+    """The ball-wall rig in one laboratory, or in a block of them."""
 
     cannon: Cannon
     gates: LightGates
     air: HallAir
     hall: Gravity
-    rest: float  # [s]
+    rest: float  # time between two hits of one ball [s]
     wall_restitution: float
     ideal: bool
 
@@ -78,11 +78,11 @@ class BallWallStation(FittedStation):
         return {"gates": self.gates, "air": self.air}
 
     def with_wall(self, restitution: float) -> BallWallStation:
-        """Return the rig on a wall that gives back `restitution` of what a rigid one would."""
+        """Return the rig with a wall that gives `restitution` times the rebound of a rigid one."""
         return replace(self, wall_restitution=restitution)
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Fire the balls that `plan` names at the wall; its places mean nothing here."""
+        """Fire the balls of `plan` at the wall. The impact positions of the plan are not used."""
         here, own, balls = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan).balls
         launch = here.cannon.fire(plan.speed, own, "ball-wall.launch", plan.slot)
         loss = self._loss(plan, specimen, launch.speed)
@@ -113,7 +113,7 @@ class BallWallStation(FittedStation):
         )
 
     def _loss(self, plan: ShotPlan, specimen: Specimen, speed: Array) -> Array:
-        """Return what a ball's earlier hits have taken off its e0; balls of an ideal do not age."""
+        """Return the loss of e0 by earlier hits, (shot,). Balls of an ideal rig do not age."""
         ageing = specimen.balls.spec.ageing
         if ageing is None or self.ideal:
             return np.zeros(speed.shape)

@@ -1,9 +1,9 @@
-"""The ball cannon with a high-speed camera over it: a second witness of every shot.
+"""The ball cannon with a high-speed camera above it, a second measurement of each shot.
 
-The camera hangs still over the bat and looks down on the plane of flight. It sees the ball come,
-the bat and the ball go; the boards see the same shots, and how high each ball flew, which is how
-far from the camera it was. A set place along the bat is a setting of the cannon: the bat stays
-where the camera was calibrated.
+The camera is fixed above the bat and looks down on the plane of flight. It films the incoming ball,
+the bat and the rebound. The light boards time the same shots and measure the height of each ball,
+and therefore its distance from the camera. The impact position is a setting of the cannon; the bat
+stays where the camera was calibrated.
 """
 
 from __future__ import annotations
@@ -33,25 +33,27 @@ from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
 CLIP = "filmed-cannon.clip"
-STATIONS = 80  # of the bat's outline
+STATIONS = 80  # number of points of the bat's outline
 Spin = Annotated[float, Ge(0), Dimension("angular speed")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilmedCannonSpec(BallCannonSpec):
-    """The ball cannon's instruments, the camera, and how balls spin before it."""
+    """Data sheet of the rig: instruments of the ball cannon, camera, and spin of the balls."""
 
     camera: str
-    over: Annotated[float, Gt(0), Dimension("length")]  # place from the tip the camera calls Y = 0
-    spin_in: Spin  # scatter about each axis
+    over: Annotated[
+        float, Gt(0), Dimension("length")
+    ]  # distance from the tip of the camera's Y = 0
+    spin_in: Spin  # standard deviation about each axis
     spin_out: Spin
 
 
 class FilmedCannon(BallCannon):
-    """The rig."""
+    """The filmed ball cannon."""
 
     name = "filmed-cannon"
-    blocks = False  # a camera films in one laboratory
+    blocks = False  # a camera films in one laboratory at a time
     channels: Mapping[str, type[Record]] = {**BallCannon.channels, "camera": ClipRecord}
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> FilmedCannonStation:
@@ -65,7 +67,7 @@ class FilmedCannon(BallCannon):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilmedCannonStation(BallCannonStation):
-    """The rig in one laboratory."""
+    """The filmed ball cannon in one laboratory."""
 
     camera: Camera
     spec: FilmedCannonSpec
@@ -79,7 +81,7 @@ class FilmedCannonStation(BallCannonStation):
         return calibration_of(self.instruments()) | {"camera.over": over}
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Fire at the bat at rest, time and film the ball both ways."""
+        """Fire at the bat at rest, and time and film the ball in both directions."""
         flown = self.fly(plan, specimen, draws)
         timed = self.timed(flown, plan, draws)
         course, bat = self.scene(flown, plan, specimen, draws)
@@ -87,18 +89,18 @@ class FilmedCannonStation(BallCannonStation):
         return RigOutput(records={**timed.records, "camera": seen}, truth={**timed.truth, **truth})
 
     def unfilmed(self) -> BallCannonStation:
-        """Return the rig with its camera off: it fires and times the same balls."""
+        """Return the rig with its camera off, which fires and times the same balls."""
         own = {part.name: getattr(self, part.name) for part in fields(BallCannonStation)}
         return BallCannonStation(**own)
 
     def frames(self, plan: ShotPlan, specimen: Specimen, draws: Draws, count: int) -> np.ndarray:
-        """Return some whole frames of the first shot of a plan, (count, row, column), 0 to 1."""
+        """Return whole frames of the first shot of a plan, (count, row, column), from 0 to 1."""
         course, bat = self.scene(self.fly(plan, specimen, draws), plan, specimen, draws)
         taken = whole_frames(self.camera, course, draws, CLIP, plan.slot, bat, count)
         return np.stack([grey for _, grey in taken]) / self.camera.spec.sensor.full_scale
 
     def film(self, plan: ShotPlan, specimen: Specimen, draws: Draws, folder: Path) -> None:
-        """Film the first shot of a plan, as `play` plays it, in whole frames."""
+        """Film the first shot of a plan in whole frames, with the same events as `play`."""
         flown = self.fly(plan, specimen, draws)
         course, bat = self.scene(flown, plan, specimen, draws)
         frames = whole_frames(self.camera, course, draws, CLIP, plan.slot, bat)
@@ -107,7 +109,7 @@ class FilmedCannonStation(BallCannonStation):
     def scene(
         self, flown: BallFlights, plan: ShotPlan, specimen: Specimen, draws: Draws
     ) -> tuple[Course, FilmedBat]:
-        """Return what is before the camera, in its axes: balls and bat."""
+        """Return the balls and the bat in front of the camera, in its calibrated axes."""
         body, radius = specimen.bat.body, flown.passage.radius
 
         def touching(place: float | np.ndarray, across: float | np.ndarray) -> np.ndarray:
@@ -115,7 +117,7 @@ class FilmedCannonStation(BallCannonStation):
             return np.asarray(np.sqrt(reach**2 - np.square(across)))
 
         axis = body.length - self.holder.from_knob
-        before = float(touching(self.spec.over, 0.0))  # of the ball's centre, to the bat's axis
+        before = float(touching(self.spec.over, 0.0))  # from the ball's centre to the bat's axis
         gap = touching(flown.bat.place, flown.bat.across) - before
         course = Course(
             passage=replace(flown.passage, plane=flown.passage.plane + gap),

@@ -1,8 +1,8 @@
-"""The NCAA swing machine: a ball of 70 mph meets a bat that a drive turns about its handle.
+"""The NCAA swing machine: a ball of 70 mph meets a bat that a drive rotates about its handle.
 
-The bat is to stand square to the ball at the moment they meet; when the two are a little out of
-step it does not, and they meet nearer or farther from the boards, and slantwise. An encoder on
-the shaft shows rate and angle, the boards show the ball's speed in and out.
+At contact the bat should be square to the line of fire. If ball and bat are not synchronous, they
+meet closer to the light boards or farther away, and at an angle. An encoder on the shaft measures
+rate and angle, and the light boards measure the incoming and the rebound speed of the ball.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.units import Array
 
-GAP = 1e-3  # s, a recorder that sums up leaves out before contact, which may come early
+GAP = 1e-3  # time before contact that a recorder of sums leaves out, as contact may be early [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSpec(CalibratedSpec):
-    """The servo that turns the bat: how well it keeps its speed and its appointment."""
+    """The servo that rotates the bat: stability of its speed and of its timing."""
 
     other_errors: ClassVar[tuple[str, ...]] = ("ripple", "droop")
 
-    speed_scatter: Annotated[float, Ge(0), Dimension("number")]  # of the set speed, shot to shot
-    ripple: Annotated[float, Ge(0), Dimension("number")]  # of the speed, amplitude
+    speed_scatter: Annotated[float, Ge(0), Dimension("number")]  # relative scatter between shots
+    ripple: Annotated[float, Ge(0), Dimension("number")]  # relative amplitude of the speed ripple
     ripple_frequency: Annotated[float, Gt(0), Dimension("frequency")]
-    droop: Annotated[float, Dimension("rate")]  # of the speed, relative, a second
-    timing_scatter: Annotated[float, Ge(0), Dimension("time")]  # of bat against ball
+    droop: Annotated[float, Dimension("rate")]  # relative loss of speed per second
+    timing_scatter: Annotated[float, Ge(0), Dimension("time")]  # scatter of bat relative to ball
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NcaaSwingSpec(CannonRigSpec):
-    """Which instruments make up the rig, its drive, and what holds the bat."""
+    """Data sheet of the rig: instruments, drive, and clamp of the bat."""
 
     encoder: str
     drive: DriveSpec
@@ -57,16 +57,16 @@ class NcaaSwingSpec(CannonRigSpec):
 
 @dataclass(frozen=True, slots=True)
 class _Swing:
-    """The bat's turn about the moment of contact, arrays (shot,)."""
+    """Rotation of the bat near contact, arrays (shot,)."""
 
-    angle: Array  # at contact, from square to the ball [rad]
-    rate: Array  # at contact [rad/s]
-    even: Array  # rate without ripple or droop [rad/s]
-    phase: Array  # of the ripple at contact [rad]
+    angle: Array  # angle at contact, 0 if the bat is square to the ball [rad]
+    rate: Array  # angular rate at contact [rad/s]
+    even: Array  # angular rate without ripple and droop [rad/s]
+    phase: Array  # phase of the ripple at contact [rad]
 
 
 class NcaaSwing:
-    """The rig."""
+    """The NCAA swing machine."""
 
     name = "ncaa-swing"
     stage = Stage.IMPACT
@@ -94,7 +94,7 @@ class NcaaSwing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NcaaSwingStation(CannonStation):
-    """The rig in one laboratory."""
+    """The NCAA swing machine in one laboratory, or in a block of them."""
 
     name = "ncaa-swing"
 
@@ -112,13 +112,13 @@ class NcaaSwingStation(CannonStation):
         }
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Fire at the turning bat; the ball is timed in and out, the shaft up to contact."""
+        """Fire at the rotating bat. The ball is timed in both directions, the shaft to contact."""
         here, own, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
         balls, slots = struck.balls, plan.slot
         launch = here.cannon.fire(plan.speed, own, "ncaa-swing.launch", slots)
         swing = self._swing(plan, own)
         axis = struck.bat.body.length - here.holder.from_knob
-        # the ball flies at a set distance from the axis and meets a slanting bat farther out
+        # the ball flies at a set distance from the pivot, so it meets an oblique bat farther out
         abreast = axis - plan.place - launch.along
         cosine, sine = np.cos(swing.angle), np.sin(swing.angle)
         lever = abreast / cosine
@@ -173,7 +173,7 @@ class NcaaSwingStation(CannonStation):
         )
 
     def _count(self, plan: ShotPlan, swing: _Swing, contact: Array, draws: Draws) -> Record:
-        """Record the shaft; the recorder's ticks are the boards' clock. It stops at contact."""
+        """Return the record of the shaft up to contact, with the clock of the light boards."""
         name, slots = "ncaa-swing.encoder", plan.slot
         if plan.detail is RecordDetail.SUMMED:
             rate = swing.rate / self.gates.clock
