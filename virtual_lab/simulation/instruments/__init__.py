@@ -1,9 +1,9 @@
-"""Instruments: a data sheet, constants drawn once a laboratory, noise drawn each shot.
+"""Instruments: a data sheet, constants drawn once per laboratory, noise drawn for each shot.
 
-Each module holds a spec (what its file in ``data/instruments`` says), and the instrument as
-one laboratory has it, on the base in ``calibrated``: ``commission`` draws its constants about
-those of its certificate, ``calibration()`` is what the laboratory knows, ``errors()`` what really
-is, and a verb of its own writes raw records.
+Each module holds a specification (the data sheet in ``data/instruments``) and the instrument of one
+laboratory, based on ``calibrated``. ``commission`` draws the true constants about those of the
+certificate, ``calibration()`` returns the constants that the laboratory knows, ``errors()`` returns
+the true constants, and a further method writes the raw records.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ __all__ = [
 
 
 class RecordDetail(Enum):
-    """How finely instruments write down what they saw."""
+    """Level of detail of the records."""
 
     FULL = "full"  # every edge of a gate, every count of an encoder
-    SUMMED = "summed"  # what their own recorders make of them: sufficient statistics
+    SUMMED = "summed"  # sufficient statistics computed by the instrument's recorder
 
 
 class Instrument(Protocol):
-    """What every instrument can be asked for."""
+    """Methods that every instrument has."""
 
     def calibration(self) -> Mapping[str, Any]: ...
     def errors(self) -> Mapping[str, Any]: ...
@@ -47,25 +47,25 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentFactory:
-    """What fits out a laboratory's rig: its random numbers, and whether all is `ideal`."""
+    """Factory of a laboratory's instruments, with its random numbers and the choice `ideal`."""
 
     draws: Draws
     ideal: bool
 
     def as_asked(self, spec: S) -> S:
-        """Return a spec, or what it would be without errors."""
+        """Return a specification, without errors if the laboratory is ideal."""
         return spec.ideal() if self.ideal else spec
 
     def commission(
         self, make: Callable[[S, Draws, str], T], kind: type[S], sheet: str, name: str
     ) -> T:
-        """Return an instrument of the catalog's `sheet`, its errors drawn under `name`."""
+        """Return an instrument of the data `sheet`, with errors drawn under `name`."""
         spec = catalog.load("instruments", sheet, kind).spec
         return make(self.as_asked(spec), self.draws, name)
 
 
 def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
-    """Return the constants of several instruments under ``instrument.constant`` names."""
+    """Return the known constants of several instruments, by ``instrument.constant``."""
     return {
         f"{name}.{key}": estimate
         for name, instrument in instruments.items()
@@ -74,7 +74,7 @@ def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
 
 
 def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
-    """Return their true constants under the same names."""
+    """Return the true constants of several instruments, by ``instrument.constant``."""
     return {
         f"{name}.{key}": value
         for name, instrument in instruments.items()
@@ -84,23 +84,24 @@ def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedStation:
-    """A station whose fields are its instruments: what is known of them and what is true.
+    """A station whose fields are its instruments, with their known and their true constants.
 
-    Of a block of laboratories it knows `Known` constants, and true ones as arrays (laboratory,).
+    In a block of laboratories the known constants are `Known`, and the true ones are arrays
+    (laboratory,).
     """
 
     def instruments(self) -> Mapping[str, Instrument]:
-        """Return what measures, by the names of the constants."""
+        """Return the instruments, by the names used for their constants."""
         raise NotImplementedError
 
     def with_instrument(self, name: str, instrument: Instrument) -> Self:
-        """Return the station with another instrument in the place of one of its own."""
+        """Return the station with the instrument `name` replaced."""
         own = self.instruments()[name]
         (place,) = (part.name for part in fields(self) if getattr(self, part.name) is own)
         return replace(self, **{place: instrument})
 
     def at(self, owner: Owner) -> Self:
-        """Return the station with the true constants of the laboratories that own shots."""
+        """Return the station with the true constants of each shot's laboratory."""
         own = {part.name: getattr(self, part.name) for part in fields(self)}
         instruments = {
             name: part.at(owner)

@@ -1,4 +1,4 @@
-"""The air of the hall: its density and a ball's drag coefficient, known within limits."""
+"""Air and gravity of the hall: density of the air, drag coefficient of a ball, gravity."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Number = Annotated[float, Ge(0), Dimension("number")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HallAirSpec(CalibratedSpec):
-    """What was measured on the day."""
+    """Data sheet of the air of the hall, as measured on the day."""
 
     other_errors: ClassVar[tuple[str, ...]] = ("density",)
 
@@ -38,13 +38,13 @@ class HallAir(CalibratedInstrument[HallAirSpec]):
     """The air of one laboratory."""
 
     def drag(self, radius: TrueConstant, mass: Array) -> Array:
-        """Return κ of balls of `radius` [m] and `mass` [kg], shape (shot,) [1/m]."""
+        """Return the drag rate κ of balls of `radius` [m] and `mass` [kg], (shot,) [1/m]."""
         return drag_rate(self.true["density"], self.true["drag_coefficient"], radius, mass)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GravitySpec(CalibratedSpec):
-    """What a survey says of the place."""
+    """Data sheet of the gravity at the laboratory, from a survey."""
 
     kind: str
     title: str
@@ -58,5 +58,5 @@ class Gravity(CalibratedInstrument[GravitySpec]):
 
     @property
     def acceleration(self) -> TrueConstant:
-        """What it truly is [m/s²]."""
+        """True acceleration [m/s²]."""
         return self.true["gravity"]

@@ -1,4 +1,4 @@
-"""What light boards write of many balls, every edge or sums over the beams; compiled."""
+"""Compiled records of light boards for many balls: every edge, or sums over the beams."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
 from virtual_lab.simulation.instruments.gate_kernel import WAY, pass_gate
 from virtual_lab.units import Array
 
-CENTRE_PHASES = 64  # of a centre between two beams
+CENTRE_PHASES = 64  # number of tabulated positions of a centre between two beams
 
 
 class Boards(NamedTuple):
-    """The boards as they stand for each shot [SI]."""
+    """True constants of the boards for each shot [SI]."""
 
     distances: Array  # (board, shot)
     heights: Array  # (board, shot)
     clock: Array  # (shot,)
     gravity: Array  # (shot,)
-    radius: Array  # of the ball, in pitches (shot,)
+    radius: Array  # (shot,), radius of the ball [pitches]
     tick: float
     lowest: float
     pitch: float
@@ -33,20 +33,23 @@ class Boards(NamedTuple):
 def write_edges(
     records: Array, flights: Array, start: Array, out: bool, boards: Boards, reach: Array
 ) -> None:
-    """Turn what the clock is off by into the times of edges that boards show, one way.
+    """Compute the recorded times of the edges in one direction, in place.
 
-    About a board a flight is a straight line of its own slope; NaN: the ball passes by a beam.
+    Near a board a flight is treated as a straight line. A beam that the ball misses has NaN.
 
     Parameters
     ----------
     records
-        (shot, board, 2 beam + edge) [s], in whole ticks thereafter.
+        Errors of the times on input, recorded times in whole ticks on output,
+        (shot, board, 2 beam + edge) [s].
     flights, start
-        (5, shot) of `Passage.way`; when each ball is at the target [s], (shot,).
+        Flights of `Passage.way`, (5, shot), and times at the target [s], (shot,).
     out
-        Whether the ball comes back.
+        Whether the ball rebounds.
+    boards
+        True constants of the boards.
     reach
-        How far from the ball's centre each beam trips, (board, beam) [m].
+        Distance from the ball's centre at which each beam trips, (board, beam) [m].
     """
     sign, edges = 1.0 if out else -1.0, 2 * boards.beams
     known = np.empty((3, BLOCK))
@@ -87,16 +90,19 @@ def sum_up(
     edge: float,
     trip: float,
 ) -> None:
-    """Turn standard normal numbers into the times and heights that boards sum up, one way.
+    """Compute the recorded times and heights of the passages in one direction, in place.
 
     Parameters
     ----------
     records
-        (2, board, shot): what passages and heights are off by, of 1; then what is recorded.
+        Standard normal numbers on input, recorded times [s] and heights [m] on output,
+        (2, board, shot).
     flights, start
-        (5, shot) of `Passage.way`; when each ball is at the target [s], (shot,).
+        Flights of `Passage.way`, (5, shot), and times at the target [s], (shot,).
     out
-        Whether the ball comes back.
+        Whether the ball rebounds.
+    boards
+        True constants of the boards.
     edge, trip
         Standard uncertainties of the time of an edge [s] and of the threshold of a beam [m].
     """
@@ -127,33 +133,37 @@ def sum_up(
 
 @njit(cache=True)
 def gain_memory(radius: float) -> Array:
-    """Return room for the gains of balls of up to a radius [pitches]: it, and its three gains."""
+    """Return an empty table for the gains of balls up to a radius [pitches], (row, 4)."""
     return np.zeros(((int(2 * radius) + 2) * (CENTRE_PHASES + 1), 4))
 
 
 @njit(cache=True, error_model="numpy")
 def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: Array) -> None:
-    """Fill in what an uncertainty of 1 at each edge comes to, (3, n); NaN: too few beams broken.
+    """Fill `gains`, (3, n), with the uncertainties of time and height per uncertainty of an edge.
 
-    The first is that of the passage, from that of an edge's time; then that of the height, from
-    that of the way flown at an edge; then that of the height, from that of a beam's threshold.
-    They go by how many beams are missing, below, that the ball would break on a longer board, and
-    by where its centre passes between two beams, in `CENTRE_PHASES` steps. Beams missing above are
-    beams missing below, upside down.
+    The gains are: time of the passage per time of an edge; height per distance flown at an edge;
+    height per threshold of a beam. They are NaN if too few beams were broken. They depend on the
+    number of beams missing below that the ball would break on a longer board, and on the position
+    of its centre between two beams, in `CENTRE_PHASES` steps. Missing beams above are treated as
+    missing beams below, upside down.
 
     Parameters
     ----------
     centre, radius
-        Of the ball above the lowest beam, and its own, both in pitches, (n,).
+        Height of the ball's centre above the lowest beam, and its radius [pitches], (n,).
+    beams
+        Number of beams of a board.
     memory
-        `gain_memory` of the largest ball, for many balls of one radius.
+        Table of `gain_memory` for the largest ball, which serves many balls of one radius.
+    gains
+        Result, (3, n).
     """
     for i in range(centre.size):
         below = max(-ceil(centre[i] - radius[i]), 0.0)
         above = max(floor(centre[i] + radius[i]) - (beams - 1), 0.0)
         most = float(int(2 * radius[i]) + 1)
         missing = max(below, above)
-        missing = missing if missing < most else most  # which is where no ball is
+        missing = missing if missing < most else most  # all beams missing: no ball
         place = -centre[i] if above > below else centre[i]
         phase = place - floor(place)
         phase = floor(phase * CENTRE_PHASES + 0.5) if phase >= 0.0 else 0.0
@@ -166,10 +176,10 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _gains(phase: float, missing: float, radius: float) -> tuple[float, float, float]:
-    """Return the three gains with the lowest `missing` beams not there.
+    """Return the three gains of `fill_gains` if the lowest `missing` beams are missing.
 
-    Chords' squares lie on a parabola; its slope at the centre, by weighted least squares, is the
-    height. Chords shorter than a tenth of the longest weigh no more than one of a tenth.
+    The squared chords lie on a parabola, and its slope at the centre, by weighted least squares,
+    gives the height. The weight of a chord is limited to that of a tenth of the longest chord.
     """
     low, high = floor(phase - radius) + 1 + int(missing), ceil(phase + radius) - 1
     many = high - low + 1
@@ -189,7 +199,7 @@ def _gains(phase: float, missing: float, radius: float) -> tuple[float, float, f
         m4 += weight * square * square
         spread += (place - middle) * (place - middle)
     level, lean, bend = m2 * m3 - m1 * m4, m0 * m4 - m2 * m2, m1 * m2 - m0 * m3
-    normal = m1 * level + m2 * lean + m3 * bend  # Cramer's rule, by the row of the slope
+    normal = m1 * level + m2 * lean + m3 * bend  # Cramer's rule for the row of the slope
     way, trip = 0.0, 0.0
     for beam in range(low, high + 1):
         place = (beam - phase) / radius

@@ -1,13 +1,14 @@
-"""A calibration certificate: what is known of an instrument's constants, and what is true.
+"""Calibration of an instrument: the constants on its certificate, and the true constants.
 
-A sheet states each constant as its certificate does: a value, which differs from nominal, how far
-the true constant lies from it (σ), and the degrees of freedom ν that σ was found with. Of one
-instrument the true constant is off by σ N, and the uncertainty on its certificate is an estimate
-itself: u = σ √(χ²_ν / ν), so that (true - value) / u is Student's t of ν. Without randomness the
-true constants are the certificate's values, and u is σ.
+A data sheet states each constant as a certificate does: a value, which differs from nominal, the
+standard deviation σ of the true constant about it, and the degrees of freedom ν of σ. The true
+constant of one instrument differs from the value by σ N(0, 1). The uncertainty on its certificate
+is itself an estimate, u = σ √(χ²_ν / ν), so that (true - value) / u has Student's t distribution
+with ν degrees of freedom. Without randomness the true constants are the values of the certificate,
+and u is σ.
 
-Constants of one laboratory are numbers; those of a block are arrays (laboratory,), gathered to
-(shot,) where shots are played.
+The constants of one laboratory are numbers. Those of a block are arrays (laboratory,), which are
+expanded to (shot,) when shots are simulated.
 """
 
 from __future__ import annotations
@@ -26,23 +27,23 @@ from virtual_lab.streams import Draws, Owner, of_owners
 from virtual_lab.uncertainty.estimate import Estimate, Known
 from virtual_lab.units import Array
 
-TrueConstant = Any  # what is true: float of one laboratory, array of a block
-Stated = Estimate | Known  # what its certificate says of it
+TrueConstant = Any  # true value: a float for one laboratory, an array for a block
+Stated = Estimate | Known  # value on the certificate
 
-Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, inf where not stated
+Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, inf if not stated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibratedSpec(Spec):
-    """A data sheet that states constants: NAME, NAME_u and maybe NAME_dof."""
+    """A data sheet that states constants: NAME, NAME_u and optionally NAME_dof."""
 
-    identity: InstrumentIdentity | None = None  # of the instrument, for certificates
-    # how the errors of an instrument are named beside ..._u
+    identity: InstrumentIdentity | None = None  # identity of the instrument, for certificates
+    # endings of the names of errors, besides _u
     errors: ClassVar[tuple[str, ...]] = ("scatter", "jitter", "resolution", "repeatability")
     other_errors: ClassVar[tuple[str, ...]] = ()
 
     def ideal(self) -> Self:
-        """Return the sheet of an instrument without errors: they are 0, or False."""
+        """Return the data sheet of an instrument without errors, which are 0 or False."""
         changes: dict[str, Any] = {}
         for part in fields(cast("Any", self)):
             name, value = part.name, getattr(self, part.name)
@@ -68,16 +69,16 @@ S = TypeVar("S", bound=CalibratedSpec)
 
 
 def certified(value: float, sigma: float, dof: float = inf) -> Estimate:
-    """Return a constant as a sheet states it; one that is known exactly has no freedom to state."""
+    """Return a constant as stated on a sheet. An exact constant has infinite degrees of freedom."""
     return Estimate(value=value, u=sigma, dof=dof if sigma else inf)
 
 
 def drawn(
     sheet: Mapping[str, Estimate], draws: Draws, name: str
 ) -> tuple[dict[str, Stated], dict[str, TrueConstant]]:
-    """Return what the certificate of one instrument states, and its true constants.
+    """Return the constants on the certificate of an instrument, and its true constants.
 
-    Draws of a block give the instrument of every laboratory.
+    With the draws of a block these are the constants of each laboratory's instrument.
     """
     numbers = np.moveaxis(draws.normal(f"{name}.errors", 2 * len(sheet)), -1, 0)
     laboratories = numbers.shape[1:]
@@ -93,7 +94,7 @@ def drawn(
 
 
 def at_all(known: Estimate, laboratories: tuple[int, ...], share: Array | float = 1.0) -> Stated:
-    """Return an estimate with a `share` of its u as all laboratories have it, one alone or (n,)."""
+    """Return an estimate, with u multiplied by `share`, for one laboratory or for a block (n,)."""
     if not laboratories:
         return replace(known, u=known.u * float(share))
     return Known(
@@ -107,9 +108,9 @@ def at_all(known: Estimate, laboratories: tuple[int, ...], share: Array | float 
 
 
 def _share(chance: Array | float, dof: float) -> Array:
-    """Return u over σ of a certificate, of the shape of its standard normal `chance`.
+    """Return u / σ of a certificate, in the shape of the standard normal numbers `chance`.
 
-    A quiet laboratory draws 0 exactly, which stands for σ itself and not for χ²'s median.
+    A laboratory without randomness draws exactly 0, which means u = σ, not the median of χ².
     """
     from virtual_lab.simulation.instruments.certificate_kernel import pieces_of, stated_shares
 
@@ -121,7 +122,7 @@ def _share(chance: Array | float, dof: float) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class CalibratedInstrument(Generic[S]):
-    """One instrument: its sheet, what its certificate states, and its true constants."""
+    """An instrument: its data sheet, the constants on its certificate, and its true constants."""
 
     unknown: ClassVar[frozenset[str]] = frozenset()  # constants that no certificate states
 
@@ -131,24 +132,24 @@ class CalibratedInstrument(Generic[S]):
 
     @classmethod
     def commission(cls, spec: S, draws: Draws, name: str) -> Self:
-        """Return an instrument of a sheet, its constants drawn under `name`."""
+        """Return an instrument of a data sheet, with constants drawn under `name`."""
         return cls(spec, *drawn(spec.certificate(), draws, name))
 
     @property
     def laboratories(self) -> tuple[int, ...]:
-        """The shape of a constant: () of one laboratory, (n,) of a block."""
+        """Shape of a constant: () for one laboratory, (n,) for a block."""
         return np.shape(next(iter(self.true.values())))
 
     def at(self, owner: Owner) -> Self:
-        """Return the instrument with the true constants of the laboratories that own shots."""
+        """Return the instrument with the true constants of each shot's laboratory."""
         return replace(self, true={key: of_owners(one, owner) for key, one in self.true.items()})
 
     def exact(self) -> dict[str, Estimate]:
-        """Return what the sheet says beside the certificate, in which there is no error."""
+        """Return the exact constants of the data sheet, which are on no certificate."""
         return {}
 
     def calibration(self) -> dict[str, Any]:
-        """Return what is known of the instrument: `Estimate`, `Known` of a block."""
+        """Return the known constants: `Estimate` for one laboratory, `Known` for a block."""
         known = {key: stated for key, stated in self.stated.items() if key not in self.unknown}
         exact = self.exact().items()
         return known | {key: at_all(one, self.laboratories) for key, one in exact}
@@ -158,9 +159,9 @@ class CalibratedInstrument(Generic[S]):
         return dict(self.true)
 
     def altered(self, **true: TrueConstant) -> Self:
-        """Return the instrument with other true constants, of which its certificate knows nothing.
+        """Return the instrument with other true constants but the same certificate.
 
-        Raises `KeyError` where it has no such constant.
+        Raises `KeyError` for an unknown constant.
         """
         if strange := true.keys() - self.true.keys():
             raise KeyError(min(strange))

@@ -1,4 +1,4 @@
-"""The ball cannon: a speed asked for, a speed given, and where on the bat the ball lands."""
+"""The ball cannon: speed of the ball and its impact position on the bat, with their scatter."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Distance = Annotated[float, Ge(0), Dimension("length")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CannonSpec(CalibratedSpec):
-    """Scatter of speed and aim, and how well the aim was lined up."""
+    """Data sheet of a cannon: scatter of speed and aim, and uncertainty of its alignment."""
 
     kind: str
     title: str
@@ -39,31 +39,31 @@ class CannonSpec(CalibratedSpec):
     across_u: Distance
     marks: Annotated[int, Gt(1), Dimension("number")]
     mark_resolution: Distance
-    along: Annotated[float, Dimension("length")] = 0.0  # where balls strike less where they are set
+    along: Annotated[float, Dimension("length")] = 0.0  # mean impact position minus set position
     along_dof: Freedom = inf
-    across: Annotated[float, Dimension("length")] = 0.0  # how far above the line of fire
+    across: Annotated[float, Dimension("length")] = 0.0  # mean height above the line of fire
 
 
 @dataclass(frozen=True, slots=True)
 class Launch:
-    """True speed at the target [m/s] and offsets from the aim [m], shape (shot,)."""
+    """True speed at the target [m/s] and offsets from the aim [m], arrays (shot,)."""
 
     speed: Array
     along: Array
     across: Array
-    slope: Array  # height lost a metre as the ball comes
+    slope: Array  # height lost per metre of the incoming flight
 
 
 @dataclass(frozen=True, slots=True)
 class Cannon(CalibratedInstrument[CannonSpec]):
-    """One cannon as lined up for a laboratory's test."""
+    """A cannon as aligned for the test of a laboratory."""
 
     unknown: ClassVar[frozenset[str]] = frozenset({"across"})
 
     def fire(self, speed: Array, draws: Draws, name: str, slots: Slots) -> Launch:
-        """Fire shots, `slots` by number, asked to reach the target at `speed` [m/s], (shot,).
+        """Fire the shots `slots` with nominal speeds `speed` at the target [m/s], (shot,).
 
-        Raises `InputError` where the cannon is not that strong.
+        Raises `InputError` if the cannon is not that fast.
         """
         if np.any(speed > self.spec.fastest):
             asked, most = float(np.max(speed)) / MPH, self.spec.fastest / MPH
@@ -78,9 +78,9 @@ class Cannon(CalibratedInstrument[CannonSpec]):
         )
 
     def mark(self, draws: Draws, name: str) -> AimMarks:
-        """Fire at an aim paper before the test and read the marks with a rule.
+        """Fire at an aim paper before the test, and read the marks with a rule.
 
-        Those of a block are marks of one laboratory after another.
+        In a block the marks of each laboratory follow those of the previous one.
         """
         owner, marks = in_turn(self.laboratories, self.spec.marks)
         launch = self.at(owner).fire(np.full(marks.size, np.nan), draws.at(owner), name, marks)

@@ -1,9 +1,9 @@
-"""The uncertainty that a certificate states beside the one it estimates: √(χ²_ν / ν); compiled.
+"""Compiled ratio of the stated to the true standard uncertainty of a certificate: √(χ²_ν / ν).
 
-With the standard normal number z that χ² is drawn by, χ² = P⁻¹(ν/2, Φ(z)), the cube root of χ²/ν
-is nearly straight (E. B. Wilson and M. M. Hilferty, Proc. Natl. Acad. Sci. 17 (1931) 684), so
-polynomials over short pieces of z give it to rounding: 1e-14 of u, with one degree of freedom
-1e-14 to |z| = 5 and 2e-11 beyond.
+χ² is drawn as P⁻¹(ν/2, Φ(z)) from a standard normal number z. The cube root of χ²/ν is nearly
+linear in z (E. B. Wilson and M. M. Hilferty, Proc. Natl. Acad. Sci. 17 (1931) 684), so polynomials
+over short intervals of z give the ratio to rounding: to 1e-14, and with one degree of freedom to
+1e-14 for |z| up to 5 and 2e-11 beyond.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from numpy.polynomial.chebyshev import chebvander
 
 from virtual_lab.units import Array
 
-REACH = 8.5  # beyond any normal number that is drawn
+REACH = 8.5  # limit above every drawn normal number
 PIECE = 0.5
 DEGREE = 11
 
 
 @lru_cache(64)
 def pieces_of(dof: float) -> Array:
-    """Return the polynomials of the cube root of χ²/ν, (piece, power), each over -1 to 1."""
+    """Return the polynomials of the cube root of χ²/ν, (interval, power), each over -1 to 1."""
     from scipy.special import gammainccinv, gammaincinv, ndtr
 
     x = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
@@ -40,7 +40,7 @@ def pieces_of(dof: float) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def stated_shares(chance: Array, pieces: Array, shares: Array) -> None:
-    """Fill in u over σ of standard normal numbers (n,), 1 of a 0, which nobody drew."""
+    """Fill `shares` with u / σ for standard normal numbers (n,), and with 1 for exactly 0."""
     last = len(pieces) - 1
     for i in range(chance.size):
         along = (chance[i] + REACH) / PIECE

@@ -1,7 +1,7 @@
-"""The angle encoder on the pivot: whole counts at the ticks of the recorder.
+"""The angle encoder on the pivot: integer counts at the sampling times of the recorder.
 
-It turns with the section of the bat at the pivot, so it shows the rigid turn and the bending
-ring alike, and its mounting makes it show a little more or less than the true angle.
+It rotates with the section of the bat at the pivot, so it records both the rigid rotation and the
+bending vibration. Due to its mounting the recorded angle differs from the true one by a scale.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class EncoderSpec(CalibratedSpec):
     sees_ring: YesNo = True
 
     def sample_times(self) -> Array:
-        """Return the recorder's ticks from the trigger on [s], shape (sample,)."""
+        """Return the sampling times after the trigger [s], shape (sample,)."""
         return np.arange(round(self.duration * self.sample_rate)) / self.sample_rate
 
 
@@ -58,7 +58,7 @@ class Encoder(CalibratedInstrument[EncoderSpec]):
 
     @property
     def scale(self) -> TrueConstant:
-        """Angle shown over true angle."""
+        """Ratio of recorded to true angle."""
         return self.true["scale"]
 
     def sum_up(
@@ -72,11 +72,12 @@ class Encoder(CalibratedInstrument[EncoderSpec]):
         gap: float,
         angle: Array | None = None,
     ) -> RateRecord:
-        """Record rates [rad a shown second] at contact, (shot,), as a recorder that fits would.
+        """Return the record of a recorder that fits the angular rate at contact, (shot,).
 
-        It fits a cubic to the counts of a `span` (shot,) that ends, or begins, a `gap` from
-        contact [s]. The noise is that of the cubic's slope there, of n counts each rounded:
-        with Legendre's polynomials σ √(Σ (2k + 1) P_k'² / n) 2/span, at 1 + 2 gap/span.
+        `rate` is the true rate [rad per recorded second]. The recorder fits a cubic to the counts
+        of a `span` (shot,) that ends, or begins, at a time `gap` from contact [s]. The noise is
+        that of the slope of the cubic at contact, for n rounded counts: with Legendre polynomials
+        σ √(Σ (2k + 1) P_k'² / n) 2/span, at 1 + 2 gap/span.
         """
         spec, per_angle = self.spec, self.scale * self.spec.counts_per_turn / tau
         count = sqrt(1 / 12) if spec.whole_counts else 0.0
@@ -95,10 +96,10 @@ class Encoder(CalibratedInstrument[EncoderSpec]):
     def read(
         self, turn: Callable[[slice], Array], draws: Draws, name: str, slots: Slots
     ) -> EncoderRecord:
-        """Count a turn from a rest angle of any phase.
+        """Return the counts of a rotation that starts at a random phase of the encoder.
 
-        `turn` gives the true angles [rad] of some of the shots, (shot, sample), which are then
-        overwritten: a few shots at a time stay in the cache.
+        `turn` returns the true angles of a slice of the shots, (shot, sample) [rad]. These arrays
+        are overwritten. A few shots are processed at a time, so that they fit in the cache.
         """
         spec, per_angle = self.spec, self.scale * self.spec.counts_per_turn / tau
         times = spec.sample_times()

@@ -1,4 +1,4 @@
-"""What gates that sum up write of many balls; compiled."""
+"""Compiled records of summing gates for many balls."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WAY = Way()
 def pass_gate(
     flight: Array, distance: Array, gravity: Array, since: Array, height: Array, steep: Array
 ) -> None:
-    """Fill in when, how high and how steeply balls pass a distance [s, m, 1]."""
+    """Fill in time [s], height [m] and slope of balls that pass a `distance` [m], (shot,)."""
     for i in range(since.size):
         height[i] = distance[i] - flight[WAY.plane, i]
     time_over(height, flight[WAY.pace], flight[WAY.drag], since)
@@ -40,7 +40,7 @@ def pass_gate(
 
 
 class Gates(NamedTuple):
-    """Gates as they stand for each shot [SI]."""
+    """True constants of the gates for each shot [SI]."""
 
     distances: Array  # (gate, shot)
     clock: Array  # (shot,)
@@ -52,18 +52,21 @@ class Gates(NamedTuple):
 def sum_up_gates(
     records: Array, flights: Array, start: Array, out: bool, gates: Gates, jitter: float
 ) -> None:
-    """Turn standard normal numbers into the times that gates sum up, one way.
+    """Compute the recorded times of the passages in one direction, in place.
 
-    A level way in that no gate heeds the height of is seen whatever its height.
+    An incoming ball is detected at any height.
 
     Parameters
     ----------
     records
-        (shot, gate): what passages are off by, of 1; then what is recorded [s], NaN: not seen.
+        Standard normal numbers on input, recorded times [s] on output, NaN if the ball was not
+        detected, (shot, gate).
     flights, start
-        (5, shot) of `Passage.way`; when each ball is at the target [s], (shot,).
+        Flights of `Passage.way`, (5, shot), and times at the target [s], (shot,).
     out
-        Whether the ball comes back.
+        Whether the ball rebounds.
+    gates
+        True constants of the gates.
     jitter
         Standard uncertainty of the time of a passage [s].
     """

@@ -1,4 +1,4 @@
-"""What holds a bat on a machine: where its axis is, and how high the bat lies in it."""
+"""The holder of a bat on a machine: position of its pivot, and height of the bat."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from virtual_lab.simulation.instruments.calibrated import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisSpec(CalibratedSpec):
-    """An axis as it was set up and surveyed, on a bat that the cannon is lined up on."""
+    """A pivot as installed and surveyed, for a bat with which the cannon is aligned."""
 
-    nominal_from_knob: Annotated[float, Gt(0), Dimension("length")]  # where the axis should be
+    nominal_from_knob: Annotated[float, Gt(0), Dimension("length")]  # nominal position of the pivot
     from_knob: Annotated[float, Gt(0), Dimension("length")]
     from_knob_u: Annotated[float, Ge(0), Dimension("length")]
     from_knob_dof: Freedom = inf
@@ -29,9 +29,9 @@ class AxisSpec(CalibratedSpec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HolderSpec(AxisSpec):
-    """And a bat that lies higher or lower than the cannon fires."""
+    """A pivot that also holds the bat above or below the line of fire."""
 
-    height: Annotated[float, Dimension("length")]  # of the bat above the line of fire
+    height: Annotated[float, Dimension("length")]  # height of the bat above the line of fire
     height_u: Annotated[float, Ge(0), Dimension("length")]
     height_dof: Freedom = inf
 
@@ -45,10 +45,10 @@ class Holder(CalibratedInstrument[S]):
 
     @property
     def from_knob(self) -> TrueConstant:
-        """The true distance of the axis from the knob [m]."""
+        """True distance of the pivot from the knob [m]."""
         return self.true["from_knob"]
 
     @property
     def height(self) -> TrueConstant:
-        """The true height of the bat above the line of fire [m]."""
+        """True height of the bat above the line of fire [m]."""
         return self.true.get("height", 0.0)

@@ -1,8 +1,8 @@
-"""Light boards: rows of beams one above the other, both edges of every beam timed.
+"""Light boards: rows of beams at different heights that time the two edges of a ball.
 
-A ball breaks some ten beams of a board, each along its own chord, so a board shows when the
-centre passed and how high. A beam trips a little early or late for good, by its own threshold;
-now and then a scrap of the sabot crosses the first board just ahead of the ball.
+A ball breaks about ten beams of a board, each along a different chord, so a board measures the time
+and the height of the passage of its centre. Each beam has a fixed threshold that makes it trip
+early or late. Occasionally a fragment of the sabot crosses the first board just ahead of the ball.
 """
 
 from __future__ import annotations
@@ -37,18 +37,20 @@ Length = Annotated[float, Ge(0), Dimension("length")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LightBoardSpec(GateSheet):
-    """Boards and their beams."""
+    """Data sheet of light boards and their beams."""
 
     other_errors: ClassVar[tuple[str, ...]] = ("trip_spread", "tick", "sabot_rate")
 
     distances: Annotated[tuple[float, ...], MinLen(3), Dimension("length")]
     beams: Annotated[int, Gt(3), Dimension("number")]
     pitch: Annotated[float, Gt(0), Dimension("length")]
-    lowest: Annotated[float, Dimension("length")]  # beam, above the line of fire
-    height_u: Length  # of each board
-    trip_spread: Length  # beam to beam, of how far into the beam the ball trips it
-    sabot_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of the shots
-    heights: Annotated[tuple[float, ...], Dimension("length")] = ()  # zeros; none: all at the line
+    lowest: Annotated[float, Dimension("length")]  # height of the lowest beam over the line of fire
+    height_u: Length  # standard uncertainty of the height of each board
+    trip_spread: Length  # standard deviation of the depth at which a beam trips, between beams
+    sabot_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of shots with fragments
+    heights: Annotated[
+        tuple[float, ...], Dimension("length")
+    ] = ()  # zeros of the boards; none: all at the line
     height_dof: Freedom = inf
 
     def __post_init__(self) -> None:
@@ -67,15 +69,15 @@ class LightBoardSpec(GateSheet):
 
     @property
     def room(self) -> float:
-        """How far below the line of fire a ball's centre is seen for sure [m]: its upper half."""
+        """Depth below the line of fire at which a ball's upper half still breaks beams [m]."""
         return -self.lowest
 
     def view(self, radius: float) -> tuple[float, float]:
-        """Return between which heights the centre of a ball is ever seen [m]."""
+        """Return the lowest and the highest position of a ball's centre that is detected [m]."""
         return self.lowest - radius, self.highest + radius
 
     def certificate(self) -> dict[str, Estimate]:
-        """Return places and heights of the boards, and the clock: shown time = clock x time."""
+        """Return distance and height of each board, and clock: recorded = clock x true time."""
         stated = {"clock": certified(1 + self.clock_fast, self.clock_u)}
         heights = self.heights or (0.0,) * len(self.distances)
         for index, (distance, height) in enumerate(zip(self.distances, heights, strict=True)):
@@ -86,9 +88,9 @@ class LightBoardSpec(GateSheet):
 
 @dataclass(frozen=True, slots=True)
 class LightBoards(BallGates[LightBoardSpec]):
-    """The boards of one laboratory; the thresholds of their beams stand on no certificate."""
+    """The light boards of a laboratory. The thresholds of their beams are on no certificate."""
 
-    trips: Array  # what each beam adds to the ball's radius, ([laboratory,] board, beam) [m]
+    trips: Array  # threshold of each beam, added to the radius, ([laboratory,] board, beam) [m]
 
     @classmethod
     def commission(cls, spec: LightBoardSpec, draws: Draws, name: str) -> Self:
@@ -101,7 +103,7 @@ class LightBoards(BallGates[LightBoardSpec]):
 
     @property
     def heights(self) -> Array:
-        """True heights of the boards' zeros above the line of fire, shaped as `distances` [m]."""
+        """True heights of the boards' zeros over the line of fire [m], shaped as `distances`."""
         return self.of_gates("height")
 
     def edges(self, batch: WatchedBatch) -> BoardRecord:
@@ -124,11 +126,10 @@ class LightBoards(BallGates[LightBoardSpec]):
         return BoardRecord(times=records)
 
     def sums(self, batch: WatchedBatch) -> PassageRecord:
-        """Sum each board up: time and height of the ball's centre.
+        """Return the time and the height of the ball's centre at each board.
 
-        Their noise is that of the sums over the beams that a ball breaks where it passes. A
-        ball that rises or falls passes its own height sooner or later: the height's error is
-        in the time too.
+        The noise is that of sums over the beams that the ball breaks. For a ball that rises or
+        falls, an error of the height also causes an error of the time.
         """
         passage, contact, leaving, draws, name, slots = batch
         from virtual_lab.simulation.instruments.board_kernel import sum_up
@@ -136,7 +137,7 @@ class LightBoards(BallGates[LightBoardSpec]):
         spec = self.spec
         edge = sqrt(spec.edge_jitter**2 + spec.tick**2 / 12)
         boards = self._boards(passage)
-        # way by way, whole shots side by side; what starts as noise ends as records
+        # order (direction, quantity, board, shot); the noise is overwritten by the records
         noise = draws.normal(f"{name}.sums", (2, 2, len(spec.distances)), slots)
         records = np.ascontiguousarray(np.moveaxis(noise, 0, -1))
         for start, way, out in zip((contact, leaving), records, (False, True), strict=True):
@@ -164,14 +165,14 @@ class LightBoards(BallGates[LightBoardSpec]):
     def _scraps(
         self, passage: Passage, contact: Array, draws: Draws, name: str, slots: Slots
     ) -> tuple[tuple[Any, ...], Array]:
-        """Return which edges a scrap of the sabot makes, ahead of the ball, and when [s].
+        """Return the indices of the edges made by fragments of the sabot, and their times [s].
 
-        It breaks some beams of the first board.
+        A fragment breaks a few beams of the first board ahead of the ball.
         """
         spec = self.spec
         share = draws.uniform(f"{name}.sabot", 2, slots).T + 0.5
         tripped = np.flatnonzero(share[0] < spec.sabot_rate)
-        ahead = self.distances[None, 0] + passage.radius + 0.03  # m, before the ball's front
+        ahead = self.distances[None, 0] + passage.radius + 0.03  # [m] ahead of the ball's front
         early = (contact - passage.inbound(ahead)[0])[tripped]
         middle = (spec.beams - 1) * share[1, tripped, None]
         struck, beams = np.nonzero(np.abs(np.arange(spec.beams) - middle) < 2)

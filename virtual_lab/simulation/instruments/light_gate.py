@@ -1,8 +1,8 @@
-"""Light gates: curtains of beams that a passing ball breaks and clears, both edges timed.
+"""Light gates: light curtains that time the two edges of a passing ball.
 
-A curtain stands at a true place a little off the surveyed one; the recorder's clock runs a
-little fast or slow, adds jitter to each edge and counts whole ticks. The mean of a gate's two
-edges is the passage of the ball's centre, whatever part of the beam trips it.
+The true position of a curtain differs from the surveyed one. The clock of the recorder has a rate
+error, adds jitter to each edge, and counts whole ticks. The mean of the two edges is the passage of
+the ball's centre, whatever the trip level of the curtain.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Time = Annotated[float, Ge(0), Dimension("time")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GateSheet(CalibratedSpec):
-    """Gates along the flight, their places counted from the ball's at contact, far one first."""
+    """Data sheet of gates: distances from the ball's position at contact, farthest first."""
 
     kind: str
     title: str
@@ -47,7 +47,7 @@ class GateSheet(CalibratedSpec):
     edge_jitter: Time
     clock_u: Annotated[float, Ge(0), Dimension("number")]
     distance_dof: Freedom = inf
-    clock_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # shown over true time, less 1
+    clock_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # rate error of the clock
 
     def __post_init__(self) -> None:
         falling = sorted(set(self.distances), reverse=True)
@@ -55,7 +55,7 @@ class GateSheet(CalibratedSpec):
             raise ValueError("distances must fall from the cannon's to the target's, all above 0")
 
     def certificate(self) -> dict[str, Estimate]:
-        """Return a distance for each gate, and the clock: shown time = clock x time."""
+        """Return the distance of each gate, and the clock: recorded time = clock x true time."""
         return {
             f"distance_{index}": certified(distance, self.distance_u, self.distance_dof)
             for index, distance in enumerate(self.distances)
@@ -63,7 +63,7 @@ class GateSheet(CalibratedSpec):
 
 
 def each_shot(constant: TrueConstant, shots: int) -> Array:
-    """Return a constant of each shot for compiled code, (shot,)."""
+    """Return a constant for each shot as an array for compiled code, (shot,)."""
     return np.ascontiguousarray(np.broadcast_to(constant, shots))
 
 
@@ -74,7 +74,7 @@ class WatchedBatch(NamedTuple):
     contact: Array  # (shot,)
     leaving: Array  # (shot,)
     draws: Draws
-    name: str  # under which is drawn
+    name: str  # name for the random numbers
     slots: Slots
 
 
@@ -83,32 +83,32 @@ G = TypeVar("G", bound=GateSheet)
 
 @dataclass(frozen=True, slots=True)
 class BallGates(CalibratedInstrument[G], ABC):
-    """Gates of either kind as they stand in one laboratory."""
+    """Gates of either type in one laboratory or a block of laboratories."""
 
     @property
     def distances(self) -> Array:
-        """Their true places, (gate,), of a block (laboratory, gate) or (shot, gate) [m]."""
+        """True distances [m], (gate,); in a block (laboratory, gate) or (shot, gate)."""
         return self.of_gates("distance")
 
     @property
     def clock(self) -> TrueConstant:
-        """Seconds shown a true second."""
+        """Recorded seconds per true second."""
         return self.true["clock"]
 
     def of_gates(self, constant: str) -> Array:
-        """Return a true constant that every gate has, the gates along the last axis."""
+        """Return a true constant of every gate, with the gates along the last axis."""
         gates = range(len(self.spec.distances))
         return np.stack([self.true[f"{constant}_{gate}"] for gate in gates], axis=-1)
 
     def rows(self, constant: str, shots: int) -> Array:
-        """Return the same as rows for compiled code, (gate, shot)."""
+        """Return a true constant of every gate as rows for compiled code, (gate, shot)."""
         gates = range(len(self.spec.distances))
         return np.stack([np.broadcast_to(self.true[f"{constant}_{at}"], shots) for at in gates])
 
     def arrival(self, passage: Passage) -> Array:
         """Return the true time from the trigger to contact [s], shape (shot,).
 
-        The trigger is the ball's front at the far gate.
+        The trigger is the passage of the ball's front at the far gate.
         """
         return passage.inbound(np.atleast_1d(self.true["distance_0"] + passage.radius))[0]
 
@@ -122,7 +122,7 @@ class BallGates(CalibratedInstrument[G], ABC):
         slots: Slots,
         detail: RecordDetail = RecordDetail.FULL,
     ) -> Record:
-        """Record balls that reach the target at `contact` and leave it at `leaving` [s]."""
+        """Return the record of balls at the target from `contact` to `leaving` [s], (shot,)."""
         if slots.shape != contact.shape:
             raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
         record = self.edges if detail is RecordDetail.FULL else self.sums
@@ -131,34 +131,34 @@ class BallGates(CalibratedInstrument[G], ABC):
 
     @abstractmethod
     def edges(self, batch: WatchedBatch) -> Record:
-        """Write every edge."""
+        """Return the record of every edge."""
 
     @abstractmethod
     def sums(self, batch: WatchedBatch) -> PassageRecord:
-        """Write what a recorder of its own makes of the edges of each gate."""
+        """Return the passages that a recorder computes from the edges of each gate."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LightGateSpec(GateSheet):
-    """A row of curtains."""
+    """Data sheet of a row of light curtains."""
 
     other_errors: ClassVar[tuple[str, ...]] = ("tick",)
 
-    half_height: Annotated[float, Gt(0), Dimension("length")]  # about the line of fire
+    half_height: Annotated[float, Gt(0), Dimension("length")]  # half height about the line of fire
 
     @property
     def room(self) -> float:
-        """How far below the line of fire a ball's centre is still seen [m]."""
+        """Largest depth of a ball's centre below the line of fire that is still detected [m]."""
         return self.half_height
 
     def view(self, radius: float) -> tuple[float, float]:
-        """Return between which heights the centre of a ball is ever seen [m]."""
+        """Return the lowest and the highest position of a ball's centre that is detected [m]."""
         return -self.half_height, self.half_height
 
 
 @dataclass(frozen=True, slots=True)
 class LightGates(BallGates[LightGateSpec]):
-    """The curtains of one laboratory."""
+    """The light curtains of one laboratory or a block of laboratories."""
 
     def edges(self, batch: WatchedBatch) -> GateRecord:
         passage, contact, leaving, draws, name, slots = batch
@@ -174,7 +174,7 @@ class LightGates(BallGates[LightGateSpec]):
         return GateRecord(times=quantise(self.clock * times + start + jitter, spec.tick))
 
     def sums(self, batch: WatchedBatch) -> PassageRecord:
-        """Sum each gate up: a passage with the noise of two edges."""
+        """Return the passage at each gate, with the noise of the mean of two edges."""
         passage, contact, leaving, draws, name, slots = batch
         from virtual_lab.simulation.instruments.gate_kernel import Gates, sum_up_gates
 

@@ -1,4 +1,4 @@
-"""The true flights of a batch of balls, in to the target and back, that gates and cameras watch."""
+"""True flights of a batch of balls to the target and back, as measured by gates and cameras."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from virtual_lab.relations.flight import time_after, time_before
 from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.units import Array
 
-R = TypeVar("R", bound=Any)  # a record of gates: its columns are (shot, way, gate, ...)
+R = TypeVar("R", bound=Any)  # record of gates, with columns (shot, direction, gate, ...)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Passage:
-    """Flights of a batch, shape (shot,) but for the numbers that all share.
+    """Flights of a batch: arrays (shot,), or numbers common to all shots.
 
-    Distances count from the target toward the cannon, heights from the line of fire. A way in
-    that no instrument heeds the height of is level and passes at the height 0. Radius and gravity
-    are numbers of one laboratory, arrays (shot,) of a block.
+    Distances are measured from the target toward the cannon, heights from the line of fire. If no
+    instrument depends on the height of the incoming flight, it is level at height 0. Radius and
+    gravity are numbers for one laboratory and arrays (shot,) for a block.
     """
 
-    speed_in: Array  # at the target [m/s]
-    speed_out: Array  # along the line of fire [m/s]; not above 0: the ball does not come back
+    speed_in: Array  # speed at the target [m/s]
+    speed_out: Array  # rebound speed along the line of fire [m/s]; no rebound unless positive
     drag: Array  # [1/m]
     radius: TrueConstant  # [m]
     gravity: TrueConstant  # [m/s^2]
-    height: Array | float = 0.0  # of the ball's centre at contact [m]
-    slope_in: Array | float = 0.0  # height gained a metre of distance, on the way in
-    slope_out: Array | float = 0.0  # the same on the way back
-    plane: Array | float = 0.0  # distance of the contact from where the target nominally is [m]
-    # where ball and target parted, if elsewhere than they met [m]
+    height: Array | float = 0.0  # height of the ball's centre at contact [m]
+    slope_in: Array | float = 0.0  # height per metre of distance, incoming [m/m]
+    slope_out: Array | float = 0.0  # height per metre of distance, rebound [m/m]
+    plane: Array | float = 0.0  # distance of the contact from the nominal target [m]
+    # position at the release, if it differs from that at first touch [m]
     height_out: Array | None = None
     plane_out: Array | None = None
-    reach: Array | None = None  # how far the ball comes back, if a frame stops it [m]
+    reach: Array | None = None  # distance at which a frame stops the rebound [m]
 
     def inbound(self, distance: Array) -> tuple[Array, Array]:
         """Return time before contact [s] and height [m] at `distance` (shot or 1, …)."""
@@ -44,7 +44,7 @@ class Passage:
         return time, self._height(self.height, ahead, time, self.slope_in)
 
     def outbound(self, distance: Array) -> tuple[Array, Array]:
-        """Return time after leaving [s], NaN where the ball goes on, and height [m]."""
+        """Return time after release [s], NaN without a rebound, and height [m]."""
         back = distance - _column(self.parted_plane, distance)
         speed = np.where(self.speed_out > 0, self.speed_out, np.nan)
         time = time_after(back, _column(speed, distance), _column(self.drag, distance))
@@ -52,18 +52,18 @@ class Passage:
 
     @property
     def parted_plane(self) -> Array | float:
-        """Where the way back begins, as `plane` [m]."""
+        """Position at which the rebound begins, measured as `plane` [m]."""
         return self.plane if self.plane_out is None else self.plane_out
 
     @property
     def parted_height(self) -> Array | float:
-        """The height there [m]."""
+        """Height at which the rebound begins [m]."""
         return self.height if self.height_out is None else self.height_out
 
     def seen(self, record: R, distances: Array) -> R:
-        """Return a record of gates without the times of those that a frame kept the ball from.
+        """Return a record of gates without the times of gates that a ball could not reach.
 
-        `distances` of the gates are (gate,) or (shot, gate) [m].
+        `distances` are those of the gates, (gate,) or (shot, gate) [m].
         """
         assert self.reach is not None, "no frame stopped a ball"
         plane = np.broadcast_to(self.plane, self.reach.shape)
@@ -79,9 +79,10 @@ class Passage:
         return replace(record, **columns)
 
     def way(self, *, out: bool) -> Array:
-        """Return the flights of one way as rows for compiled code, (5, shot).
+        """Return the flights in one direction as rows for compiled code, (5, shot).
 
-        1/speed [s/m], NaN where no ball comes; κ ahead, -κ behind [1/m]; height, slope, plane.
+        The rows are 1/speed [s/m], NaN without a ball; κ for the rebound, -κ for the incoming
+        flight [1/m]; height; slope; plane.
         """
         speed = self.speed_out if out else self.speed_in
         with np.errstate(divide="ignore"):
@@ -103,6 +104,6 @@ class Passage:
 
 
 def _column(values: Array | float, like: Array) -> Array:
-    """Return (shot,) values with axes added to stand beside `like`, numbers as they are."""
+    """Return values (shot,) with axes added to broadcast with `like`; numbers do not change."""
     array = np.asarray(values)
     return array.reshape(array.shape + (1,) * (like.ndim - 1)) if array.ndim else array

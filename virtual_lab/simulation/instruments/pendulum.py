@@ -1,4 +1,4 @@
-"""The pendulum stand: a bat hung in a clamp, same-way passages timed by a photogate."""
+"""The pendulum stand: a bat in a clamp, with a photogate for passages in one direction."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class PendulumSpec(CalibratedSpec):
     title: str
     swings: Annotated[int, Gt(0), Dimension("number")]
     release_amplitude: Annotated[float, Gt(0), Dimension("angle")]
-    amplitude_decay: Number  # relative loss a swing
+    amplitude_decay: Number  # relative loss per swing
     amplitude_resolution: Annotated[float, Ge(0), Dimension("angle")]
     amplitude_u: Annotated[float, Ge(0), Dimension("angle")]
     timer_resolution: Time
@@ -47,7 +47,7 @@ class PendulumSpec(CalibratedSpec):
     clamp_inertia_u: Annotated[float, Ge(0), Dimension("inertia")]
     clamp_moment: Annotated[float, Ge(0), Dimension("moment")]
     clamp_moment_u: Annotated[float, Ge(0), Dimension("moment")]
-    timer_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # shown over true time, less 1
+    timer_fast: Annotated[float, Gt(-1), Dimension("number")] = 0.0  # rate error of the timer
     amplitude_offset: Annotated[float, Dimension("angle")] = 0.0
     amplitude_dof: Freedom = inf
     pivot_dof: Freedom = inf
@@ -55,7 +55,7 @@ class PendulumSpec(CalibratedSpec):
     clamp_moment_dof: Freedom = inf
 
     def certificate(self) -> dict[str, Estimate]:
-        """Return what is known of the timer, the marks of the amplitude, the axis and the clamp."""
+        """Return the certified constants of timer, amplitude scale, pivot and clamp."""
         return {
             "clock": certified(1 + self.timer_fast, self.timer_clock_u),
             "amplitude_offset": certified(
@@ -73,7 +73,7 @@ class PendulumSpec(CalibratedSpec):
 
 @dataclass(frozen=True, slots=True)
 class Pendulum(CalibratedInstrument[PendulumSpec]):
-    """One stand."""
+    """A pendulum stand of one laboratory or a block of laboratories."""
 
     def swing(
         self,
@@ -85,10 +85,10 @@ class Pendulum(CalibratedInstrument[PendulumSpec]):
         draws: Draws,
         name: str,
     ) -> PendulumRecord:
-        """Time `releases` of a bat of true `inertia` [kg m²] and `moment` M d [kg m].
+        """Return the record of `releases` of a bat of true `inertia` [kg m²] and `moment` [kg m].
 
-        `gravity` is that of the hall [m/s²]. Releases of a block are those of one laboratory after
-        another.
+        `moment` is M d, and `gravity` is that of the hall [m/s²]. In a block the releases of each
+        laboratory follow those of the previous one.
         """
         spec, true = self.spec, self.true
         period = small_period(
@@ -97,7 +97,7 @@ class Pendulum(CalibratedInstrument[PendulumSpec]):
         amplitude = spec.release_amplitude * (1 - spec.amplitude_decay) ** np.arange(
             spec.swings + 1
         )
-        # a decaying swing takes its time from the amplitude at its middle
+        # the period of a decaying swing follows from the amplitude at its middle
         factor = amplitude_factor(np.sqrt(amplitude[:-1] * amplitude[1:]))
         passages = np.cumsum(np.multiply.outer(period, [0.0, *factor]), axis=-1)
         shown = np.asarray(true["clock"])[..., None] * passages
