@@ -1,4 +1,4 @@
-"""A parsed document against a spec: the errors name the key, its value and what is allowed."""
+"""Check of a parsed document against a specification, with errors that name key and value."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast, get_args, get_type_hints
 from virtual_lab.errors import InputError, nearest
 
 T = TypeVar("T")
-WORDS = {  # of the validator's messages, for people who read no Python
+WORDS = {  # plain English for the validator's messages
     "Input should": "must",
     "Tuple should": "must",
     "a valid dictionary": "a table { key, value }",
@@ -20,14 +20,14 @@ WORDS = {  # of the validator's messages, for people who read no Python
 
 
 def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
-    """Return the spec a parsed document holds; `InputError` names the key that does not fit."""
+    """Return the specification in a parsed document. `InputError` names the key that is wrong."""
     from pydantic import ValidationError
 
     try:
         return cast("T", _adapter(cast("Hashable", spec)).validate_python(document))
     except ValidationError as fault:
         errors = fault.errors(include_url=False)
-        # a mistyped key gives two errors: it is not known, and it is missing
+        # a mistyped key gives two errors: one key is unknown, and one is missing
         unknown = [each for each in errors if each["type"] == "unexpected_keyword_argument"]
         error = (unknown or errors)[0]
         place = _place(document, error["loc"])
@@ -48,18 +48,18 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
 
 @lru_cache(maxsize=64)
 def _adapter(spec: Hashable) -> Any:
-    """Return the validator of a spec, which takes longer to build than to use."""
+    """Return the validator of a specification, cached because it is slow to build."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(cast("type", spec))
 
 
 def _keys(spec: Any, location: tuple[int | str, ...]) -> list[str]:
-    """Return the keys a file may have at a place, by following the specs' annotations down."""
+    """Return the keys allowed at a location, found by following the annotations of the specs."""
     for part in location:
         if is_dataclass(spec):
             spec = get_type_hints(spec)[str(part)]
-        else:  # of a mapping by names, or of many in a row
+        else:  # mapping by names, or sequence
             spec = get_args(spec)[-1 if isinstance(part, str) else 0]
         if type(None) in get_args(spec):
             spec = get_args(spec)[0]
@@ -67,7 +67,7 @@ def _keys(spec: Any, location: tuple[int | str, ...]) -> list[str]:
 
 
 def _place(document: Any, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
-    """Return an error's place in the document, without what the validator adds of its own."""
+    """Return the location of an error in the document, without the validator's additions."""
     for depth, part in enumerate(location):
         try:
             document = document[part]
@@ -77,7 +77,7 @@ def _place(document: Any, location: tuple[int | str, ...]) -> tuple[int | str, .
 
 
 def _at(document: Any, location: tuple[int | str, ...]) -> Any:
-    """Return what the file says at an error's place: the number and unit as written."""
+    """Return the entry of the file at the location of an error, with number and unit as written."""
     for part in location:
         document = document[part]
     if isinstance(document, Mapping):

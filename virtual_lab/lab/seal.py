@@ -42,7 +42,7 @@ def write_seal(folder: Path) -> None:
 
 
 def alterations(folder: Path) -> list[Alteration]:
-    """Return what was altered, removed or added since `folder` was sealed.
+    """Return the files and keys altered, removed or added since `folder` was sealed.
 
     If the seal itself was altered, only this is reported. Raises `InputError` without a seal.
     """

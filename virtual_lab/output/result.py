@@ -52,7 +52,7 @@ class StudyResult(ABC):
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """What `save` writes as CSV, by the name of the file."""
+        """Tables that `save` writes as CSV, by file name."""
         return {self.name: self.table}
 
     @property
@@ -67,7 +67,7 @@ class StudyResult(ABC):
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """What `save` draws, by the name of the file."""
+        """Figures that `save` draws, by file name."""
         return (self.name,) if hasattr(self, "draw") else ()
 
     def plot(self, path: str | Path) -> Path:

@@ -14,7 +14,7 @@ INLINE = "inline"
 
 
 class Column(NamedTuple):
-    """How the values of one key are printed; a function makes the text of its whole row."""
+    """Format of the values of one key; a function formats them from the whole row."""
 
     title: str
     unit: str = ""

@@ -1,4 +1,4 @@
-"""Where the records of a session come from: our own simulation, or another laboratory."""
+"""Origin of the records of a session: this simulation, or another laboratory."""
 
 from __future__ import annotations
 

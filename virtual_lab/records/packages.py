@@ -1,4 +1,4 @@
-"""What a result folder holds, for programs that never heard of it.
+"""Machine-readable descriptions of a result folder for other programs.
 
 ``datapackage.json`` (Frictionless, Data Package 1) has every column of every table with meaning
 and unit, ``ro-crate-metadata.json`` (RO-Crate 1.1, Process Run Crate) every file and who made it.

@@ -1,1 +1,1 @@
-"""What really happens: bats, balls, machines, instruments and faults; the truth is theirs."""
+"""The simulation: true bats, balls, machines, instruments and faults."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Mark(NamedTuple):
-    """How a verdict is drawn."""
+    """Marker and colour of a verdict."""
 
     words: str
     marker: str

@@ -37,7 +37,7 @@ READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
 
 
 def _milli(key: str, form: str) -> Callable[[Any], str]:
-    """Return what prints a number in thousandths, blank where there is none."""
+    """Return a function that prints a number in thousandths, or a blank for None."""
 
     def text(row: object) -> str:
         value = getattr(row, key)
@@ -50,8 +50,12 @@ def _milli(key: str, form: str) -> Callable[[Any], str]:
 class ReadError:
     """e_A by one method; None if no rebound was seen."""
 
-    error: float | None = column("error", "1e-3", _milli("error", "+.2f"))  # with nothing random
-    rms: float | None = column("rms", "1e-3", _milli("rms", ".2f"))  # of errors over laboratories
+    error: float | None = column(
+        "error", "1e-3", _milli("error", "+.2f")
+    )  # error without randomness
+    rms: float | None = column(
+        "rms", "1e-3", _milli("rms", ".2f")
+    )  # root mean square over laboratories
     u: float | None = column("u", "1e-3", _milli("u", ".2f"))  # stated, over laboratories
 
 

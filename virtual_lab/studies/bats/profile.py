@@ -133,7 +133,7 @@ class BatProfile(StudyResult):
 
     @property
     def document(self) -> Json:
-        """The same for JSON, in the units of the field."""
+        """The result for JSON, in customary units."""
         beam = self.beam
         return {
             "bat": self.bat.name,

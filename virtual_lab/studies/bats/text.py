@@ -149,7 +149,7 @@ def comparison_text(
 
 
 def spread_of(rows: Sequence[LawRow]) -> str:
-    """Return how far results spread over the laws of the ball."""
+    """Return a sentence on the spread of the results over the force laws of the ball."""
     spreads = (
         f"{name.removesuffix('_mph')} {_spread(rows, name):{form}}{f' {unit}' if unit else ''} "
         f"({_spread(rows, f'{name}_at_in'):.2f} in)"

@@ -44,7 +44,7 @@ from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
 
 def table_one() -> Iterator[Claim]:
-    """Return the claims of Table I, as the data of the bats have it."""
+    """Yield the claims of Table I, from the data sheets of the bats."""
     for bat in BATS:
         said = catalog.load_bat(bat).spec.published
         assert said is not None
@@ -74,7 +74,7 @@ def table_one() -> Iterator[Claim]:
 
 
 def of_drawing(bat: str, name: str) -> float:
-    """Return an entry of Table I as the drawing has it."""
+    """Return an entry of Table I, computed from the drawing."""
     own, free = beam(bat), profiled(bat)[0.0]
     return {
         "length": own.length / INCH,
@@ -94,7 +94,7 @@ def added(bat: str) -> float:
 
 
 def percent(what: str, first: str, second: str) -> float:
-    """Return how much greater the peak of a bat's curve is than that of another's, per cent."""
+    """Return the relative excess of the peak of one bat's curve over another's [%]."""
     return 100 * (top(first, what).value / top(second, what).value - 1)
 
 
@@ -108,12 +108,12 @@ def slower_there(what: str) -> float:
 
 
 def mass_share(light: str, heavy: str) -> float:
-    """Return M_eff of one bat over that of another, 6 in from the tip."""
+    """Return the ratio of the effective masses of two bats, 6 in from the tip."""
     return float(recoil(heavy, 6.0) / recoil(light, 6.0))
 
 
 def thinner_is_livelier() -> float:
-    """Return the gain of peak BPF as EA70's shell gets as thin as the loaded bats', no weight."""
+    """Return the gain of peak BPF if EA70 has the thin shell of the loaded bats, without weight."""
     struck_body = body(ALUMINIUM).with_wall(_thickness())
     own, mass = beam_of(struck_body), paper_ball().mass
     r = recoil_factor_free(mass, own.mass, own.inertia_cm, Z * INCH - own.z_cm)
@@ -127,7 +127,7 @@ def thinner() -> float:
 
 
 def _thickness() -> float:
-    """Return the wall of the loaded bats over that of EA70."""
+    """Return the ratio of the wall thickness of the loaded bats to that of EA70."""
     thin, whole = body(BARREL).profile.wall, body(ALUMINIUM).profile.wall
     assert thin is not None
     assert whole is not None
@@ -144,7 +144,7 @@ def loads_apart() -> float:
 
 
 def centre_farther() -> float:
-    """Return how much farther from the tip the c.m. of EA70 is than R161's [in]."""
+    """Return the distance from tip to centre of mass of EA70 minus that of R161 [in]."""
     return (beam(ALUMINIUM).z_cm - beam(WOOD).z_cm) / INCH
 
 
@@ -167,7 +167,7 @@ def by_restitution_alone() -> float:
 
 
 def contradictions(what: str) -> float:
-    """Return how many pairs of the four bats a metric ranks otherwise than v_f, swung alike."""
+    """Return the number of pairs of the four bats that a metric and v_f rank differently."""
     return sum(
         (top(first, what).value - top(second, what).value) * lead(first, second) < 0
         for first, second in combinations(BATS, 2)

@@ -36,7 +36,7 @@ class Findings(StudyResult):
 
     @property
     def title(self) -> str:
-        """How many claims hold."""
+        """Title with the number of claims that agree."""
         return f"The paper of 2003: {self.held} of {len(self.found)} claims hold"
 
     @property

@@ -48,7 +48,7 @@ def _worst(values: Array) -> float:
 
 
 def frames() -> float:
-    """Return how far e_A read in the field by Eq. (2) is from that in the bat's frame."""
+    """Return the difference between e_A in the field, by Eq. (2), and in the bat's frame."""
     e_A = peak_of(WOOD, Z).collision_efficiency
     v_bat = np.linspace(-50, 160, 8)[:, None]
     v_f = e_A * FAST + v_bat  # the bat's frame moves at v_bat
@@ -86,13 +86,13 @@ def explicit_share(v: str) -> float:
 
 
 def drop(bat: str, what: str, side: float) -> float:
-    """Return how far a curve falls within 3 in of its peak."""
+    """Return the fall of a curve within 3 in of its peak."""
     summit, table = top(bat, what), profiled(bat)[0.0].table
     return summit.value - float(np.interp(summit.place + side, table["z_in"], table[what]))
 
 
 def node_gap() -> float:
-    """Return the farthest that a peak of e_A of the four bats is from a node [in]."""
+    """Return the largest distance between the peak of e_A and a node, of the four bats [in]."""
     return max(
         min(abs(top(bat, "e_A").place - node / INCH) for node in profiled(bat)[0.0].nodes)
         for bat in BATS
@@ -105,7 +105,7 @@ def held(bat: str, held: str) -> float:
 
 
 def firmness() -> float:
-    """Return how far v_f of a bat held by a spring of 1e6 N/m is from a clamped one's [mph]."""
+    """Return the difference of v_f between a bat on a spring of 1e6 N/m and a clamped one [mph]."""
     held = peak_of(WOOD, Z, held="held").collision_efficiency
     return FAST * _worst(held - peak_of(WOOD, Z, held="clamped").collision_efficiency)
 
@@ -119,7 +119,7 @@ def lost_in_cm_frame() -> float:
 
 
 def fractions(name: str) -> float:
-    """Return how far the model's own energies are from Eqs. (10)."""
+    """Return the deviation of the model's energies from Eqs. (10)."""
     z = np.linspace(2, 10, 9)
     gaps = []
     for bat in (WOOD, ALUMINIUM):
@@ -133,14 +133,14 @@ def fractions(name: str) -> float:
 
 
 def sum_of_shares() -> float:
-    """Return the sum of Eqs. (10) that is farthest from 1, at any e and r."""
+    """Return the sum of Eqs. (10) that deviates most from 1, over all e and r."""
     shares = energy_fractions(*E_AND_R)
     total = np.ravel(np.asarray(shares.ball) + shares.bat + shares.dissipated)
     return float(total[np.abs(total - 1).argmax()])
 
 
 def inverse_mass(held: str) -> float:
-    """Return how far Eq. (8) or (9) is from the rigid modes of the finite elements, relative."""
+    """Return the relative deviation of Eq. (8) or (9) from the rigid modes of finite elements."""
     z, gaps = np.linspace(0.5, 20, 40), []
     for bat in BATS:
         modes = modes_of(body(bat), support(held), 0)
@@ -158,7 +158,7 @@ def parallel_axes() -> float:
 
 
 def nearer_is_heavier() -> float:
-    """Return the least rise of the effective mass a step nearer the centre of mass, relative."""
+    """Return the smallest relative rise of the effective mass per step to the centre of mass."""
     least = np.inf
     for bat in BATS:
         z = np.linspace(0, beam(bat).z_cm / INCH, 30)
@@ -167,7 +167,7 @@ def nearer_is_heavier() -> float:
 
 
 def rise_with_lighter_recoil() -> float:
-    """Return the least fall of e_A a step of r, at any e."""
+    """Return the smallest fall of e_A per step of r, over all e."""
     e_A = np.asarray(efficiency_from_restitution(*E_AND_R))
     return float(-np.diff(e_A, axis=0).max())
 
@@ -182,7 +182,7 @@ def efficiency(e: float, r: float) -> float:
 
 
 def overestimate(speed: float) -> float:
-    """Return v_f by e_A of a test at a speed less that by e_A at 160 mph [mph], r = 0.25."""
+    """Return the change of v_f if e_A is tested at `speed` instead of 160 mph [mph], r = 0.25."""
     e = 0.55 - 0.001 * (speed - SLOW)
     return FAST * (efficiency(e, 0.25) - efficiency(0.45, 0.25))
 
@@ -197,7 +197,7 @@ def speed_gain(v_rel: float) -> float:
 
 
 def gain_by_equations() -> float:
-    """Return how far that is from Eqs. (3) and (6), at 80 and 160 mph [mph]."""
+    """Return the deviation of `speed_gain` from Eqs. (3) and (6), at 80 and 160 mph [mph]."""
 
     def apart(v_rel: float) -> float:
         v_ball = 90 / 160 * v_rel
@@ -209,7 +209,7 @@ def gain_by_equations() -> float:
 
 
 def total(held: str) -> float:
-    """Return how far the energy in the bat and its vibration is from the free bat's."""
+    """Return the difference between the energy in a held bat with its vibration and a free one."""
 
     def total(name: str) -> Array:
         found = peak_of(WOOD, Z, held=name)
@@ -299,12 +299,12 @@ def sweet_spot_restitution() -> float:
 
 
 def restitution_by_support() -> float:
-    """Return how far e of a pivoted R161 is from the free one's, 4 in from the tip."""
+    """Return the difference of e between a pivoted and a free R161, 4 in from the tip."""
     return _worst(restitution(WOOD, [4.0], "pivoted") - restitution(WOOD, [4.0]))
 
 
 def restitution_lost_clamped() -> float:
-    """Return the least e that clamping the handle of R161 costs, along the barrel."""
+    """Return the smallest loss of e along the barrel if the handle of R161 is clamped."""
     return float((restitution(WOOD, Z) - restitution(WOOD, Z, "clamped")).min())
 
 

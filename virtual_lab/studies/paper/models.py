@@ -31,7 +31,7 @@ from virtual_lab.studies.paper.computed import (
 )
 from virtual_lab.units import INCH, MPH, OZ_IN2
 
-INERTIAS = np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2  # those of measured swings
+INERTIAS = np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2  # range of measured swings
 
 
 def compression_free_restitution() -> float:
@@ -50,7 +50,7 @@ def wall_time() -> float:
 
 
 def modes_left_out(count: int) -> float:
-    """Return how far the peak e_A of R161 with a few modes is from that with all kept here."""
+    """Return the difference in peak e_A of R161 between `count` modes and all modes used here."""
     few = peak_of(model(WOOD, "free", count), Z).collision_efficiency.max()
     return float(few - peak_of(model(WOOD, "free", BENDING_MODES), Z).collision_efficiency.max())
 
@@ -72,7 +72,7 @@ def shell_frequency() -> float:
 
 
 def shell_turns() -> float:
-    """Return how many periods of the shell of EA70 a collision lasts."""
+    """Return the duration of a collision in periods of the shell of EA70."""
     return 1e3 * shell_frequency() * float(peak_of(ALUMINIUM, [6.0]).contact_time[0])
 
 
@@ -82,7 +82,7 @@ def same_speed() -> float:
 
 
 def kept(power: float, exponent: float) -> float:
-    """Return how much I omega^power varies over the inertias, relative, by Eq. (13)."""
+    """Return the relative variation of I omega^power over the inertias, by Eq. (13)."""
     kept = INERTIAS * np.asarray(game().swing(exponent).angular_speed(INERTIAS)) ** power
     return float(np.ptp(kept) / kept.mean())
 
@@ -110,7 +110,7 @@ def energy_exponent() -> float:
 
 
 def laws_apart() -> float:
-    """Return how far the laws are apart over the inertias with n = 0.3, per cent."""
+    """Return the largest difference of the laws over the inertias, for n = 0.3 [%]."""
     power = np.asarray(game().swing(0.3).angular_speed(INERTIAS))
     ratio = energy_speeds() / power
     return 100 * float(np.abs(ratio / ratio.mean() - 1).max())
@@ -143,7 +143,7 @@ def least_recoil() -> float:
 
 
 def contact_time(bat: str) -> float:
-    """Return how long a ball touches a free bat 6 in from the tip, at 160 mph [ms]."""
+    """Return the contact time of a ball and a free bat, 6 in from the tip at 160 mph [ms]."""
     return float(peak_of(bat, [6.0]).contact_time[0]) * 1e3
 
 
@@ -156,7 +156,7 @@ def swing_axis() -> float:
 
 
 def constant_power_exponent() -> float:
-    """Return how far n of constant power is from the 0.3 of measured swings."""
+    """Return the difference between n of constant power and the 0.3 of measured swings."""
     return 1 / 3 - 0.3
 
 

@@ -35,7 +35,7 @@ PITCH, LIMIT = 70.0, 0.228  # mph, e_A
 
 
 def proposed(bat: str, n: float) -> float:
-    """Return the greatest v_f predicted from e_A at one speed, a bat at rest, less the field's."""
+    """Return the largest v_f predicted from e_A of a bat at rest, minus that in the field [mph]."""
     e_A = peak_of(bat, PLACES, speed=160.0).collision_efficiency
     found = top_of(PLACES, e_A, 90.0, nominal(bat, PLACES, n))
     return found.value - top(bat, "v_f_mph", n).value
@@ -56,12 +56,12 @@ def _factor(bat: str) -> float:
 
 
 def by_recoil() -> float:
-    """Return how far v_f by the recoil of a pivoted bat is from the ball's, over v_ball."""
+    """Return the difference of v_f from a pivoted bat's recoil and from the ball [v_ball]."""
     bat = model(WOOD, "pivoted")
     z, own = centre_of_percussion_in(WOOD), beam(WOOD)
     found = peak_of(bat, [z], speed=60.0, with_ball=BALL)
     axis = own.length - 6 * INCH
-    turn = float(bat.modes.rotation(axis)[0])  # of the only rigid mode, unit modal velocity
+    turn = float(bat.modes.rotation(axis)[0])  # rotation of the only rigid mode, per unit velocity
     omega = abs(turn * float(found.modal_velocities[0, 0]))
     back = rebound_speed_from_recoil(
         own.inertia(axis), omega, paper_ball(BALL).mass, axis - z * INCH, 60 * MPH
@@ -70,9 +70,9 @@ def by_recoil() -> float:
 
 
 def reaction(off: float) -> float:
-    """Return the blow on the pivot of a rigid R161 over that on the barrel.
+    """Return the impulse on the pivot of a rigid R161 relative to that on the barrel.
 
-    It is struck `off` [in] from the centre of percussion.
+    The impact is `off` [in] from the centre of percussion.
     """
     own, z = beam(WOOD), centre_of_percussion_in(WOOD) + off
     axis = own.length - 6 * INCH
@@ -115,18 +115,18 @@ def below_field(speed: float) -> float:
 
 
 def off_percussion() -> float:
-    """Return the farthest that v_f of the four bats peaks from the centre of percussion [in]."""
+    """Return the largest distance of the peak of v_f from the COP, of the four bats [in]."""
     return max(abs(centre_of_percussion_in(bat) - top(bat, "v_f_mph").place) for bat in BATS)
 
 
 def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
-    """Return how much faster a bat is swung than another, per cent."""
+    """Return the relative excess of the bat speed of one bat over another [%]."""
     speeds = [float(profiled(bat)[swing].table["v_bat_mph"][0]) for bat in (light, heavy)]
     return 100 * (speeds[0] / speeds[1] - 1)
 
 
 def swing_matters() -> float:
-    """Return how far the proposal's v_f of EA70 moves as n goes from 0 to 0.5 [mph]."""
+    """Return the change of the proposal's v_f of EA70 as n goes from 0 to 0.5 [mph]."""
     return top(ALUMINIUM, "v_f_mph", 0.5).value - top(ALUMINIUM, "v_f_mph", 0.0).value
 
 
@@ -147,6 +147,6 @@ def efficiency_of_besr(value: float) -> float:
 
 
 def rule(procedure: str, name: str, unit: str = "1") -> float:
-    """Return a number of a procedure, NaN where it has none."""
+    """Return a number of a procedure, NaN if it has none."""
     unit_si = {"mph": MPH, "in": INCH, "1": 1.0}[unit]
     return (getattr(rules(procedure), name) or np.nan) / unit_si
