@@ -1,6 +1,6 @@
 """Risks of decisions against JCGM 106, another code's numbers, and counted items."""
 
-from math import inf
+from math import inf, nan
 
 import numpy as np
 import pytest
@@ -87,6 +87,11 @@ def test_guard_bands() -> None:
     [
         (lambda: vl.conformity(1, 0.1), "allowed: lower, upper, or both"),
         (lambda: vl.conformity(1, 0, upper=2), "u = 0.0; allowed: above 0"),
+        (lambda: vl.conformity(nan, 0.1, upper=2), "value = nan; allowed: a number"),
+        (lambda: vl.conformity(inf, 0.1, upper=2), "value = inf; allowed: a finite number"),
+        (lambda: vl.conformity(1, 0.1, upper=2, dof=nan), "dof = nan; allowed: a number"),
+        (lambda: vl.conformity(1, 0.1, upper=2, dof=-1), "dof = -1.0; allowed: above 0"),
+        (lambda: vl.guard_band(0.1, upper=1, r=inf), "guard band = inf; allowed: a finite number"),
         (lambda: vl.conformity(1, 0.1, lower=2, upper=1), "allowed: above lower = 2"),
         (lambda: vl.risk(1.5, 0.1, upper=2), r"prior = 1.5; allowed: vl.Input"),
         (lambda: vl.risk(vl.Input(1, 0), 0.1, upper=2), "prior: u = 0; allowed: above 0"),

@@ -2,6 +2,8 @@
 
 from itertools import pairwise
 from math import atan2, inf, pi, sqrt
+from time import sleep
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -11,7 +13,9 @@ from scipy import stats
 
 import virtual_lab as vl
 from tests.uncertainty import models
+from virtual_lab.output import progress as shown_progress
 from virtual_lab.streams import generator
+from virtual_lab.uncertainty.indices import indices_with_errors
 from virtual_lab.uncertainty.inputs import read_inputs
 from virtual_lab.uncertainty.laws import LAWS
 from virtual_lab.uncertainty.monte_carlo import BATCH, BLOCK, drawn_block
@@ -291,12 +295,47 @@ def test_all_methods_agree_on_linear_models(c: list[float], r: float, law: str) 
     [
         (four(1, "uniform"), {"correlations": {("a", "b"): 0.5}}, "all normal, or all t of one ν"),
         (four(1, "normal"), {"rule": "7.8"}, r"did you mean 7.9.*allowed: stein, 7.9"),
-        (four(1, "normal"), {"draws": 0}, "draws = 0; allowed: at least 1"),
+        (four(1, "normal"), {"draws": 0}, "draws = 0; allowed: 1 to 68719476736"),
+        (four(1, "normal"), {"draws": 2**70}, "allowed: 1 to 68719476736"),
+        (four(1, "normal"), {"digits": 400}, "digits = 400; allowed: 1 to 15"),
     ],
 )
 def test_draws_that_cannot_be_made(inputs: dict, more: dict, said: str) -> None:
     with pytest.raises(vl.InputError, match=said):
         vl.propagate(total, inputs, method="monte-carlo", **more)
+
+
+def test_clause_8_asks_for_both_ends() -> None:
+    """Of a normal cut at -1 u the upper end, 1.96, agrees with the first order; the lower is -1."""
+    found = propagated(
+        lambda x: np.maximum(x, -1.0), {"x": vl.Input(0, 1)}, digits=1, validate=True
+    )
+    assert found.interval == pytest.approx((-1, 1.96), abs=0.02)
+    said = found["result"].verdict
+    assert said.startswith("first order not validated: ends differ by 0.96 and 0.0")
+
+
+def test_draws_are_counted_while_they_are_made(capsys: pytest.CaptureFixture[str]) -> None:
+    """Asked for, or on stderr when they take long."""
+    told: list[tuple[str, int, int]] = []
+    inputs = {"x": vl.Input(0, 1)}
+    vl.propagate(
+        lambda x: x,
+        inputs,
+        method="monte-carlo",
+        draws=2**17,
+        progress=lambda *each: told.append(each),
+    )
+    assert told == [("draws", n * 2**14, 2**17) for n in range(8)]
+    waited = iter([0.3])
+
+    def slow(x):
+        sleep(next(waited, 0))
+        return x
+
+    with mock.patch.object(shown_progress, "PIPE_STEP", 0.05):
+        vl.propagate(slow, inputs, method="monte-carlo", draws=2**17)
+    assert "…" in capsys.readouterr().err
 
 
 def test_a_rare_nan_is_found() -> None:
@@ -318,6 +357,35 @@ def test_a_function_of_numbers_by_draws() -> None:
     assert found.u == pytest.approx(sqrt(pi**2 - 0.2 * sqrt(2 * pi) + 0.01), rel=2e-3)
 
 
+def test_errors_of_sobols_indices_are_those_of_many_samples() -> None:
+    """Standard deviation of Saltelli's estimates over 400 independent samples, by numpy."""
+    rng, n = np.random.default_rng(2), 512
+
+    def model(x):
+        return x[0] + 2 * x[1] + x[0] * x[1]
+
+    found, stated = [], []
+    for _ in range(400):
+        a, b = rng.standard_normal((2, 2, n))
+        mixed = np.stack([np.where([[i == j] for j in range(2)], b, a) for i in range(2)])
+        mean = (model(a).mean() + model(b).mean()) / 2
+        answers = [model(x)[..., None, :] - mean for x in (a, b)]
+        of_mixed = np.stack([model(x)[None] for x in mixed]) - mean
+        indices, u = indices_with_errors(*answers, of_mixed)
+        found.append(indices)
+        stated.append(u)
+    assert np.mean(found, axis=0)[..., 0] == pytest.approx(np.array([[1, 4], [2, 5]]) / 6, abs=0.02)
+    assert np.mean(stated, axis=0) == pytest.approx(np.std(found, axis=0), rel=0.15)
+
+
+def test_a_total_index_below_its_first_is_within_its_error() -> None:
+    """Two inputs without an interaction: both indices are .2 and .8."""
+    found = vl.sobol(lambda a, b: a + b, {"a": vl.Input(0, 1), "b": vl.Input(0, 2)}, points=64)
+    assert list(found.columns) == ["output", "input", "first", "first_u", "total", "total_u"]
+    for key in ("first", "total"):
+        assert (np.abs(found[key] - [0.2, 0.8]) < 3 * found[f"{key}_u"]).all()
+
+
 def test_sobols_indices_of_exact_cases() -> None:
     """Ishigami's function has the indices .3139, .4424, 0 and .5576, .4424, .2437."""
     inputs = {name: vl.Input(low=-pi, high=pi) for name in "abc"}
@@ -334,6 +402,10 @@ def test_sobols_indices_of_exact_cases() -> None:
     assert found["first"].to_numpy() == pytest.approx(shares, abs=0.01)
     with pytest.raises(vl.InputError, match="power of 2"):
         vl.sobol(ishigami, inputs, points=1000)
+    with pytest.raises(vl.InputError, match="points = 1073741824; allowed: a power of 2 up to 2"):
+        vl.sobol(ishigami, inputs, points=2**30)
+    with pytest.raises(vl.InputError, match="no input moves"):
+        vl.sobol(lambda a, b, c: 0 * a + 1 + 0 * b * c, inputs, points=64)
     with pytest.raises(vl.InputError, match="two and more"):
         vl.sobol(lambda a: a, {"a": vl.Input(0, 1)})
     with pytest.raises(vl.InputError, match="independent"):

@@ -13,6 +13,8 @@ from scipy import stats
 import virtual_lab as vl
 from tests.uncertainty import models
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.uncertainty.inputs import read_inputs
+from virtual_lab.uncertainty.models import Model
 
 BOTH = pytest.mark.parametrize("method", ["first-order", "second-order"])
 
@@ -283,6 +285,20 @@ def changes(a, b):
     return a
 
 
+class Changing:
+    """A sum that changes with the number of its calls, from a call on."""
+
+    def __init__(self, since: int = 0, named: bool = False) -> None:
+        self.calls, self.since, self.named = 0, since, named
+
+    def __call__(self, a, b):
+        self.calls += 1
+        late = self.calls > self.since
+        if self.named:
+            return {f"sum {self.calls if late else 0}": a + b}
+        return a + b + late * self.calls
+
+
 GOOD = {"a": vl.Input(1, 0.1), "b": vl.Input(2, 0.2)}
 THREE = {name: vl.Input(0, 1) for name in "abc"}
 NOT_DEFINITE = {("a", "b"): 0.9, ("b", "c"): 0.9, ("a", "c"): -0.9}
@@ -329,6 +345,18 @@ WRONG = {
     "no number": (plain, GOOD, {"correlations": {("a", "b"): "x"}}, "a b = 'x'; allowed: -1 to 1"),
     "one together": (plain, {("a",): np.ones((2, 1))}, {}, "two inputs and more"),
     "together": (plain, {("a", "b"): np.ones((2, 2))}, {}, "more than 2 of 2 inputs"),
+    "infinite": (plain, GOOD | {"b": vl.Input(2, inf)}, {}, "b: u = inf; allowed: a number below"),
+    "no square": (plain, GOOD | {"b": vl.Input(2, 1e200)}, {}, "b: u = 1e.200; .* below 1e.150"),
+    "wide": (plain, GOOD | {"b": vl.Input(low=-1e308, high=1e308)}, {}, "low = -1e.308; .*below"),
+    "large readings": (plain, GOOD | {"b": [1e308, -1e308]}, {}, "in a row, below 1e.150 in size"),
+    "large answer": (lambda a, b: 1e200 * a + b, GOOD, {}, "is 1e.200 in 3 of 3 rows.*below 1e"),
+    "names": (Changing(named=True), GOOD, {}, r"outputs = \['sum \d'\]; allowed: sum \d, as at"),
+    "names by row": (
+        lambda a, b: {"low" if np.all(a < 1.01) else "high": a + b},
+        GOOD,
+        {},
+        r"outputs = \['high'\]; allowed: low",
+    ),
     "no convergence": (
         np.vectorize(lambda a: 1 / (1 + a**2) ** 2 - 5 * a**3 + a),
         {"a": vl.Input(0, 0.5)},
@@ -346,8 +374,49 @@ def test_wrong_input_is_one_line(case: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("method", ["first-order", "monte-carlo"])
+@pytest.mark.parametrize("row_by_row", [False, True])
+def test_a_model_that_gives_two_results_is_refused(method: str, row_by_row: bool) -> None:
+    """It draws numbers, counts its calls, or changes once it was tried."""
+    rng = np.random.default_rng(1)
+    models = {"draws": lambda a, b: a * b + rng.normal(), "counts": Changing()}
+    for model in models.values():
+        by_row = (lambda a, b, f=model: f(float(a), float(b))) if row_by_row else model
+        with pytest.raises(vl.InputError, match=r"the same inputs gave two results, .* and"):
+            vl.propagate(by_row, GOOD, method=method, draws=1)
+    if not row_by_row:
+        tried = Changing(since=10**9)
+        Model.tried(tried, read_inputs(GOOD, {}))
+        with pytest.raises(vl.InputError, match="the same inputs gave two results, 3 and 1"):
+            vl.propagate(Changing(since=tried.calls), GOOD, method=method, draws=1)
+
+
+def test_outputs_in_another_order_are_the_same() -> None:
+    """A mapping that was filled otherwise for each row."""
+    turned = iter(range(10**9))
+
+    def model(a, b):
+        rows = [("sum", a + b), ("product", a * b)]
+        return dict(rows[:: 1 if next(turned) % 2 else -1])
+
+    found = vl.propagate(model, GOOD)
+    assert found["sum"].value == pytest.approx(3)
+    assert found["product"].value == pytest.approx(2)
+
+
 def test_u_of_nothing_is_said() -> None:
     found = vl.propagate(lambda a, b: 0 * a + 3 + 0 * b, GOOD)
     assert found.u == 0
     assert found.dof == inf
     assert "no input moves it" in found.text
+
+
+@pytest.mark.parametrize("method", ["first-order", "second-order", "monte-carlo"])
+@pytest.mark.parametrize("rule", ["stein", "7.9"])
+def test_a_u_that_is_rounding_is_zero(method: str, rule: str) -> None:
+    """Two digits of a u of 1e-16 would take draws without end."""
+    found = vl.propagate(lambda a, b: 0.95 + 3e-16 * (a + b), GOOD, method=method, rule=rule)
+    assert found.u == 0
+    assert found.value == pytest.approx(0.95)
+    if method == "monte-carlo":
+        assert found["result"].convergence.draws <= 2**18

@@ -69,6 +69,12 @@ def test_a_larger_scatter_today_counts_alone() -> None:
         assert larger_today(today, earlier) == alone
 
 
+def test_the_f_test_compares_variances_as_they_were_seen() -> None:
+    """Constants explain a part of either: what is left of a variance has no F distribution."""
+    assert variance(1.0, 4.0, 5.0).larger(variance(1.0, 1.0, 50.0))[0]
+    assert not variance(3.0, 3.0, 5.0).larger(variance(0.5, 1.0, 50.0))[0]
+
+
 def test_what_constants_explain_whole_keeps_its_degrees_of_freedom() -> None:
     """No u = 0 with ν = ∞: the Welch-Satterthwaite term stays that of the variance seen."""
     joined = of_six(variance(-0.5, 1.0, 5.0), 0.0, np.inf).joined(variance(-0.1, 1.0, 50.0))

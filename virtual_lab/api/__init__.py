@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from virtual_lab.api.arguments import reads_arguments, takes_instruments
+from virtual_lab.api.arguments import reads_arguments, shows_progress, takes_instruments
 from virtual_lab.errors import InputError
 from virtual_lab.output.progress import Progress, quiet, shown
 from virtual_lab.sheets import Sheet
@@ -177,6 +177,8 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, there = ELSEWHERE[name]
     found = getattr(import_module(module), there)
+    if name == "propagate":
+        found = shows_progress(found)
     if not isinstance(found, type):
         found = reads_arguments(found if name in ALONE else takes_instruments(found), name)
     globals()[name] = found

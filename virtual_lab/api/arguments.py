@@ -11,11 +11,13 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import wraps
+from math import isnan
 from operator import index
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 from virtual_lab.errors import InputError, nearest
+from virtual_lab.output.progress import shown
 from virtual_lab.sheets import NAMED, Sheet
 
 P = ParamSpec("P")
@@ -103,7 +105,7 @@ def _whole(value: Any, _store: Store) -> int:
 
 
 def _number(value: Any, _store: Store) -> float:
-    if isinstance(value, bool | str):
+    if isinstance(value, bool | str) or isnan(value):
         raise TypeError(value)
     return float(value)
 
@@ -253,6 +255,19 @@ def reads_arguments(function: Callable[P, T], name: str = "") -> Callable[P, T]:
                 allowed = f"no rig of this test uses it; in use: {', '.join(known) or 'none'}"
                 raise InputError("", LABORATORIES, each.name, allowed)
         return found
+
+    return called
+
+
+def shows_progress(function: Callable[..., T]) -> Callable[..., T]:
+    """Return a function whose `progress`, if it is not given, is shown on stderr."""
+
+    @wraps(function)
+    def called(*given: Any, **named: Any) -> T:
+        if "progress" in named:
+            return function(*given, **named)
+        with shown() as progress:
+            return function(*given, **named, progress=progress)
 
     return called
 

@@ -46,6 +46,8 @@ class Tolerance:
 
     def guarded(self, w: float) -> Tolerance:
         """Return acceptance limits; `InputError` where the guard bands leave nothing."""
+        if not isfinite(w):
+            raise InputError("", "guard band", w, "allowed: a finite number")
         found = Tolerance(self.lower + w, self.upper - w)
         if not found.lower < found.upper:
             most = (self.upper - self.lower) / 2
@@ -95,7 +97,9 @@ def conformity(
     One minus it is the specific risk of the customer if the item is accepted; it is the maker's
     risk if the item is rejected.
     """
-    _require_u(u)
+    _require_u(u, dof)
+    if not isfinite(value):
+        raise InputError("", "value", value, "allowed: a finite number")
     return float(Tolerance.read(lower, upper).chance(np.array(value), u, dof))
 
 
@@ -121,7 +125,7 @@ def global_risk(
     guard
         Guard band w of each limit; above 0 moves it inward.
     """
-    _require_u(u)
+    _require_u(u, dof)
     limits, source = Tolerance.read(lower, upper), source_of("prior", prior)
     return _risks(source, limits, limits.guarded(guard), u, dof)
 
@@ -153,7 +157,7 @@ def guard_band(
     """
     from scipy.optimize import brentq
 
-    _require_u(u)
+    _require_u(u, dof)
     limits = Tolerance.read(lower, upper)
     if (r is None) == (target is None):
         raise InputError("", "guard band", None, "allowed: r or target, one of them")
@@ -226,6 +230,8 @@ def _risks(
     )
 
 
-def _require_u(u: float) -> None:
+def _require_u(u: float, dof: float) -> None:
     if not (isfinite(u) and u > 0):
-        raise InputError("", "u", u, "allowed: above 0")
+        raise InputError("", "u", u, "allowed: above 0, finite")
+    if not dof > 0:
+        raise InputError("", "dof", dof, "allowed: above 0")

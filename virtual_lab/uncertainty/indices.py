@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import log2, sqrt
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -15,6 +16,8 @@ from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     import pandas as pd
+
+MOST_NUMBERS = 2**27  # that a computation holds at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +38,12 @@ def sobol_indices(
     points: int = 16_384,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Return Sobol's indices of a model, a row an output and input.
+    """Return Sobol's indices of a model, one row per pair of output and input.
 
-    `first` is the part of the variance that an input explains alone, `total` with all its
-    interactions (Saltelli 2010, by scipy.stats.sobol_indices).
+    `first` is the share of the variance that an input explains alone, `total` the share with all
+    its interactions (Saltelli 2010, by scipy.stats.sobol_indices). `first_u` and `total_u` are
+    their Monte Carlo standard errors, as of independent points; those of Sobol's sequence are
+    mostly smaller. A total below its first is within these errors.
 
     Parameters
     ----------
@@ -52,7 +57,8 @@ def sobol_indices(
     Raises
     ------
     InputError
-        Correlated inputs, one alone, or another number of points; else as `propagate`.
+        Correlated inputs, one alone, another number of points, a model that no input moves; else
+        as `propagate`.
     """
     import pandas as pd
     from scipy.stats import sobol_indices as by_scipy
@@ -66,20 +72,57 @@ def sobol_indices(
     if len(read.sources) < 2:
         raise InputError("inputs", "uncertain", len(read.sources), "allowed: two and more")
     called, names = Model.tried(model, read), list(read.sources)
+    of_A_point = len(names) * (len(names) + 2 + 8 * len(called.outputs))
+    most = 1 << int(log2(MOST_NUMBERS / of_A_point))
+    if points > most:
+        raise InputError("", "points", points, f"allowed: a power of 2 up to {most}")
+    errors: list[Array] = []
 
     def answers(x: Array) -> Array:
         return np.stack(list(called(dict(zip(names, x, strict=True))).values()))
 
+    def indices(f_A: Array, f_B: Array, f_AB: Array) -> tuple[Array, Array]:
+        found, u = indices_with_errors(f_A, f_B, f_AB)
+        errors.append(u)
+        return found[0].T, found[1].T
+
     found = by_scipy(
         func=answers,
         n=points,
+        method=indices,
         dists=cast("Any", [_Quantiles(source) for source in read.sources.values()]),
         rng=seed,
     )
+    called.require_same()
     first, total = np.atleast_2d(found.first_order), np.atleast_2d(found.total_order)
+    first_u, total_u = errors[0]
+    columns = {"first": first, "first_u": first_u.T, "total": total, "total_u": total_u.T}
     rows = [
-        {"output": output, "input": name, "first": first[k, i], "total": total[k, i]}
+        {"output": output, "input": name, **{key: each[k, i] for key, each in columns.items()}}
         for k, output in enumerate(called.outputs)
         for i, name in enumerate(names)
     ]
     return pd.DataFrame(rows)
+
+
+def indices_with_errors(f_A: Array, f_B: Array, f_AB: Array) -> tuple[Array, Array]:
+    """Return first and total indices, (2, input, output), and their standard errors.
+
+    Saltelli 2010, table 2 (b) and (f): means over the points, over the variance of the output. The
+    errors are of first order in both, from the scatter over the points.
+
+    Parameters
+    ----------
+    f_A, f_B
+        Outputs at two independent samples, about their mean, (output, point).
+    f_AB
+        Outputs at the first sample with one input of the second, (input, output, point).
+    """
+    squares = (f_A**2 + f_B**2) / 2
+    variance = squares.mean(axis=-1)
+    if not variance.all():
+        raise InputError("model", "outputs", None, "no input moves one of them; allowed: all moved")
+    parts = np.stack([f_B * (f_AB - f_A), (f_AB - f_A) ** 2 / 2])
+    found = parts.mean(axis=-1) / variance
+    parts -= found[..., None] * squares
+    return found, parts.std(axis=-1) / variance / sqrt(squares.shape[-1])

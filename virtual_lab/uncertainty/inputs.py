@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite, nan, sqrt
+from math import inf, nan, sqrt
 from typing import Any, Literal
 
 import numpy as np
@@ -23,6 +23,7 @@ from virtual_lab.units import Array
 Correlations = Mapping[tuple[str, str], float]
 InputName = str | tuple[str, ...]
 TOGETHER = "observed together"
+LARGEST = 1e150  # size of a number whose square is still finite
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,8 +172,9 @@ def _numbers(name: str, given: Any) -> Array:
 
 def _readings(name: str, readings: Array) -> tuple[float, float]:
     """Return the mean of readings (n,) and its standard uncertainty."""
-    if readings.ndim != 1 or readings.size < 2 or not np.isfinite(readings).all():
-        raise InputError(name, "readings", readings, "allowed: at least 2 finite numbers in a row")
+    if readings.ndim != 1 or readings.size < 2 or not (np.abs(readings) < LARGEST).all():
+        allowed = f"allowed: at least 2 numbers in a row, below {LARGEST:g} in size"
+        raise InputError(name, "readings", readings, allowed)
     if np.ptp(readings) == 0:
         allowed = "all are equal, so their scatter is unknown; allowed: vl.Input(value, u) with "
         raise InputError(name, "readings", readings[0], allowed + "u of the resolution, step/√12")
@@ -201,8 +203,8 @@ def _source(name: str, given: Input) -> InputSource | float:
             found = float(value)
         except (TypeError, ValueError) as fault:
             raise refuse(key, value, "a number") from fault
-        if not isfinite(found):
-            raise refuse(key, value, "a finite number")
+        if not abs(found) < LARGEST:
+            raise refuse(key, value, f"a number below {LARGEST:g} in size")
         return found
 
     if not isinstance(given.dof, int | float | np.number) or not given.dof > 0:

@@ -6,17 +6,19 @@ Every answer is a mapping of names to columns (k,); a model with one output has 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.uncertainty.inputs import Inputs
+from virtual_lab.uncertainty.inputs import LARGEST, Inputs
 from virtual_lab.units import Array
 
 RESULT = "result"
 ONE = "allowed: one number, or a mapping of names to numbers"
+CHANGED, VALUE, REPEATED = "inputs changed", "value", "repeated"  # keys of errors
+SAME = 1e-9  # largest relative difference of two results that are the same
 Outputs = dict[str, Array]
 
 
@@ -27,37 +29,60 @@ class Model:
     function: Callable[..., Any]
     inputs: Inputs
     row_by_row: bool
-    outputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()  # (): any
+    trial: Mapping[str, Array] = field(default_factory=dict)  # three rows of the sources
+    trial_outputs: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def tried(cls, function: Callable[..., Any], inputs: Inputs) -> Model:
         """Return the model, called row by row where it does not take rows at once.
 
         Three rows about the estimates are tried at once and each alone: a function that mixes rows
-        or takes numbers only shows it.
+        or takes numbers only shows it. They are tried twice, as `require_same` does.
         """
         columns = {
             name: source.estimate.value + source.estimate.u * np.array([0.0, 0.3, -0.2])
             for name, source in inputs.sources.items()
         }
-        at_once, alone = cls(function, inputs, False), cls(function, inputs, True)
         try:
-            together = at_once(columns)
+            whole = cls(function, inputs, row_by_row=False)._fixed(columns)
+            whole.require_same()
             one_each = [
-                at_once({name: column[k : k + 1] for name, column in columns.items()})
+                whole({name: column[k : k + 1] for name, column in columns.items()})
                 for k in range(3)
             ]
-            whole = all(
-                np.allclose(values, np.concatenate([each[name] for each in one_each]), 1e-9, 0)
-                for name, values in together.items()
-            )
         except InputError as fault:
-            if fault.key in ("inputs changed", "value"):
+            if fault.key in (CHANGED, VALUE, REPEATED):
                 raise
-            whole = False
-        chosen = at_once if whole else alone
-        names = together if whole else alone(columns)
-        return cls(function, inputs, chosen.row_by_row, tuple(names))
+        else:
+            if all(
+                _same(values, np.concatenate([each[name] for each in one_each]))
+                for name, values in whole.trial_outputs.items()
+            ):
+                return whole
+        alone = cls(function, inputs, row_by_row=True)._fixed(columns)
+        alone.require_same()
+        return alone
+
+    def _fixed(self, columns: Mapping[str, Array]) -> Model:
+        """Return the model with the names and values of its outputs for some rows."""
+        answers = self(columns)
+        return replace(self, outputs=tuple(answers), trial=columns, trial_outputs=answers)
+
+    def require_same(self) -> None:
+        """Raise `InputError` if the function gives other results for the rows that were tried.
+
+        It is asked before and after a propagation: a function may draw random numbers, count its
+        calls, or depend on something that changes.
+        """
+        again = self(self.trial)
+        for name, values in self.trial_outputs.items():
+            differs = ~np.isclose(values, again[name], SAME, 0)
+            if differs.any():
+                row = int(np.argmax(differs))
+                found = f"{values[row]:.9g} and {again[name][row]:.9g}"
+                allowed = f"the same inputs gave two results, {found}; allowed: a function of the "
+                raise InputError("model", REPEATED, name, f"{allowed}inputs alone")
 
     def __call__(self, columns: Mapping[str, Array]) -> Outputs:
         """Return the outputs for columns (k,) of the sources; `InputError` for a wrong answer."""
@@ -70,16 +95,19 @@ class Model:
                 self._answer({name: values[row] for name, values in arguments.items()}, ())
                 for row in range(k)
             ]
+            for row in rows:
+                self._require_names(row, tuple(rows[0]))
             found = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         else:
             found = self._answer(arguments, (k,))
         for name, values in found.items():
-            wrong = ~np.isfinite(values)
+            wrong = ~(np.abs(values) < LARGEST)
             if wrong.any():
-                row = int(np.argmax(wrong))
-                where = _where({key: value[row] for key, value in arguments.items()})
-                said = f"is {values[row]} in {wrong.sum()} of {k} rows, as at {where}"
-                raise InputError("model", "value", name, f"{said}; allowed: finite numbers")
+                at = int(np.argmax(wrong))
+                where = _where({key: value[at] for key, value in arguments.items()})
+                said = f"is {values[at]} in {wrong.sum()} of {k} rows, as at {where}"
+                allowed = f"{said}; allowed: numbers below {LARGEST:g} in size"
+                raise InputError("model", VALUE, name, allowed)
         return found
 
     def _answer(self, arguments: Mapping[str, Any], shape: tuple[int, ...]) -> Outputs:
@@ -89,14 +117,20 @@ class Model:
         except Exception as fault:
             if "read-only" in str(fault):
                 allowed = "the model writes into an array it was given; allowed: a new array"
-                raise InputError("model", "inputs changed", None, allowed) from fault
+                raise InputError("model", CHANGED, None, allowed) from fault
             said = f"{type(fault).__name__}: {fault}; at {_where(arguments)}"
             raise InputError("model", "raises", None, " ".join(said.split())) from fault
         named = given if isinstance(given, Mapping) else {RESULT: given}
-        if not named or (self.outputs and tuple(named) != self.outputs):
-            allowed = f"allowed: {', '.join(self.outputs)}" if self.outputs else ONE
-            raise InputError("model", "outputs", list(named), allowed)
-        return {name: self._numbers(name, values, shape) for name, values in named.items()}
+        if not named:
+            raise InputError("model", "outputs", [], ONE)
+        names = self.outputs or tuple(named)
+        self._require_names(named, names)
+        return {name: self._numbers(name, named[name], shape) for name in names}
+
+    def _require_names(self, answer: Mapping[str, Any], names: tuple[str, ...]) -> None:
+        if set(answer) != set(names):
+            allowed = f"allowed: {', '.join(map(str, names))}, as at its first call"
+            raise InputError("model", "outputs", list(answer), allowed)
 
     def _numbers(self, name: str, given: Any, shape: tuple[int, ...]) -> Array:
         try:
@@ -108,6 +142,10 @@ class Model:
         if values.shape != shape:
             raise InputError("model", name, f"shape {values.shape}", ONE)
         return np.asarray(values, float)
+
+
+def _same(a: Array, b: Array) -> bool:
+    return bool(np.allclose(a, b, SAME, 0))
 
 
 def _where(arguments: Mapping[str, Any]) -> str:

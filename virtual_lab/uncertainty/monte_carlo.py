@@ -18,10 +18,12 @@ from virtual_lab.uncertainty.inputs import Inputs
 from virtual_lab.uncertainty.laws import LAWS
 from virtual_lab.uncertainty.models import Model, Outputs
 from virtual_lab.uncertainty.propagated import (
+    LAST_BITS,
     Convergence,
     Outcome,
     Propagated,
     Region,
+    beyond_rounding,
     correlation_of,
 )
 from virtual_lab.uncertainty.sketch import Sketch, shortest_interval
@@ -31,7 +33,7 @@ MONTE_CARLO = "monte-carlo"
 BLOCK, BATCH = 65_536, 16_384  # a batch has the 10 000 draws that JCGM 101, 7.9.4 asks for
 FIRST_STAGE = 16  # batches
 CONFIDENCE = 0.95  # that every number stated is within its tolerance
-MOST = 2**36  # draws
+MOST_DRAWS = 2**36  # draws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +46,7 @@ class Drawing:
     rule: str = "stein"
     validate: bool = False
     seed: int = 0
+    progress: Callable[[str, int, int], object] = lambda _text, _done, _total: None
 
 
 def drawn_block(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
@@ -80,7 +83,7 @@ class Batches:
         self._rest: list[Outputs] = []
 
     def answers(self) -> Iterator[Outputs]:
-        for block in range(MOST // BLOCK):
+        for block in range(MOST_DRAWS // BLOCK):
             yield self.model(drawn_block(self.model.inputs, self.drawing.seed, block))
 
     def __len__(self) -> int:
@@ -95,6 +98,7 @@ class Batches:
             self.ends = {name: _ends(own, (1 - p) / 2) for name, own in first.items()}
             self._rest = _parts(first)
         while len(self) < count:
+            self.drawing.progress("draws", len(self) * BATCH, count * BATCH)
             if not self._rest:
                 self._rest = _parts(next(self._blocks))
             self._take(self._rest.pop(0))
@@ -146,7 +150,8 @@ def _goals(batches: Batches, infinite: bool) -> Array:
     each = np.repeat(goals[:, None], 4, axis=1)
     if infinite:
         each[:, :2] = inf
-    return each
+        return each
+    return np.asarray(np.maximum(each, LAST_BITS * np.abs(batches.mean)[:, None]))
 
 
 def stein(batches: Batches, infinite: bool) -> Array:
@@ -163,7 +168,7 @@ def stein(batches: Batches, infinite: bool) -> Array:
     if bound.any():
         factor = stdtrit(FIRST_STAGE - 1, 1 - (1 - CONFIDENCE) / 2 / bound.sum())
         wanted = FIRST_STAGE * float(np.max((factor * errors / goals)[bound])) ** 2
-        if not wanted * BATCH < MOST:
+        if not wanted * BATCH < MOST_DRAWS:
             allowed = "allowed: fewer digits, or a fixed number of draws"
             raise InputError("", "digits", f"{wanted * BATCH:.2g} draws needed", allowed)
         batches.draw_to(ceil(wanted))
@@ -173,7 +178,7 @@ def stein(batches: Batches, infinite: bool) -> Array:
 def standard_rule(batches: Batches, infinite: bool) -> Array:
     """Draw batch by batch until two standard errors are within the tolerance (JCGM 101, 7.9.4)."""
     batches.draw_to(2)
-    while len(batches) * BATCH < MOST:
+    while len(batches) * BATCH < MOST_DRAWS:
         goals = _goals(batches, infinite)
         if np.all(2 * batches.standard_errors() <= goals):
             break
@@ -200,7 +205,8 @@ def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagate
     for k, (name, one) in enumerate(linear.outcomes.items()):
         below, edges = batches.sketches[name].distribution()
         low, middle, high = map(float, np.interp([tail, 0.5, 1 - tail], below, edges))
-        value, u = (middle, inf) if infinite else (float(batches.mean[k]), float(batches.u[k]))
+        value = middle if infinite else float(batches.mean[k])
+        u = inf if infinite else beyond_rounding(float(batches.u[k]), value)
         outcomes[name] = replace(
             one,
             value=value,

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+LAST_BITS = 2.0**-44  # share of a value below which differences are those of its last bits
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Convergence:
     """Of numbers that come from draws: how many, and how well the numbers are known."""
@@ -139,6 +142,11 @@ class Propagated:
 
     def __repr__(self) -> str:
         return self.text
+
+
+def beyond_rounding(u: float, value: float) -> float:
+    """Return u, 0 if it is no more than the rounding of the value."""
+    return u if u > LAST_BITS * abs(value) else 0.0
 
 
 def correlation_of(covariance: Array) -> Array:

@@ -17,8 +17,13 @@ from virtual_lab.uncertainty.budget import (
 )
 from virtual_lab.uncertainty.inputs import Correlations, InputName, Inputs, read_inputs
 from virtual_lab.uncertainty.models import Model
-from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO, RULES, Drawing, monte_carlo
-from virtual_lab.uncertainty.propagated import Outcome, Propagated, correlation_of
+from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO, MOST_DRAWS, RULES, Drawing, monte_carlo
+from virtual_lab.uncertainty.propagated import (
+    Outcome,
+    Propagated,
+    beyond_rounding,
+    correlation_of,
+)
 from virtual_lab.uncertainty.second_order import SecondOrder
 
 FIRST, SECOND = "first-order", "second-order"
@@ -36,6 +41,7 @@ def propagate_inputs(
     rule: str = "stein",
     validate: bool = False,
     seed: int = 0,
+    progress: Callable[[str, int, int], object] = lambda _text, _done, _total: None,
 ) -> Propagated:
     """Return the uncertainty of a function's result from those of its arguments.
 
@@ -61,20 +67,24 @@ def propagate_inputs(
         half a unit of the last of so many digits of u; by ``stein`` all with 95 %, ``7.9`` is the
         standard's own rule. With `validate` to a fifth, and clause 8 judges the first order.
         `draws` are rounded up to a multiple of 16 384.
+    progress
+        Called with a text, the number of draws made and, where it is known, of all; by default
+        shown on stderr when they take long.
 
     Raises
     ------
     InputError
-        An input, correlation or answer of the model that cannot be used.
+        An input, correlation or answer of the model that cannot be used; a model that gives two
+        results for the same inputs.
     """
     named_method(method, "method")
     if not 0 < probability < 1:
         raise InputError("", "probability", probability, "allowed: between 0 and 1")
     if rule not in RULES:
         raise InputError("", "rule", rule, f"{nearest(rule, RULES)}allowed: {', '.join(RULES)}")
-    for key, count in (("digits", digits), ("draws", draws)):
-        if count is not None and count < 1:
-            raise InputError("", key, count, "allowed: at least 1")
+    for key, count, most in (("digits", digits, 15), ("draws", draws, MOST_DRAWS)):
+        if count is not None and not 1 <= count <= most:
+            raise InputError("", key, count, f"allowed: 1 to {most}")
     read = read_inputs(inputs, correlations or {})
     if not read.sources:
         raise InputError("inputs", "u", None, "none has an uncertainty; allowed: at least one")
@@ -87,8 +97,11 @@ def propagate_inputs(
         rule=rule,
         validate=validate,
         seed=seed,
+        progress=progress,
     )
-    return METHODS[method](called, linear, drawing)
+    found = METHODS[method](called, linear, drawing)
+    called.require_same()
+    return found
 
 
 def first_order(model: Model, probability: float) -> Propagated:
@@ -101,7 +114,7 @@ def first_order(model: Model, probability: float) -> Propagated:
         components = variants.components(values)
         turned = _independent(components, inputs)
         budgets = combined(values[:1], turned)
-        u, dof = float(budgets.u[0]), float(budgets.dof[0])
+        u, dof = beyond_rounding(float(budgets.u[0]), float(values[0])), float(budgets.dof[0])
         outcomes[name] = Outcome(
             name=name,
             value=float(values[0]),
@@ -130,6 +143,7 @@ def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propaga
     outcomes = {}
     for name, one in linear.outcomes.items():
         value, u = points.moments(answers[name])
+        u = beyond_rounding(u, value)
         interval = _interval(value, u, one.dof, linear.probability)
         outcomes[name] = replace(one, value=value, u=u, interval=interval, shift=value - one.value)
     return replace(linear, method=SECOND, outcomes=outcomes, correlation=None, notes=_notes(model))

@@ -15,6 +15,7 @@ import numpy as np
 
 from virtual_lab.errors import InputError
 from virtual_lab.uncertainty.inputs import Inputs
+from virtual_lab.uncertainty.propagated import LAST_BITS
 from virtual_lab.units import Array
 
 
@@ -63,7 +64,7 @@ class SecondOrder:
         f_ijj, f_iij = (along[0] - along[1]) / 2, (across[0] - across[1]) / 2
         own = first**2 + (self.kurtosis - 1) / 4 * second**2 + self.kurtosis / 3 * first * third
         variance = own.sum() + np.sum(mixed**2 + first[i] * f_ijj + first[j] * f_iij)
-        if variance < 0:
+        if variance < -((LAST_BITS * middle) ** 2):
             allowed = "the series does not converge at these u; allowed: method='monte-carlo'"
             raise InputError("second-order", "variance", f"{variance:.3g}", allowed)
-        return float(middle + second.sum() / 2), float(np.sqrt(variance))
+        return float(middle + second.sum() / 2), float(np.sqrt(max(variance, 0)))
