@@ -1,1 +1,1 @@
-"""The measurement side: from raw records to a result with a verdict; it never sees the truth."""
+"""The measurement side: from raw records to a result with a verdict, without the truth."""

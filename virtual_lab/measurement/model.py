@@ -19,7 +19,7 @@ from virtual_lab.units import Array, Mask
 
 CONTROL = "control.restitution_ratio"
 
-QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
+QUANTITIES: Mapping[str, str] = {  # name in a certificate: field of the shots that is averaged
     "bat_performance_factor": "bat_performance_factor",
     "collision_efficiency": "lot_collision_efficiency",
     "restitution": "lot_restitution",
@@ -32,14 +32,14 @@ QUANTITIES: Mapping[str, str] = {  # name in a certificate: the shots' field it 
 class MeasurementModel:
     """The results of a test as functions of its constants.
 
-    The constants are numbers, or arrays whose last axis has length 1 and stands for the shots.
-    Leading axes (laboratories, variants, Monte Carlo samples) are leading axes of the results,
-    (..., shot). The result and its uncertainty come from this one model.
+    The constants are numbers, or arrays whose last axis has length 1 for the shots. Leading axes
+    (laboratories, variants, Monte Carlo samples) are leading axes of the results, (..., shot). The
+    result and its uncertainty come from this one model.
     """
 
     rules: Procedure
     balls: BallReadings
-    used: Mask  # balls that define the lot, (..., ball)
+    used: Mask  # (..., ball), balls that define the lot
     readings: ImpactReadings
 
     def __call__(self, constants: Mapping[str, Array]) -> dict[str, Array]:
@@ -50,7 +50,7 @@ class MeasurementModel:
     def quantities(
         self, constants: Mapping[str, Array], bat: BatProperties, shots: ShotResults
     ) -> dict[str, Array]:
-        """Return the same of the bat and the shots' results for these constants."""
+        """Return the quantities of `__call__` from the bat and the shots for these constants."""
         found = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
         control = constants[CONTROL] if self.rules.controlled else 1.0
         metric = metric_of(self.rules, control=control)

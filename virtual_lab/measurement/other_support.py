@@ -1,4 +1,4 @@
-"""The same hits with the recoil factor of the other support, free or pivoted."""
+"""Results of the hits with the recoil factor of the other support, free or pivoted."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def other_support(
 ) -> OtherSupport:
     """Return the results of the valid hits with the other support's recoil factor."""
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
-    # the lot's mean ball, by the recoil factor it has on the support the rules name
+    # the lot's mean ball, from the recoil factor with the support named by the rules
     ball = shots.ball_mass * shots.lot_recoil_factor / shots.recoil_factor
     recoil = recoil_factor(which, bat, ball, shots.place, procedure.pivot_from_knob)
     restitution = np.asarray(restitution_from_efficiency(shots.lot_collision_efficiency, recoil))

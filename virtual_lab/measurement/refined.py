@@ -1,8 +1,8 @@
-"""The metric of one test by another method than the first order: second order, or Monte Carlo.
+"""The metric of one test by second order or Monte Carlo instead of first order.
 
-The inputs are the constants of the measurement model and what the budget adds to them, the scatter
-of the hits and the choice of a place. The value stays that of the procedure, and the verdict with
-it; u and the interval are those of the method.
+The inputs are the constants of the measurement model and the further components of the budget: the
+scatter of the hits and the choice of a position. The value and the verdict remain those of the
+procedure; u and the interval are those of the method.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from virtual_lab.uncertainty.propagated import Propagated
 from virtual_lab.uncertainty.propagating import propagate_inputs
 from virtual_lab.units import Array
 
-ROWS = 1024  # of constants, that the model takes at once
+ROWS = 1024  # number of sets of constants per call of the model
 
 
 def refined(

@@ -17,12 +17,12 @@ class SwingResult:
     """The metric for one exponent of the swing law."""
 
     exponent: float
-    place: float  # of its greatest value, from the tip [m]
+    place: float  # position of its maximum, from the tip [m]
     budget: Budget
 
 
 def swing_range(reduced: SessionReduction) -> tuple[SwingResult, ...]:
-    """Return the metric for each of the game's `exponents`; () where the rules name none.
+    """Return the metric for each of the game's `exponents`, () if the rules name none.
 
     The hits are those of the test. The scan is centred on the best place for the procedure's
     exponent; for another exponent the maximum lies a few tenths of an inch away.

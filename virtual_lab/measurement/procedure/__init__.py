@@ -1,4 +1,4 @@
-"""A test procedure: what a rig is asked for, places, valid hits, metric and verdict."""
+"""A test procedure: required records, impact positions, valid hits, metric and verdict."""
 
 from virtual_lab.measurement.procedure.choice import (
     CHOICE,

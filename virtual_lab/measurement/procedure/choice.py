@@ -1,8 +1,8 @@
-"""Correction for the choice of a scan's place, if a neighbour is in fact better.
+"""Correction of a scan for the choice of its impact position, if a neighbour is really better.
 
-The measurand is the greatest value over the places. Fresh hits give the value of the chosen
-place, which is lower on average. The result is corrected by the mean shortfall; the rest is a
-component of the uncertainty.
+The measurand is the largest value over the positions. New hits give the value at the chosen
+position, which is lower on average. The result is corrected by the mean shortfall, and the
+remaining variation is a component of the uncertainty.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from virtual_lab.measurement.procedure.schedule import in_turn_of, scan_rules
 from virtual_lab.uncertainty.budget import Budgets, combined, types_a
 from virtual_lab.units import Array, Mask
 
-CHOICE = "choice of the place"  # its line in a budget
+CHOICE = "choice of the place"  # name of the component in a budget
 
 
 class Shortfalls(NamedTuple):
-    """Shortfalls of chosen places against the best, in the unit of the metric, (laboratory,)."""
+    """Shortfalls of the chosen from the best position, in the metric's unit, (laboratory,)."""
 
     mean: Array
     rms: Array
 
     @property
     def u(self) -> Array:
-        """Standard uncertainties after correction for the mean."""
+        """Standard uncertainties after the correction by the mean."""
         return np.sqrt(np.maximum(self.rms**2 - self.mean**2, 0.0))
 
 
@@ -41,11 +41,12 @@ def shortfalls(
     valid: Mask,
     metric: Array,
 ) -> Shortfalls:
-    """Return the expected shortfalls of the places chosen by scans, from their hits.
+    """Return the expected shortfalls of the positions chosen by scans, from their hits.
 
-    The true difference to each neighbour is taken as normal about the difference of the means,
-    with the scatter within the places; its positive part is the shortfall. 0 if no place was
-    chosen, or if the result is no mean at one place. Parameters as `outcomes_of`.
+    The true difference from each neighbour is assumed to be normal about the difference of the
+    means, with the scatter within the positions. Its positive part is the shortfall. The shortfall
+    is 0 if no position was chosen, or if the result is not a mean at one position. The parameters
+    are those of `outcomes_of`.
     """
     scan, mean, square = procedure.scan, *np.zeros((2, laboratories))
     if scan is not None and scan.final_hits:
@@ -58,7 +59,7 @@ def shortfalls(
 
 
 def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
-    """Return the results of a block corrected for their shortfalls, unchanged if there is none."""
+    """Return the budgets of a block, corrected by the shortfalls if there are any."""
     if not (lost.rms > 0).any():
         return metric
     components = metric.components + types_a(CHOICE, lost.mean, lost.u)
@@ -68,9 +69,9 @@ def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
 def variances_within(
     owner: NDArray[np.intp], place: Array, metric: Array, laboratories: int
 ) -> Array:
-    """Return the variances of hits about the mean of their place, pooled, (laboratory,).
+    """Return the pooled variance of the hits about the mean of their position, (laboratory,).
 
-    `owner` is the laboratory of each hit. NaN where no place has several.
+    `owner` is the laboratory of each hit. The variance is NaN if no position has several hits.
     """
     of, back = np.unique(owner + 1j * np.round(place, 6), return_inverse=True)
     many = np.bincount(back)

@@ -25,7 +25,7 @@ from virtual_lab.units import Array
 class Curve:
     """A bat along its barrel at the test's speeds, with the mean ball of the lot, (..., n)."""
 
-    place: Array  # from the barrel tip [m]
+    place: Array  # distance from the barrel tip [m]
     collision_efficiency: Array
     recoil_factor: Array
     restitution: Array
@@ -110,13 +110,13 @@ def _swung(game: Game, place: Array, bat: BatProperties) -> Array:
         else (inertia, game.reference_inertia)
     )
     speed = game.bat_speed if game.angular_speed is None else game.angular_speed
-    assert speed is not None  # as Game checks
+    assert speed is not None  # checked by Game
     assert reference is not None
     return np.asarray(speed * reach * (reference / own) ** game.exponent)
 
 
 def _corrected(correction: BallCorrection | None, curve: Curve, control: Array | float) -> Array:
-    """Return e as it would be with the standard ball."""
+    """Return e converted to the standard ball."""
     e, e0 = curve.restitution, curve.ball_restitution
     if correction is None or correction.method == "none":
         return e

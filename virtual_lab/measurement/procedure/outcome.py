@@ -1,9 +1,9 @@
-"""From hits to a result: weights of the hits, the place of the result, and the verdict.
+"""From hits to a result: weights of the hits, impact position of the result, and verdict.
 
-A result is a weighted sum of the hits. At a fixed place all weights are equal. In a scan the
-weights are those of the maximum of a curve fitted near the best place. If the metric itself has
-its maximum there, a shift of the place has no effect to first order. If another quantity, such as
-v_f, has its maximum there, the hits also shift the place and thereby the result.
+A result is a weighted sum of the hits. At a fixed impact position all weights are equal. In a scan
+the weights follow from the maximum of a curve fitted near the best position. If the metric itself
+has its maximum there, a shift of the position has no first-order effect. If another quantity, such
+as v_f, has its maximum there, the hits also shift the position and therefore the result.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ class Verdict(Enum):
 class HitWeights:
     """Weights and effects of the hits."""
 
-    weights: Array  # (shot,), they add to 1; NaN where nothing can be said
+    weights: Array  # (shot,), with the sum 1; NaN without a result
     effects: (
         Array  # (shot,), of the result per unit of a hit's metric: weights and the place's part
     )
-    place: float  # that the result speaks of, from the tip [m]
-    reason: str  # why the test gives no result; empty where it does
+    place: float  # impact position of the result, from the tip [m]
+    reason: str  # reason why the test gives no result, or empty
 
     @property
     def used(self) -> Mask:
@@ -182,7 +182,7 @@ def _of_scans(
 
 
 def _of_scan(procedure: Procedure, scan: Scan, found: Scanned, one: int, some: bool) -> str:
-    """Return why a scan gives no result, or none that counts; empty where it does."""
+    """Return the reason why a scan gives no result, or no valid one; empty if it gives one."""
     if not some:
         return f"{procedure.valid_hits} valid hits at {found.complete[one]} places, 3 make a scan"
     if not (found.below[one] and found.above[one]):
@@ -196,11 +196,11 @@ def _of_scan(procedure: Procedure, scan: Scan, found: Scanned, one: int, some: b
 def _tops_of_curves(
     scan: Scan, laboratories: int, shots: ScanShots, used: Mask
 ) -> tuple[Array, Array, Array]:
-    """Return weights and effects of hits, (shot,), and the places of the maxima, (laboratory,).
+    """Return weights and effects of hits, (shot,), and positions of the maxima, (laboratory,).
 
-    One polynomial f is fitted to the maximised quantity, another to the metric, which is read at
-    the maximum z of f. A hit shifts z by ``-b'(z) / f''(z)``, where b is its part of the fit. NaN
-    in a laboratory none of whose hits is used.
+    One polynomial f is fitted to the maximised quantity, another to the metric, which is evaluated
+    at the maximum z of f. A hit shifts z by ``-b'(z) / f''(z)``, where b is its contribution to the
+    fit. The results of a laboratory without used hits are NaN.
     """
     hits = numbered(shots.owner, used, laboratories)
     some = hits >= 0
@@ -242,16 +242,16 @@ def _tops_of_curves(
 
 
 def _degrees(place: Array, some: Mask) -> NDArray[np.intp]:
-    """Return the degrees of the curves through hits; at equal steps the odd term costs nothing."""
+    """Return the degrees of the curves through hits: odd ones are free at equal steps."""
     at = np.sort(np.where(some, np.round(place, 6), np.inf), axis=1)
     other = np.diff(at, axis=1, prepend=-np.inf) > 0
     return np.asarray(np.minimum(3, (other & np.isfinite(at)).sum(axis=1) - 1))
 
 
 def _turns(cubics: Array) -> Array:
-    """Return the local maxima of cubics, (curve, power), NaN where one has none.
+    """Return the local maxima of cubics, (curve, power), or NaN.
 
-    The formula stays exact as the cubic term vanishes.
+    The formula remains exact if the cubic term vanishes.
     """
     a, b, c = (cubics[:, 1:] * np.arange(1, 4)).T
     square = b**2 - 4 * a * c
@@ -260,9 +260,9 @@ def _turns(cubics: Array) -> Array:
 
 
 def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> Polynomial | None:
-    """Return the curve of the metric over the place [m] from which a scan reads its result.
+    """Return the curve of the metric over the impact position [m] that gives a scan's result.
 
-    `used` are the shots in the result, (shot,). None where the result is a mean of hits.
+    `used` is the mask of the shots in the result, (shot,). Return None if the result is a mean.
     """
     if procedure.scan is None or procedure.scan.final_hits or used.sum() < 2:
         return None
@@ -271,10 +271,10 @@ def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> P
 
 
 def not_met(procedure: Procedure, found: Iterable[Finding], value: float | None) -> tuple[str, ...]:
-    """Return what a bat does not meet, each rule with value and limit; () if it meets all.
+    """Return the rules that a bat does not meet, each with value and limit.
 
-    `found` are the findings of its eligibility; `value` is the metric in SI, met up to and
-    including the limit, None if it is unknown.
+    `found` are the findings of its eligibility. `value` is the metric in SI, None if unknown; a
+    value equal to the limit meets the rule.
     """
     rules = [finding.sentence for finding in found if not finding.met]
     limit = procedure.metric_limit

@@ -23,7 +23,7 @@ from virtual_lab.units import Array, Mask
 
 
 class Span(NamedTuple):
-    """A stretch about a top, and which of its ends are only those of what is known."""
+    """An interval around a maximum, and whether its ends are only the ends of the data."""
 
     low: float
     high: float
@@ -32,7 +32,7 @@ class Span(NamedTuple):
 
     @property
     def width(self) -> float:
-        """From end to end; where one is cut off, at least that."""
+        """Width of the interval, a lower limit if an end is cut off."""
         return self.high - self.low
 
     @property
@@ -41,23 +41,23 @@ class Span(NamedTuple):
         return not (self.low_cut_off or self.high_cut_off)
 
     def scaled(self, middle: float, unit: float) -> Span:
-        """Return the stretch of ``middle + unit * place``."""
+        """Return the interval for positions ``middle + unit * place``."""
         return self._replace(low=middle + unit * self.low, high=middle + unit * self.high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Width:
-    """The range where the fitted curve lies at most `drop` below its maximum."""
+    """The interval in which the fitted curve lies at most `drop` below its maximum."""
 
-    drop: float  # in the metric
-    span: Span  # from the tip [m]
-    budget: Budget  # of its width [m]; at least that, and no u, where the span is cut off
+    drop: float  # allowed drop of the metric
+    span: Span  # interval, from the tip [m]
+    budget: Budget  # budget of the width [m]; a lower limit without u if the span is cut off
 
 
 def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> Width | None:
     """Return the width from the hits.
 
-    None if the procedure asks for none, or the hits lie at too few places for the curve.
+    Return None if the procedure requires no width, or there are too few positions for the curve.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
     if procedure.scan is None or procedure.scan.width_drop is None:
         return None
     drop, place, metric = procedure.scan.width_drop, place[valid], metric[valid]
-    degree = 5  # a lower one is too stiff beside the top, a higher one follows the noise
+    degree = 5  # a lower degree is too stiff beside the maximum, a higher one follows the noise
     if np.unique(np.round(place, 6)).size < degree + 2:
         return None
     middle, half = (place.max() + place.min()) / 2, float(np.ptp(place)) / 2
@@ -81,7 +81,7 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
     candidates = np.concatenate([[-1.0, 1.0], turns[np.abs(turns) < 1]])
     top = float(candidates[np.argmax(curve(candidates))])
     span = _level_span(_real(curve - (curve(top) - drop)), top, -1.0, 1.0)
-    # an end moves by what the curve there gains on its top, over its slope
+    # shift of an end: change of the curve relative to its maximum, divided by its slope
     low, high = (
         (end**powers - top**powers) @ solved / -curve.deriv()(end) for end in (span.low, span.high)
     )
@@ -99,9 +99,9 @@ def _real(curve: Polynomial) -> Array:
 
 
 def _level_span(crossings: Array, top: float, low: float, high: float) -> Span:
-    """Return the stretch about `top` between the nearest crossings of a level.
+    """Return the interval around `top` between the nearest crossings of a level.
 
-    Where there is none between `low` and `high`, that end is cut off there.
+    An end without a crossing between `low` and `high` is cut off there.
     """
     below = crossings[(crossings >= low) & (crossings < top)]
     above = crossings[(crossings > top) & (crossings <= high)]

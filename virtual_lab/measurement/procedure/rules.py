@@ -13,8 +13,8 @@ from virtual_lab.catalog.specs import Dimension, Name, Spec, Sport, Title, YesNo
 from virtual_lab.measurement.reduction.shot_algebra import ReductionSettings
 from virtual_lab.units import INCH
 
-MOST_COUNTED = 1000  # of anything counted: beyond, a slip of the pen and no test
-SETTING_STEP = 0.5e-3  # m, the operator sets a place to half a millimetre
+MOST_COUNTED = 1000  # largest allowed count of anything; a larger one is a typing error
+SETTING_STEP = 0.5e-3  # step in which the operator sets an impact position [m]
 OPTIONAL_WINDOWS = (
     "place_tolerance",
     "rate_before",
@@ -28,14 +28,14 @@ OPTIONAL_WINDOWS = (
 Metric = Literal["bat_performance_factor", "besr", "restitution", "batted_speed"]
 Mass = Annotated[float, Gt(0), Dimension("mass")]
 Length = Annotated[float, Gt(0), Dimension("length")]
-SPEED = Dimension("speed", 1, 100)  # m/s, of a ball cannon or a bat
+SPEED = Dimension("speed", 1, 100)  # speed of a ball or a bat [m/s]
 Speed = Annotated[float, SPEED]
 Number = Annotated[float, Gt(0), Dimension("number")]
 Count = Annotated[int, Dimension("number", 2, MOST_COUNTED)]
 
 
 def _require_positive(spec: Spec, *names: str) -> None:
-    """Refuse numbers not above 0 in optional fields."""
+    """Raise an error for numbers in optional fields that are not positive."""
     for name in names:
         value = getattr(spec, name)
         if value is not None and not value > 0:
@@ -51,15 +51,15 @@ class Windows(Spec):
     ball_mass_high: Mass
     ball_restitution_low: Number
     ball_restitution_high: Number
-    ball_restitution_speed: Speed  # at which the two above hold
+    ball_restitution_speed: Speed  # speed to which the two limits above refer
     place_tolerance: Annotated[float | None, Dimension("length")] = None
     rate_before: Annotated[float | None, Dimension("angular speed")] = None
-    recoil_u: Annotated[float | None, Dimension("number")] = None  # of one recoil fit, relative
+    recoil_u: Annotated[float | None, Dimension("number")] = None  # relative u of one recoil fit
     bat_speed_tolerance: Annotated[float | None, Dimension("speed")] = None
-    contact_angle: Annotated[float | None, Dimension("angle")] = None  # of a swung bat
-    edge_misfit: Annotated[float | None, Dimension("length")] = None  # rms at a board
+    contact_angle: Annotated[float | None, Dimension("angle")] = None  # angle of a swung bat
+    edge_misfit: Annotated[float | None, Dimension("length")] = None  # rms misfit at a board
     rebound_angle: Annotated[float | None, Dimension("angle")] = None
-    agreement: Annotated[float | None, Dimension("number")] = None  # e_A, recoil and rebound
+    agreement: Annotated[float | None, Dimension("number")] = None  # e_A by recoil and by rebound
 
     def __post_init__(self) -> None:
         _require_positive(self, *OPTIONAL_WINDOWS)
@@ -71,25 +71,25 @@ class Windows(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scan(Spec):
-    """Places along the barrel: coarse steps first, then fine ones until a maximum is bracketed."""
+    """Scan along the barrel: coarse steps, then fine ones until a maximum is bracketed."""
 
-    low: Length  # from the tip
+    low: Length  # distance from the tip
     high: Length
     coarse_step: Length
     fine_step: Length
     coarse_hits: Annotated[int, Dimension("number", 1, MOST_COUNTED)]
-    fit_half_width: Length  # of the curve's piece that is fitted about the best place
-    # 0: the top of the fitted curve
+    fit_half_width: Length  # half width of the fitted range around the best position
+    # number of final hits at the best position; 0: the maximum of the fitted curve is the result
     final_hits: Annotated[int, Dimension("number", 0, MOST_COUNTED)]
-    consecutive: YesNo = False  # an invalid shot among the final hits begins them again
-    # what has its greatest value at the best place: the metric, or v_f at the test's own speeds
+    consecutive: YesNo = False  # whether an invalid shot restarts the final hits
+    # quantity with its maximum at the best position: the metric, or v_f at the test's own speeds
     seeks: Literal["metric", "batted_speed"] = "metric"
-    # how far below its top the metric's curve still counts as near it; None: no width is stated
+    # drop of the metric from its maximum that defines the stated width; None: no width
     width_drop: Annotated[float | None, Dimension("number")] = None
 
     def __post_init__(self) -> None:
         _require_positive(self, "width_drop")
-        if self.high - self.low < 2 * self.coarse_step - 1e-9:  # m, a rounding
+        if self.high - self.low < 2 * self.coarse_step - 1e-9:  # rounding [m]
             raise ValueError(
                 f"a scan from {self.low:g} to {self.high:g} m holds no two steps "
                 f"of {self.coarse_step:g} m"
@@ -108,14 +108,14 @@ class Scan(Spec):
 class Game(Spec):
     """Game conditions: pitch and swing for the conversion of e_A to v_f, Eqs. (3), (13), (14).
 
-    A swing is a rotation (`angular_speed` about `axis_from_knob`) or one `bat_speed` wherever
-    the ball is struck, times (reference / own)^exponent of what it scales with.
+    A swing is a rotation (`angular_speed` about `axis_from_knob`) or one `bat_speed` at every
+    position, multiplied by (reference / own)^exponent of the quantity it scales with.
     """
 
     pitch_speed: Speed
     scales_with: Literal["inertia", "mass"]  # inertia about the axis of the swing
     exponent: Annotated[float, Ge(0), Dimension("number")]
-    # others for which the certificate gives the result too
+    # further exponents for which the certificate states the result
     exponents: Annotated[tuple[float, ...], Dimension("number")] = ()
     reference_inertia: Annotated[float | None, Dimension("inertia")] = None
     reference_mass: Annotated[float | None, Dimension("mass")] = None
@@ -137,9 +137,10 @@ class Game(Spec):
 class BallCorrection(Spec):
     """Correction for balls that differ from the standard ball.
 
-    `none`; `ratio`: e in proportion to e0, exact for a rigid shell; `trampoline`: the ratio of
-    the stiffnesses of shell and ball follows from e and e0, then e for the standard ball;
-    `control-bat`: in proportion to the result of a bat of known e with the same lot.
+    `none`: no correction. `ratio`: e is proportional to e0, which is exact for a rigid shell.
+    `trampoline`: the stiffness ratio of shell and ball follows from e and e0, and gives e with the
+    standard ball. `control-bat`: e is proportional to the result of a bat of known e with the same
+    lot.
     """
 
     method: Literal["none", "ratio", "trampoline", "control-bat"]
@@ -148,13 +149,13 @@ class BallCorrection(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Eligibility(Spec):
-    """Requirements on a bat before the first hit; a missing one is not applied."""
+    """Requirements on a bat before the first hit; a missing requirement is not applied."""
 
-    length_less_weight: Annotated[float | None, Dimension("number")] = None  # inches less ounces
-    barrel_diameter: Annotated[float | None, Dimension("length")] = None  # a ring must pass
+    length_less_weight: Annotated[float | None, Dimension("number")] = None  # inches minus ounces
+    barrel_diameter: Annotated[float | None, Dimension("length")] = None  # diameter of a ring gauge
     inertia_lengths: Annotated[tuple[float, ...], Dimension("length")] = ()
     inertia_floors: Annotated[tuple[float, ...], Dimension("inertia")] = ()  # about the pivot
-    exempt: Title | None = None  # whom no test is asked of; the records do not tell such a bat
+    exempt: Title | None = None  # bats without a test, which the records do not identify
 
     def __post_init__(self) -> None:
         if len(self.inertia_lengths) != len(self.inertia_floors):
@@ -165,33 +166,33 @@ class Eligibility(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Procedure(Spec):
-    """A test procedure, as far as rig and reduction need it."""
+    """The parts of a test procedure that rig and reduction need."""
 
     name: Name
     title: Title
     edition: Title
     rig: str
     ball: str
-    reads: Literal["recoil", "rebound"]  # what e_A is taken from
-    recoil: Literal["pivoted", "free"]  # whose r Eq. (6) gets
+    reads: Literal["recoil", "rebound"]  # reading from which e_A is computed
+    recoil: Literal["pivoted", "free"]  # support whose r is used in Eq. (6)
     metric: Metric
     place: Literal["centre-of-percussion", "scan"]
     pivot_from_knob: Length
     ball_speed: Speed
-    valid_hits: Count  # at each place
+    valid_hits: Count  # number of hits per impact position
     attempts: Count
     balls: Count
-    wall_hits: Count  # of each ball at each speed
+    wall_hits: Count  # number of hits per ball and speed
     wall_speeds: Annotated[tuple[float, ...], Len(1, 20), SPEED]
     windows: Windows
-    sport: Sport | None = None  # None: of any bat and ball
-    bat_speed: Annotated[float | None, SPEED] = None  # 6 in from the tip; at rest
+    sport: Sport | None = None  # None: any bat and ball
+    bat_speed: Annotated[float | None, SPEED] = None  # speed 6 in from the tip; None: bat at rest
     limit: Annotated[float | None, Dimension("number")] = None
-    speed_limit: Annotated[float | None, Dimension("speed")] = None  # of a batted ball
-    # standard uncertainty of the metric, beyond which a result decides nothing
+    speed_limit: Annotated[float | None, Dimension("speed")] = None  # limit of the batted ball
+    # largest standard uncertainty of the metric with which a result decides
     largest_u: Annotated[float | None, Dimension("number")] = None
-    largest_speed_u: Annotated[float | None, Dimension("speed")] = None  # of a batted ball
-    # of e_A along the barrel at the place of a test at one place, over the bats it is made for
+    largest_speed_u: Annotated[float | None, Dimension("speed")] = None  # that of a batted ball
+    # slope of e_A along the barrel for tests at one position: mean and spread over suitable bats
     place_slope: Annotated[float, Dimension("slope of length")] = 0.0
     place_slope_u: Annotated[float, Ge(0), Dimension("slope of length")] = 0.0
     scan: Scan | None = None
@@ -239,28 +240,28 @@ class Procedure(Spec):
 
     @property
     def metric_limit(self) -> float | None:
-        """The limit of the metric, SI; None where the rules set none."""
+        """Limit of the metric [SI], None if the rules set none."""
         return self.limit if self.speed_limit is None else self.speed_limit
 
     @property
     def largest_metric_u(self) -> float:
-        """The largest standard uncertainty of a metric that decides, SI."""
+        """Largest standard uncertainty of the metric with which a result decides [SI]."""
         return self.largest_u or self.largest_speed_u or 0.0
 
     @property
     def controlled(self) -> bool:
-        """Whether a control bat corrects for the balls."""
+        """Whether the correction for the balls uses a control bat."""
         return self.correction is not None and self.correction.method == "control-bat"
 
     @property
     def needs(self) -> frozenset[str]:
-        """The channels a rig must write for this procedure, beside one that times the balls."""
+        """Channels that a rig must write for this procedure, besides one that times the balls."""
         own = {"encoder"} if self.reads == "recoil" else set()
         moving = {"swing"} if self.bat_speed is not None else set()
         return frozenset({"log"} | own | moving)
 
     def turn_rate(self, length: ArrayLike) -> NDArray[np.float64]:
-        """Return the nominal angular speed [rad/s] of a bat of a length [m]; 0 at rest."""
+        """Return the nominal angular speed [rad/s] of a bat of this length [m], 0 at rest."""
         length = np.asarray(length)
         return (self.bat_speed or 0.0) / (length - self.pivot_from_knob - 6 * INCH)
 

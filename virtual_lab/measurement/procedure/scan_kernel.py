@@ -1,9 +1,9 @@
-"""Which hits of a scan count, which place is best and where to hit next; compiled.
+"""Compiled logic of a scan: valid hits, best impact position, and next shots.
 
-Arrays are those of one laboratory's shots in the order fired, (shot,), but for functions of a
-block, which take all shots, laboratory after laboratory, and `starts`, (laboratory + 1,): where the
-shots of each begin, and where the last ones end. Shots were set at a place if they lie within half
-a step of setting of it.
+Arrays (shot,) hold the shots of one laboratory in the order fired. Functions of a block take the
+shots of all laboratories in a row, and `starts`, (laboratory + 1,), the index of the first shot of
+each laboratory and the total number. A shot belongs to a position if it lies within half a setting
+step of it.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from virtual_lab.units import Array, Mask
 
-LEAST = 1e-9  # m, a rounding
+LEAST = 1e-9  # rounding [m]
 
 
 class ScanRules(NamedTuple):
-    """What a scan asks for, lengths in metres."""
+    """Rules of a scan, with lengths in metres."""
 
     low: float
     high: float
@@ -31,27 +31,27 @@ class ScanRules(NamedTuple):
     fit_half_width: float
     final_hits: int
     consecutive: bool
-    valid_hits: int  # at a place
+    valid_hits: int  # number of hits per position
     attempts: int
-    reach: float  # half a step of setting
+    reach: float  # half a setting step
 
 
 @njit(cache=True)
 def most_asked(rules: ScanRules) -> int:
-    """Return how many shots a round may ask for at most."""
+    """Return the largest number of shots per round."""
     places = int((rules.high - rules.low) / min(rules.coarse_step, rules.fine_step)) + 2
     return places * max(rules.coarse_hits, rules.valid_hits) + rules.final_hits
 
 
 @njit(cache=True)
 def is_at(place: float, at: float, reach: float) -> bool:
-    """Return whether a shot was set at a place."""
+    """Return whether a shot at `place` belongs to the position `at`."""
     return bool(abs(place - at) < reach + LEAST)
 
 
 @njit(cache=True)
 def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) -> None:
-    """Mark which hits are the scan's: at each place the first `valid_hits` valid ones."""
+    """Mark the hits of the scan: the first `valid_hits` valid hits at each position."""
     for shot in range(place.size):
         counted[shot] = False
         if valid[shot]:
@@ -66,7 +66,7 @@ def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) 
 def mean_at(
     at: float, most: int, place: Array, valid: Mask, sought: Array, reach: float
 ) -> tuple[int, float]:
-    """Return the number of the first valid hits at a place, up to `most`, and the mean sought."""
+    """Return the number of the first valid hits at `at`, up to `most`, and their mean `sought`."""
     many, total = 0, 0.0
     for shot in range(place.size):
         if many < most and valid[shot] and is_at(place[shot], at, reach):
@@ -79,7 +79,7 @@ def mean_at(
 def best_of(
     among: Array, most: int, place: Array, valid: Mask, sought: Array, rules: ScanRules
 ) -> int:
-    """Return which of some places has the greatest mean of the first `most` hits there."""
+    """Return the index of the position in `among` with the largest mean of its first hits."""
     best, top = 0, -np.inf
     for k in range(among.size):
         _, mean = mean_at(among[k], most, place, valid, sought, rules.reach)
@@ -92,10 +92,10 @@ def best_of(
 def fresh_hits(
     best: float, place: Array, valid: Mask, rules: ScanRules, fresh: NDArray[np.int64]
 ) -> int:
-    """Fill in the numbers of the final hits that count at the best place; return how many.
+    """Fill `fresh` with the indices of the valid final hits at `best`. Return their number.
 
-    They come after those of the scan; if the procedure asks for consecutive ones, an invalid shot
-    there begins them again.
+    They follow the hits of the scan. If the procedure requires consecutive hits, an invalid shot at
+    the position restarts them.
     """
     many, of_scan = 0, 0
     for shot in range(place.size):
@@ -113,7 +113,7 @@ def fresh_hits(
 
 @njit(cache=True)
 def next_hits(place: Array, valid: Mask, sought: Array, rules: ScanRules, out: Array) -> int:
-    """Fill in the places to fire at next, one a shot; return how many, 0 when all is done."""
+    """Fill `out` with the positions of the next shots. Return their number, 0 if complete."""
     coarse = np.arange(rules.low, rules.high + LEAST, rules.coarse_step)
     coarse = _hopeful(coarse, rules.coarse_hits, place, sought, rules.reach)
     lacking = _lacking(coarse, rules.coarse_hits, place, valid, rules.reach, out)
@@ -124,7 +124,7 @@ def next_hits(place: Array, valid: Mask, sought: Array, rules: ScanRules, out: A
     above = int((rules.high - middle + LEAST) / rules.fine_step)
     fine = middle + rules.fine_step * np.arange(-below, above + 1)
     fine = _hopeful(fine, rules.valid_hits, place, sought, rules.reach)
-    # a curve is fitted over more places than the neighbours
+    # the fit of a curve needs more positions than the neighbours
     rings = 1 if rules.final_hits else 2
     settled = False
     while not settled:
@@ -134,7 +134,7 @@ def next_hits(place: Array, valid: Mask, sought: Array, rules: ScanRules, out: A
             lacking = _lacking(around, rules.valid_hits, place, valid, rules.reach, out)
             if lacking:
                 return lacking
-            # the result will be taken about the best of all the places, wherever it lies
+            # the result refers to the best of all positions
             complete = _complete(fine, place, valid, rules)
             if not complete.size:
                 return 0
@@ -159,9 +159,9 @@ def next_hits_of_block(
     number: NDArray[np.int64],
     out: Array,
 ) -> None:
-    """Fill in how many shots each laboratory of a block fires next, and at which places.
+    """Fill in the number of next shots of each laboratory of a block, and their positions.
 
-    `number` is (laboratory,), `out` (laboratory, attempts).
+    `number` is (laboratory,), and `out` is (laboratory, attempts).
     """
     room = np.empty(most_asked(rules))
     for one in range(number.size):
@@ -173,13 +173,13 @@ def next_hits_of_block(
 
 
 class Scanned(NamedTuple):
-    """What the scans of a block came to, arrays (laboratory,) to be filled in."""
+    """Results of the scans of a block, arrays (laboratory,) to be filled."""
 
-    complete: NDArray[np.int64]  # places with all their hits
-    best: Array  # the best of them [m]
-    below: Mask  # whether a complete place lies next to it on this side
+    complete: NDArray[np.int64]  # number of positions with all their hits
+    best: Array  # best of these positions [m]
+    below: Mask  # whether a complete position is next to it on this side
     above: Mask
-    result: NDArray[np.int64]  # hits that the result rests on
+    result: NDArray[np.int64]  # number of hits in the result
 
 
 @njit(cache=True)
@@ -192,9 +192,9 @@ def scans_of_block(
     found: Scanned,
     used: Mask,
 ) -> None:
-    """Fill in what the scans of a block came to, and which hits their results rest on, (shot,).
+    """Fill in the results of the scans of a block, and the mask of the hits in them, (shot,).
 
-    These are the last final hits at the best place, or the scan's about it.
+    These hits are the last final hits at the best position, or the hits of the scan around it.
     """
     for one in range(found.best.size):
         own = slice(starts[one], starts[one + 1])
@@ -228,7 +228,7 @@ def shortfalls_of_block(
     mean: Array,
     square: Array,
 ) -> None:
-    """Fill in mean and mean square of what the place that each scan chose may fall short by."""
+    """Fill in mean and mean square of the shortfall of the position chosen by each scan."""
     for one in range(mean.size):
         own = slice(starts[one], starts[one + 1])
         at, good, read = place[own], valid[own], metric[own]
@@ -255,13 +255,13 @@ def shortfalls_of_block(
 
 @njit(cache=True)
 def _rounded(place: Array) -> Array:
-    """Return places to a micrometre: those asked for, whatever sums they come from."""
+    """Return positions rounded to a micrometre, which removes rounding errors of sums."""
     return np.rint(place * 1e6) / 1e6
 
 
 @njit(cache=True)
 def _completed(place: Array, valid: Mask, rules: ScanRules) -> tuple[Array, Mask]:
-    """Return the places with all the hits that a scan asks for, and which hits these are."""
+    """Return the positions with all hits of a scan, and the mask of these hits."""
     counted = np.empty(place.size, np.bool_)
     count_scan_hits(place, valid, rules, counted)
     at = _rounded(place)
@@ -277,16 +277,16 @@ def _completed(place: Array, valid: Mask, rules: ScanRules) -> tuple[Array, Mask
 
 @njit(cache=True)
 def _next_to(best: float, complete: Array, rules: ScanRules) -> Mask:
-    """Return which complete places are next to the best one."""
+    """Return a mask of the complete positions next to the best one."""
     off = np.abs(complete - best)
     return (off > 1e-6) & (off < rules.fine_step + 4 * rules.reach)
 
 
 @njit(cache=True)
 def _hopeful(places: Array, hits: int, place: Array, sought: Array, reach: float) -> Array:
-    """Return the places without those where `hits` balls or more, and most, did not rebound.
+    """Return the positions without those at which most balls, at least `hits`, did not rebound.
 
-    There the bat returns almost no speed, so such a place cannot have the maximum.
+    The bat returns almost no speed there, so the maximum cannot be at such a position.
     """
     kept = np.ones(places.size, np.bool_)
     for k in range(places.size):
@@ -310,7 +310,7 @@ def _hits(at: float, place: Array, valid: Mask, reach: float) -> int:
 
 @njit(cache=True)
 def _lacking(places: Array, hits: int, place: Array, valid: Mask, reach: float, out: Array) -> int:
-    """Fill in each place as often as hits are lacking there; return how many they are."""
+    """Fill `out` with each position, repeated for each missing hit. Return the total number."""
     many = 0
     for at in places:
         for _ in range(hits - _hits(at, place, valid, reach)):

@@ -1,7 +1,7 @@
-"""Where to hit: the centre of percussion, or a scan that closes in on the best place.
+"""Impact positions: the centre of percussion, or a scan that approaches the best position.
 
-After every round the operator asks for the remaining places. They follow only from the shots so
-far, so a reduction of the records finds the same places again.
+After each round the operator requests the remaining positions. They depend only on the shots so
+far, so a reduction of the records finds the same positions again.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
 
 
 def to_set(places: Array, *, exact: bool) -> Array:
-    """Return places as an operator can set them [m]: in half millimetres, unless `exact`."""
+    """Return positions as an operator can set them [m], in half millimetres unless `exact`."""
     return places if exact else np.round(places / SETTING_STEP) * SETTING_STEP
 
 
 def next_places(
     procedure: Procedure, percussion: float, place: Array, valid: Mask, sought: Array
 ) -> Array:
-    """Return the places to fire at next [m], one a shot; none when the test is complete.
+    """Return the impact positions of the next shots [m], none if the test is complete.
 
     Parameters
     ----------
@@ -53,10 +53,10 @@ def next_places(
 
 
 class NextShots(NamedTuple):
-    """Shots to fire next in a block, sorted by laboratory, (shot,)."""
+    """The next shots of a block, sorted by laboratory, (shot,)."""
 
-    owner: NDArray[np.intp]  # which laboratory
-    place: Array  # [m]
+    owner: NDArray[np.intp]  # laboratory of the shot
+    place: Array  # impact position [m]
 
 
 def next_shots(
@@ -67,14 +67,16 @@ def next_shots(
     valid: Mask,
     sought: Array,
 ) -> NextShots:
-    """Return the shots to fire next, as `next_places` of each laboratory.
+    """Return the next shots of a block, those of `next_places` for each laboratory.
 
     Parameters
     ----------
+    procedure
+        Its counts and its scan.
     percussion
-        (laboratory,) [m].
+        Centre of percussion of each bat as measured, (laboratory,) [m].
     owner, place, valid, sought
-        Of the shots fired so far, in order, (shot,).
+        Laboratory and values of the shots fired so far, in order, (shot,).
     """
     laboratories = np.arange(percussion.size)
     fired = np.bincount(owner, minlength=percussion.size)
@@ -96,13 +98,13 @@ def next_shots(
 def in_turn_of(
     owner: NDArray[np.intp], laboratories: int
 ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-    """Return shots laboratory after laboratory, in the order fired, and where each one's begin."""
+    """Return the indices of shots sorted by laboratory, and the start of each laboratory."""
     fired = np.bincount(owner, minlength=laboratories)
     return np.argsort(owner, kind="stable"), np.append(0, np.cumsum(fired))
 
 
 def scan_rules(procedure: Procedure, scan: Scan) -> ScanRules:
-    """Return what the compiled functions need of a scan."""
+    """Return the rules of a scan for the compiled functions."""
     from virtual_lab.measurement.procedure.scan_kernel import ScanRules
 
     return ScanRules(

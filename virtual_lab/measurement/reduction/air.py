@@ -14,8 +14,8 @@ from virtual_lab.uncertainty.estimate import Known
 from virtual_lab.units import Array
 
 DENSITY = "hall.air.density"
-LOGGER = "bench.climate."  # its constants are spent on the density
-ALLOWED = {  # of what is read, in SI; within them the formula holds well enough
+LOGGER = "bench.climate."  # prefix of the constants used for the density
+ALLOWED = {  # ranges of the readings in which the formula is accurate enough [SI]
     "temperature": (263.15, 323.15),
     "humidity": (0.0, 1.0),
     "pressure": (5e4, 1.1e5),
@@ -23,9 +23,9 @@ ALLOWED = {  # of what is read, in SI; within them the formula holds well enough
 
 
 def climate_readings(block: SessionBlock) -> ClimateReadings | None:
-    """Return the readings of the hall's climate, None without a record of them.
+    """Return the readings of the hall's climate, None without such a record.
 
-    Raises `InputError` where one is not that of a hall.
+    Raises `InputError` for a reading that is impossible in a hall.
     """
     record = block.records.get("bench", {}).get("climate")
     if record is None:
@@ -44,7 +44,8 @@ def climate_readings(block: SessionBlock) -> ClimateReadings | None:
 def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Array, Array]]:
     """Return temperature [K], relative humidity and pressure [Pa], corrected, each with its u.
 
-    The values (laboratory, reading); their u, common to the readings, (laboratory, 1).
+    The values have the shape (laboratory, reading), and their u, common to the readings,
+    (laboratory, 1).
     """
     found = {}
     for name in ALLOWED:
@@ -56,10 +57,10 @@ def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Arr
 
 
 def measured_density(block: SessionBlock) -> Known | None:
-    """Return the mean density of the air in a test [kg/m³], None where the climate was not read.
+    """Return the mean density of the air in a test [kg/m³], None without readings of the climate.
 
-    To the u of each instrument comes that of the formula, and what the density changed between
-    the readings, as of a uniform distribution (GUM 4.3.7).
+    Its u contains that of the instruments, that of the formula, and the change between the
+    readings as a uniform distribution (GUM 4.3.7).
     """
     record = climate_readings(block)
     if record is None:

@@ -1,4 +1,4 @@
-"""From board edges to passages: a line and a parabola over the beams of a board; compiled."""
+"""Compiled reduction of board edges to passages: a line and a parabola over the beams."""
 
 from __future__ import annotations
 
@@ -9,23 +9,24 @@ from numba import njit
 
 from virtual_lab.units import Array
 
-Beams = tuple[Array, Array, Array]  # of the beams broken: places, middles, squared chords
-FAINTEST = 1e-2  # of the longest chord's square: shorter ones weigh no more than this one
+Beams = tuple[Array, Array, Array]  # positions, midpoints and squared chords of broken beams
+FAINTEST = 1e-2  # squared chord that limits the weight of shorter ones [longest squared chord]
 FAST = {"reassoc", "contract", "nsz"}
 
 
 @njit(cache=True, error_model="numpy")
 def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, misfit: Array) -> None:
-    """Fill in passages, the u of their heights, and their misfit; NaN: not seen.
+    """Fill in the passages, the u of their heights, and their misfit, NaN if not detected.
 
     Parameters
     ----------
     edges
-        (shot, way, board, beam, edge) [s].
+        Times of the edges, (shot, direction, board, beam, edge) [s].
     times, heights, heights_u
-        (shot, way, board) [s], [beams above the lowest], [beams].
+        Time [s] and height [beams above the lowest] of the passages, and u of the height [beams],
+        (shot, direction, board).
     misfit
-        Rms of the edges about the parabola and the line, (shot, way) [s].
+        Rms deviation of the edges from parabola and line, (shot, direction) [s].
     """
     shots, ways, boards, beams, _ = edges.shape
     places, middles, squares = np.empty((3, beams))
@@ -37,7 +38,7 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
                 broken = places[:many], middles[:many], squares[:many]
                 times[shot, way, board] = heights[shot, way, board] = nan
                 heights_u[shot, way, board] = nan
-                if many < 4:  # for a parabola, and a word on how well it fits
+                if many < 4:  # too few for a parabola with a misfit
                     continue
                 about = broken[0].mean()
                 for i in range(many):
@@ -56,7 +57,7 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _broken(edges: Array, places: Array, middles: Array, squares: Array) -> tuple[int, float]:
-    """Collect the broken beams, chords over the longest; return their number, the longest [s]."""
+    """Collect the broken beams with relative chords. Return their number and longest chord [s]."""
     many, longest = 0, 0.0
     for beam in range(len(edges)):
         chord = edges[beam, 1] - edges[beam, 0]
@@ -75,9 +76,9 @@ def _broken(edges: Array, places: Array, middles: Array, squares: Array) -> tupl
 def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
     """Return the maximum of the parabola through the squares, its u, and the squared misfit.
 
-    The noise of an edge changes the square of a chord in proportion to the chord; the threshold of
-    a beam changes the square of every chord equally. Thresholds dominate the uncertainty of the
-    maximum, so equal scatter of all squares is assumed, which is slightly too much for edges.
+    The noise of an edge changes the squared chord in proportion to the chord, and the threshold of
+    a beam changes every squared chord equally. Thresholds dominate the uncertainty of the maximum,
+    so equal scatter of all squares is assumed, which is slightly too large for edges.
     """
     places, _, squares = broken
     s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -87,7 +88,7 @@ def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
         w = 1 / max(y, FAINTEST)
         s0, s1, s2, s3, s4 = s0 + w, s1 + w * x, s2 + w * x**2, s3 + w * x**3, s4 + w * x**4
         r0, r1, r2 = r0 + w * y, r1 + w * y * x, r2 + w * y * x**2
-    # the normal equations, by elimination
+    # normal equations, solved by elimination
     d11, d12, d22 = s2 - s1 * s1 / s0, s3 - s1 * s2 / s0, s4 - s2 * s2 / s0
     q1, q2 = r1 - s1 * r0 / s0, r2 - s2 * r0 / s0
     b2 = (q2 - d12 / d11 * q1) / (d22 - d12 / d11 * d12)
@@ -100,7 +101,7 @@ def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
         rest = y - b0 - b1 * x - b2 * x**2
         off += (scale * rest) ** 2 / (4 * max(y, FAINTEST))
         scatter += rest**2 / (places.size - 3)
-        # what the top makes of this square
+        # sensitivity of the maximum to this square
         tilt, bend = x - s1 / s0, x**2 - s2 / s0
         bend = (bend - d12 / d11 * tilt) / (d22 - d12 / d11 * d12)
         tilt = (tilt - d12 * bend) / d11

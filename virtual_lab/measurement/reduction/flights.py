@@ -1,7 +1,7 @@
-"""The seam between the instruments that watch the ball and the reduction.
+"""The interface between the reduction and the instruments that measure the flight of a ball.
 
-Gates, boards, a camera, another maker's radar gun: each is one class that meets `FlightReadings`.
-The reduction asks for nothing else, so another instrument changes nothing in it.
+Gates, light boards, a camera or the radar gun of another package each have one class that meets
+`FlightReadings`. The reduction uses only this protocol, so it does not depend on the instrument.
 """
 
 from __future__ import annotations
@@ -18,47 +18,47 @@ from virtual_lab.units import Array, Mask
 Constants = Mapping[str, Array]
 Shots = (
     Mask | NDArray[np.intp]
-)  # some of them: a mask, or their numbers, below 0 where there is none
+)  # selection of shots: a mask, or indices, negative for a missing shot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flights:
-    """Flights of a stage's balls, corrected by the calibration, (..., shot); NaN: not seen."""
+    """Flights of the balls of a stage, corrected by the calibration, (..., shot), NaN if unseen."""
 
-    speed_in: Array  # at the target [m/s]
+    speed_in: Array  # speed at the target [m/s]
     speed_out: Array
-    offset: Array  # height of the ball's centre at the target, above the instrument's zero [m]
-    slope_in: Array  # height gained a metre of distance, on the way in
-    slope_out: Array  # and on the way back
+    offset: Array  # height of the ball's centre at the target above the instrument's zero [m]
+    slope_in: Array  # height per metre of distance, incoming
+    slope_out: Array  # height per metre of distance, rebound
 
 
-FlightModel = Callable[[Constants, Array], Flights]  # of constants, drag [1/m]
+FlightModel = Callable[[Constants, Array], Flights]  # function of constants and drag rate [1/m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawFlights:
     """Flights by an instrument's own clock and survey, before any correction, (..., shot).
 
-    NaN: not seen.
+    A flight that was not detected has NaN.
     """
 
     speed_in: Array  # [m/s]
     speed_out: Array
     contact: Array  # time at which the ball reaches the target [s]
-    misfit: Array  # rms of the readings about one flight, (shot, way) [s]; NaN: not known
-    complete: Mask  # every part of the instrument saw the ball come in
+    misfit: Array  # rms deviation of the readings from the flight, (shot, direction) [s], or NaN
+    complete: Mask  # whether every part of the instrument detected the incoming ball
 
     def part(self, chosen: Shots) -> Self:
-        """Return some of the shots, see `some_of`."""
+        """Return the `chosen` shots, as `some_of` does."""
         own = {each.name: some_of(getattr(self, each.name), chosen) for each in fields(self)}
         return type(self)(**own)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawFlightsU:
-    """Standard uncertainties of raw flights by the readings alone, without the calibration.
+    """Standard uncertainties of raw flights from the readings alone, without the calibration.
 
-    (..., shot); NaN where the readings hold nothing that shows them.
+    Their shape is (..., shot). They are NaN if the readings do not show them.
     """
 
     speed_in: Array  # [m/s]
@@ -67,27 +67,27 @@ class RawFlightsU:
 
     @classmethod
     def unknown(cls, like: Array) -> Self:
-        """Return those of an instrument that shows none, of the shape of `like`."""
+        """Return unknown uncertainties (NaN) in the shape of `like`."""
         none = np.full(np.shape(like), np.nan)
         return cls(speed_in=none, speed_out=none, contact=none)
 
 
 class FlightReadings(Protocol):
-    """Readings of a stage's balls by one instrument."""
+    """Readings of the balls of a stage by one instrument."""
 
     @property
     def raw(self) -> RawFlights:
-        """The flights before any correction."""
+        """Flights before any correction."""
         ...
 
     @property
     def raw_u(self) -> RawFlightsU:
-        """Their standard uncertainties."""
+        """Standard uncertainties of the raw flights."""
         ...
 
     @property
     def shows_height(self) -> bool:
-        """True if `corrected` gives the height at which each ball met the target."""
+        """Whether `corrected` gives the height at which each ball met the target."""
         ...
 
     def corrected(self, x: Constants, drag: Array) -> Flights:
@@ -103,16 +103,16 @@ class FlightReadings(Protocol):
         ...
 
     def clock(self, x: Constants) -> Array:
-        """Return the rate of the rig's clock, which an encoder shares: time shown over true."""
+        """Return the rate of the rig's clock, recorded over true time, common to an encoder."""
         ...
 
     def part(self, chosen: Shots) -> Self:
-        """Return some of the shots: those of a mask, or by their numbers in any shape."""
+        """Return the shots of a mask, or of indices of any shape."""
         ...
 
 
 def some_of(values: NDArray[Any], chosen: Shots, none: Any = np.nan) -> NDArray[Any]:
-    """Return some of the values of shots, (shot, ...), and `none` (False) of one that is none."""
+    """Return the values, (shot, ...), of the chosen shots, and `none` for a negative index."""
     found = values[chosen]
     if chosen.dtype != bool and (missing := chosen < 0).any():
         found[missing] = False if found.dtype == bool else none
@@ -120,9 +120,9 @@ def some_of(values: NDArray[Any], chosen: Shots, none: Any = np.nan) -> NDArray[
 
 
 def numbered(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDArray[np.intp]:
-    """Return the numbers of the shots of each laboratory that are used, (laboratory, hit).
+    """Return the indices of the used shots of each laboratory, (laboratory, hit), in order.
 
-    In the order fired; -1 fills up where one has fewer than another.
+    Rows of laboratories with fewer shots are filled with -1.
     """
     shots = np.flatnonzero(used)
     shots = shots[np.argsort(owner[shots], kind="stable")]

@@ -1,4 +1,4 @@
-"""Least squares over the gates for many balls and many sets of constants; compiled."""
+"""Compiled least squares over the gates for many balls and many sets of constants."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from virtual_lab.relations.flight import SERIES, SERIES_BELOW
 from virtual_lab.relations.flight_kernel import FAST
 from virtual_lab.units import Array
 
-SIGNS = (-1.0, 1.0)  # of the ways: a ball comes and its time falls with the distance, it goes
+SIGNS = (-1.0, 1.0)  # slope of time over distance: negative for incoming balls, positive after
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -24,18 +24,20 @@ def fit_speeds(
     drag: Array,
     out: Array,
 ) -> None:
-    """Fill in speeds at the target, in and out, (way, row, shot) [m/s].
+    """Fill `out` with the speeds at the target, in and out, (direction, row, shot) [m/s].
+
+    A row is a set of constants.
 
     Parameters
     ----------
     times
-        (batch, way, gate, shot) [s]; NaN: not seen.
+        Times of the passages, (batch, direction, gate, shot) [s], NaN if not detected.
     batch
-        Which batch of times a row is of, (row,).
+        Batch of times of each row, (row,).
     distances, clock
-        (row, gate) [m] and (row,): rows are sets of constants.
+        Distances of the gates, (row, gate) [m], and rate of the clock, (row,).
     drag
-        κ (row, shot) [1/m].
+        Drag rate κ, (row, shot) [1/m].
     """
     gates, shots = times.shape[2:]
     reach, moments = np.empty((gates, shots)), np.empty((4, shots))
@@ -59,10 +61,11 @@ def fit_heights(
     drag: Array,
     out: Array,
 ) -> None:
-    """Fill in heights at the target on the way in [m] and slopes in and out, (3, row, shot).
+    """Fill `out` with the height at the target [m] and the slopes in and out, (3, row, shot).
 
-    Without gravity the heights are those of a straight line. `speeds` as from `fit_speeds`,
-    `zeros` (row, gate) of the gates [m], `gravity` (row,) [m/s²], the others as there.
+    Without gravity the heights are those of a straight line. `speeds` come from `fit_speeds`,
+    `zeros` are the zero heights of the gates, (row, gate) [m], and `gravity` is (row,) [m/s²]. The
+    other arguments are those of `fit_speeds`.
     """
     gates, shots = heights.shape[2:]
     reach, level, places = np.empty((3, gates, shots))
@@ -86,7 +89,7 @@ def fit_heights(
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _reaches(distances: Array, sign: float, drag: Array, reach: Array) -> None:
-    """Fill in the times to the gates of balls of speed 1 at the target, (gate, shot)."""
+    """Fill `reach` with the times to the gates for a speed of 1 at the target, (gate, shot)."""
     for gate in range(distances.size):
         way, long = distances[gate], 0
         for i in range(drag.size):
@@ -105,10 +108,10 @@ def _reaches(distances: Array, sign: float, drag: Array, reach: Array) -> None:
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _line(across: Array, up: Array, moments: Array, slope: Array) -> None:
-    """Fill in least-squares slopes of `up` over `across`, (gate, shot), where both are known.
+    """Fill `slope` with least-squares slopes of `up` over `across`, (gate, shot), without NaN.
 
-    NaN if fewer than two gates saw the ball. `moments` then hold the number of gates, and the
-    means of both.
+    A slope is NaN if fewer than two gates detected the ball. `moments` receives the number of gates
+    and the means of `across` and `up`.
     """
     gates, n = len(across), slope.size
     count, x_mean, y_mean, square = moments[0], moments[1], moments[2], moments[3]

@@ -41,7 +41,7 @@ def besr(e_A: Floats) -> Floats:
 
 
 def bat_performance_factor(e: Floats, e0: Floats) -> Floats:
-    """Return BPF, restitution of ball and bat over that of the ball on a wall. Eq. (5)."""
+    """Return the bat performance factor e / e0. Eq. (5)."""
     return e / e0
 
 
@@ -71,7 +71,7 @@ def parallel_axis(I_cm: Floats, M: Floats, d: Floats) -> Floats:
 
 
 def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats) -> Floats:
-    """Return the place [m] where a hit puts no force on a pivot at `z_pivot`.
+    """Return the position [m] at which an impact exerts no force on a pivot at `z_pivot` [m].
 
     Eq. (11). It tends to infinity as the pivot approaches the centre of mass.
     """
@@ -79,7 +79,7 @@ def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats)
 
 
 def energy_fractions(e: Floats, r: Floats) -> EnergyFractions:
-    """Return the shares of ball, rigid bat and everything else in the energy. Eqs. (10)."""
+    """Return the shares of the ball, the rigid bat and the losses in the energy. Eqs. (10)."""
     return EnergyFractions(
         ball=((e - r) / (1 + r)) ** 2,
         bat=r * ((1 + e) / (1 + r)) ** 2,
@@ -95,7 +95,7 @@ def batted_speed_gain(v_rel: Floats, gain_e: Floats, r: Floats) -> Floats:
 def rebound_speed_from_recoil(
     I_p: Floats, omega: Floats, m: Floats, b: Floats, v_ball: Floats
 ) -> Floats:
-    """Return the rebound speed [m/s] of a ball that leaves a resting pivoted bat at `omega`.
+    """Return the rebound speed [m/s] of a ball from the recoil rate `omega` of a bat at rest.
 
     Angular momentum about the pivot: ``I_p omega = m b (v_ball + v_f)``.
     """

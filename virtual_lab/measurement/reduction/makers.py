@@ -1,4 +1,4 @@
-"""The instruments that time balls, by the kind of their record; others' from their packages."""
+"""Readings of the instruments that time balls, by type of record, including other packages."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from virtual_lab.records import BallRecord, Record, record_types
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.uncertainty.estimate import Estimate
 
-Maker = Callable[[Any, Mapping[str, Estimate], str], FlightReadings]  # of record, constants, stage
+Maker = Callable[[Any, Mapping[str, Estimate], str], FlightReadings]  # (record, constants, stage)
 
 
 @cache
 def makers() -> Mapping[type[Record], Maker]:
-    """Return what makes readings of the flights out of each kind of record.
+    """Return, for each type of record, the function that makes readings of flights from it.
 
-    A package adds one by an entry point in the group ``virtual_lab.flights``, under the name its
-    record has in the group ``virtual_lab.records``.
+    A package adds one by an entry point in the group ``virtual_lab.flights``, with the name of its
+    record in the group ``virtual_lab.records``.
     """
     own = dict.fromkeys(("gates", "boards", "passages"), GateReadings.of)
     others = {point.name: point.load() for point in entry_points(group="virtual_lab.flights")}
@@ -31,14 +31,14 @@ def makers() -> Mapping[type[Record], Maker]:
 
 
 def flight_readings(block: SessionBlock, stage: str) -> FlightReadings:
-    """Return the readings of a stage's balls, laboratory after laboratory or as fired, (shot,).
+    """Return the readings of the balls of a stage, sorted by laboratory or as fired, (shot,).
 
-    Gates were surveyed to the same places in all laboratories of a block.
+    The surveyed positions of the gates are the same in all laboratories of a block.
 
     Raises
     ------
     InputError
-        The stage has no record of its balls, or two, or one that nothing here reduces.
+        The stage has no record of its balls, or two, or one of an unknown type.
     """
     found = {
         channel: record

@@ -24,24 +24,24 @@ from virtual_lab.units import Array
 class RecoilFit:
     """Settings of the fit of rotation and vibration."""
 
-    polynomial_order: int = 3  # turn, and two terms of its slowing
+    polynomial_order: int = 3  # order of the rotation: rate and two terms of its slowing
     most_rings: int = 6
-    slowest_ring: float = 60.0  # Hz; no bat rings so slowly, but a slip of the coupling looks so
-    settling_time: float = 3e-3  # s after contact: ball gone, forced motion over
-    # s, the turn is extrapolated to the end of contact; ball data say 0.6 to 1.0, at 60 mph
-    # nearer 0.7. Friction takes 1e-4 of the rate a millisecond, so a tenth of one is 1e-5.
+    slowest_ring: float = 60.0  # lowest frequency of a bat; a slipping coupling looks slower [Hz]
+    settling_time: float = 3e-3  # time after contact at which the forced motion is over [s]
+    # duration of contact, to whose end the rotation is extrapolated [s]; data of balls: 0.6 to
+    # 1.0 ms, about 0.7 at 60 mph. Friction reduces the rate by 1e-4 per millisecond.
     contact_duration: float = 0.7e-3
-    first_decay: float = 5.0  # 1/s
-    greatest_decay: float = 300.0  # 1/s
-    peak_over_median: float = 20.0  # of a ring in the periodogram
+    first_decay: float = 5.0  # start value of the decay [1/s]
+    greatest_decay: float = 300.0  # largest decay [1/s]
+    peak_over_median: float = 20.0  # smallest peak of a vibration in the periodogram [median]
     most_steps: int = 10
-    shots_searched: int = 48  # which give the rings to far below what one shot's noise hides
-    odd: float = 2.0  # residual of a shot that gives no rings, over the median
-    turned: float = 3.0  # misfit of a record's end that shows a bat at its stop; counting: 1.7
-    shots_together: int = 32  # their residuals stay in the cache
-    converged_step: float = 1e-5  # in units of 1/record, far below what noise hides
-    residual: float = 1e-3  # counts, rms that is no ring where what is shown are no whole counts
-    residual_of_counts: float = 1.02 / sqrt(12)  # where they are: counting, and a little more
+    shots_searched: int = 48  # number of shots that give the frequencies accurately enough
+    odd: float = 2.0  # residual beyond which a shot is not used for frequencies [median]
+    turned: float = 3.0  # misfit at the end of a record that shows a bat at its stop (noise: 1.7)
+    shots_together: int = 32  # number of shots whose residuals fit in the cache
+    converged_step: float = 1e-5  # step at which the fit has converged [1/record length]
+    residual: float = 1e-3  # rms residual without vibration for fractional counts [counts]
+    residual_of_counts: float = 1.02 / sqrt(12)  # the same for integer counts, with a margin
 
 
 RECOIL = RecoilFit()
@@ -80,13 +80,13 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
     times, counts = record.times[tail], record.counts[:, tail]
     origin, span = times[0], times[-1] - times[0]
     clock = (times - origin) / span
-    # all shots ring alike, so a few of a large batch give the frequencies
+    # all shots have the same vibrations, so a few of a large batch give the frequencies
     whole = bool(np.array_equal(counts[:1], np.rint(counts[:1])))
     no_ring = RECOIL.residual_of_counts if whole else RECOIL.residual
     searched = counts[: RECOIL.shots_searched].T
     rings, basis = _find_rings(clock, searched, span, no_ring)
     left = np.sqrt((project(basis, searched)[1] ** 2).mean(axis=0))
-    odd = left > RECOIL.odd * np.median(left)  # a jump in one shot is a ring of none
+    odd = left > RECOIL.odd * np.median(left)  # a jump in one shot is not a vibration
     if odd.any():
         rings, basis = _find_rings(clock, searched[:, ~odd], span, no_ring)
     row = np.zeros((contact.size, basis.shape[1]))
@@ -102,7 +102,7 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
         rate=rate,
         rate_u=np.sqrt(variance * leverage),
         by_half=by_half,
-        # of a part against a least-squares fit of the whole: u² = u_part² - u_whole²
+        # difference between the fits of a part and of the whole: u² = u_part² - u_whole²
         by_half_u=np.sqrt(variance * np.maximum(half_leverage - leverage, 0.0)),
         span=np.where(np.isfinite(contact), span, np.nan),
         counting=counting_noise(record.counts),
@@ -117,10 +117,10 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
 
 
 def _farthest(counts: Array) -> int:
-    """Return the number of samples up to which no bat turns back from its stop.
+    """Return the number of samples before the first bat rebounds from its stop.
 
-    A count that is farthest in the first half of the usual way, as of a bat that was not hit or
-    of an encoder that jumps, is not taken for a stop: the residual of that shot shows it.
+    A maximum count in the first half of the usual angle (a bat that was not hit, or an encoder that
+    jumps) is not treated as a stop, because the residual of that shot shows it.
     """
     farthest = np.abs(counts - counts[:, :1]).argmax(axis=1)
     usual = farthest[farthest > np.median(farthest) / 2]
@@ -130,9 +130,9 @@ def _farthest(counts: Array) -> int:
 def _rates(
     basis: Array, counts: Array, row: Array, until: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Return rates, their variance for noise of a count, the squares left, those from `until` on.
+    """Return rates, their variances per squared count of noise, and sums of squared residuals.
 
-    (shot,) each.
+    The last two results, (shot,) like the others, are the sums over all samples and from `until`.
     """
     orthogonal, triangle = np.linalg.qr(basis)
     weight = np.linalg.solve(triangle.T, row.T)
@@ -148,9 +148,9 @@ def _rates(
 
 
 def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tuple[Array, Array]:
-    """Add vibrations one by one while the residual contains one; refine all after each.
+    """Return the vibrations, added one by one while the residual contains one, then refined.
 
-    Counting alone causes spectral lines too, in a residual whose rms is `no_ring` [counts].
+    Counting alone also causes spectral lines, in a residual with an rms of `no_ring` [counts].
     """
     rings = np.empty((0, 2))  # frequency and decay in units of 1/span
     slowest = max(RECOIL.polynomial_order, RECOIL.slowest_ring * span)
@@ -166,7 +166,7 @@ def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tup
                 clock, counts, np.vstack([rings, [peak, RECOIL.first_decay * span]]), span
             )
         except np.linalg.LinAlgError:
-            break  # the new ring fell upon one already there
+            break  # the new vibration coincides with an existing one
         wider = turn_and_rings(clock, more)
         if np.linalg.matrix_rank(wider) < wider.shape[1]:
             break
@@ -175,7 +175,7 @@ def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tup
 
 
 def _strongest(clock: Array, residual: Array, slowest: float) -> float | None:
-    """Return the frequency of the residual's strongest line, None without a clear one."""
+    """Return the frequency of the strongest line of the residual, None if there is no clear one."""
     n = len(clock)
     spectrum = np.fft.rfft(np.hanning(n)[:, None] * residual, 4 * n, axis=0)
     power = (np.abs(spectrum) ** 2).sum(axis=1)
@@ -188,7 +188,7 @@ def _strongest(clock: Array, residual: Array, slowest: float) -> float | None:
 
 
 def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
-    """Return the vibrations of least residual, by Gauss-Newton from a near start."""
+    """Return the vibrations with the smallest residual, by Gauss-Newton from a close start."""
     fastest_decay = RECOIL.greatest_decay * span
     for _ in range(RECOIL.most_steps):
         basis = turn_and_rings(clock, rings)
@@ -198,7 +198,7 @@ def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
         moves = clock[:, None] * basis[:, RECOIL.polynomial_order + 1 :]
         moves -= orthogonal @ (orthogonal.T @ moves)
         shares = _shares(coefficients[RECOIL.polynomial_order + 1 :])
-        # normal equations of changes that are sums of products, a move times its shares
+        # normal equations of changes that are sums of products of moves and shares
         flat, between = shares.reshape(len(shares), -1), moves.T @ moves
         matrix = flat @ np.einsum("mn,pns->pms", between, shares).reshape(flat.shape).T
         step = np.linalg.lstsq(matrix, flat @ (moves.T @ residual).ravel(), rcond=None)[0]
@@ -210,9 +210,10 @@ def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
 
 
 def _shares(coefficients: Array) -> Array:
-    """Return how much of each move a frequency or a decay makes, (parameter, move, shot).
+    """Return the share of each move in the change of a parameter, (parameter, move, shot).
 
-    Moves are the columns of the rings times the time, (move, shot) their coefficients.
+    The parameters are frequencies and decays. The moves are the columns of the vibrations times the
+    time, with `coefficients` (move, shot).
     """
     moves, shots = coefficients.shape
     shares = np.zeros((moves // 2, 2, moves // 2, 2, shots))
@@ -224,7 +225,7 @@ def _shares(coefficients: Array) -> Array:
 
 
 def turn_and_rings(clock: Array, rings: Array) -> Array:
-    """Return powers of time, then a decaying cosine and sine for each vibration."""
+    """Return the basis of the fit: powers of time, and decaying cosine and sine per vibration."""
     columns = [clock**power for power in range(RECOIL.polynomial_order + 1)]
     for frequency, decay in rings:
         envelope = np.exp(-decay * clock)
@@ -241,9 +242,9 @@ def project(basis: Array, data: Array) -> tuple[Array, Array]:
 
 
 def _at_rest(record: EncoderRecord, contact: Array) -> tuple[Array, Array]:
-    """Return the rate before contact by a straight line, and the noise, (shot,) each.
+    """Return the rate before contact, from a straight line, and the noise, each (shot,).
 
-    A bat at rest has the rate 0. NaN if the record is too short.
+    The rate of a bat at rest is 0. Both are NaN if the record is too short.
     """
     before = record.times < np.nanmin(contact) - RECOIL.settling_time / 3
     if before.sum() < 3:

@@ -18,35 +18,35 @@ DEGREE = 3
 
 
 def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
-    """Fit a batch of shots.
+    """Return the rate and the angle of a swung bat at contact, for a batch of shots.
+
+    A shot that the gates did not detect, or that came too early for a fit, has a rate of NaN.
 
     Parameters
     ----------
     record
-        Counts (shot, sample) at common times; 0 where the bat stands square to the ball.
+        Counts (shot, sample) at common times; 0 where the bat is square to the ball.
     contact
         Uncorrected time at which the ball reaches the plane of a square bat, from the gates,
         shape (shot,) [s].
     reach
-        The ball's time over the motion of the struck point for one encoder count, shape (shot,)
-        [s].
-
-    A shot that the gates did not see, or saw too early for a fit, has a rate of NaN.
+        Time of the ball over the distance that the struck point moves per encoder count,
+        shape (shot,) [s].
 
     Raises
     ------
     ValueError
-        The record holds too little before any contact to fit anything.
+        The record before contact is too short for a fit.
     """
     if not np.isfinite(contact).any():
         raise ValueError("the gates saw no ball come in")
-    # a bat three degrees out of step meets the ball no sooner than 1 ms before
+    # a bat three degrees out of phase meets the ball at most 1 ms earlier
     samples = np.searchsorted(record.times, contact - 1e-3)
     enough = np.isfinite(contact) & (samples >= 5 * (DEGREE + 1))
     if not enough.any():
         raise ValueError("the encoder record holds too little before contact")
-    fitted = np.full((7, contact.size), np.nan)  # the names below
-    # shots of as many samples before contact share the matrix of their fit
+    fitted = np.full((7, contact.size), np.nan)  # rows in the order of the names below
+    # shots with the same number of samples before contact share the matrix of the fit
     for number in np.unique(samples[enough]):
         shots = enough & (samples == number)
         before = record.counts[shots, :number]
@@ -69,10 +69,10 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
 
 
 def _fit(times: Array, counts: Array, contact: Array, reach: Array) -> tuple[Array, ...]:
-    """Return what is known at contact, for records of equal times, (shot,) each.
+    """Return the results at contact for records with common times, each (shot,).
 
-    Rate, its u, angle, residual, rate by the later half of the record, u of its difference from
-    that by the whole, and the time fitted.
+    The results are: rate, its u, angle, residual, rate from the later half of the record, u of its
+    difference from that of the whole, and the fitted time.
     """
     origin, span = times[-1], times[-1] - times[0]
     clock = (times - origin) / span
@@ -80,13 +80,13 @@ def _fit(times: Array, counts: Array, contact: Array, reach: Array) -> tuple[Arr
     coefficients, triangle, square = _cubic(clock, counts)
 
     def at(time: Array) -> tuple[Array, Array, Array]:
-        """Return angle, rate and the rate's row of the fit at a time."""
+        """Return angle, rate, and the row of the fit for the rate at a time."""
         beyond = (time - origin) / span
         row = powers * beyond ** np.maximum(powers - 1, 0) / span
         return (beyond**powers * coefficients).sum(axis=0), (row * coefficients).sum(axis=0), row
 
     angle, rate, _ = at(contact)
-    sooner = reach * angle / (1 + rate * reach)  # ball and bat, each at its speed
+    sooner = reach * angle / (1 + rate * reach)  # ball and bat approach each other
     angle, rate, row = at(contact - sooner)
     leverage = (np.linalg.solve(triangle.T, row) ** 2).sum(axis=0)
     variance = square / (times.size - DEGREE - 1)
@@ -99,14 +99,14 @@ def _fit(times: Array, counts: Array, contact: Array, reach: Array) -> tuple[Arr
         angle,
         np.sqrt(square / times.size),
         (row * by_half).sum(axis=0),
-        # of a part against a least-squares fit of the whole: u² = u_part² - u_whole²
+        # difference between the fits of a part and of the whole: u² = u_part² - u_whole²
         np.sqrt(variance * np.maximum(more, 0.0)),
         np.full(rate.shape, span),
     )
 
 
 def _cubic(clock: Array, counts: Array) -> tuple[Array, Array, Array]:
-    """Return coefficients (power, shot), the triangle of the fit and the squares left (shot,)."""
+    """Return coefficients (power, shot), triangle of the fit, and squared residuals (shot,)."""
     orthogonal, triangle = np.linalg.qr(np.vander(clock, DEGREE + 1, increasing=True))
     seen = counts @ orthogonal
     left = counts - seen @ orthogonal.T
