@@ -18,6 +18,7 @@ from virtual_lab.bench.pages.page import wall_page
 from virtual_lab.bench.scoring.debrief import debriefed
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
+from virtual_lab.measurement.procedure import Procedure
 
 
 def begun(folder: Path, name: str) -> KeptDay:
@@ -39,6 +40,19 @@ def test_eight_scenarios_ship_and_are_documented() -> None:
     assert len(names) >= 8
     page = (Path(__file__).parents[2] / "data" / "README.md").read_text("utf-8")
     assert [name for name in names if f"`{name}`" not in page] == []
+
+
+def test_no_scenario_tests_a_bat_that_its_rules_exempt() -> None:
+    """The BBCOR rules exempt one-piece wood bats, so no verdict on one can be right."""
+    exempt = 0
+    for name in catalog.names("bench/scenarios"):
+        told = load_scenario(name).spec
+        rules = catalog.load("procedures", told.procedure, Procedure).spec
+        if rules.eligibility is not None and rules.eligibility.exempt:
+            assert rules.eligibility.exempt == "one-piece wood bats"
+            assert "wood" not in catalog.load_bat(told.bat).spec.title
+            exempt += 1
+    assert exempt >= 3
 
 
 def test_a_fault_that_no_check_finds_is_in_no_scenario(tmp_path: Path) -> None:
