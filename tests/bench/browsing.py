@@ -16,10 +16,10 @@ from unittest import mock
 
 import pytest
 
+from virtual_lab.bench.day.exam import Hall
 from virtual_lab.bench.day.scenario import Scenario, load_scenario
 from virtual_lab.bench.entrance.served_day import ServedDay
 from virtual_lab.bench.web import server as web
-from virtual_lab.bench.web.exam import Hall
 from virtual_lab.bench.web.server import application
 from virtual_lab.catalog import Entry
 

@@ -7,9 +7,9 @@ import pytest
 
 from tests.bench.test_web import HOST, TOKEN, Answer, Browser
 from virtual_lab.bench.day.actions import action_of
+from virtual_lab.bench.day.exam import Hall, load_class
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.entrance.served_day import ServedDay
-from virtual_lab.bench.web.exam import Hall, load_class
 from virtual_lab.bench.web.server import application
 from virtual_lab.errors import InputError
 

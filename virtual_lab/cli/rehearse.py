@@ -145,7 +145,7 @@ def day_command(
         return _served(scenario, day, names, seed=seed, **served)
     if trainees > 1:
         usage("--exam names the trainees, --trainees counts them")
-    from virtual_lab.bench.web.exam import load_class
+    from virtual_lab.bench.day.exam import load_class
 
     found = load_class(exam)
     return _served(found.scenario, day, found.trainees, seed=seed, exam=found.title, **served)

@@ -13,10 +13,10 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
+from virtual_lab.bench.day.exam import Hall
 from virtual_lab.bench.day.log import LOG
 from virtual_lab.bench.day.scenario import Scenario
 from virtual_lab.bench.entrance.served_day import ServedDay
-from virtual_lab.bench.web.exam import Hall
 from virtual_lab.catalog import Entry
 from virtual_lab.errors import InputError
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from io import StringIO
 from itertools import accumulate
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from virtual_lab.bench.day.actions import ARGUMENTS
 from virtual_lab.bench.day.arguments import Argument
 from virtual_lab.bench.day.day import Day, DayEvent, offered, ready_steps
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.doubts import known_doubts
+from virtual_lab.bench.day.exam import Hall
 from virtual_lab.bench.day.readings import rows_of
 from virtual_lab.bench.day.scenario import UNITS, Scenario
 from virtual_lab.bench.day.table import action_table, in_buttons, preparation
@@ -25,9 +26,6 @@ from virtual_lab.bench.pages.traces import traces_of
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.tables import quoted
 from virtual_lab.output.template import page_template
-
-if TYPE_CHECKING:
-    from virtual_lab.bench.web.exam import Hall
 
 PACKAGE = "virtual_lab.bench.pages"
 PARTS = {

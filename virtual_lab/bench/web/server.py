@@ -46,7 +46,7 @@ from virtual_lab.errors import InputError
 
 if TYPE_CHECKING:
     from virtual_lab.bench.day.desk import Desk
-    from virtual_lab.bench.web.exam import Hall
+    from virtual_lab.bench.day.exam import Hall
 
 PATIENCE = 1.0  # s, until a page says that a debrief is being made
 LARGEST_BODY = 64 * 1024  # B
