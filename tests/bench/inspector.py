@@ -13,26 +13,26 @@ from html.parser import HTMLParser
 MEANS = (  # words of a reading beyond its limit: the fault
     ("check mass on the scale", "scale-not-tared"),
     ("mass of the bat", "bat-ounces-as-grams"),
-    ("mean mass of the balls", "ounces-as-grams"),
+    ("mean mass of the balls,", "ounces-as-grams"),
     ("balls on the display", "ball-mass-typed"),
     ("balance point", "balance-from-knob"),
-    ("shortening of the periods", "pendulum-wide"),
+    ("decrease of the period", "pendulum-wide"),
     ("clamp alone", "clamp-forgotten"),
     ("slowest ball at the wall", "ball-worn-out"),
     ("check ball at the wall", "wall-drift"),
-    ("balls of the rig at the wall", "wrong-lot"),
+    ("test balls at the wall", "wrong-lot"),
     ("from the bat", "gate-moved"),
-    ("axis from the knob", "pivot-off"),
-    ("clock of the gates", "gate-clock"),
+    ("pivot axis from the knob", "pivot-off"),
+    ("gate clock", "gate-clock"),
     ("marks along", "aim-along"),
     ("marks across", "aim-across"),
-    ("ring of the bat", "bat-cracked"),
-    ("did not see come in", "gate-misses"),
-    ("broke the first gate too early", "sabot-trip"),
-    ("speeds at the gates", "cannon-slow"),
-    ("rates before the hit", "bat-not-at-rest"),
-    ("greatest less least", "encoder-slip"),
-    ("least of the shots", "encoder-play"),
+    ("frequency of the bat", "bat-cracked"),
+    ("balls that a gate missed", "gate-misses"),
+    ("blocked the first gate too early", "sabot-trip"),
+    ("median speed at the gates", "cannon-slow"),
+    ("rate of the bat before the hit", "bat-not-at-rest"),
+    ("largest minus smallest", "encoder-slip"),
+    ("smallest over the shots", "encoder-play"),
 )
 EXPLAINED = {  # a fault that is not named where another shows
     "ball-mass-typed": {"ounces-as-grams"},
@@ -80,7 +80,7 @@ class _Checks(HTMLParser):
 
 
 def rows(page: str) -> list[list[str]]:
-    """Return reading, within, shown, should be, off, u, limit, unit, entry of each check."""
+    """Return reading, result, value, expected, difference, u, limit, unit, entry of each check."""
     parser = _Checks()
     parser.feed(page)
     return [row for row in parser.rows if row[0] != "Reading"]
@@ -107,7 +107,7 @@ def _fault(row: list[str]) -> str:
     words, off = row[0], row[4]
     if words.startswith("check cylinder"):
         return "encoder-half-counts" if -float(off) > 0.25 * float(row[3]) else "bearing-friction"
-    if "broke the first gate, over the last" in words:
+    if "ratio of the blocking times" in words:
         ratio = float(row[2])
         if ratio > 1.2:
             return "sabot-trip"

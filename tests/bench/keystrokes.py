@@ -108,11 +108,11 @@ def by_list(page: Any, day: ServedDay) -> Keyboard:
         hands.do(name)
     while day.desk.next_place is not None:
         hands.open("rig")
-        hands.to("how many balls")
+        hands.to("number of balls")
         hands.press(*"12")
-        hands.to("stop at the first oddity")
+        hands.to("stop after a shot outside")
         hands.press(" ")
-        hands.to("accept what is within")
+        hands.to("accept hits within")
         hands.press(" ")
         hands.thoughts += 1
         hands.enter()

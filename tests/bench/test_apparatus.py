@@ -289,19 +289,19 @@ def test_the_gauge_shows_a_gate_that_was_moved() -> None:
 
 def test_the_check_cylinder_shows_half_the_counts() -> None:
     found = shown(day_of([("fire-check-cylinder", {})], "encoder-half-counts"), 1)
-    name = "turn x time between gates"
+    name = "rotation × time between gates"
     assert found[f"{name}, today"] / found[f"{name}, chart"] == pytest.approx(0.5, rel=0.02)
-    ball = "ball's speed out / in"
+    ball = "ball's rebound speed / incoming speed"
     off = found[f"{ball}, today"] - found[f"{ball}, chart"]
-    assert abs(off) < 5 * found[f"{ball}, standard deviation of a morning"]
+    assert abs(off) < 5 * found[f"{ball}, standard deviation of a day"]
 
 
 def test_the_check_ball_shows_a_wall_rig_that_drifts() -> None:
     """It is hit at the start of the test and not through it, and again at the end."""
     found = shown(day_of([("fire-check-ball", {})]), 1)
-    name = "speed out / in"
+    name = "rebound speed / incoming speed"
     off = found[f"{name}, today"] - found[f"{name}, chart"]
-    assert abs(off) < 4 * found[f"{name}, standard deviation of a morning"]
+    assert abs(off) < 4 * found[f"{name}, standard deviation of a day"]
     drifting = shown(day_of([("fire-check-ball", {})], "wall-drift"), 1)
     assert drifting[f"{name}, today"] > found[f"{name}, today"] * 1.02
 

@@ -94,32 +94,32 @@ def test_a_day_by_the_book_is_one_key(visit: Visit) -> None:
     assert day.kept.day.verdict == "PASS"
     assert [chosen.accepted for chosen in day.kept.day.decisions.values()].count(True) == 6
     assert not day.kept.day.decisions[1].accepted  # the slow one
-    assert "As it really was" in page.inner_text("#shot")
+    assert "Top view of the true motion" in page.inner_text("#shot")
     page.keyboard.press("Enter")
-    page.wait_for_selector("text=Verdict given: PASS", timeout=60_000)  # it may be made first
+    page.wait_for_selector("text=Your verdict: PASS", timeout=60_000)  # it may be made first
 
 
 def test_a_fault_is_found(visit: Visit) -> None:
     """Tuesday: a gate stands elsewhere; who gauges it sees so, reduces with it and says so."""
     day, page = visit("tuesday", faults=("gate-moved",))
     page.locator("#rig > summary").click()
-    press(page, "Gauge the gate distances")
+    press(page, "Measure the distances of the gates")
     shown = page.inner_text("#display")
     assert "gate 2, gauged" in shown
-    page.get_by_label("reduce with").select_option("gauge")
-    press(page, "Gauge the gate distances")
+    page.get_by_label("distances to use").select_option("gauge")
+    press(page, "Measure the distances of the gates")
     page.locator("#notebook > summary").click()
-    page.get_by_label("what is wrong").fill("A gate moved after its survey")
-    page.get_by_label("how sure [%]").fill("0,9")
-    press(page, "Note a doubt")
+    page.get_by_label("fault").fill("A gate moved after its survey")
+    page.get_by_label("confidence [%]").first.fill("0,9")
+    press(page, "Note a suspected fault")
     assert names(day) == ["gauge-gates", "gauge-gates", "note-doubt"]
     assert day.kept.day.events[-1].arguments == {"doubt": "gate-moved", "confidence": 0.9}
     page.locator("#result > summary").click()
     page.get_by_label("verdict").select_option("INVALID")
     press(page, "Give the verdict")
-    press(page, "Hand the day in")
+    press(page, "Hand in the day")
     page.get_by_role("link", name="debrief").click()
-    page.wait_for_selector("text=Verdict given", timeout=60_000)  # it may be made first
+    page.wait_for_selector("text=Right verdict", timeout=60_000)  # it may be made first
     assert "named it" in page.inner_text("main")
 
 
@@ -143,7 +143,7 @@ def test_after_a_shot_the_page_stays_where_its_pictures_are(visit: Visit) -> Non
 
 def test_rules_and_instruments_are_a_key_away(visit: Visit) -> None:
     day, page = visit()
-    for key, heading in (("r", "The rules of the day"), ("i", "The instruments")):
+    for key, heading in (("r", "The rules"), ("i", "The instruments")):
         page.wait_for_selector("body :focus", state="attached")
         with page.expect_navigation():
             page.keyboard.press(key)
@@ -178,7 +178,7 @@ def test_a_careless_day_is_kept_whole(visit: Visit) -> None:
     page.go_back()
     press(page, "Tap the bat")
     page.locator("#rig > summary").click()
-    press(page, "Load, make ready and fire")
+    press(page, "Load, prepare and fire")
     assert "is not known yet" in page.inner_text("[role=alert]")
     page.locator("#set-place-place").fill("1e99")
     with page.expect_navigation():
@@ -195,12 +195,12 @@ def test_a_phone_and_a_keyboard_are_enough(visit: Visit) -> None:
     """390 px, reduced motion, no pointer: a day whose hits are fired and judged in one go."""
     day, page = visit(viewport=NARROW, reduced_motion="reduce", color_scheme="dark")
     focus = "Tare the scale"
-    while focus != "Load, make ready and fire":
+    while focus != "Load, prepare and fire":
         focus = enter(page)
         assert page.evaluate("document.documentElement.scrollWidth - innerWidth") == 0
-    for key in ("Tab", "5"):  # how many balls
+    for key in ("Tab", "5"):  # number of balls
         page.keyboard.press(key)
-    for key in ("Tab", "Tab", " "):  # stop at the first oddity; accept what is within
+    for key in ("Tab", "Tab", " "):  # stop after a shot outside; accept hits within
         page.keyboard.press(key)
     focus = enter(page)
     assert focus == "Reject 2"
@@ -214,7 +214,7 @@ def test_a_phone_and_a_keyboard_are_enough(visit: Visit) -> None:
     assert "counts" in page.get_attribute("#cursor", "aria-valuetext")
     page.reload()
     focus = enter(page)
-    while focus == "Load, make ready and fire" or focus.startswith("Accept"):
+    while focus == "Load, prepare and fire" or focus.startswith("Accept"):
         focus = enter(page)
     assert focus == "Reduce the hits"
     focus = enter(page)
@@ -332,7 +332,7 @@ def test_axe_finds_nothing_in_an_exam(visit: Visit, looks: Looks) -> None:
     do(day, ("give-verdict", {"verdict": "INVALID"}), ("hand-in", {}))
     stranger.goto(home)
     looks.look(stranger, "handed in, an exam")
-    trainer.get_by_role("link", name="Look again").click()
+    trainer.get_by_role("link", name="Refresh").click()
     assert "handed in, joined again at" in trainer.inner_text("table")
     looks.look(trainer, "trainer, joined again")
     for page in (trainer, stranger):

@@ -155,12 +155,18 @@ def test_a_decimal_comma_is_read() -> None:
         ([("fire", {})], "load-ball comes first"),
         ([("load-ball", {"ball": 1}), ("fire", {})], "set-place comes first"),
         ([("load-ball", {"ball": 13})], "allowed: 1 to 12"),
-        ([("accept", {"shot": 1})], "nothing was fired yet"),
-        ([("reduce", {})], "nothing was fired at the bat yet"),
+        ([("accept", {"shot": 1})], "no shot has been fired yet"),
+        ([("reduce", {})], "no shot has been fired at the bat yet"),
         ([("give-verdict", {"verdict": "PASS"})], "reduce or enter-result comes first"),
         ([("hand-in", {})], "give-verdict comes first"),
-        ([("tare", {}), ("strike-out", {"entry": 1, "because": "x"})], "allowed: readings"),
-        ([("hit-wall", {}), ("strike-out", {"entry": 1, "because": "x"})], "allowed: readings"),
+        (
+            [("tare", {}), ("strike-out", {"entry": 1, "because": "x"})],
+            "only readings",
+        ),
+        (
+            [("hit-wall", {}), ("strike-out", {"entry": 1, "because": "x"})],
+            "only readings",
+        ),
     ],
 )
 def test_what_is_impossible_is_refused_and_leaves_no_entry(

@@ -34,10 +34,10 @@ FIRST_SHOT = PLAIN[:18]  # to its decision
     [
         ("zero-encoder", JUSTIFIED, "rad/s before hit 1"),
         ("wait-rest", DENIED, "turned at 0.3"),
-        ("wait-pressure", DENIED, "m/s off"),
+        ("wait-pressure", DENIED, "was off by"),
         ("clear-scrap", OPEN, "no record"),  # before the first shot nothing is due
         ("load-ball", OPEN, "no record"),
-        ("tare", OPEN, "no check mass"),
+        ("tare", OPEN, "check mass had not been weighed"),
         ("another", OPEN, "no record"),
     ],
 )
@@ -120,4 +120,4 @@ def test_a_check_that_a_sign_asked_for_costs_nothing() -> None:
         closing = debrief_of(day, *faults)
         assert [each.entry for each in closing.deviations] == ([2] if faults else [])
         words = {each.name: each.because for each in closing.scores}["economy"]
-        assert ("3 min of checks that a sign asked for not counted" in words) == bool(faults)
+        assert ("without 3 min of checks that a reading called for" in words) == bool(faults)

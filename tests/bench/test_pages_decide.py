@@ -48,7 +48,7 @@ def test_what_is_beyond_its_limit_stands_first_and_a_rig_has_its_own_columns() -
     assert len(within) > 20
     assert "beyond" in within[0]
     assert not any("beyond" in each for each in within[1:])
-    assert "First gate over last" in page
+    assert "Blocking time, first gate / last gate" in page
     assert "Residual [counts]" not in page
     assert ">Zero the encoder</button>" not in page
 

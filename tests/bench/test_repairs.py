@@ -90,8 +90,8 @@ def test_a_repair_of_what_is_whole_says_so_and_costs_its_minutes() -> None:
         played(apparatus(*faults), [action_of("tighten-coupling")])
         for faults in ((), ("encoder-slip",))
     )
-    assert sound.events[0].shown[0] == ("repair", "nothing was to be mended", "")
-    assert broken.events[0].shown[0] == ("repair", "mended", "")
+    assert sound.events[0].shown[0] == ("repair", "nothing was broken", "")
+    assert broken.events[0].shown[0] == ("repair", "repaired", "")
     assert sound.seconds == broken.seconds == repairs()["tighten-coupling"].minutes > 0
 
 

@@ -1,20 +1,29 @@
 """What a scenario chooses: limit, feedback, checklists, exam, another laboratory's records."""
 
+import html
 import json
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tests.bench.days import PLAIN, asked
+from tests.bench.days import PLAIN, apparatus, asked
 from virtual_lab import catalog
-from virtual_lab.bench.day.actions import action_of
+from virtual_lab.bench.day.actions import Action, action_of
+from virtual_lab.bench.day.day import Day, ready_steps
+from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.doubts import fault_sheets
 from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.day.table import preparation
 from virtual_lab.bench.entrance.served_day import ServedDay
-from virtual_lab.bench.machines.keeping import LOG, SECRET, KeptDay
-from virtual_lab.bench.pages.page import wall_page
+from virtual_lab.bench.machines.apparatus import Apparatus
+from virtual_lab.bench.machines.keeping import LOG, SECRET, KeptDay, done, laboratory_of, taken
+from virtual_lab.bench.pages.page import day_page, wall_page
 from virtual_lab.bench.scoring.debrief import debriefed
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
@@ -53,6 +62,69 @@ def test_no_scenario_tests_a_bat_that_its_rules_exempt() -> None:
             assert "wood" not in catalog.load_bat(told.bat).spec.title
             exempt += 1
     assert exempt >= 3
+
+
+def to_two_undecided_hits(look: Callable[[], Desk]) -> Iterator[Action]:
+    """Fire where the rules ask for it until two hits are within the windows; decide none."""
+    yield from map(action_of, preparation())
+    while len(look().waiting) < 2:
+        if look().rule_off:
+            yield action_of("set-place", {"place": round((look().next_place or 0.0) * 1e3, 3)})
+        yield action_of("load-ball", {"ball": look().next_ball + 1})
+        yield from map(action_of, (*ready_steps(look().day), "fire"))
+
+
+def test_a_college_day_shows_its_rules_and_what_holds_the_scan() -> None:
+    """Two undecided hits hold the scan; accepted, they send it on by its first step, 1 in."""
+    told = load_scenario("college-day").spec
+    machines = Apparatus(laboratory_of(told, 3, b""))
+    held = Desk(taken(machines, to_two_undecided_hits))
+    assert len(held.waiting) == 2
+    assert all(not held.reasons[shot] for shot in held.waiting)
+    page = day_page(held, told.briefing())
+    place = re.search(r"still ask for hits at ([\d.]+) mm", page)
+    following = re.search(r"the next impact position is ([\d.]+) mm", page)
+    assert place
+    assert following
+    assert float(following[1]) - float(place[1]) == pytest.approx(25.4, abs=0.6)
+    assert page.count('value="accept-within"') == 2  # beside the sentence and in the part of hits
+    accepted = held
+    for shot in held.waiting:
+        action = action_of("accept", {"shot": shot + 1})
+        accepted = accepted.after(done(machines, accepted.day, action))
+    assert accepted.next_place == held.with_waiting_accepted.next_place
+    assert "Undecided hits do not count" not in day_page(accepted, told.briefing())
+
+    reduced = accepted.after(done(machines, accepted.day, action_of("reduce")))
+    rules = [str(value) for what, value, _ in reduced.day.events[-1].shown if "rule" in what]
+    less = re.match(r"length less weight ([\d.]+) \(in, oz\), allowed up to 3", rules[0])
+    length, mass = (
+        np.mean([float(value) for _, value, _ in event.shown])
+        for name in ("measure-length", "weigh-bat")
+        if (event := reduced.last(name))
+    )
+    assert less
+    assert float(less[1]) == pytest.approx(length / 25.4 - mass / 28.349523, abs=0.03)
+    assert "the ring passes 2.610 in" in rules[1]
+    assert "moment of inertia" in rules[2]
+    assert all(html.escape(rule) in day_page(reduced, told.briefing()) for rule in rules)
+
+
+def test_rules_have_the_units_of_the_rule_book_and_si() -> None:
+    """136 mph is 136 x .44704 m/s, 2.61 in x 25.4 mm, 9530 oz in^2 x .0283495 x .0254^2 kg m^2."""
+    told = load_scenario("college-day").spec
+    text = catalog.load("procedures", "bbcor", Procedure).text
+    session = replace(apparatus().laboratory.session, procedure_text=text)
+    page = wall_page(Desk(Day(morning=session, balls=12)), told.briefing(), "rules")
+    for words in (
+        "136 mph (60.8 m/s)",
+        "2.61 in (66.29 mm)",
+        "12 deg",
+        "0.3 mm",
+        "5.25 oz (148.8 g)",
+    ):
+        assert f">{words}<" in page
+    assert "6805, 7630, 8538, 9530 oz in² (0.1245, 0.1396, 0.1562, 0.1743 kg m²)" in page
 
 
 def test_a_fault_that_no_check_finds_is_in_no_scenario(tmp_path: Path) -> None:
@@ -95,9 +167,9 @@ def test_the_limit_is_the_scenarios(tmp_path: Path) -> None:
 
 def test_feedback_during_the_day_names_what_was_left_out(tmp_path: Path) -> None:
     first, plain = (begun(tmp_path, name) for name in ("first-day", "plain-day"))
-    assert "left out: tare the scale" in shown(first, "weigh-bat")
-    assert not any("left out" in what for what in shown(plain, "weigh-bat"))
-    assert not any("left out" in what for what in shown(first, "measure-length"))
+    assert "skipped: tare the scale" in shown(first, "weigh-bat")
+    assert not any("skipped" in what for what in shown(plain, "weigh-bat"))
+    assert not any("skipped" in what for what in shown(first, "measure-length"))
 
 
 def test_a_checklist_says_what_was_done(tmp_path: Path) -> None:
@@ -145,7 +217,7 @@ def test_records_of_another_laboratory_are_judged_with_its_machines_far(tmp_path
 def test_the_seal_holds_until_the_sealed_file_is_another(tmp_path: Path) -> None:
     day = begun(tmp_path, "plain-day")
     shown_first = on_the_page(tmp_path, "plain-day").briefing["commitment"]
-    assert day.seal.startswith("whole")
+    assert day.seal.startswith("intact")
     assert str(shown_first) in day.seal
     secret = tmp_path / "plain-day" / SECRET
     sealed = json.loads(secret.read_text("utf-8"))
@@ -164,7 +236,7 @@ def test_a_crash_while_a_day_begins_leaves_a_folder_to_begin_in(
             KeptDay.begin(folder, scenario, 3)
     day = KeptDay.begin(folder, scenario, 3)
     assert {path.name for path in folder.iterdir()} == {LOG, SECRET}
-    assert day.seal.startswith("whole")
+    assert day.seal.startswith("intact")
 
 
 def test_a_class_in_one_table_a_day_played_back_and_a_scenario_tried(

@@ -35,7 +35,7 @@ KNOWN = {
     "impact.pivot.height": Estimate(value=-2.0 * MM),
     "ball.radius": Estimate(value=36.5 * MM),
 }
-CHART = "standard deviation of a morning"
+CHART = "standard deviation of a day"
 Shown = tuple[tuple[str, float | str, str], ...]
 
 
@@ -188,13 +188,15 @@ def test_a_check_standard_against_its_chart(number: Any) -> None:
     def charted(name: str, today: float) -> dict[str, float]:
         return {f"{name}, today": today, f"{name}, chart": 0.5, f"{name}, {CHART}": 0.003}
 
-    event = ("fire-check-ball", charted("speed out / in", 0.48), {})
+    event = ("fire-check-ball", charted("rebound speed / incoming speed", 0.48), {})
     assert number("wall-drift", event) == pytest.approx(0.02 / hypot(0.003, 0.001))
-    turned = charted("ball's speed out / in", 0.5) | charted("turn x time between gates", 0.48)
+    turned = charted("ball's rebound speed / incoming speed", 0.5) | charted(
+        "rotation × time between gates", 0.48
+    )
     event = ("fire-check-cylinder", turned, {})
     row = row_of("bearing-friction", event)
     assert (row.within, row.low) == (False, pytest.approx(0.5 * 0.975))
-    turned |= charted("turn x time between gates", 0.25)
+    turned |= charted("rotation × time between gates", 0.25)
     assert not row_of("encoder-half-counts", ("fire-check-cylinder", turned, {})).within
 
 

@@ -118,9 +118,9 @@ def test_a_shot_that_meets_the_frame_says_so() -> None:
     seen = scene_of_shot(apparatus().firing, conditions(0)._replace(place=0.55))
     assert seen is not None
     assert seen[1].pieces.struck[1] == "frame"
-    assert contact_words(["frame"]) == "The ball strikes the frame of a gate."
+    assert contact_words(["frame"]) == "The ball hits the frame of a gate."
     assert contact_words(["bat", "stop"], "back", "up") == (
-        "The ball strikes the bat; the bat strikes its stop; it comes back, rising."
+        "The ball hits the bat; the bat hits its stop; the ball rebounds upward."
     )
     assert contact_words([]) == "No ball came."
 

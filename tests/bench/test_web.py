@@ -151,12 +151,12 @@ def test_a_debrief_being_made_says_so_and_holds_no_other_day_up(
         DEBRIEFS.do(held.wait)  # another's
         waiting = browser.ask("/debrief", patient=False)
         assert (waiting.status, waiting.headers["refresh"]) == (202, "1")
-        assert "looks again by itself; 1 before it" in waiting.text
+        assert "reloads automatically. Debriefs before yours: 1." in waiting.text
         assert other.do("tare").status == 303
     finally:
         held.set()
     browser.rest()
-    assert "Verdict given" in browser.ask("/debrief").text
+    assert "Your verdict" in browser.ask("/debrief").text
 
 
 def test_the_address_opens_once_and_a_cookie_after_it(tmp_path: Path) -> None:
@@ -188,7 +188,7 @@ def test_a_request_from_elsewhere_is_refused(
 ) -> None:
     form = None if "body" in given else {"do": "tare", "entry_number": "1"}
     assert browser.ask("/do", form, **given).status == status
-    assert "Nothing was done yet" in browser.ask("/").text
+    assert "Your readings will appear here" in browser.ask("/").text
 
 
 def test_a_browser_that_hangs_up_is_no_error(browser: Browser) -> None:
@@ -229,7 +229,7 @@ def test_a_day_by_forms(browser: Browser) -> None:
     assert browser.do("reduce").status == 303
     early = browser.ask("/certificate")
     assert early.status == 409
-    assert "“Give the verdict” comes first: your own before the program" in early.text
+    assert "“Give the verdict” comes first, your own before the program" in early.text
     assert browser.ask("/debrief").status == 409
     assert browser.do("give-verdict", verdict="PASS").status == 303
     certificate = browser.ask("/certificate")
@@ -277,7 +277,7 @@ def test_bad_input_is_answered_in_words_and_the_day_is_whole(
     assert answer.status == 422
     assert message in answer.text
     assert "<script>" not in answer.text
-    assert "Nothing was done yet" in answer.text
+    assert "Your readings will appear here" in answer.text
 
 
 class Form(HTMLParser):
@@ -353,7 +353,7 @@ def test_each_trainee_has_a_token_a_cookie_and_a_day(tmp_path: Path) -> None:
     assert first.cookie != second.cookie
     first.do("tare")
     assert len(rooms["anna"].kept.day.events) == 1
-    assert "Nothing was done yet" in second.ask("/").text
+    assert "Your readings will appear here" in second.ask("/").text
     assert Browser(rooms["ben"]).ask("/?token=ben").status == 403
 
 
@@ -373,7 +373,7 @@ def test_the_first_page_does_not_wait_for_the_laboratory(tmp_path: Path) -> None
     browser.open()
     first = browser.ask("/").text
     day.open()
-    sealed = re.compile(r'<p class="soft">Sealed this morning.*</p>\n')
+    sealed = re.compile(r'<p class="soft">The truth of this day is sealed.*</p>\n')
     assert sealed.subn("", browser.ask("/").text) == (first, 1)
 
 
@@ -390,9 +390,9 @@ def test_nor_does_that_of_a_day_taken_up_again(tmp_path: Path) -> None:
         before.do(action)
     last = Browser(ServedDay(tmp_path / "day", load_scenario("plain-day"), None))
     last.open()
-    assert "Look again" in last.ask("/").text
+    assert "Reload this page" in last.ask("/").text
     last.day.open()
-    assert "As it really was" in last.ask("/").text
+    assert "Top view of the true motion" in last.ask("/").text
 
 
 def test_a_day_is_played_back_entry_by_entry_once_it_is_handed_in(tmp_path: Path) -> None:
@@ -413,11 +413,11 @@ def test_a_day_is_played_back_entry_by_entry_once_it_is_handed_in(tmp_path: Path
         page = later.ask(f"/replay?entry={number}").text
         if 0 < number < len(shown):  # the page of the day then shows how it really was
             assert [part[0] for part in PICTURES.findall(page)] == shown[number - 1]
-        assert f"<strong>{f'Entry {number}' if number else 'The morning'}</strong>" in page
+        assert f"<strong>{f'Entry {number}' if number else 'Start of the day'}</strong>" in page
         assert ('rel="next"' in page) == (number < len(shown))
         assert ('rel="prev"' in page) == (number > 0)
     assert later.ask("/replay?entry=999").status == 404
-    assert "The morning</strong>" in later.ask("/replay?entry=x").text
+    assert "Start of the day</strong>" in later.ask("/replay?entry=x").text
 
 
 def test_an_exam_is_played_back_by_its_trainer_alone(tmp_path: Path) -> None:
@@ -437,14 +437,14 @@ def test_the_notebook_holds_what_was_done_and_shown(browser: Browser) -> None:
     page = browser.ask("/notebook").text
     assert "<s>Weigh the bat</s> struck out" in page
     assert re.search(r"<s>reading 1 \d+\.\d g", page)
-    assert "because wrong bat" in page
+    assert "reason: wrong bat" in page
 
 
 def test_no_cell_of_a_table_sent_out_is_a_formula(browser: Browser) -> None:
     """What is typed stands behind its name; a cell that began with it would be quoted."""
     browser.do("note-deviation", because="=1+1")
     rows = list(csv.reader(StringIO(browser.ask("/notebook.csv").text)))
-    assert rows[1][2:5] == ["Note a deviation", "no", "step another, because =1+1"]
+    assert rows[1][2:5] == ["Note a deviation", "no", "skipped step: another; reason: =1+1"]
     assert [quoted(each) for each in ("=1", "+a", "-b", "@c", "\t=1", "-1.5", "plain")] == [
         "'=1",
         "'+a",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from virtual_lab.bench.day.arguments import Argument, Value
+from virtual_lab.bench.day.doubts import known_doubts
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.errors import InputError, nearest
 
@@ -30,6 +31,21 @@ OWN_RESULTS = MappingProxyType(  # typed: the quantity of the reduction
 ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
     {name: sheet.takes for name, sheet in action_table().actions.items() if sheet.takes}
 )
+
+
+def typed_words(action: str, arguments: Mapping[str, Value]) -> str:
+    """Return the arguments of an action as a page prints them: title, value and unit of each."""
+    takes = {each.name: each for each in ARGUMENTS.get(action, ())}
+    titles = known_doubts() | {name: each.title for name, each in action_table().actions.items()}
+    words = []
+    for name, value in arguments.items():
+        argument = takes[name]
+        printed = f"{value:g}" if isinstance(value, float) else str(value)
+        if argument.kind in {"doubt", "choice"}:
+            printed = titles.get(printed, printed)
+        if printed:
+            words.append(f"{argument.title}: {printed} {argument.unit}".rstrip())
+    return "; ".join(words)
 
 
 def action_of(

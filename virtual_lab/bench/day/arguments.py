@@ -39,7 +39,7 @@ class Argument(Spec):
         """
         if raw is None or (isinstance(raw, str) and not raw.strip()):
             if self.default is None:
-                raise InputError(action, self.name, None, f"is missing: {self.title}")
+                raise InputError(action, self.name, None, "is missing")
             return self.default
         if self.kind == "text":
             text = str(raw).strip()

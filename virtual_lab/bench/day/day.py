@@ -110,9 +110,9 @@ def decide(day: Day, action: Action) -> float:
     """
     name, given = action.name, action.arguments
     if day.handed_in and name != DISPUTE:
-        raise InputError(name, "day", None, "has been handed in; nothing can be added")
+        raise InputError(name, "day", None, "has been handed in, so nothing can be added")
     if name == DISPUTE and not day.handed_in:
-        raise InputError(name, "day", None, "is not handed in yet")
+        raise InputError(name, "day", None, "has not been handed in yet")
     if name in CHECKLISTS and not day.checklists:
         raise InputError(name, "day", None, "has no checklists")
     if not has_instrument(day, name):
@@ -120,22 +120,22 @@ def decide(day: Day, action: Action) -> float:
         raise InputError(name, "rig", None, f"has no {part}")
     if not _at_hand(day, name):
         raise InputError(
-            name, "records", None, "came from another laboratory; its machines are far"
+            name, "records", None, "came from another laboratory, so nothing can be measured again"
         )
     if day.reduced and not day.handed_in and name not in AFTER_REDUCTION:
-        allowed = f"has been reduced; left: {', '.join(sorted(AFTER_REDUCTION))}"
+        allowed = "has been reduced, so hits and readings can no longer change"
         raise InputError(name, "day", None, allowed)
     _require_for_shot(day, name, given)
     if name == "strike-out":
         _require_reading(day, int(given["entry"]))
     if name == "reduce" and not day.fired:
-        raise InputError(name, "hits", None, "nothing was fired at the bat yet")
+        raise InputError(name, "hits", None, "are missing: no shot has been fired at the bat yet")
     entered = day.reduced or day.times("enter-result")
     if name == "give-verdict" and not entered and given["verdict"] != "INVALID":
-        allowed = "reduce or enter-result comes first; allowed without a result: INVALID"
+        allowed = "reduce or enter-result comes first; without a result only INVALID is allowed"
         raise InputError(name, "verdict", given["verdict"], allowed)
     if name == "hand-in" and not day.verdict:
-        raise InputError(name, "verdict", None, "give-verdict comes first")
+        raise InputError(name, "verdict", None, "is missing: give-verdict comes first")
     return action_table().actions[name].minutes
 
 
@@ -169,17 +169,17 @@ def _at_hand(day: Day, action: str) -> bool:
 def _require_for_shot(day: Day, name: str, given: Mapping[str, Any]) -> None:
     if name == "fire":
         if day.ball is None:
-            raise InputError(name, "ball", None, "the cannon is empty: load-ball comes first")
+            raise InputError(name, "ball", None, "is missing: load-ball comes first")
         if day.place is None:
-            raise InputError(name, "place", None, "the bat is not in place: set-place comes first")
+            raise InputError(name, "impact position", None, "is missing: set-place comes first")
     if name in {"load-ball", "retire-ball"}:
         ball = int(given["ball"])
         if ball > day.balls:
-            raise InputError(name, "ball", ball, f"allowed: 1 to {day.balls}, those of the lot")
+            raise InputError(name, "ball", ball, f"allowed: 1 to {day.balls}, the balls of the lot")
         if ball - 1 in day.retired:
             raise InputError(name, "ball", ball, "has been retired")
     if name in {"accept", "reject"} and int(given["shot"]) > len(day.fired):
-        allowed = f"allowed: 1 to {len(day.fired)}" if day.fired else "nothing was fired yet"
+        allowed = f"allowed: 1 to {len(day.fired)}" if day.fired else "no shot has been fired yet"
         raise InputError(name, "shot", given["shot"], allowed)
 
 
@@ -187,10 +187,10 @@ def _require_reading(day: Day, entry: int) -> None:
     actions = {event.number: event.action for event in day.events}
     lasting = {*AFTER, *CHECKLISTS, DISPUTE, "hit-wall"}  # which wears the balls
     if entry not in actions or actions[entry] in lasting:
-        allowed = "allowed: readings; reject a hit instead"
+        allowed = "only readings can be struck out; reject a hit instead"
         raise InputError("strike-out", "entry", entry, allowed)
     if entry in day.struck:
-        raise InputError("strike-out", "entry", entry, "is struck out already")
+        raise InputError("strike-out", "entry", entry, "has already been struck out")
 
 
 def evolve(day: Day, event: DayEvent) -> Day:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from virtual_lab.bench.day.actions import OWN_RESULTS
-from virtual_lab.bench.day.day import Day, DayEvent, evolve
+from virtual_lab.bench.day.day import Day, DayEvent, Decision, evolve
 from virtual_lab.bench.day.entries import record_of
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.catalog import Entry, read
@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # the reduction takes a second to load, and a first page must
     from virtual_lab.measurement.session_reduction import Preparation, SessionReduction
 
 UNDECIDED = "undecided"
+UNTOUCHED_BY_DECISIONS = frozenset({"session", "rules", "preparation", "by_rules", "missing"})
 STAGES = {"hit-wall": "balls", "aim-paper": "impact"}  # whose records an action writes
 
 
@@ -206,7 +207,7 @@ class Desk:
     def missing(self) -> str:
         """What keeps the hits from being reduced; empty where nothing does."""
         if not self.day.events:
-            return "nothing was measured yet"
+            return "nothing has been measured yet"
         try:
             _ = self.by_rules if self.day.fired else self.preparation
         except InputError as fault:
@@ -233,6 +234,26 @@ class Desk:
             else None
         )
 
+    @cached_property
+    def waiting(self) -> tuple[int, ...]:
+        """The undecided hits that are within the windows, shots from 0."""
+        day = self.day
+        if self.missing or day.reduced or day.handed_in:
+            return ()
+        return tuple(
+            shot for shot, why in enumerate(self.reasons) if not why and shot not in day.decisions
+        )
+
+    @cached_property
+    def with_waiting_accepted(self) -> Desk:
+        """The desk as it would be if every hit of `waiting` were accepted."""
+        accepted = Decision(accepted=True, because="within the windows")
+        decisions = {**dict.fromkeys(self.waiting, accepted), **self.day.decisions}
+        following = Desk(replace(self.day, decisions=decisions))
+        kept = UNTOUCHED_BY_DECISIONS & self.__dict__.keys()
+        following.__dict__.update({name: self.__dict__[name] for name in kept})
+        return following
+
     @property
     def rule_off(self) -> bool:
         """Whether the rule is still to be set to the next place."""
@@ -257,13 +278,13 @@ class Desk:
     def after(self, event: DayEvent) -> Desk:
         """Return the desk after an event; what it leaves as it was is not worked out again."""
         following, known = Desk(evolve(self.day, event)), self.__dict__
-        kept: tuple[str, ...] = ("rules",)
+        kept = frozenset({"rules"})
         if event.action == "fire":
-            kept = ("rules", "preparation")
+            kept = frozenset({"rules", "preparation"})
             if "session" in known:
                 following.__dict__["session"] = _with_shot(self.session, event)
         elif not (event.records or event.constants or event.action == "strike-out"):
-            kept = ("session", "rules", "preparation", "by_rules", "missing")
+            kept = UNTOUCHED_BY_DECISIONS
         following.__dict__.update({name: known[name] for name in kept if name in known})
         return following
 
@@ -273,5 +294,5 @@ class Desk:
         for shot, decision in given.items():
             reasons[shot] = "" if decision.accepted else decision.because
             if decision.accepted and not np.isfinite(results.collision_efficiency[shot]):
-                reasons[shot] = "accepted, but the records give no e_A"
+                reasons[shot] = "accepted, but its records give no e_A"
         return Judgement(reasons=tuple(reasons))

@@ -41,5 +41,5 @@ def doubt_of(words: str, action: str, key: str) -> str:
     if words.lower().startswith("other:") and is_line(words, LONGEST_TEXT):
         return words
     near = nearest(words, known.values())
-    allowed = f"{near}allowed: a title of the list, none, or your own words after “other:”"
+    allowed = f"{near}allowed: a fault of the list, none, or your own words after “other:”"
     raise InputError(action, key, words, allowed)

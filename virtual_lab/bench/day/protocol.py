@@ -57,7 +57,7 @@ def remarks(day: Day) -> Shown:
     last = len(day.events) - 1
     sheets = action_table().actions
     return tuple(
-        (f"left out: {sheets[each.step].title.lower()}", sheets[each.step].skipped, "")
+        (f"skipped: {sheets[each.step].title.lower()}", sheets[each.step].skipped, "")
         for each in left_out(day)
         if each.before == last
     )
@@ -75,9 +75,9 @@ def checklist(day: Day, *, end: bool) -> Shown:
         after = names[len(names) - names[::-1].index("fire") :] if "fire" in names else names
         undecided = [shot + 1 for shot in range(len(day.fired)) if shot not in day.decisions]
         lines = {
-            f"{sheets['tap-bat'].title} once more": "tap-bat" in after,
+            f"{sheets['tap-bat'].title} again": "tap-bat" in after,
             "Every hit accepted or rejected": not undecided,
-            "A reason noted for every step left out": {each.step for each in left_out(day)}
+            "A reason noted for every skipped step": {each.step for each in left_out(day)}
             <= excused(day).keys(),
         }
     return tuple((title, "done" if done else "not done", "") for title, done in lines.items())

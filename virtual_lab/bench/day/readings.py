@@ -87,7 +87,7 @@ class CheckRow:
         """The row in a sentence."""
         row = self.printed
         unit = f" {row.unit}" if row.unit else ""
-        of = f", certificate {row.certificate}{unit}" if self.certificate is not None else ""
+        of = f", expected {row.certificate}{unit}" if self.certificate is not None else ""
         u = f", u {row.u}" if self.u else ""
         return f"{row.what} {row.reading}{unit}{of}{u}, limit {row.limit}{unit}"
 
@@ -296,7 +296,7 @@ def _paper(desk: Desk) -> Iterator[CheckRow]:
 
 def _cylinder(desk: Desk) -> Iterator[CheckRow]:
     for name, event, today, chart, sd in _charted(desk, "fire-check-cylinder"):
-        if name.startswith("turn"):
+        if name.startswith("rotation"):
             half = today < chart * (1 - _beyond("encoder-half-counts"))
             fault = "encoder-half-counts" if half else "bearing-friction"
             least = chart * (1 - _beyond("bearing-friction"))
@@ -384,7 +384,7 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
     if isinstance(record, BoardRecord):  # whose sabots shed scraps now and then on any day
         most, words = (
             max(2.0, SCRAPS * early.size),
-            (early.size, "a ball broke the first gate too early"),
+            (early.size, "a ball blocked the first gate too early"),
         )
         yield _row("sabot-trip", event, float(early.sum()), 0.0, 0.0, *words, high=most)
         ratio = np.where(early, np.nan, ratio)
@@ -393,8 +393,8 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
     first, last = float(np.nanmax(ratio)), float(np.nanmin(ratio))
     usual = "ball-out-of-round"
     for fault, word, number, struck in (
-        ("sabot-trip", "longest", first, first > 1 + _beyond("sabot-trip")),
-        ("gate-doubles", "shortest", last, last < 1 / (1 + _beyond("gate-doubles"))),
+        ("sabot-trip", "largest", first, first > 1 + _beyond("sabot-trip")),
+        ("gate-doubles", "smallest", last, last < 1 / (1 + _beyond("gate-doubles"))),
     ):
         shot = shots.start + int(np.nanargmin(np.abs(ratio - number))) + 1
         row = _row(usual, event, number, 1.0, _scatter(usual), word, shot, reach=_beyond(usual))
@@ -409,8 +409,7 @@ def _charted(desk: Desk, action: str) -> Iterator[tuple[str, DayEvent, float, fl
     shown = dict(_numbers(event))
     for name in dict.fromkeys(what.rpartition(", ")[0] for what in shown):
         today, chart, sd = (
-            shown[f"{name}, {word}"]
-            for word in ("today", "chart", "standard deviation of a morning")
+            shown[f"{name}, {word}"] for word in ("today", "chart", "standard deviation of a day")
         )
         # no chart of a dozen mornings is known better than to 0.2 %
         u = sd if action == "compare-clock" else hypot(sd, 0.002 * chart)

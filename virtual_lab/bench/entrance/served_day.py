@@ -190,9 +190,9 @@ class ServedDay:
         from virtual_lab.certificate.html import certificate_page
 
         if not self.kept.day.reduced:
-            raise InputError("certificate", "hits", None, "reduce comes first")
+            raise InputError("certificate", "hits", None, "are not reduced yet: reduce comes first")
         if not self.kept.day.verdict:
-            allowed = "give-verdict comes first: your own before the program's"
+            allowed = "is missing: give-verdict comes first, your own before the program's"
             raise InputError("certificate", "verdict", None, allowed)
         return certificate_page(certificate(self.kept.desk.certification))
 
@@ -210,7 +210,9 @@ class ServedDay:
 
         day = self.kept.day
         if day.exam and self.scenario:
-            raise InputError("debrief", "day", None, "is an exam: your trainer opens the debrief")
+            raise InputError(
+                "debrief", "day", None, "is an exam, so your trainer opens the debrief"
+            )
         if self._told is None or self._told[0] != len(day.events):
             self._told = len(day.events), DEBRIEFS.do(self._debriefed)
         told = self._told[1]
@@ -218,7 +220,8 @@ class ServedDay:
             return debrief_page(told.result(patience), linked=True)
         except TimeoutError as late:
             ahead = DEBRIEFS.ahead(told)
-            raise TimeoutError(f"{ahead} before it" if ahead else "it is the next") from late
+            words = f"Debriefs before yours: {ahead}" if ahead else "Yours is next"
+            raise TimeoutError(words) from late
 
     def _debriefed(self) -> Debrief:
         from virtual_lab.bench.scoring.debrief import debriefed

@@ -30,6 +30,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest, Laboratory, TestDay
 from virtual_lab.measurement.session_reduction import BlockReduction
 from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.rounding import decimals
 from virtual_lab.records import MassReadings, Record
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import entry_of_constant
@@ -165,10 +166,10 @@ class Apparatus:
         """Say what a repair found, and what has to be read again after it."""
         sheets = action_table().actions
         faults = set(self.laboratory.setup.faults.names) - day.mended
-        done = "mended" if faults & set(sheets[action.name].mends) else "nothing was to be mended"
+        done = "repaired" if faults & set(sheets[action.name].mends) else "nothing was broken"
         old = "; ".join(sheets[name].title for name in sheets[action.name].again)
         return Reading(
-            shown=(("repair", done, ""), *((("to be done again", old, ""),) if old else ()))
+            shown=(("repair", done, ""), *((("measure again", old, ""),) if old else ()))
         )
 
     def _standard(self, check: Callable[[int], Shown]) -> Callable[[Day, Action], Reading]:
@@ -247,7 +248,9 @@ class Apparatus:
         """Weigh some balls as the display has them, beside what was entered of them."""
         entered = Desk(day).session.records.get("bench", {}).get("ball-mass")
         if not isinstance(entered, MassReadings):
-            raise InputError(action.name, "balls", None, "weigh-balls comes first")
+            raise InputError(
+                action.name, "balls", None, "have no masses yet: weigh-balls comes first"
+            )
         balls = np.arange(self._table.balls_again)
         mass = self.laboratory.specimen.balls.mass[balls]
         shown = self._weighed(day, action, mass, "rehearsal.reweigh", balls)
@@ -309,20 +312,20 @@ class Apparatus:
     def _hit_wall(self, day: Day, action: Action) -> Reading:
         play = self.firing.wall(day.times(action.name))
         means = np.round(_ratios(play, day.balls), 4)
-        return Reading(play.records, _numbered("ball", means, "speed out / in"))
+        return Reading(play.records, _numbered("ball", means, "rebound speed / incoming speed"))
 
     def _recheck_balls(self, day: Day, action: Action) -> Reading:
         """Fire some of the balls that lie at the rig at the wall, beside what they did before."""
         morning = Desk(day).last("hit-wall")
         if morning is None:
-            raise InputError(action.name, "balls", None, "hit-wall comes first")
+            raise InputError(action.name, "balls", None, "have no e0 yet: hit-wall comes first")
         count = self._table.balls_again
         play = self.firing.wall_again(day, count, day.times(action.name))
         return Reading(
             shown=_beside(
                 ("now", np.round(_ratios(play, count), 4)),
                 ("before", np.array([value for _, value, _ in morning.shown[:count]])),
-                "speed out / in",
+                "rebound speed / incoming speed",
             )
         )
 
@@ -396,31 +399,43 @@ class Apparatus:
     def _reduce(self, day: Day, _: Action) -> Reading:
         """Reduce the hits that were accepted; `InputError` names what is missing for it."""
         desk = Desk(day)
-        found = desk.certification
+        found, rules = desk.certification, desk.rules.spec
+        bat = tuple(("rule for the bat, as measured", each.sentence, "") for each in found.findings)
         if found.metric is None:
-            return Reading(shown=(("no result", "; ".join(found.reasons), ""),))
-        return Reading(
-            shown=(
-                (METRICS[desk.rules.spec.metric].words, float(f"{found.metric.value:.4g}"), ""),
-                ("standard uncertainty", float(f"{found.metric.u:.2g}"), ""),
-            )
-        )
+            return Reading(shown=(("no result", "; ".join(found.reasons), ""), *bat))
+        printed = METRICS[rules.metric]
+        value, u = found.metric.value / printed.unit_si, found.metric.u / printed.unit_si
+        low, high = (f"{end / printed.unit_si:.{decimals(u)}f}" for end in found.metric.interval_95)
+        shown: list[tuple[str, float | str, str]] = [
+            (printed.words, float(f"{value:.4g}"), printed.unit),
+            ("standard uncertainty", float(f"{u:.2g}"), printed.unit),
+            ("95 % interval", f"{low} to {high}", printed.unit),
+        ]
+        if rules.metric_limit is not None:
+            limit = rules.metric_limit / printed.unit_si
+            shown.append(("limit", f"{limit:.{printed.places}f}", printed.unit))
+        return Reading(shown=(*shown, *bat))
 
     def _enter_result(self, day: Day, action: Action) -> Reading:
         """Check own results against what the records give, where that is told."""
         own = Desk(day).own(action.arguments)
         if not own:
-            raise InputError(action.name, "r, e_A, e, BPF", None, "is missing: enter at least one")
+            allowed = "is missing: enter at least one of r, e_A, e and BPF"
+            raise InputError(action.name, "result", None, allowed)
         shown: list[tuple[str, float | str, str]] = []
         for each in own:
             shown.append((each.name, each.entered, ""))
             if day.exam:
                 continue
             if each.off is None:
-                word = "the records give none yet"
+                word = "the records give no result yet"
             else:
-                word = "agrees" if each.agrees else f"off by {each.off:+.1f} standard uncertainties"
-            shown.append((f"{each.name}, checked against the records", word, ""))
+                word = (
+                    "agrees"
+                    if each.agrees
+                    else f"differs by {each.off:+.1f} standard uncertainties"
+                )
+            shown.append((f"{each.name}, compared with the records", word, ""))
         return Reading(shown=tuple(shown))
 
 

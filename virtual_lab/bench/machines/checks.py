@@ -42,7 +42,7 @@ class CheckStandards:
 
         def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
             played = _standing(laboratory).play(Stage.BALLS, _plan(first, hits, place=0.0))
-            return {"speed out / in": speed_ratio(played.records["gates"])}
+            return {"rebound speed / incoming speed": speed_ratio(played.records["gates"])}
 
         return self._against_chart(hit, earlier)
 
@@ -53,11 +53,11 @@ class CheckStandards:
         def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
             plan = _plan(first, hits, place=place)
             records = _standing(laboratory).play(Stage.IMPACT, plan).records
-            found = {"ball's speed out / in": speed_ratio(records["gates"])}
+            found = {"ball's rebound speed / incoming speed": speed_ratio(records["gates"])}
             encoder = records.get("encoder")
             if isinstance(encoder, EncoderRecord):
                 turn = encoder.counts[:, -1] - encoder.counts[:, 0]
-                found["turn x time between gates"] = turn * _ways(records["gates"])[0]
+                found["rotation × time between gates"] = turn * _ways(records["gates"])[0]
             return found
 
         return self._against_chart(hit, earlier)
@@ -108,7 +108,7 @@ def _charted(name: str, today: float, mornings: Array, places: int, unit: str) -
     numbers = {
         "today": today,
         "chart": mornings.mean(),
-        "standard deviation of a morning": mornings.std(ddof=1),
+        "standard deviation of a day": mornings.std(ddof=1),
     }
     return tuple(
         (f"{name}, {word}", round(float(at), places), unit) for word, at in numbers.items()

@@ -135,7 +135,7 @@ class KeptDay:
         log = DayLog(source / LOG)
         events = log.events()
         if not any(event.action == "hand-in" for event in events):
-            raise InputError(str(source), "day", None, "is not handed in yet")
+            raise InputError(str(source), "day", None, "has not been handed in yet")
         first = int(log.morning["came_with"])
         last = next(event.number for event in events if event.action == "hand-in") - 1
         if not first <= entry <= last:
@@ -155,12 +155,12 @@ class KeptDay:
         shown = self.log.morning["briefing"]["commitment"]
         content = read_bytes(self.folder / SECRET)
         if _digest(content) != shown:
-            return "BROKEN: the sealed file is not the one that the day began with"
+            return "BROKEN: the sealed file was changed after the day began"
         truth, drawn = json.loads(content)["truth"], _individuals(self.apparatus.laboratory)
         same = all(np.allclose(truth[key], drawn[key], rtol=1e-9, atol=0) for key in truth)
         if not same:
-            return "BROKEN: this program draws another bat and other balls from the sealed seed"
-        return f"whole: SHA-256 of the sealed file is {shown}, as shown in the morning"
+            return "BROKEN: this program computes another bat and other balls from the sealed seed"
+        return f"intact: the SHA-256 of the sealed file is {shown}, as at the start of the day"
 
     @property
     def day(self) -> Day:

@@ -10,7 +10,7 @@ from itertools import accumulate
 from types import MappingProxyType
 from typing import Any
 
-from virtual_lab.bench.day.actions import ARGUMENTS
+from virtual_lab.bench.day.actions import ARGUMENTS, typed_words
 from virtual_lab.bench.day.arguments import Argument
 from virtual_lab.bench.day.day import Day, DayEvent, offered, ready_steps
 from virtual_lab.bench.day.desk import Desk
@@ -23,6 +23,7 @@ from virtual_lab.bench.pages.papers import wall_pages
 from virtual_lab.bench.pages.slow_motion import Motion, SlowMotion, sketched, slow_motion
 from virtual_lab.bench.pages.tally import in_units, residual_chart, run_chart, swings, tally
 from virtual_lab.bench.pages.traces import traces_of
+from virtual_lab.errors import InputError
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.tables import quoted
 from virtual_lab.output.template import page_template
@@ -146,20 +147,23 @@ def day_page(
         done_of=_done_of(steps),
         hits=hits,
         undecided=[hit for hit in hits if hit.decision == "undecided"],
+        waiting=desk.waiting,
+        held=_held(desk, briefing),
+        result=reduced.shown if (reduced := desk.last("reduce")) else (),
         hits_note=in_buttons(desk.missing),
         suggested=suggested,
         can_fire=offered(day, "fire"),
         ready=[(table.actions[name].title, name in day.ready) for name in ready_steps(day)],
         each_shot=f"{sum(table.actions[name].minutes for name in each_shot) / 60:g}",
         doubts=_doubts(day),
-        entries=_entries(day)[::-1],
+        entries=_entries(day, briefing)[::-1],
         left_over=f"{(briefing['minutes'] - day.seconds) / 60:.0f}",
     )
 
 
 def replay_page(day: Day, briefing: Mapping[str, Any], number: int) -> str:
     """Return what the page of a day showed after an entry, 0: in the morning, and the way on."""
-    desk, entries = Desk(day.until(number)), _entries(day)
+    desk, entries = Desk(day.until(number)), _entries(day, briefing)
     return page_template(PACKAGE, "replay.html").render(
         briefing=briefing,
         number=number,
@@ -186,6 +190,7 @@ def _shown(
         "units": _units(briefing),
         "metric": METRICS[desk.rules.spec.metric],
         "last": last,
+        "typed": typed_words(last.action, last.arguments) if last else "",
         "last_hit": hits[-1] if last and last.action == "fire" else None,
         "filmed": bool(briefing.get("camera") and shown and "rebound" in fired[shown - 1].sketch),
         "traces": traces_of(shown, fired[shown - 1].records) if shown else None,
@@ -204,18 +209,18 @@ def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
         day=desk.day,
         rules=desk.rules.spec,
         metric=METRICS[desk.rules.spec.metric],
-        entries=_entries(desk.day),
+        entries=_entries(desk.day, briefing),
         hits=_hits(desk, briefing),
         units=_units(briefing),
     )
 
 
-def notebook_table(desk: Desk) -> str:
+def notebook_table(desk: Desk, briefing: Mapping[str, Any]) -> str:
     """Return the entries of a day as a CSV table."""
     lines = StringIO()
     rows = csv.writer(lines)
     rows.writerow(["entry", "time_min", "action", "struck_out", "entered", "shown"])
-    for each in _entries(desk.day):
+    for each in _entries(desk.day, briefing):
         struck = "yes" if each.struck else "no"
         cells = (each.number, each.minute, each.title, struck, each.given, each.readings)
         rows.writerow([quoted(cell) for cell in cells])
@@ -225,6 +230,19 @@ def notebook_table(desk: Desk) -> str:
 def hall_page(hall: Hall) -> str:
     """Return the trainer's page of an exam: who is where, and nothing of the truth."""
     return page_template(PACKAGE, "hall.html").render(hall=hall, trainees=list(hall.trainees()))
+
+
+def refusal_sentence(fault: InputError) -> str:
+    """Return a refusal as a page prints it, with the words of the page for actions and fields."""
+    titles = {each.name: each.title for each in ARGUMENTS.get(fault.where, ())}
+    key = titles.get(fault.key, fault.key)
+    value = f"“{fault.value}”" if isinstance(fault.value, str) else fault.value
+    words = f"{key} {value}: " if value is not None else f"the {key} "
+    sheets = action_table().actions
+    if fault.where in sheets:
+        words = f"“{sheets[fault.where].title}”: {words}"
+    sentence = in_buttons(f"{words}{fault.allowed}")
+    return f"{sentence[0].upper()}{sentence[1:]}."
 
 
 def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
@@ -348,6 +366,26 @@ def _suggested(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
+def _held(desk: Desk, briefing: Mapping[str, Any]) -> str:
+    """Return a sentence if undecided hits keep the rules at one position; empty otherwise."""
+    if not desk.waiting or desk.next_place is None:
+        return ""
+    following = desk.with_waiting_accepted.next_place
+    if following == desk.next_place:
+        return ""
+    unit = _units(briefing)[0]
+    count = f"{len(desk.waiting)} undecided hit{'s' if len(desk.waiting) > 1 else ''}"
+    position = f"{_length(desk.next_place, briefing)} {unit}"
+    if following is None:
+        then = "no further hit is needed"
+    else:
+        then = f"the next impact position is {_length(following, briefing)} {unit}"
+    return (
+        f"Undecided hits do not count, so the rules still ask for hits at {position}. "
+        f"If you accept the {count} within the windows, {then}."
+    )
+
+
 def _units(briefing: Mapping[str, Any]) -> list[str]:
     """Return the units in which places and speeds are printed."""
     return [unit for unit, _ in UNITS[briefing["units"]]]
@@ -392,7 +430,7 @@ def _motion(
     return slow_motion(shown, true_motion or sketched(event, rules, place), desk.day, rules)
 
 
-def _entries(day: Day) -> list[EntryShown]:
+def _entries(day: Day, briefing: Mapping[str, Any]) -> list[EntryShown]:
     sheets = action_table().actions
     minutes = accumulate(event.seconds / 60 for event in day.events)
     return [
@@ -401,18 +439,10 @@ def _entries(day: Day) -> list[EntryShown]:
             minute=f"{at:.1f}",
             title=sheets[event.action].title,
             struck=event.number in day.struck,
-            given=", ".join(_given(event)),
+            given=in_units(typed_words(event.action, event.arguments), briefing["units"]),
             readings=", ".join(
                 f"{what} {value} {unit}".rstrip() for what, value, unit in event.shown
             ),
         )
         for event, at in zip(day.events, minutes, strict=True)
-    ]
-
-
-def _given(event: DayEvent) -> list[str]:
-    units = {each.name: each.unit for each in ARGUMENTS.get(event.action, ())}
-    return [
-        f"{key.replace('_', ' ')} {value} {units.get(key, '')}".rstrip()
-        for key, value in event.arguments.items()
     ]

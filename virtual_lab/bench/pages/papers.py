@@ -55,12 +55,12 @@ class InstrumentShown(NamedTuple):
     constants: list[ConstantShown]
 
 
-def rules_of(desk: Desk, units: str) -> list[RuleShown]:
-    """Return the rules of the day, numbers in the scenario's units."""
+def rules_of(desk: Desk) -> list[RuleShown]:
+    """Return the rules of the day, numbers in the units of the rule book with SI beside them."""
     words = wall()["rules"]
     order = {key: place for place, key in enumerate(words)}
     return [
-        RuleShown(words.get(each.key, _words(each.key)), _quantity(each, units), each.note)
+        RuleShown(words.get(each.key, _words(each.key)), _quantity(each), each.note)
         for each in sorted(desk.rules.sheet, key=lambda each: order.get(each.key, len(order)))
     ]
 
@@ -127,15 +127,20 @@ def _words(key: str) -> str:
     return key.replace(".", ": ").replace("_", " ").capitalize()
 
 
-def _quantity(datum: catalog.Datum, units: str) -> str:
-    """Return a number of a sheet as printed in a system of units."""
-    unit, factor = datum.unit, 1.0
-    for dimension, known in DIMENSIONS.items():
-        if datum.unit in known and (printed := wall()["units"][units].get(dimension)):
-            unit, factor = printed, known[datum.unit] / known[printed]
-    values = datum.value if isinstance(datum.value, list) else [datum.value]
-    numbers = ", ".join(f"{float(value) * factor:.5g}" for value in values)
-    return f"{numbers} {unit if unit != '1' else ''}".strip().replace("^2", "²")
+def _quantity(datum: catalog.Datum) -> str:
+    """Return a number of a sheet as printed: in its own unit, in SI beside it."""
+    numbers = datum.value if isinstance(datum.value, list) else [datum.value]
+
+    def printed(unit: str, factor: float, form: str) -> str:
+        words = ", ".join(format(float(each) * factor, form) for each in numbers)
+        return f"{words} {unit if unit != '1' else ''}".strip().replace("^2", "²")
+
+    for dimension, units in DIMENSIONS.items():
+        si = wall()["units"].get(dimension, datum.unit)
+        if datum.unit in units and si != datum.unit:
+            beside = printed(si, units[datum.unit] / units[si], ".4g")
+            return f"{printed(datum.unit, 1.0, '.6g')} ({beside})"
+    return printed(datum.unit, 1.0, ".6g")
 
 
 def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
@@ -143,7 +148,7 @@ def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
     sheets, found = action_table().actions, []
     for name, rate in listed.items():
         remedy = remedy_of(name)
-        cure = f"“{sheets[remedy[0]].title}”" if remedy else "none: the day is INVALID"
+        cure = f"“{sheets[remedy[0]].title}”" if remedy else "none: the test is INVALID"
         found.append((fault_sheets()[name].title, f"{100 * rate:g}", cure))
     return found
 
@@ -152,7 +157,7 @@ def wall_pages(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the pages of the wall are made of."""
     return {
         "rules": desk.rules.spec,
-        "rows": rules_of(desk, briefing["units"]),
+        "rows": rules_of(desk),
         "laboratory": briefing.get("laboratory", {}),
         "invalid": wall()["invalid"],
         "instruments": list(instruments_of(desk)) if desk.day.morning.calibration else [],

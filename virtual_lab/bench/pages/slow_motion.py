@@ -109,15 +109,15 @@ def clear_rebound(sketch: Mapping[str, Any]) -> float:
 def contact_words(struck: Sequence[str], way: str = "", side: str = "straight") -> str:
     """Return what happened on a shot, in a sentence."""
     words = {
-        "bat": "the ball strikes the bat",
-        "bat again": "bat and ball meet again",
-        "stop": "the bat strikes its stop",
-        "frame": "the ball strikes the frame of a gate",
+        "bat": "the ball hits the bat",
+        "bat again": "bat and ball touch a second time",
+        "stop": "the bat hits its stop",
+        "frame": "the ball hits the frame of a gate",
     }
-    aside = {"straight": "", "up": ", rising", "down": ", falling"}[side]
-    ends = {"back": f"it comes back{aside}", "on": "it does not come back"}
+    aside = {"straight": "", "up": " upward", "down": " downward"}[side]
+    ends = {"back": f"the ball rebounds{aside}", "on": "the ball does not rebound"}
     text = "; ".join([*(words[each] for each in struck), *([ends[way]] if way else [])])
-    return f"{text[0].upper()}{text[1:]}." if text else "No ball came."
+    return f"{text[0].upper()}{text[1:]}." if text else "No ball reached the bat."
 
 
 def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMotion:

@@ -45,8 +45,10 @@ def swings(desk: Desk) -> list[PrintedColumn]:
     return [
         printed_column("Release", np.arange(1.0, len(periods) + 1), ".0f"),
         printed_column("First amplitude [°]", record.first_amplitude / DEGREE, ".1f"),
-        printed_column("Last [°]", record.last_amplitude / DEGREE, ".1f"),
-        printed_column("Shortened by [ms]", 1e3 * (periods[:, 0] - periods[:, -1]), "+z.3f"),
+        printed_column("Last amplitude [°]", record.last_amplitude / DEGREE, ".1f"),
+        printed_column(
+            "Decrease of the period [ms]", 1e3 * (periods[:, 0] - periods[:, -1]), "+z.3f"
+        ),
         PrintedColumn("Periods [s]", each, words=True),
     ]
 
@@ -76,12 +78,14 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
     columns = [
         printed_column("Shot", np.arange(1.0, len(desk.day.fired) + 1), ".0f"),
         printed_column("Ball", np.array([ball + 1.0 for ball, _ in desk.day.fired]), ".0f"),
-        printed_column(f"Place set [{length}]", log.place / metre, place),
-        printed_column(f"With the aim paper [{length}]", found.readings.place / metre, place),
+        printed_column(f"Position set [{length}]", log.place / metre, place),
+        printed_column(
+            f"Position corrected by the aim paper [{length}]", found.readings.place / metre, place
+        ),
         printed_column(f"Speed [{speed}]", found.shots.speed / metre_a_second, ".2f"),
-        PrintedColumn("Gates, in", way_in, words=True),
-        PrintedColumn("Gates, back", back, words=True),
-        printed_column("First gate over last", chords, ".4f"),
+        PrintedColumn("Gates, incoming", way_in, words=True),
+        PrintedColumn("Gates, rebound", back, words=True),
+        printed_column("Blocking time, first gate / last gate", chords, ".4f"),
         printed_column("e_A by rebound", found.shots.rebound_efficiency, ".4f"),
     ]
     if turning := found.readings.recoil:
@@ -89,7 +93,7 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
         columns += [
             printed_column("e_A by recoil", found.shots.recoil_efficiency, ".4f"),
             printed_column("Residual [counts]", turning.residual, ".3f"),
-            printed_column("Bat before [rad/s]", turning.before / turn, "+z.3f"),
+            printed_column("Angular rate before the hit [rad/s]", turning.before / turn, "+z.3f"),
         ]
     return columns
 
@@ -137,7 +141,7 @@ def run_chart(desk: Desk, units: Units) -> str:
         panels[-1].bottom + 34.0,
         "run-chart",
         "Run chart of the shots",
-        "The numbers are in the table of the tally.",
+        "The numbers are in the table of instrument readings.",
     )
     return drawn.replace('font-size="8"', 'font-size="9.5"')
 
@@ -145,7 +149,11 @@ def run_chart(desk: Desk, units: Units) -> str:
 def _chart(
     number: Array, values: Array, middle: float, reach: float, top: float, title: str, sides: Any
 ) -> Panel:
-    limits = "mean ± 3 s of the hits within the windows" if title == "e_A" else "the window"
+    limits = (
+        "mean ± 3 standard deviations of the hits within the windows"
+        if title == "e_A"
+        else "acceptance window"
+    )
     seen = np.isfinite(values)
     far = max(1.6 * reach, float(np.max(np.abs(values[seen] - middle), initial=0.0)) * 1.1)
     panel = Panel(**sides, top=top, bottom=top + 78.0, y=(middle - far, middle + far), title=title)
@@ -185,11 +193,11 @@ def residual_chart(desk: Desk, shot: int) -> str:
         bottom=108.0,
         x=(float(1e3 * clock[0]), float(1e3 * clock[-1])),
         y=(-reach, reach),
-        title="what the fit leaves [counts]",
+        title="residual of the encoder fit [counts]",
         x_label="time after the trigger [ms]",
     )
-    panel.band(-0.5, 0.5, "± 0.5, which whole counts leave")
+    panel.band(-0.5, 0.5, "± 0.5 counts: rounding to whole counts")
     panel.line(list(1e3 * clock[some]), list(left[some]), width=0.8)
-    words = f"{float(np.sqrt(np.mean(left**2))):.2f} counts rms; counting alone leaves 0.29"
-    drawn = figure([panel], 142.0, "residual", f"Residual of the encoder's fit, shot {shot}", words)
+    words = f"{float(np.sqrt(np.mean(left**2))):.2f} counts rms; rounding alone gives 0.29"
+    drawn = figure([panel], 142.0, "residual", f"Residual of the encoder fit, shot {shot}", words)
     return drawn.replace('font-size="8"', 'font-size="9.5"')

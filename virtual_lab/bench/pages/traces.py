@@ -78,7 +78,7 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
         last=round(last, 1),
         passings=tuple(
             Passing(way, gate + 1, *(_ms(t) for t in edges[number, gate]))
-            for number, way in enumerate(("in", "back"))
+            for number, way in enumerate(("incoming", "rebound"))
             for gate in range(gates)
         ),
         samples=tuple((f"{times[at]:.1f}", int(counts[at])) for at in few),
@@ -101,7 +101,7 @@ def _of_gate(edges: Array, gate: int) -> list[list[float]]:
 def _gate_panel(edges: Array, time: tuple[float, float], bottom: float) -> Panel:
     gates = edges.shape[1]
     low = 0.62  # by which a trace drops where its beam is broken, in gates
-    title = "gates: a trace drops while its beam is broken"
+    title = "gates (a line drops while the beam is broken)"
     panel = _panel(34.0, bottom, time, (1 - low - 0.2, gates + 0.25), title)
     for gate in range(gates):
         x, y = [time[0]], [gate + 1.0]
@@ -132,7 +132,7 @@ def _ms(time: float) -> str:
 
 def _summary(gates: int, missing: int, counts: Array) -> str:
     passed = 2 * gates - missing
-    words = f"the ball was seen {passed} times of {2 * gates} at the gates"
+    words = f"the gates saw the ball on {passed} of {2 * gates} passages"
     if counts.size:
-        words += f"; the encoder went from {int(counts[0])} to {int(counts[-1])} counts"
+        words += f"; the encoder turned from {int(counts[0])} to {int(counts[-1])} counts"
     return words

@@ -22,7 +22,7 @@ from virtual_lab.bench.machines.keeping import played
 from virtual_lab.errors import InputError
 
 SLIPS = {  # argument: why its default is right
-    "entered_as": "the display's own unit",
+    "entered_as": "in the unit of the display",
     "end": "from the tip",
     "clock": "by the photogate",
 }
@@ -48,7 +48,7 @@ def costly(
     entered = desk.last("enter-result")
     for each in own:
         if OWN_RESULTS[each.name] == desk.rules.spec.metric and value is not None and entered:
-            found += _cost(entered.number, f"{each.name} entered", each.entered, value, truth, 0.0)
+            found += _cost(entered.number, f"entered {each.name}", each.entered, value, truth, 0.0)
     for entry, what, actions, by_windows in islice(_mended(desk, odd), 12):
         try:
             mended = played_again(apparatus, actions, by_windows)
@@ -68,12 +68,14 @@ def _cost(
     if value is None and other is None:
         return
     if value is None or other is None or truth is None:
-        word = "no result without it" if other is None else "no result because of it"
+        word = (
+            "without it there is no result" if other is None else "because of it there is no result"
+        )
         yield CostlyDecision(entry=entry, what=what, cost=None, u=0.0, word=word)
         return
     cost = abs(value - truth) - abs(other - truth)
     if abs(cost) >= 1e-9:
-        word = "cost" if cost > 0 else "luck: the mistake moved the result toward the truth"
+        word = "cost" if cost > 0 else "luck: the mistake moved the result closer to the truth"
         yield CostlyDecision(entry=entry, what=what, cost=cost, u=u, word=word)
 
 
@@ -122,7 +124,7 @@ def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action],
         for at in reversed(places):
             with_step.insert(at, Action(name=step, arguments=_defaults(step)))
         times = f", {len(places)} times" if len(places) > 1 else ""
-        yield 0, f"left out: {sheets[step].title.lower()}{times}", with_step, own
+        yield 0, f"skipped: {sheets[step].title.lower()}{times}", with_step, own
     for number, action in enumerate(actions, 1):
         for key in SLIPS.keys() & action.arguments.keys():
             right = _defaults(action.name)[key]
@@ -130,11 +132,11 @@ def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action],
                 mended = Action(name=action.name, arguments={**action.arguments, key: right})
                 what = f"{sheets[action.name].title.lower()}: {action.arguments[key]}"
                 others = [*actions[: number - 1], mended, *actions[number:]]
-                yield number, f"{what}, not {SLIPS[key]}", others, own
+                yield number, f"{what} instead of {SLIPS[key]}", others, own
     for shot in sorted(day.decisions.keys() - own - odd):
         if shot < len(reasons):
             word = day.decisions[shot].word
-            why = reasons[shot] or "the windows have nothing against it"
+            why = reasons[shot] or "it is within all windows"
             number = max(
                 event.number
                 for event in day.events

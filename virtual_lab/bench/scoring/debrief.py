@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from itertools import zip_longest
 from typing import Any
 
-from virtual_lab.bench.day.actions import OWN_RESULTS, Action
+from virtual_lab.bench.day.actions import OWN_RESULTS, Action, typed_words
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import DecidedHit, Desk, OwnResult
 from virtual_lab.bench.day.doubts import known_doubts
@@ -183,7 +183,7 @@ def debrief(
     desk = Desk(taken_day) if isinstance(taken_day, Day) else taken_day
     day = desk.day
     if not day.handed_in:
-        raise InputError("debrief", "day", None, "is opened once the day is handed in")
+        raise InputError("debrief", "day", None, "has not been handed in yet")
     own = tuple(desk.own(entry.arguments) if (entry := desk.last("enter-result")) else ())
     value, u = _result(desk, own)
     limit = desk.rules.spec.metric_limit
@@ -373,7 +373,7 @@ def _steps(day: Day) -> Iterator[StepReview]:
     for step, times in due.items():
         left = [each for each in times if not each.done]
         shots = ", ".join(str(each.shot + 1) for each in left if each.shot is not None)
-        done = "done" if not left else f"left out before shot {shots}" if shots else "left out"
+        done = "done" if not left else f"skipped before shot {shots}" if shots else "skipped"
         before = f"before “{sheets[PREPARING[step]].title}”" if step in PREPARING else ""
         yield StepReview(
             title=sheets[step].title,
@@ -422,16 +422,18 @@ def _apart(right: str, own: str, beside: Desk, desk: Desk) -> str:
     given = beside.day.verdict
     if given == "INVALID":
         return (
-            f"Both hold: what was wrong leaves the result within its U, so {right} is right, and "
-            "who has seen a fault may refuse to judge, as the expert does"
+            f"Both verdicts are right: despite the fault the result is within U of the truth, so "
+            f"{right} is right; but whoever sees a fault may also give INVALID, as the expert did"
         )
     if given != own:
         return (
-            f"Here the expert is wrong, as U allows: the truth lies on the other side of the limit "
-            f"from the expert's result, so {right} is right"
+            "Here the expert is wrong by chance: the expert's result and the truth are on "
+            f"different sides of the limit, so {right} is right"
         )
     lost = (
-        "left your day without a result" if desk.result is None else "put your result beyond its U"
+        "left you without a result"
+        if desk.result is None
+        else "made your result wrong by more than its U"
     )
     mends = repairs().keys()
     mended, mine = (
@@ -440,18 +442,19 @@ def _apart(right: str, own: str, beside: Desk, desk: Desk) -> str:
     )
     mended -= mine
     titles = " and ".join(action_table().actions[name].title.lower() for name in sorted(mended))
-    how = f" put the day right ({titles})" if titles else "'s day holds"
+    how = f"repaired it ({titles})" if titles else "was not affected by it"
     if right == "INVALID":
         return (
-            f"Both hold: the fault {lost}, so {right} is right of your day; "
-            f"the expert{how}, so {given} is right of the expert's"
+            f"Both verdicts are right: the fault {lost}, so {right} is right for your day; "
+            f"the expert {how}, so {given} is right for the expert's day"
         )
-    return f"Both hold: {right} is right of what you measured, {given} of what the expert measured"
+    whose = f"{right} for what you measured, {given} for what the expert measured"
+    return f"Both verdicts are right: {whose}"
 
 
 def _entries(day: Day) -> Iterator[tuple[int, float, str, str]]:
     seconds = 0.0
     for event in day.events:
         seconds += event.seconds
-        given = ", ".join(f"{key} {value}" for key, value in event.arguments.items())
-        yield event.number, seconds / 60, event.action, given.replace("_", " ")
+        typed = typed_words(event.action, event.arguments)
+        yield event.number, seconds / 60, event.action, typed

@@ -19,11 +19,11 @@ from virtual_lab.bench.day.readings import CheckRow, doubts, rows_of, rows_of_ed
 from virtual_lab.bench.day.table import PREPARING, action_table, detectable
 from virtual_lab.records import BoardRecord, GateRecord
 
-JUSTIFIED, DENIED, OPEN = "justified", "not borne out", "for the trainer to judge"
+JUSTIFIED, DENIED, OPEN = "justified", "not supported by the records", "for the trainer to judge"
 SEEN = {
-    "bat again": "bat and ball met again",
-    "stop": "the bat struck its stop",
-    "frame": "the ball struck the frame of a gate",
+    "bat again": "bat and ball touched a second time",
+    "stop": "the bat hit its stop",
+    "frame": "the ball hit the frame of a gate",
 }
 Evidence = tuple[bool | None, str]  # whether there was a reason; None: nothing was to be seen
 
@@ -72,7 +72,8 @@ def oddity(desk: Desk, shot: int) -> str:
     if turning is not None:
         rough = turning.residual[shot] - float(np.median(turning.residual))
         if rough > detectable()["encoder-slip"].beyond:
-            return f"the bat turned {rough:.2f} counts rms rougher than on the other shots"
+            residual = "the residual of the encoder fit was"
+            return f"{residual} {rough:.2f} counts rms above that of the other shots"
     return ""
 
 
@@ -82,10 +83,10 @@ def _noted(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     left = [each for each in left_out(day) if each.step == step]
     shots = [each.shot for each in left if each.shot is not None]
     if left and all(each.before < day.came_with for each in left):
-        reason: Evidence = (None, "another laboratory left it out")
+        reason: Evidence = (None, "another laboratory skipped it")
     elif step in PREPARING and _again(desk, step):
         title = action_table().actions[PREPARING[step]].title.lower()
-        reason = (True, f"made good: it was done, and then “{title}” once more, which counts")
+        reason = (True, f"corrected later: the step was done, and “{title}” was repeated after it")
     elif step == "tare":
         reason = _zero(desk)
     elif step in BY_SHOT and shots and not desk.missing:
@@ -97,7 +98,7 @@ def _noted(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     sheets = action_table().actions
     yield Deviation(
         entry=event.number,
-        what=f"left out: {sheets[step].title.lower() if step in sheets else step}",
+        what=f"skipped: {sheets[step].title.lower() if step in sheets else step}",
         because=str(event.arguments["because"]),
         judged={True: JUSTIFIED, False: DENIED, None: OPEN}[reason[0]],
         why=reason[1],
@@ -113,10 +114,10 @@ def _rejected(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     odd = oddity(desk, shot)
     yield Deviation(
         entry=event.number,
-        what=f"hit {shot + 1} rejected, within the windows",
+        what=f"hit {shot + 1} rejected although it is within the windows",
         because=str(event.arguments["because"]),
         judged=JUSTIFIED if odd else DENIED,
-        why=odd or "nothing odd was to be seen of it",
+        why=odd or "its records show nothing unusual",
     )
 
 
@@ -130,10 +131,10 @@ def _added(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
         if event.action in detectable()[doubt.fault].actions:
             yield Deviation(
                 entry=event.number,
-                what=f"a check more: {sheet.title.lower()}",
+                what=f"additional check: {sheet.title.lower()}",
                 because="",
                 judged=JUSTIFIED,
-                why=f"{doubt.why}; its time is not counted",
+                why=f"{doubt.why}; the time of this check is not counted",
             )
             return
 
@@ -149,7 +150,7 @@ def _zero(desk: Desk) -> Evidence:
         if row.fault == "scale-not-tared" and row.certificate is not None:
             zeroed = abs(row.reading - row.certificate) < 2.0 * row.u
             return (True if zeroed else None if row.within else False), row.why
-    return None, "no check mass was weighed by then"
+    return None, "the check mass had not been weighed by then"
 
 
 def _edges(desk: Desk, shot: int) -> list[CheckRow]:
@@ -164,10 +165,10 @@ def _edges(desk: Desk, shot: int) -> list[CheckRow]:
 def _at_rest(desk: Desk, shot: int) -> Evidence:
     turning, allowed = desk.by_rules.readings.recoil, desk.rules.spec.windows.rate_before
     if turning is None or allowed is None:
-        return None, "no encoder shows whether the bat turned"
+        return None, "without an encoder no record shows whether the bat moved"
     turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / tau
     rate = abs(float(turning.before[shot])) / turn
-    why = f"the bat turned at {rate:.3f} rad/s before hit {shot + 1}, allowed {allowed:.3f}"
+    why = f"the bat turned at {rate:.3f} rad/s before hit {shot + 1}; allowed: {allowed:.3f} rad/s"
     return rate <= allowed, why
 
 
@@ -175,15 +176,15 @@ def _fast(desk: Desk, shot: int) -> Evidence:
     asked, speed = desk.rules.spec.ball_speed, float(desk.by_rules.shots.speed[shot])
     allowed = desk.rules.spec.windows.speed_tolerance
     if not np.isfinite(speed):
-        return None, f"the speed of shot {shot + 1} was not seen"
-    off = f"ball {shot + 1} came {speed - asked:+.2f} m/s off, allowed {allowed:.2f}"
-    return abs(speed - asked) <= allowed, off
+        return None, f"the speed of shot {shot + 1} was not measured"
+    off = f"the speed of shot {shot + 1} was off by {speed - asked:+.2f} m/s"
+    return abs(speed - asked) <= allowed, f"{off}; allowed: ± {allowed:.2f} m/s"
 
 
 def _clear(desk: Desk, shot: int) -> Evidence:
     found = _edges(desk, shot)
     if not found:
-        return None, f"a gate did not see shot {shot + 1}"
+        return None, f"a gate missed shot {shot + 1}"
     tripped = any(row.fault == "sabot-trip" and not row.within for row in found)
     return not tripped, found[0].why
 
@@ -193,7 +194,7 @@ def _cold(desk: Desk, shot: int) -> Evidence:
     ball, at = fired[shot]
     earlier = [second for other, second in fired[:shot] if other == ball]
     rested = (at - earlier[-1]) / 60 if earlier else float("inf")
-    why = f"the ball of shot {shot + 1} had rested {rested:.0f} min of {rest / 60:.0f}"
+    why = f"the ball of shot {shot + 1} had rested {rested:.0f} min; required: {rest / 60:.0f} min"
     return rested * 60 >= rest, why if earlier else f"it was the first hit of ball {ball + 1}"
 
 

@@ -47,9 +47,9 @@ def right_verdict(
     if value is not None:
         truth = apparatus.finish(desk).sealed.measurand.get("metric")
     if value is None or u is None or truth is None:
-        return RightVerdict("INVALID" if spoilt else "MEASURED", "the day gave no result", None)
+        return RightVerdict("INVALID" if spoilt else "MEASURED", "the day has no result", None)
     if spoilt and abs(value - truth) > 2 * u:
-        return RightVerdict("INVALID", "a fault put the result beyond its U", truth)
+        return RightVerdict("INVALID", "a fault made the result wrong by more than its U", truth)
     rules = desk.rules.spec
     unmet = not_met(rules, desk.certification.findings, truth)
     word = verdict(rules, sound=True, met=not unmet).value
@@ -64,26 +64,33 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     """
     right = day.right.word
     if {day.verdict, right} == {"PASS", "FAIL"}:
-        return 0.0, f"a false {day.verdict}: the bat is a {right}"
+        return 0.0, f"a false {day.verdict}: the right verdict is {right}"
     if day.verdict == "INVALID":
         return _refused(day)
     if right == "INVALID":
-        return 0.2, "judged on a faulty day, the result beyond its U"
+        return (
+            0.2,
+            "a fault made the result wrong by more than its U, so INVALID was right",
+        )
     if day.value is None or day.u is None or day.right.truth is None:
-        return 0.0, "no result, of a bat that could be judged"
+        return 0.0, "no result, although the bat could be judged"
     off = day.value - day.right.truth
     normalised = abs(off) / (2 * day.u)
     fits = 1.0 if normalised <= 1 else 1 / normalised
-    why = f"off by {off:+.4f}, which is {normalised:.2f} of U = {2 * day.u:.4f}"
-    return (fits, why) if day.verdict == right else (fits / 2, f"{why}; the verdict is not {right}")
+    why = f"error {off:+.4f}, which is {normalised:.2f} U (U = {2 * day.u:.4f})"
+    return (
+        (fits, why)
+        if day.verdict == right
+        else (fits / 2, f"{why}, but the right verdict is {right}")
+    )
 
 
 def _refused(day: ScoredResult) -> tuple[float, str]:
     if not day.reason:
-        return 0.0, "INVALID without a reason that the records bear out"
+        return 0.0, "INVALID, but the records show no reason for it"
     if day.mendable:
-        return MENDABLE, "rightly not judged, but the day could have been put right"
-    return 1.0, "rightly not judged: nothing could put the day right"
+        return MENDABLE, "INVALID is right, but the fault could have been repaired"
+    return 1.0, "INVALID is right: nothing could have repaired the fault"
 
 
 def detection_score(
@@ -94,8 +101,8 @@ def detection_score(
     lost = sum((p - (name in faults)) ** 2 for name, p in said.items())
     found = sum(is_named(name, named, rates) for name in faults)
     alarms = sum(is_named(name, named, rates) for name in named if name not in faults)
-    words = f"{found} of {len(faults)} faults named, {alarms} false alarms; sum of squares "
-    return max(0.0, 1 - lost), words + f"{lost:.2f} over {len(said)} that may go wrong"
+    words = f"{found} of {len(faults)} faults named, {alarms} false alarms; sum of squared errors "
+    return max(0.0, 1 - lost), words + f"{lost:.2f} over {len(said)} possible faults"
 
 
 def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
@@ -111,10 +118,10 @@ def protocol_score(day: Day, departed: list[Deviation]) -> tuple[float, str]:
     due = len(list(steps_due(day)))
     reasons = {each.step: each.judged != DENIED for each in departed if each.step}
     missed = [each.step for each in left_out(day) if not reasons.get(each.step, False)]
-    words = f"{due - len(missed)} of {due} steps done in time, or left out with a reason noted"
+    words = f"{due - len(missed)} of {due} steps done in time, or skipped with a noted reason"
     if missed:
         titles = {action_table().actions[step].title.lower() for step in missed}
-        words += "; left out: " + ", ".join(sorted(titles))
+        words += "; skipped: " + ", ".join(sorted(titles))
     return ((due - len(missed)) / due if due else 0.0), words
 
 
@@ -136,17 +143,17 @@ def record_score(desk: Desk, own: tuple[OwnResult, ...], odd: set[int]) -> tuple
     """
     reasons = desk.reasons if not desk.missing else ()
     if not reasons:
-        return 0.0, "no hit to decide on"
+        return 0.0, "there was no hit to decide"
     given = desk.day.decisions
     right = sum(
         shot in given and (given[shot].accepted == (not why) or shot in odd)
         for shot, why in enumerate(reasons)
     )
-    words = f"{right} of {len(reasons)} hits decided as the windows have it"
-    words += f", {len(odd)} of them rejected as odd" if odd else ""
+    words = f"{right} of {len(reasons)} hits decided according to the windows"
+    words += f", {len(odd)} of them rejected for another good reason" if odd else ""
     agree = sum(each.agrees for each in own)
     if own:
-        words += f", {agree} of {len(own)} own results agree with the records"
+        words += f", {agree} of {len(own)} of your own results agree with the records"
     return (right + agree) / (len(reasons) + len(own)), words
 
 
@@ -157,9 +164,9 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
     share = min(1.0, theirs / minutes) * min(1.0, fired / shots)
     words = f"{minutes:.0f} min and {len(day.fired)} shots"
     if needless:
-        words += f", {needless / 60:.0f} min of checks that a sign asked for not counted"
-    words += f"; the expert took {theirs:.0f} and {len(expert.fired)}; times the result"
-    return share * result, words
+        words += f", without {needless / 60:.0f} min of checks that a reading called for"
+    words += f"; the expert took {theirs:.0f} min and {len(expert.fired)} shots"
+    return share * result, f"{words}; multiplied by the result"
 
 
 def before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:

@@ -30,7 +30,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import DayEvent, ready_steps
 from virtual_lab.bench.day.scenario import UNITS, Scenario
-from virtual_lab.bench.day.table import in_buttons
 from virtual_lab.bench.pages.page import (
     Refusal,
     day_page,
@@ -38,6 +37,7 @@ from virtual_lab.bench.pages.page import (
     notebook_page,
     notebook_table,
     plain_page,
+    refusal_sentence,
     replay_page,
     wall_page,
 )
@@ -52,6 +52,7 @@ PATIENCE = 1.0  # s, until a page says that a debrief is being made
 LARGEST_BODY = 64 * 1024  # B
 MOST_A_SECOND = 20  # requests of a session
 KEPT = {"Cache-Control": "private, max-age=600"}  # what does not change
+STATES = {"not begun": "has not begun yet", "begun": "has begun", "over": "is over"}
 OPEN_TO_ALL = {"/bench.css", "/icon.svg"}
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'self'; "
@@ -150,7 +151,7 @@ def application(
                 _do(room, name, number, given)
             except InputError as fault:
                 refusal = Refusal(
-                    sentence=in_buttons(str(fault)), action=name, argument=fault.key, given=given
+                    sentence=refusal_sentence(fault), action=name, argument=fault.key, given=given
                 )
                 return HTMLResponse(_day(room, refusal=refusal), status_code=422)
         return RedirectResponse("/", status_code=303)
@@ -163,7 +164,7 @@ def application(
                 try:
                     seat.room = to(seat.room, given) if seat.room else None
                 except InputError as fault:
-                    return _says(422, in_buttons(str(fault)))
+                    return _says(422, refusal_sentence(fault))
             return RedirectResponse("/", status_code=303)
 
         async def move(request: Request) -> Response:
@@ -191,7 +192,11 @@ def application(
         Route("/notebook", _locked(lambda room, _: notebook_page(room.desk, room.briefing))),
         Route(
             "/notebook.csv",
-            _locked(lambda room, _: Response(notebook_table(room.desk), media_type="text/csv")),
+            _locked(
+                lambda room, _: Response(
+                    notebook_table(room.desk, room.briefing), media_type="text/csv"
+                )
+            ),
         ),
         Route("/rules", _locked(lambda room, _: wall_page(room.desk, room.briefing, "rules"))),
         Route(
@@ -214,7 +219,7 @@ def application(
 
 def _branched(room: Room, given: Mapping[str, str]) -> Room:
     if not room.open_book:
-        raise InputError("", "day", None, "is taken again once it is handed in and is no exam")
+        raise InputError("", "day", None, "can be repeated after the hand-in, and not in an exam")
     asked = given.get("entry", "")
     return room.branch(int(asked) if asked.isdecimal() else -1)
 
@@ -259,9 +264,11 @@ def _day(room: Room, asked: int = -1, refusal: Refusal | None = None) -> str:
 def _replayed(room: Room, request: Request) -> Response | str:
     day, entry = room.desk.day, max(_query(request, "entry"), 0)
     if not room.open_book:
-        return _says(409, "A day is played back once it is handed in and is no exam.")
+        return _says(409, "A day can be replayed after the hand-in, and not in an exam.")
     if entry > len(day.events):
-        return _says(404, f"There is no such entry; there are 0 to {len(day.events)}.")
+        return _says(
+            404, f"There is no such entry. Entries are numbered from 0 to {len(day.events)}."
+        )
     return replay_page(day, room.briefing, entry)
 
 
@@ -275,7 +282,7 @@ def _film(request: Request) -> Response:
     true = request.query_params.get("as") == "it-was"
     picture = request.scope["seat"].room.film(_query(request, "shot"), true=true)
     if not picture:
-        return _says(404, "There are no frames.")
+        return _says(404, "There are no camera frames.")
     return Response(picture, media_type="image/png", headers=KEPT)
 
 
@@ -284,7 +291,9 @@ def _debriefed(room: Room, _: Request) -> Response:
     try:
         return _sandboxed(partial(room.debrief, PATIENCE))
     except TimeoutError as late:
-        page = plain_page("The debrief is being made", f"This page looks again by itself; {late}.")
+        page = plain_page(
+            "The debrief is being prepared", f"This page reloads automatically. {late}."
+        )
         return HTMLResponse(page, status_code=202, headers={"Refresh": "1"})
 
 
@@ -294,7 +303,7 @@ def _sandboxed(page: Callable[[], str]) -> Response:
     try:
         return HTMLResponse(page(), headers={"Content-Security-Policy": policy})
     except InputError as fault:
-        return HTMLResponse(plain_page("Not yet", in_buttons(str(fault))), status_code=409)
+        return HTMLResponse(plain_page("Not yet", refusal_sentence(fault)), status_code=409)
 
 
 def _hall_routes(hall: Hall) -> list[Route]:
@@ -317,7 +326,7 @@ def _do(room: Room, name: str, number: str, given: dict[str, str]) -> None:
     """Do one action, or what a button of several does; each is an entry of its own."""
     due = len(room.desk.day.events) + 1
     if number != str(due):
-        allowed = f"entry {due} is next: the page was older than the day, nothing was done"
+        allowed = f"entry {due} is next: this page was out of date, so nothing was done"
         raise InputError("", "entry", number, allowed)
     if name == "fire-shots":
         _fire_shots(room, given)
@@ -342,7 +351,7 @@ def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
     if not 1 <= shots <= 12:
         raise InputError("", "shots", given.get("shots"), "allowed: 1 to 12")
     if room.desk.missing:
-        raise InputError("", "whose turn it is", None, f"is not known yet: {room.desk.missing}")
+        raise InputError("", "next ball", None, f"is not known yet: {room.desk.missing}")
     for _ in range(shots):
         if "accept" in given:
             place = room.desk.next_place
@@ -405,16 +414,16 @@ class Door:
     def _misdirected(self, request: Request) -> Response | None:
         """Return the answer to another host, another page, or too long a request."""
         if request.headers.get("host", "") not in self.hosts:
-            return _says(403, "This name is not served here.")
+            return _says(403, "This address is not served here.")
         if request.method == "POST":
             scheme = "https" if self.secure else "http"
             if request.headers.get("origin") not in {f"{scheme}://{name}" for name in self.hosts}:
-                return _says(403, "A request must come from the page itself.")
+                return _says(403, "A request must come from a page of this server.")
             length = request.headers.get("content-length", "")
             if "transfer-encoding" in request.headers:  # whose length is known at its end alone
                 return _says(411, "A request must state its length, and come whole.")
             if not length.isdigit() or int(length) > LARGEST_BODY:
-                return _says(413, f"A request may have up to {LARGEST_BODY} bytes.")
+                return _says(413, f"A request may have at most {LARGEST_BODY} bytes.")
         return None
 
     def _entering(self, request: Request) -> Response | None:
@@ -447,15 +456,18 @@ class Door:
         seat = request.scope["seat"] = self.seats[session]
         now = time.monotonic()
         if len(seat.asked) == MOST_A_SECOND and now - seat.asked[0] < 1:
-            return _says(429, "Too many requests; wait a second, then go back.")
+            return _says(429, "Too many requests. Wait a second, then go back.")
         seat.asked.append(now)
         return None
 
     def _stranger(self, request: Request) -> Response:
         if self.hall is None:
-            return _says(403, "Open the address that the command printed, in one browser.")
-        wrong = "There is no such code. " if "token" in request.query_params else ""
-        sentence = f"{wrong}Your code opens your day; if it is open elsewhere, it is closed there."
+            return _says(
+                403, "Open the address that the command printed. It works once, in one browser."
+            )
+        wrong = "This code does not exist. " if "token" in request.query_params else ""
+        opens = "Enter your code to open your day. A day open in another browser closes there."
+        sentence = f"{wrong}{opens}"
         return _says(403, sentence, title=self.hall.title, by_code=True)
 
     def _too_early(self, request: Request) -> Response | None:
@@ -464,7 +476,7 @@ class Door:
         free = trainer or request.url.path in OPEN_TO_ALL
         if free or self.hall is None or self.hall.is_open:
             return None
-        return _says(409, f"The exam is {self.hall.state}.", title=self.hall.title)
+        return _says(409, f"The exam {STATES[self.hall.state]}.", title=self.hall.title)
 
 
 def _known(keys: Mapping[str, object], given: str) -> str | None:
@@ -474,6 +486,6 @@ def _known(keys: Mapping[str, object], given: str) -> str | None:
 
 
 def _says(
-    status: int, sentence: str, *, title: str = "Not here", by_code: bool = False
+    status: int, sentence: str, *, title: str = "Not available", by_code: bool = False
 ) -> Response:
     return HTMLResponse(plain_page(title, sentence, by_code=by_code), status_code=status)
