@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 
 from tests.cli.test_cli import MEASURED, R161, ROOT, Run, run  # noqa: F401 its fixture
+from tests.records.digests import channel_digest
 from virtual_lab.records.session import save_session
 from virtual_lab.studies.foreign import our_own
 
@@ -113,11 +114,11 @@ def record(name: str, change: Callable[[str], str | bytes]) -> Setup:
         data = data if isinstance(data, bytes) else data.encode()
 
         def renew(document: dict) -> None:
-            digest = hashlib.sha256(data).hexdigest()
-            document["channels"][stage][channel]["sha256"] = digest
+            path = at / "r" / f"{name}.csv"
+            path.write_bytes(data)
+            document["channels"][stage][channel]["sha256"] = channel_digest(document, path)
 
         session(renew)(at, records)
-        (at / "r" / f"{name}.csv").write_bytes(data)
 
     return setup
 

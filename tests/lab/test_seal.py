@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from tests.conftest import Play
+from tests.records.digests import channel_digest
 from virtual_lab.api import Certificate
 from virtual_lab.errors import InputError
 from virtual_lab.lab.seal import alterations, write_seal
@@ -143,12 +144,13 @@ def test_a_record_cut_short(folder: Path) -> None:
 
 def test_one_sample_altered_and_its_digest_in_the_session_too(folder: Path) -> None:
     """Which `reduce` takes for the record that was written."""
+    session = folder / "records" / "session.json"
     path = folder / "records" / "balls" / "gates.csv"
     text = path.read_text()
     digit = text[-3]
     path.write_text(f"{text[:-3]}{(int(digit) + 1) % 10}{text[-2:]}")
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    edit(folder / "records" / "session.json", "channels.balls.gates.sha256", digest)
+    digest = channel_digest(json.loads(session.read_text()), path)
+    edit(session, "channels.balls.gates.sha256", digest)
     assert named(folder) == [
         "records/balls/gates.csv: altered since it was sealed",
         "records/session.json, channels.balls.gates.sha256: altered since it was sealed",
@@ -227,6 +229,17 @@ def test_an_edited_seal_is_named(old: str, new: str, folder: Path) -> None:
     assert alterations(folder) == []
     path.write_text(text.replace(old, new, 1))
     assert named(folder) == ["truth/seal.json: altered since it was sealed"]
+
+
+def test_no_other_value_passes_for_a_sealed_one(tmp_path: Path) -> None:
+    """Digests of 64 bits and more, and no two alike among those of 5 000 values."""
+    (tmp_path / "truth").mkdir()
+    values = {f"key {number}": number for number in range(5000)}
+    (tmp_path / "values.json").write_text(json.dumps(values))
+    write_seal(tmp_path)
+    sealed = json.loads((tmp_path / "truth" / "seal.json").read_text())["content"]["values.json"]
+    assert len({*sealed.values()}) == len(values)
+    assert min(map(len, sealed.values())) >= 16
 
 
 def test_no_seal(folder: Path) -> None:

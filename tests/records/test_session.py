@@ -8,12 +8,14 @@ from dataclasses import replace
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.records.digests import channel_digest
 from tests.records.test_records import ANY, bits
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import certify_session
@@ -104,8 +106,9 @@ def _file(name: str, old: str, new: str) -> Callable[[Path], object]:
         text = path.read_text("utf-8")
         assert old in text
         path.write_text(text.replace(old, new, 1), "utf-8")
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        _edit(lambda d: d["channels"]["impact"]["gates"].update(sha256=digest))(folder)
+        _edit(lambda d: d["channels"]["impact"]["gates"].update(sha256=channel_digest(d, path)))(
+            folder
+        )
 
     return change
 
@@ -415,9 +418,13 @@ def _array(name: str, values: np.ndarray) -> Callable[[Path], object]:
 
     def change(folder: Path) -> None:
         np.save(folder / name, values)
-        digest = hashlib.sha256((folder / name).read_bytes()).hexdigest()
         key = Path(name).stem.removeprefix("clip-")
-        _edit(lambda d: d["channels"]["impact"]["clip"]["attached"].update({key: digest}))(folder)
+
+        def told(document: dict[str, Any]) -> None:
+            digest = channel_digest(document, folder / name)
+            document["channels"]["impact"]["clip"]["attached"][key] = digest
+
+        _edit(told)(folder)
 
     return change
 

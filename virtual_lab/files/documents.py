@@ -125,6 +125,7 @@ def inside(folder: Path, name: str, where: str, key: str) -> Path:
 
 KINDS = (
     (stat.S_ISREG, "file"),
+    (stat.S_ISDIR, "folder"),
     (stat.S_ISLNK, "link"),
     (stat.S_ISFIFO, "pipe"),
     (stat.S_ISSOCK, "socket"),
@@ -134,17 +135,18 @@ KINDS = (
 def contents(folder: Path) -> dict[str, str]:
     """Return the kind of each entry of a folder and its subfolders, by relative path, sorted.
 
-    A kind is ``file``, ``link`` (to files or folders, not followed), ``pipe``, ``socket`` or
-    ``device``.
+    A kind is ``file``, ``folder`` (an empty one), ``link`` (to files or folders, not followed),
+    ``pipe``, ``socket`` or ``device``.
     """
     found = {}
     for root, folders, files in os.walk(folder):
         for name in (*folders, *files):
             path = Path(root, name)
             mode = path.lstat().st_mode
-            if not stat.S_ISDIR(mode):
-                kind = next((word for test, word in KINDS if test(mode)), "device")
-                found[path.relative_to(folder).as_posix()] = kind
+            if stat.S_ISDIR(mode) and any(path.iterdir()):
+                continue
+            kind = next((word for test, word in KINDS if test(mode)), "device")
+            found[path.relative_to(folder).as_posix()] = kind
     return dict(sorted(found.items()))
 
 

@@ -36,7 +36,8 @@ class Alteration:
 
 def write_seal(folder: Path) -> None:
     """Seal all files of a test in `folder`, including its truth."""
-    content = {name: _content(folder, name) for name in contents(folder) if name != SEAL}
+    files = (name for name, kind in contents(folder).items() if kind == "file" and name != SEAL)
+    content = {name: _content(folder, name) for name in files}
     document = {"schema": 1, "digest": _digest(content), "content": content}
     (folder / SEAL).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 

@@ -115,6 +115,8 @@ class ReplacedReport(Spec):
     def __post_init__(self) -> None:
         if not self.reason:
             raise ValueError("needs a reason")
+        if self.folder in (".", "..") or Path(self.folder).name != self.folder:
+            raise ValueError("needs as folder the name of one beside this report's")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,9 @@ On disk a session is a folder: ``session.json`` (tested bat, rigs, calibration c
 ``procedure.toml`` (the procedure as used), and for each stage a folder with one CSV file per
 channel. It contains neither truth nor seed, and suffices for the complete reduction.
 ``session.json`` says where the records come from and names every other file with its SHA-256; a
-folder with another file in it, or a file that is not as it says, is refused.
+folder with another file in it, or a file that is not as it says, is refused. The digest of a
+simulated channel is that of the key ``simulation`` and of the file, so that such records cannot be
+passed off as another laboratory's by changing the origin.
 """
 
 from __future__ import annotations
@@ -31,11 +33,13 @@ from virtual_lab.records.particulars import NOTHING_STATED, Particulars, particu
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
-SCHEMA = 2
+SCHEMA = 3
+PLAIN = 2  # schema whose digests of simulated channels are those of the files alone
 UncertaintyMethod = Literal["first-order", "second-order", "monte-carlo"]
 SESSION, RULES = "session.json", "procedure.toml"
 SPORTS = ("bat_sport", "ball_sport")  # left out where the records do not say
 CHANGED = "the file was changed after session.json was written"
+RECORD_CHANGED = "the file or the origin of the records was changed after session.json was written"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +60,8 @@ class Session:
     # of each result, the variance of a hit in the laboratory's earlier tests
     history: Mapping[str, Estimate] = field(default_factory=dict)
     uncertainty: UncertaintyMethod = "first-order"  # by which its result is to be evaluated
+    # SHA-256 of session.json of the control bat's test; "": none
+    control_sha256: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +88,7 @@ class PackedSession:
 def packed(session: Session) -> PackedSession:
     """Return the files of a session."""
     channels: dict[str, dict[str, Any]] = {}
+    start = _start_of_digests(session.origin)
     texts, arrays = dict[str, bytes](), dict[str, Array]()
     for stage, records in session.records.items():
         for channel, record in records.items():
@@ -90,11 +97,11 @@ def packed(session: Session) -> PackedSession:
             beside = {key: getattr(record, key) for key in record.attached}
             beside = {key: values for key, values in beside.items() if values is not None}
             arrays |= {f"{name}-{key}.npy": values for key, values in beside.items()}
-            digests = {key: _digest_of_array(values) for key, values in beside.items()}
+            digests = {key: _digest_of_array(values, start) for key, values in beside.items()}
             channels.setdefault(stage, {})[channel] = {
                 "record": record_name(record),
                 "rows": len(table),
-                "sha256": digest_of_text(data),
+                "sha256": digest_of_text(data, start),
                 **({"attached": digests} if digests else {}),
             }
     rules = session.procedure_text.encode()
@@ -108,6 +115,7 @@ def packed(session: Session) -> PackedSession:
         **({"particulars": stated} if (stated := session.particulars.stated) else {}),
         "rigs": dict(session.rigs),
         "procedure_sha256": digest_of_text(rules),
+        **({"control_sha256": session.control_sha256} if session.control_sha256 else {}),
         "channels": channels,
         "calibration": _entries(session.calibration),
         **({"history": _entries(session.history)} if session.history else {}),
@@ -130,24 +138,31 @@ def entry_of_origin(origin: Origin) -> dict[str, Any]:
     return {"origin": "supplied", "laboratory": origin.laboratory, **customer}
 
 
-def digest_of_text(data: bytes) -> str:
-    """Return the SHA-256 of a text, whose line ends a copy may have changed."""
-    return hashlib.sha256(data.replace(b"\r\n", b"\n")).hexdigest()
+def digest_of_text(data: bytes, start: bytes = b"") -> str:
+    """Return the SHA-256 of a text after `start`. A copy may have changed the text's line ends."""
+    return hashlib.sha256(start + data.replace(b"\r\n", b"\n")).hexdigest()
+
+
+def _start_of_digests(origin: Origin, schema: int = SCHEMA) -> bytes:
+    """Return the bytes before a file in the digest of its channel: of a simulation, its JSON."""
+    if isinstance(origin, Supplied) or schema == PLAIN:
+        return b""
+    return json.dumps(origin.as_json(), sort_keys=True).encode()
 
 
 class _Hashed:
     """A file that is not kept, but for its digest."""
 
-    def __init__(self) -> None:
-        self.sha256 = hashlib.sha256()
+    def __init__(self, start: bytes) -> None:
+        self.sha256 = hashlib.sha256(start)
 
     def write(self, data: bytes) -> None:
         self.sha256.update(data)
 
 
-def _digest_of_array(values: Array) -> str:
-    """Return the SHA-256 of an array's file."""
-    file = _Hashed()
+def _digest_of_array(values: Array, start: bytes) -> str:
+    """Return the SHA-256 of an array's file after `start`."""
+    file = _Hashed(start)
     np.lib.format.write_array(file, np.asanyarray(values), allow_pickle=False)
     return file.sha256.hexdigest()
 
@@ -176,7 +191,7 @@ class ConstantEntry(Spec):
 class SessionForm(Spec):
     """The keys of ``session.json``."""
 
-    schema: Literal[2]
+    schema: Literal[2, 3]
     origin: Literal["simulated", "supplied"]
     bat: Name
     ball: Name
@@ -193,6 +208,7 @@ class SessionForm(Spec):
     particulars: Mapping[str, Any] = field(default_factory=dict)
     history: Mapping[str, ConstantEntry] = field(default_factory=dict)
     uncertainty: UncertaintyMethod = "first-order"
+    control_sha256: str = ""
 
 
 def load_session(folder: Path) -> Session:
@@ -203,6 +219,8 @@ def load_session(folder: Path) -> Session:
     rules = read_bytes(folder / RULES)
     if form.procedure_sha256 != digest_of_text(rules):
         raise InputError(str(folder / RULES), "sha256", None, CHANGED)
+    origin = _origin(form, where)
+    start = _start_of_digests(origin, form.schema)
     return Session(
         bat=form.bat,
         ball=form.ball,
@@ -211,16 +229,17 @@ def load_session(folder: Path) -> Session:
         calibration={key: _known(entry, key, where) for key, entry in form.calibration.items()},
         records={
             stage: {
-                channel: _record(folder, (stage, channel), entry, where)
+                channel: _record(folder, (stage, channel), entry, where, start)
                 for channel, entry in channels.items()
             }
             for stage, channels in form.channels.items()
         },
-        origin=_origin(form, where),
+        origin=origin,
         date=form.date,
         particulars=particulars_of(form.particulars, f"{where} [particulars]"),
         history={name: _variance(entry, name, where) for name, entry in form.history.items()},
         uncertainty=form.uncertainty,
+        control_sha256=form.control_sha256,
         **{key: getattr(form, key) for key in SPORTS},
     )
 
@@ -301,7 +320,9 @@ def _estimate(entry: ConstantEntry, key: str, where: Path) -> Estimate:
         raise InputError(str(where), key, None, str(fault)) from fault
 
 
-def _record(folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Path) -> Record:
+def _record(
+    folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Path, start: bytes
+) -> Record:
     key = f"channels.{'.'.join(name)}"
     kinds = record_types()
     if entry.record not in kinds:
@@ -313,13 +334,13 @@ def _record(folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Pat
     if entry.rows != len(table):
         allowed = f"session.json says {entry.rows} (is the record cut short?)"
         raise InputError(str(path), "rows", len(table), allowed)
-    if entry.sha256 != digest_of_text(data):
-        raise InputError(str(path), "sha256", None, CHANGED)
+    if entry.sha256 != digest_of_text(data, start):
+        raise InputError(str(path), "sha256", None, RECORD_CHANGED)
     record = kinds[entry.record].from_table(table, str(path))
-    return _with_arrays(record, entry, path)
+    return _with_arrays(record, entry, path, start)
 
 
-def _with_arrays(record: Record, entry: ChannelEntry, path: Path) -> Record:
+def _with_arrays(record: Record, entry: ChannelEntry, path: Path, start: bytes) -> Record:
     """Return a record with the arrays beside its table, which are read when needed."""
     for name, digest in entry.attached.items():
         if name not in record.attached:
@@ -328,12 +349,12 @@ def _with_arrays(record: Record, entry: ChannelEntry, path: Path) -> Record:
         beside = path.with_name(f"{path.stem}-{name}.npy")
         try:
             with beside.open("rb") as file:
-                same = hashlib.file_digest(file, "sha256").hexdigest() == digest
+                found = hashlib.file_digest(file, lambda: hashlib.sha256(start)).hexdigest()
             values = np.load(beside, mmap_mode="r", allow_pickle=False)
         except (OSError, ValueError) as fault:
             raise InputError(str(beside), "file", None, f"cannot be read ({fault})") from fault
-        if not same:
-            raise InputError(str(beside), "sha256", None, CHANGED)
+        if found != digest:
+            raise InputError(str(beside), "sha256", None, RECORD_CHANGED)
         try:
             record = replace(record, **{name: values})
         except ValueError as fault:

@@ -1,0 +1,16 @@
+"""Digests of channels in ``session.json``, by the words of data/README.md."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+
+def channel_digest(session: Mapping[str, Any], path: Path) -> str:
+    """Return the digest that a session has of a channel's file."""
+    simulation = session.get("simulation")
+    start = json.dumps(simulation, sort_keys=True) if simulation else ""
+    return hashlib.sha256(start.encode() + path.read_bytes()).hexdigest()
