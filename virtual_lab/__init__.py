@@ -21,6 +21,7 @@ if "OMP_NUM_THREADS" not in os.environ:
         os.environ.setdefault(variable, "1")
 
 from virtual_lab import api
+from virtual_lab.errors import VERSION
 from virtual_lab.files.caches import provide_cache
 
 provide_cache(Path(__file__).parent)  # read as numba loads
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = ["__version__", "rehearse"]
 __all__ += api.__all__
-__version__ = "0.1.0"
+__version__ = VERSION
 
 
 def __dir__() -> list[str]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from importlib import import_module
 from typing import Any
 
+VERSION = "0.2.0.dev0"
 DISTRIBUTION = "virtual-bat-lab"  # as installed; on public indexes another has the program's name
 
 

@@ -19,7 +19,6 @@ from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.pdf import certificate_pdf
-from virtual_lab.certificate.printed import certificate_number
 from virtual_lab.records.particulars import Particulars, particulars_of
 
 LOOKS = [(390, "light"), (390, "dark"), (1280, "dark"), (1280, "light")]
@@ -88,7 +87,7 @@ def texts(pdf: bytes) -> list[str]:
 def test_every_page_in_print_is_named_and_full(browser: Any, name: str, paper: str) -> None:
     """Of the browser and of the PDF: no page is empty or holds the end mark alone."""
     shown = document(name)
-    number = certificate_number(shown)
+    number = shown.number
     for pages in (of_print(browser, name, paper), texts(certificate_pdf(shown, paper))):
         for at, text in enumerate(pages, start=1):
             assert "SIMULATED" in text

@@ -7,8 +7,9 @@ unit; unknown values are null.
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from math import inf, isclose
@@ -26,7 +27,8 @@ from virtual_lab.records.origin import Simulated
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars
 from virtual_lab.uncertainty.decision import conformity
 
-SCHEMA = 3
+SCHEMA = 4
+READABLE = (3, SCHEMA)  # schemas that `verify` reads
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
 SUPPLIED = "Computed by this program from records supplied by {}; not verified."
 OPTIONAL = (  # not stated where the metric is the same quantity
@@ -374,6 +376,14 @@ class HallCondition(Spec):
     u: Uncertainty
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommitStated(Spec):
+    """The commit of this project's clone that made the certificate."""
+
+    id: str
+    changes: str  # digest of the program's files that differ from git's index; "": none
+
+
 @dataclass(frozen=True, kw_only=True)
 class CertificateDocument(Spec):
     """The complete certificate."""
@@ -433,6 +443,8 @@ class CertificateDocument(Spec):
     versions: dict[str, str]
     session_digest: str | None = None  # SHA-256 of session.json with LF, which has those of all
     # other records; null: no records were written
+    # null: an installed program; the certificate's number does not depend on it
+    commit: CommitStated | None = None
 
     @property
     def states_result(self) -> bool:
@@ -456,8 +468,24 @@ class CertificateDocument(Spec):
 
     @cached_property
     def text(self) -> str:
-        """The text of ``certificate.json``, which number and every form take."""
-        return json.dumps(self.as_json(), indent=2, allow_nan=False) + "\n"
+        """The text of ``certificate.json``, from which every form is made."""
+        return text_of(self.as_json())
+
+    @cached_property
+    def number(self) -> str:
+        """The number of the certificate, which follows from its content."""
+        return number_of(self.as_json())
+
+
+def text_of(stated: Mapping[str, Any]) -> str:
+    """Return the text of a ``certificate.json`` with these values."""
+    return json.dumps(stated, indent=2, allow_nan=False) + "\n"
+
+
+def number_of(stated: Mapping[str, Any]) -> str:
+    """Return the number of a certificate with these values of JSON, of any schema."""
+    counted = {**stated, "commit": None} if "commit" in stated else stated
+    return hashlib.sha256(text_of(counted).encode()).hexdigest()[:12]
 
 
 def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated | None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, fields, replace
-from importlib.metadata import version
 from math import isfinite, sqrt
 from typing import cast
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from virtual_lab.certificate import program
 from virtual_lab.certificate.columns import SHOTS
 from virtual_lab.certificate.document import (
     SCHEMA,
@@ -49,7 +49,6 @@ from virtual_lab.certificate.document import (
     risk_of,
     statement_of,
 )
-from virtual_lab.errors import DISTRIBUTION
 from virtual_lab.measurement.camera.comparison import CameraComparison, ComparedQuantity
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.model import CONTROL, QUANTITIES
@@ -198,8 +197,8 @@ def certificate(
             for datum in certification.unverified
         ),
         simulation=None if supplied else _simulation(cast("Simulated", origin), truth_digest),
-        versions={"virtual-lab": version(DISTRIBUTION)}
-        | {name: version(name) for name in ("numpy", "scipy", "pandas", "numba")},
+        versions=program.versions(),
+        commit=program.commit(),
         session_digest=session_digest,
     )
 

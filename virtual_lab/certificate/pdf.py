@@ -13,7 +13,7 @@ from typing import Any
 
 from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.figures import certificate_figures
-from virtual_lab.certificate.printed import certificate_number, printed_values
+from virtual_lab.certificate.printed import printed_values
 from virtual_lab.errors import InputError, of_extra
 from virtual_lab.output.svg import description_of
 from virtual_lab.records.logo import picture_in
@@ -26,7 +26,7 @@ MOST_ODD = 500  # characters that no font has, before the form is given up
 def pdf_name(document: CertificateDocument) -> str:
     """Return the file's name, which says what the certificate is worth."""
     kind = "SIMULATED" if document.simulation else "not-verified"
-    return f"certificate-{certificate_number(document)}-{kind}.pdf"
+    return f"certificate-{document.number}-{kind}.pdf"
 
 
 def require_paper(paper: str) -> None:

@@ -5,7 +5,6 @@ All come from the certificate's document.
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Mapping
 from itertools import compress
@@ -86,7 +85,8 @@ def printed_values(document: CertificateDocument) -> dict[str, Any]:
     """Return the values in print by name, in tables of texts."""
     rings = document.ring.frequencies_hz if document.ring else ()
     return {
-        "number": certificate_number(document),
+        "number": document.number,
+        "made_by": _made_by(document),
         "result": printed_result(document),
         "quantities": _quantities(document),
         "bat": _bat(document.bat),
@@ -110,9 +110,12 @@ def printed_values(document: CertificateDocument) -> dict[str, Any]:
     }
 
 
-def certificate_number(document: CertificateDocument) -> str:
-    """Return the number of a certificate: it follows from its content."""
-    return hashlib.sha256(document.text.encode()).hexdigest()[:12]
+def _made_by(document: CertificateDocument) -> str:
+    """Return the versions of program and libraries, and the commit of a clone."""
+    parts = [f"{name} {each}" for name, each in document.versions.items()]
+    if commit := document.commit:
+        parts.append(f"commit {commit.id[:12]}" + (" with changes" if commit.changes else ""))
+    return ", ".join(parts)
 
 
 def _conditions(document: CertificateDocument) -> dict[str, str]:

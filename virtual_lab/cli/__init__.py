@@ -20,7 +20,7 @@ from virtual_lab.cli.fidelity import chart, convergence, stability
 from virtual_lab.cli.plumbing import Sections
 from virtual_lab.cli.rehearse import rehearse
 from virtual_lab.cli.studying import bias, coverage, critique, daily, faults, operating, paper
-from virtual_lab.errors import DISTRIBUTION, InputError
+from virtual_lab.errors import VERSION, InputError
 
 __all__ = ["main"]
 
@@ -117,4 +117,4 @@ cli = Sections(
         "Shell": (completion,),
     },
 )
-click.version_option(package_name=DISTRIBUTION, prog_name=PROGRAM)(cli)
+click.version_option(VERSION, prog_name=PROGRAM)(cli)

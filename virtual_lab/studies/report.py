@@ -12,7 +12,6 @@ from typing import Any
 from virtual_lab.certificate.chain import result_folders
 from virtual_lab.certificate.document import CertificateDocument, read_document
 from virtual_lab.certificate.pdf import PAPERS, require_paper, require_pdf
-from virtual_lab.certificate.printed import certificate_number
 from virtual_lab.errors import InputError, of_extra
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.result import StudyResult
@@ -74,7 +73,7 @@ class ComparedCertificate:
             return None if value is None else value / size
 
         return cls(
-            number=certificate_number(document),
+            number=document.number,
             folder=folder,
             bat=_bat(document),
             procedure=document.procedure.name,

@@ -1,0 +1,66 @@
+"""A field of a document that is added, removed or means something else asks for a new schema."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import is_dataclass
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+import pytest
+
+from virtual_lab.certificate import document
+from virtual_lab.records import session
+
+KEPT = Path(__file__).with_name("schemas.json")
+FORMS = {
+    "certificate.json": (document.SCHEMA, document.CertificateDocument),
+    "session.json": (session.SCHEMA, session.SessionForm),
+}
+
+
+def classes(kind: Any, known: dict[str, type]) -> None:
+    """Add the dataclasses of which values of a type are made."""
+    if is_dataclass(kind) and isinstance(kind, type) and kind.__name__ not in known:
+        known[kind.__name__] = kind
+        for each in get_type_hints(kind).values():
+            classes(each, known)
+    for each in get_args(kind):
+        classes(each, known)
+
+
+def described(kind: type) -> Iterator[str]:
+    """Yield each field of a document with its type, and what the comments say of it."""
+    known: dict[str, type] = {}
+    classes(kind, known)
+    for name in sorted(known):
+        yield name
+        for line in inspect.getsource(known[name]).splitlines():
+            if re.match(r"    (\w+: |# )", line):
+                yield " ".join(line.split())
+
+
+def digest_of(kind: type) -> str:
+    return hashlib.sha256("\n".join(described(kind)).encode()).hexdigest()[:16]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_field_changes_with_the_schema_alone(form: str) -> None:
+    """If this fails, give SCHEMA a new number, and add it with this digest to schemas.json."""
+    schema, kind = FORMS[form]
+    kept = json.loads(KEPT.read_text("utf-8"))[form]
+    assert max(map(int, kept)) == schema
+    assert kept[str(schema)] == digest_of(kind)
+
+
+def test_every_kind_of_change_is_seen() -> None:
+    """By the description: fields, types, and comments that say what they mean."""
+    lines = list(described(document.CertificateDocument))
+    assert "statement: str # what the result is worth, on every page" in lines
+    assert "u: Uncertainty | None" in lines
+    assert 'serial: Title = ""' in lines  # of the bat, a class within a class within
+    assert {"Stated", "TestItem", "BudgetLine", "CommitStated"} <= {*lines}

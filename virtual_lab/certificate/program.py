@@ -1,0 +1,133 @@
+"""The program that makes a certificate: its version, and the commit of a clone of this project."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import struct
+from collections.abc import Iterator
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+from virtual_lab.certificate.document import CommitStated
+from virtual_lab.errors import DISTRIBUTION, VERSION
+
+LIBRARIES = ("numpy", "scipy", "pandas", "numba")
+SOURCES = ("virtual_lab/", "rigs/", "data/")  # what the program consists of, in a clone
+REGULAR = 0o100000  # mode of a plain file in the index, without its permissions
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of this program and of the libraries its numbers depend on."""
+    return {"virtual-lab": VERSION} | {name: version(name) for name in LIBRARIES}
+
+
+@cache
+def commit() -> CommitStated | None:
+    """Return the commit of the clone that this program runs from, None if it is installed."""
+    return commit_of(Path(__file__).resolve().parents[2])
+
+
+def commit_of(root: Path) -> CommitStated | None:
+    """Return the commit of a clone of this project in `root`, None if there is none.
+
+    Only the folder that holds this project's pyproject.toml counts: a repository around a virtual
+    environment is another project. Git is not called. `changes` compares the program's files with
+    git's index, as ``git diff`` does: changes that are staged (``git add``) but not committed, and
+    new files that git does not know, are not seen.
+    """
+    try:
+        project = (root / "pyproject.toml").read_text(encoding="utf-8")
+        if not re.search(rf'^name = "{DISTRIBUTION}"$', project, re.MULTILINE):
+            return None
+        git = root / ".git"
+        if git.is_file():  # of a worktree
+            git = root / git.read_text(encoding="utf-8").strip().removeprefix("gitdir: ")
+        identity = _commit_at(git, "HEAD")
+        if identity is None or not re.fullmatch("[0-9a-f]{40}", identity):  # or a SHA-256
+            return None
+        return CommitStated(id=identity, changes=_changes(root, git / "index"))
+    except (OSError, ValueError, struct.error):  # no repository, or of a form not known here
+        return None
+
+
+def _commit_at(git: Path, reference: str) -> str | None:
+    """Return the commit of a reference, which may stand in a file of its own or among packed ones.
+
+    Those of branches lie in the folder that all worktrees share.
+    """
+    common = git / "commondir"
+    shared = git / common.read_text(encoding="utf-8").strip() if common.is_file() else git
+    for folder in (git, shared):
+        if (folder / reference).is_file():
+            text = (folder / reference).read_text(encoding="utf-8").strip()
+            if text.startswith("ref: "):
+                return _commit_at(git, text.removeprefix("ref: "))
+            return text
+    if (packed := shared / "packed-refs").is_file():
+        for line in packed.read_text(encoding="utf-8").splitlines():
+            if line.endswith(f" {reference}"):
+                return line.split()[0]
+    return None
+
+
+def _changes(root: Path, index: Path) -> str:
+    """Return a digest of the program's files that differ from the index; "" without any."""
+    written = index.stat().st_mtime_ns
+    changed = []
+    for entry in _entries(index.read_bytes()):
+        if entry.mode & 0o170000 != REGULAR or not entry.name.startswith(SOURCES):
+            continue
+        try:
+            here = os.stat(f"{root}/{entry.name}")  # of some 500 files: a Path is slow
+            if (here.st_mtime_ns, here.st_size) == (entry.time, entry.size) and (
+                here.st_mtime_ns < written
+            ):
+                continue  # as git does: nothing was written since
+            content = (root / entry.name).read_bytes()
+        except OSError:
+            changed.append(f"{entry.name} missing")
+            continue
+        blob = b"blob %d\0%b" % (len(content), content)
+        if (found := hashlib.sha1(blob).digest()) != entry.blob:
+            changed.append(f"{entry.name} {found.hex()}")
+    return hashlib.sha256("\n".join(changed).encode()).hexdigest()[:12] if changed else ""
+
+
+class _Entry(NamedTuple):
+    """A file in git's index: time of its last change [ns], mode, size [B] and content's SHA-1."""
+
+    name: str
+    time: int
+    mode: int
+    size: int
+    blob: bytes
+
+
+def _entries(data: bytes) -> Iterator[_Entry]:
+    """Yield the files in an index of git (versions 2 to 4, SHA-1)."""
+    _, form, many = struct.unpack_from(">4sLL", data)
+    place, name = 12, b""
+    for _ in range(many):
+        seconds, ns, mode, size = struct.unpack_from(">8xLL8xL8xL", data, place)
+        blob, flags = struct.unpack_from(">20sH", data, place + 40)
+        start = place + (64 if flags & 0x4000 else 62)
+        strip = 0
+        if form == 4:  # the name begins with that of the entry before, less so many bytes
+            start, strip = _length(data, start)
+        end = data.index(b"\0", start)
+        name = (name[: len(name) - strip] if form == 4 else b"") + data[start:end]
+        place = end + 1 if form == 4 else place + (end - place + 8) // 8 * 8
+        yield _Entry(name.decode(errors="replace"), seconds * 10**9 + ns, mode, size, blob)
+
+
+def _length(data: bytes, place: int) -> tuple[int, int]:
+    """Return the place after a number of variable length in the index, and the number."""
+    number = data[place] & 0x7F
+    while data[place] & 0x80:
+        place += 1
+        number = ((number + 1) << 7) | (data[place] & 0x7F)
+    return place + 1, number
