@@ -410,22 +410,20 @@ class Certificate:
         """Write certificate, readings, raw records and truth into a new folder, and seal it.
 
         Beside them stand ``datapackage.json`` (Frictionless) with meaning and unit of every column,
-        and ``ro-crate-metadata.json`` (RO-Crate) with every file.
+        ``ro-crate-metadata.json`` (RO-Crate) with every file, and ``SHA256SUMS``.
 
         With `pdf` the certificate comes as PDF/A-3a and PDF/UA-1, too, with ``certificate.json``
-        attached. `paper` is ``a4`` or ``letter``. With the private `key` in a file (Ed25519, PEM)
-        ``SHA256SUMS`` and its signature stand beside (extra ``sign``). A film is lossless with time
-        stamps, and comes with a preview and the calibration file for ``virtual-lab track``.
+        attached. `paper` is ``a4`` or ``letter``. The private `key` in a file (Ed25519, PEM) signs
+        ``SHA256SUMS`` (extra ``sign``). A film is lossless with time stamps, and comes with a
+        preview and the calibration file for ``virtual-lab track``.
 
         Raises `InputError` if the folder is not empty or cannot be written, another paper is asked
         for, no key stands in the file, or the extra is missing; no partial files are left.
         """
-        import json
-
         from virtual_lab.certificate.html import certificate_page
-        from virtual_lab.certificate.packages import descriptors
+        from virtual_lab.certificate.packages import descriptors, text_of_descriptor
         from virtual_lab.certificate.pdf import certificate_pdf, pdf_name, require_paper
-        from virtual_lab.certificate.signing import sign
+        from virtual_lab.certificate.signing import write_sums
         from virtual_lab.files import new_folder
         from virtual_lab.lab.seal import TRUTH, write_seal
         from virtual_lab.output.tables import write_csv
@@ -453,11 +451,11 @@ class Certificate:
             session = self.certification.session
             told = descriptors(self.printed, session, self.shots, draft)
             for name, each in told.items():
-                (draft / name).write_text(json.dumps(each, indent=1) + "\n", encoding="utf-8")
+                (draft / name).write_text(text_of_descriptor(each), encoding="utf-8")
             if self.sealed:
                 write_seal(draft)
-            if signing := key or self.key:
-                sign(draft, Path(signing))
+            signing = key or self.key
+            write_sums(draft, Path(signing) if signing else None)
         return target
 
     @cached_property

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from virtual_lab.certificate.comparing import differences
 from virtual_lab.certificate.document import CertificateDocument, read_document
-from virtual_lab.certificate.filling import certificate
-from virtual_lab.certificate.printed import certificate_number
-from virtual_lab.certificate.verify import CERTIFICATE, RECORDS, differences
+from virtual_lab.certificate.verify import (
+    CERTIFICATE,
+    COPIED,
+    RECORDS,
+    made_elsewhere,
+    reduced_document,
+)
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_bytes
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.records.particulars import ReplacedReport
-from virtual_lab.records.session import digest_of_text, load_session
+from virtual_lab.records.session import SESSION, digest_of_text, load_session
 
-RESULT = ("verdict", "metric", "shots", "budget")  # what must follow from the records
+RESULT = ("verdict", "metric", "shots", "budget")  # what another program must find, too
 
 
 def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
@@ -29,7 +34,7 @@ def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
         raise InputError("", key, value, "needs both: the folder that is replaced, and the reason")
     document = read_document(folder / CERTIFICATE)
     return ReplacedReport(
-        number=certificate_number(document),
+        number=document.number,
         digest=digest_of_text(read_bytes(folder / CERTIFICATE)),
         folder=folder.resolve().name,
         reason=reason,
@@ -39,15 +44,19 @@ def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
 def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification]:
     """Return the certificate in a folder, and the certification of its records.
 
-    Raises `InputError` where the folder holds none, or the records give another result.
+    Raises `InputError` where the folder holds none, or the records give another certificate; if
+    another program made it, another result.
     """
     stated = read_document(folder / CERTIFICATE)
     certification = certify_session(load_session(folder / RECORDS))
-    there, here = stated.as_json(), certificate(certification).as_json()
-    for key in RESULT:
-        for row in differences(there[key], here[key], CERTIFICATE, key):
-            allowed = f"its records give {row.found}; 'virtual-lab verify {folder}' says more"
-            raise InputError(str(folder / CERTIFICATE), row.key, row.stated, allowed)
+    digest, there = digest_of_text(read_bytes(folder / RECORDS / SESSION)), stated.as_json()
+    here = reduced_document(certification, there, digest).as_json()
+    elsewhere = made_elsewhere(there)
+    for row in differences(there, here, CERTIFICATE):
+        if elsewhere and not (row.key.startswith(RESULT) or COPIED.match(row.key)):
+            continue
+        allowed = f"its records give {row.found}; 'virtual-lab verify {folder}' says more"
+        raise InputError(str(folder / CERTIFICATE), row.key, row.stated, allowed)
     return stated, certification
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,11 @@ if TYPE_CHECKING:
 READINGS = "readings.csv"
 APART = ("truth", "control", "film")  # folders of their own, that may be handed on without
 TYPES = {"i": "integer", "f": "number", "b": "boolean"}  # by kind of dtype; else text
+
+
+def text_of_descriptor(descriptor: Mapping[str, Any]) -> str:
+    """Return the text of a descriptor's file."""
+    return json.dumps(descriptor, indent=1) + "\n"
 
 
 def descriptors(

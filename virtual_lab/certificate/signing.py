@@ -1,6 +1,7 @@
-"""A signature over all files of a result folder: the list of their digests, and its signature.
+"""The digests of all files of a result folder, and a signature of their list.
 
 The list is that of ``sha256sum``; the signature is Ed25519, by a key in PEM as OpenSSL writes it.
+Anybody can write the list anew: alone it shows damage and careless changes, signed it shows more.
 """
 
 from __future__ import annotations
@@ -9,20 +10,15 @@ import hashlib
 from base64 import b64decode, b64encode
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from virtual_lab.certificate.comparing import FolderFinding, Mismatch, Unchecked
 from virtual_lab.errors import InputError, of_extra
 from virtual_lab.files import contents, read_bytes, read_text
+from virtual_lab.records.session import digest_of_text
 
 SUMS, SIGNATURE = "SHA256SUMS", "SHA256SUMS.sig"
-
-
-class Unsigned(NamedTuple):
-    """A file that is not the one that was signed."""
-
-    file: str
-    stated: str
-    found: str
+TEXTS = (".csv", ".html", ".json", ".toml")  # files whose line ends a copy may have changed
 
 
 def require_key(path: Path, *, private: bool) -> Any:
@@ -47,50 +43,79 @@ def require_key(path: Path, *, private: bool) -> Any:
     return key
 
 
-def sign(folder: Path, key: Path) -> None:
-    """Write the digests of all files in a folder, and their signature; errors as `require_key`."""
-    private = require_key(key, private=True)
-    digests = {name: _digest(folder / name) for name in _signed(folder)}
-    text = "".join(f"{digest}  {name}\n" for name, digest in digests.items())
-    (folder / SUMS).write_bytes(text.encode())
-    (folder / SIGNATURE).write_bytes(b64encode(private.sign(text.encode())) + b"\n")
+def write_sums(folder: Path, key: Path | None = None) -> None:
+    """Write the digests of all files in a folder, and their signature by a private key.
 
-
-def unsigned(folder: Path, key: Path, unopened: str) -> Iterator[Unsigned]:
-    """Yield the files of a folder that are not those that the owner of a public key signed.
-
-    Those in the folder `unopened` may be missing and are not read. `InputError` as `require_key`.
+    `InputError` as `require_key`.
     """
-    from cryptography.exceptions import InvalidSignature
+    private = None if key is None else require_key(key, private=True)
+    lines = [f"{_digest(folder / name)}  {name}\n" for name in _listed(folder)]
+    text = "".join(lines).encode()
+    (folder / SUMS).write_bytes(text)
+    if private:
+        (folder / SIGNATURE).write_bytes(b64encode(private.sign(text)) + b"\n")
 
-    public = require_key(key, private=False)
+
+def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFinding]:
+    """Yield the files of a folder that are not those of its list of digests.
+
+    A folder of `optional` that is missing as a whole could not be checked.
+    """
     try:
-        text, signature = read_bytes(folder / SUMS), read_text(folder / SIGNATURE)
-        public.verify(b64decode(signature), text)
+        lines = _text_of_sums(folder).decode(errors="replace").split("\n")
     except InputError as fault:
-        yield Unsigned(Path(fault.where).name, "", fault.allowed)
+        yield Mismatch(file=SUMS, key="", stated="", found=fault.allowed)
         return
-    except (InvalidSignature, ValueError):
-        yield Unsigned(SIGNATURE, "", "is not of this key, or not of this list")
-        return
-    lines = (line.partition("  ") for line in text.decode().splitlines())
-    listed = {name: digest for digest, _, name in lines}
-    here = _signed(folder)
-    for name, digest in listed.items():
-        if name.split("/")[0] == unopened:
+    here = {*_listed(folder)}
+    stated = [(name, digest) for digest, _, name in (line.partition("  ") for line in lines[:-1])]
+    absent = {top for top in optional if not (folder / top).exists()}
+    for name, digest in stated:
+        if name.split("/")[0] in absent:
             continue
         found = _digest(folder / name) if name in here else "the file is missing"
-        if found != digest:
-            yield Unsigned(name, digest, found)
-    for name in here:
-        if name not in listed:
-            yield Unsigned(name, "", "was not signed")
+        if found != digest and not _same_lines(folder / name, digest, name in here):
+            yield Mismatch(file=name, key="sha256", stated=digest, found=found)
+    for name in sorted(here - {name for name, _ in stated}):
+        yield Mismatch(file=name, key="sha256", stated="", found=f"is not listed in {SUMS}")
+    for top in sorted(absent & {name.split("/")[0] for name, _ in stated}):
+        yield Unchecked(f"{top}: the folder is missing")
 
 
-def _signed(folder: Path) -> list[str]:
-    return [name for name in contents(folder) if name not in (SUMS, SIGNATURE)]
+def signature_fault(folder: Path, key: Path) -> Mismatch | None:
+    """Return why the list of digests is not signed by the owner of a public key, None if it is.
+
+    `InputError` as `require_key`.
+    """
+    public = require_key(key, private=False)
+    from cryptography.exceptions import InvalidSignature
+
+    try:
+        public.verify(b64decode(read_text(folder / SIGNATURE)), _text_of_sums(folder))
+    except InputError as fault:
+        return Mismatch(file=SIGNATURE, key="signature", stated="", found=fault.allowed)
+    except (InvalidSignature, ValueError):
+        wrong = "is not of this key, or not of this list"
+        return Mismatch(file=SIGNATURE, key="signature", stated="", found=wrong)
+    return None
+
+
+def _text_of_sums(folder: Path) -> bytes:
+    return read_bytes(folder / SUMS).replace(b"\r\n", b"\n")
+
+
+def _listed(folder: Path) -> list[str]:
+    return [
+        name
+        for name, kind in contents(folder).items()
+        if kind == "file" and name not in (SUMS, SIGNATURE)
+    ]
 
 
 def _digest(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _same_lines(path: Path, digest: str, exists: bool) -> bool:
+    """Return whether a text has this digest but for its line ends."""
+    return exists and path.suffix in TEXTS and digest_of_text(read_bytes(path)) == digest

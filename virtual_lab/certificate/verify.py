@@ -1,72 +1,98 @@
-"""Whether a result folder is as it was made: its reduction repeated, its forms made anew.
+"""Whether a result folder agrees with itself and with this program.
 
-The truth is not opened. Whoever rewrites records and all forms alike stays hidden: only a signature
-would show that.
+A folder is altered where it contradicts itself: by a digest, by a value copied from the records, by
+a form of another content. It differs where another version, commit or schema made it, and this
+program finds other results in the same records. Whoever has the program can make a whole folder of
+invented records: only a signature shows who made it.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from importlib.metadata import version
-from itertools import zip_longest
-from math import isclose, isnan
+from html import unescape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from virtual_lab.certificate.document import SCHEMA, CertificateDocument, document_of
+from virtual_lab.certificate import program
+from virtual_lab.certificate.comparing import (
+    FolderFinding,
+    Mismatch,
+    Remark,
+    Unchecked,
+    at,
+    compared_json,
+    compared_table,
+    compared_text,
+    cut_short,
+    differences,
+    same_text,
+    within,
+)
+from virtual_lab.certificate.document import (
+    READABLE,
+    SCHEMA,
+    CertificateDocument,
+    CommitStated,
+    document_of,
+    number_of,
+    text_of,
+)
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
-from virtual_lab.certificate.packages import READINGS, descriptors
+from virtual_lab.certificate.packages import READINGS, descriptors, text_of_descriptor
 from virtual_lab.certificate.pdf import PAPERS, certificate_pdf, pdf_name
-from virtual_lab.certificate.signing import SIGNATURE, SUMS, unsigned
+from virtual_lab.certificate.printed import printed_result
+from virtual_lab.certificate.signing import SIGNATURE, SUMS, compared_sums, signature_fault
 from virtual_lab.certificate.tables import shot_table
-from virtual_lab.errors import DISTRIBUTION, InputError
-from virtual_lab.files import contents, parse_table, read_bytes, read_json, read_table
-from virtual_lab.measurement.certification import certify_session
+from virtual_lab.errors import InputError
+from virtual_lab.files import contents, read_bytes, read_json
+from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.measurement.model import CONTROL as RATIO
 from virtual_lab.output.result import Json, StudyResult
-from virtual_lab.output.tables import column, csv_text, table_text
+from virtual_lab.output.tables import csv_text, table_text
 from virtual_lab.records.packages import CRATE, PACKAGE
 from virtual_lab.records.session import SESSION, digest_of_text, load_session
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 CERTIFICATE, PAGE, RECORDS = "certificate.json", "certificate.html", "records"
-UNOPENED, FILM, CONTROL = "truth", "film", "control"
-TOLERANCE = 1e-9  # relative: what other processors change
-UNSIGNED = "without a signature, someone who rewrites the records and all forms alike stays hidden"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mismatch:
-    """A file, or a key in it, that is not what the records give."""
-
-    file: str = column("file", form="")
-    key: str = column("key", form="")
-    stated: str = column("stated", form="")
-    found: str = column("by the records", form="")
+TRUTH, FILM, CONTROL = "truth", "film", "control"
+TRUTH_FILE = "truth/truth.json"
+MISSING, NO_FOLDER = "the file is missing", "the folder is missing"
+OPTIONAL = (TRUTH, FILM, CONTROL)  # folders that a folder may be handed on without
+COPIED = re.compile(  # keys of the document whose values are those of the records
+    r"(origin|laboratory|customer|date|particulars|simulation|session_digest|rigs"
+    r"|bat\.name|ball\.name)\b"
+)
+RESULTS = re.compile(  # keys whose differences from this program are listed one by one
+    r"(verdict|flags|metric\.(value|u|interval_95)"
+    r"|shots(\[\d+\]\.(recoil_efficiency|rebound_efficiency|used|reason))?)(\[\d+\]|\.|$)"
+)
+UNSIGNED = (
+    "without a signature: anybody with the program can make a whole folder of invented records"
+)
+STATES = {"whole": 0, "altered": 3, "differs": 4, "not all checked": 4}  # codes of the command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Verification(StudyResult):
-    """What of a result folder is not as it was made."""
+    """What of a result folder contradicts the rest of it, or differs from this program."""
 
     folder: str
     rows: tuple[Mismatch, ...]
-    unchecked: tuple[str, ...]  # what could not be compared here, and why
+    unchecked: tuple[str, ...]  # parts that could not be compared here, and why
     signed: bool = False  # by the key that was given
-    note: str = ""  # of a certificate of another version
+    note: str = ""  # on the program that made it, and on the report that it replaces
 
     name = "verify"
 
     @property
     def state(self) -> str:
-        """``whole``, ``altered`` or ``not all checked``, the words of the JSON document."""
-        return "altered" if self.rows else "not all checked" if self.unchecked else "whole"
+        """One of `STATES`."""
+        states = {row.state for row in self.rows}
+        if states:
+            return "altered" if "altered" in states else "differs"
+        return "not all checked" if self.unchecked else "whole"
 
     @property
     def title(self) -> str:
@@ -76,14 +102,18 @@ class Verification(StudyResult):
     @property
     def code(self) -> int:
         """The exit code of the command."""
-        return {"whole": 0, "altered": 3, "not all checked": 4}[self.state]
+        return STATES[self.state]
+
+    def _of(self, state: str) -> list[Mismatch]:
+        return [row for row in self.rows if row.state == state]
 
     @property
     def document(self) -> Json:
         """The result for JSON."""
         return {
             "state": self.state,
-            "altered": [asdict(row) for row in self.rows],
+            "altered": [asdict(row) for row in self._of("altered")],
+            "differs": [asdict(row) for row in self._of("differs")],
             "unchecked": list(self.unchecked),
             "signed": self.signed,
             "note": self.note,
@@ -91,221 +121,262 @@ class Verification(StudyResult):
 
     @property
     def text(self) -> str:
-        """What was altered as a table, what was not checked, and what no check can show."""
+        """What was altered or differs as tables, what was not checked, and who signed."""
         lines = [self.state]
-        if self.rows:
-            lines.append(table_text(self.rows))
+        if altered := self._of("altered"):
+            lines.append(table_text(altered))
+        if differing := self._of("differs"):
+            lines += ["differs from this program:", table_text(differing)]
         lines += [f"not checked: {each}" for each in self.unchecked]
-        hidden = "signed by the owner of the key" if self.signed else UNSIGNED
-        return "\n".join([*lines, *filter(None, [self.note]), hidden])
+        worth = "signed by the owner of the key" if self.signed else UNSIGNED
+        return "\n".join([*lines, *filter(None, [self.note]), worth])
 
 
 def verify(folder: str | Path, *, key: str | Path | None = None) -> Verification:
-    """Repeat the reduction of a result folder, make its forms anew, and compare.
+    """Compare a result folder with itself, and with what this program makes of its records.
 
-    With the public `key` of who signed it, every file is compared with what was signed, too.
+    With the public `key` of who signed it, the signature of its list of digests is checked, too.
 
     Raises
     ------
     InputError
-        No folder with a certificate, or one of another schema; a file that holds no key, or the
-        extra ``sign`` is missing.
+        No folder with a certificate, or one of a schema that cannot be read; a file that holds no
+        key, or the extra ``sign`` is missing.
     """
     folder = Path(folder)
-    found = _by_its_records(folder)
-    if key is None:
-        return found
-    rows = tuple(
-        Mismatch(file=each.file, key="signature", stated=each.stated, found=each.found)
-        for each in unsigned(folder, Path(key), UNOPENED)
+    fault = None if key is None else signature_fault(folder, Path(key))
+    findings = [*_findings(folder), *([fault] if fault else [])]
+    rows = tuple(each for each in findings if isinstance(each, Mismatch))
+    unchecked = [each.text for each in findings if isinstance(each, Unchecked)]
+    signed = key is not None and not fault
+    if (folder / FILM).is_dir() and not signed:
+        unchecked.append(f"{FILM}: the film of a shot shows what no record holds")
+    if (folder / SIGNATURE).exists() and key is None:
+        unchecked.append(f"{SIGNATURE}: signed, not checked; give --key")
+    return Verification(
+        folder=str(folder),
+        rows=rows,
+        unchecked=tuple(dict.fromkeys(unchecked)),
+        signed=signed and not rows,
+        note="; ".join(each.text for each in findings if isinstance(each, Remark)),
     )
-    return replace(found, rows=found.rows + rows, signed=not rows)
 
 
-def _by_its_records(folder: Path) -> Verification:
+def reduced_document(
+    certification: Certification, stated: Mapping[str, Any], session_digest: str
+) -> CertificateDocument:
+    """Return the certificate that this program makes, as if by the program that is stated.
+
+    Versions, commit and the digest of the truth are those of the stated certificate.
+    """
+    digest = at(stated, "simulation", "truth_digest")
+    made = certificate(certification, truth_digest=digest, session_digest=session_digest)
+    versions, commit = stated.get("versions"), stated.get("commit")
+    if isinstance(versions, Mapping) and versions.keys() == made.versions.keys():
+        made = replace(made, versions=dict(versions))
+    if isinstance(commit, Mapping) and commit.keys() == {"id", "changes"}:
+        return replace(made, commit=CommitStated(**commit))
+    return replace(made, commit=None)
+
+
+def _findings(folder: Path) -> Iterator[FolderFinding]:
+    """Yield the findings about a folder, its signature aside."""
     stated = read_json(folder / CERTIFICATE)
-    if stated.get("schema") != SCHEMA:
-        allowed = f"allowed: {SCHEMA}; make the certificate again with 'virtual-lab reduce RECORDS'"
+    if stated.get("schema") not in READABLE:
+        allowed = f"allowed: {', '.join(map(str, READABLE))}; make the certificate again with "
+        allowed += "'virtual-lab reduce RECORDS'"
         raise InputError(str(folder / CERTIFICATE), "schema", stated.get("schema"), allowed)
-    made_by = _at(stated, "versions", "virtual-lab")
-    if made_by != version(DISTRIBUTION):
-        return _of_another_version(folder, stated, made_by)
-    rows, unchecked = list(_strays(folder)), list[str]()
-    document = None
+    yield from _strays(folder)
+    if stated["schema"] == SCHEMA or (folder / SUMS).exists():
+        yield from compared_sums(folder, OPTIONAL)
+    yield from _truth(folder, stated)
+    elsewhere = made_elsewhere(stated)
+    document, certification = None, (yield from _certified(folder, bool(elsewhere)))
+    if certification:
+        document = yield from _document(folder, stated, certification, bool(elsewhere))
+        yield from _tables(folder, document, certification, bool(elsewhere))
+        yield from _control(folder, certification, bool(elsewhere))
+    yield from _forms(folder, document, bool(elsewhere))
+    if elsewhere:
+        yield Remark(elsewhere)
+        if not document:
+            yield from _words(folder, stated)
+    for name, here in program.versions().items():
+        there = at(stated, "versions", name)
+        if name != "virtual-lab" and there != here:
+            yield Unchecked(f"versions.{name}: {there} stated, {here} here")
+    yield from _replaced(folder, stated)
+
+
+def made_elsewhere(stated: Mapping[str, Any]) -> str:
+    """Return which other program made a certificate, "" if this one did."""
+    here = program.commit()
+    of_here = (SCHEMA, program.versions()["virtual-lab"], here and asdict(here))
+    of_there = (stated["schema"], at(stated, "versions", "virtual-lab"), stated.get("commit"))
+    there, own = (
+        f"version {version}, schema {schema}, "
+        + (f"commit {str(at(commit, 'id'))[:12]}" if commit else "no commit stated")
+        + (" with changes" if at(commit, "changes") else "")
+        for schema, version, commit in (of_there, of_here)
+    )
+    return "" if of_there == of_here else f"made by {there}; this is {own}"
+
+
+def _certified(
+    folder: Path, elsewhere: bool
+) -> Generator[FolderFinding, None, Certification | None]:
+    """Yield why records were altered or cannot be reduced; return their certification."""
+    session = None
     try:
-        certification = certify_session(load_session(folder / RECORDS))
+        session = load_session(folder / RECORDS)
+        return certify_session(session)
     except InputError as fault:
-        rows.append(_refused(fault, folder))
-    else:
-        digest = _at(stated, "simulation", "truth_digest")
-        session = digest_of_text(read_bytes(folder / RECORDS / SESSION))
-        document = certificate(certification, truth_digest=digest, session_digest=session)
-        document, other = _with_versions(document, stated)
-        unchecked += other
-        changed = list(differences(stated, document.as_json(), CERTIFICATE))
-        if not changed:
-            document = document_of(stated, CERTIFICATE)  # whose very last digits the forms have
-        rows += changed
-        shots = shot_table(certification)
-        rows += _readings(folder, shots)
+        where = fault.where.removeprefix(f"{folder}/") or RECORDS
+        where = where if where.startswith(RECORDS) else f"{RECORDS}/{where}"
+        if session and elsewhere:
+            yield Unchecked(f"{where}: this program cannot reduce them ({fault})")
+        else:
+            value = "" if fault.value is None else str(fault.value)
+            yield Mismatch(file=where, key=fault.key, stated=value, found=fault.allowed)
+        return None
+
+
+def _document(
+    folder: Path, stated: Mapping[str, Any], certification: Certification, elsewhere: bool
+) -> Generator[FolderFinding, None, CertificateDocument | None]:
+    """Yield the keys of the certificate that are not those of the document made here.
+
+    Return the document of which this program makes the forms, None where another program made
+    the certificate and states something else.
+    """
+    digest = digest_of_text(read_bytes(folder / RECORDS / SESSION))
+    made = reduced_document(certification, stated, digest)
+    rows = list(differences(stated, made.as_json(), CERTIFICATE))
+    layout = compared_text(CERTIFICATE, same_text(folder / CERTIFICATE), text_of(stated))
+    if not rows:
+        yield from layout
+        return document_of(dict(stated), CERTIFICATE)  # whose very last digits the forms have
+    if not elsewhere:
+        yield from rows
+        return made
+    copied = [row for row in rows if row.stated and COPIED.match(row.key)]
+    yield from copied
+    yield from _differing(row for row in rows if row not in copied)
+    return None
+
+
+def _differing(rows: Iterable[Mismatch]) -> Iterator[Mismatch]:
+    """Yield rows as differences from this program: results one by one, the rest of a file in one.
+
+    A page and a table of another program may be worded otherwise in many places.
+    """
+    rest: dict[str, list[Mismatch]] = {}
+    for row in rows:
+        if RESULTS.match(row.key):
+            yield replace(row, state="differs")
+        else:
+            rest.setdefault(row.file, []).append(row)
+    for file, others in rest.items():
+        if len(others) == 1:
+            yield replace(others[0], state="differs")
+        else:
+            keys = cut_short(", ".join(row.key for row in others))
+            yield Mismatch(
+                file=file, key=keys, stated=f"{len(others)} others", found="", state="differs"
+            )
+
+
+def _tables(
+    folder: Path,
+    document: CertificateDocument | None,
+    certification: Certification,
+    elsewhere: bool,
+) -> Iterator[FolderFinding]:
+    """Yield what of the table of shots and of the descriptors the records do not give."""
+    shots = shot_table(certification)
+    rows = list(compared_table(folder / READINGS, csv_text(shots)))
+    if document:
         told = descriptors(document, certification.session, shots, folder)
         for name, each in told.items():
-            rows += _descriptor(folder / name, each)
-    of_forms, other = _forms(folder, document)
-    rows, unchecked = rows + of_forms, unchecked + other
-    if (folder / FILM).is_dir():
-        unchecked.append(f"{FILM}: the film of a shot shows what no record holds")
-    replaced, note = _replaced(folder, stated)
-    rows += replaced
-    if (folder / CONTROL).is_dir():
-        control = _by_its_records(folder / CONTROL)
-        rows += [replace(row, file=f"{CONTROL}/{row.file}") for row in control.rows]
-        unchecked += [f"{CONTROL}/{each}" for each in control.unchecked]
-    return Verification(folder=str(folder), rows=tuple(rows), unchecked=tuple(unchecked), note=note)
+            rows += compared_json(folder / name, each, text_of_descriptor(each))
+    yield from _differing(rows) if elsewhere else rows
 
 
-def _replaced(folder: Path, stated: Mapping[str, Any]) -> tuple[list[Mismatch], str]:
-    """Return what of the chain of replaced reports was altered, and what it says of the first.
-
-    A report lies beside the one that replaces it, in a folder of the name that this one states.
-    """
-    told = _at(stated, "particulars", "replaces")
-    name, number = _at(told, "folder"), _at(told, "number")
-    if not isinstance(name, str) or Path(name).name != name:
-        return [], ""
-    old = folder.resolve().parent / name
-    if not (old / CERTIFICATE).is_file():
-        return [], f"it replaces {number}, whose folder {name} is not beside this one"
-    digest, wanted = digest_of_text(read_bytes(old / CERTIFICATE)), str(_at(told, "digest"))
-    if digest != wanted:  # and followed no further: a forged chain may run in a circle
-        file = f"../{name}/{CERTIFICATE}"
-        return [Mismatch(file=file, key="sha256", stated=wanted, found=digest)], ""
-    found = _by_its_records(old)
-    rows = [replace(row, file=f"../{name}/{row.file}") for row in found.rows]
-    return rows, "; ".join(filter(None, [f"it replaces {number} in {name}", found.note]))
+def _truth(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
+    """Yield whether the truth is the one that the certificate names; only its digest is taken."""
+    wanted, path = at(stated, "simulation", "truth_digest"), folder / TRUTH_FILE
+    if path.is_file():
+        found = digest_of_text(read_bytes(path))
+        if found != wanted:
+            yield Mismatch(file=TRUTH_FILE, key="sha256", stated=str(wanted or ""), found=found)
+    elif (folder / TRUTH).exists():
+        yield Mismatch(file=TRUTH_FILE, key="", stated="", found=MISSING)
+    elif wanted:
+        yield Unchecked(f"{TRUTH}: {NO_FOLDER}")
 
 
-def _at(document: Any, *keys: str) -> Any:
-    for key in keys:
-        document = document.get(key) if isinstance(document, Mapping) else None
-    return document
-
-
-def _refused(fault: InputError, folder: Path) -> Mismatch:
-    """Return what records that cannot be read, or not be reduced, say."""
-    where = fault.where.removeprefix(f"{folder}/") or RECORDS
-    if not where.startswith(RECORDS):
-        where = f"{RECORDS}/{where}"
-    value = "" if fault.value is None else str(fault.value)
-    return Mismatch(file=where, key=fault.key, stated=value, found=fault.allowed)
-
-
-def _with_versions(
-    document: CertificateDocument, stated: Mapping[str, Any]
-) -> tuple[CertificateDocument, list[str]]:
-    """Return the document with the libraries it was made with, and which of them differ here."""
-    libraries = _at(stated, "versions")
-    if not isinstance(libraries, Mapping) or libraries.keys() != document.versions.keys():
-        return document, []
-    other = [
-        f"versions.{name}: {libraries[name]} stated, {here} here"
-        for name, here in document.versions.items()
-        if libraries[name] != here
-    ]
-    return replace(document, versions=dict(libraries)), other
-
-
-def _descriptor(path: Path, found: Mapping[str, Any]) -> Iterator[Mismatch]:
-    """Yield what of a descriptor is not that of the folder."""
-    try:
-        stated = read_json(path)
-    except InputError as fault:
-        yield Mismatch(file=path.name, key=fault.key, stated="", found=fault.allowed)
-    else:
-        yield from differences(stated, found, path.name)
-
-
-def differences(stated: Any, found: Any, file: str, key: str = "") -> Iterator[Mismatch]:
-    """Yield the keys of a JSON file that are not what the records give."""
-    if isinstance(stated, Mapping) and isinstance(found, Mapping):
-        for name in [*found, *(name for name in stated if name not in found)]:
-            own = f"{key}.{name}" if key else name
-            if name not in stated or name not in found:
-                there, here = (
-                    _value(each[name]) if name in each else "" for each in (stated, found)
-                )
-                yield Mismatch(file=file, key=own, stated=there, found=here)
-            else:
-                yield from differences(stated[name], found[name], file, own)
-    elif isinstance(stated, list) and isinstance(found, list) and len(stated) == len(found):
-        for number, (there, here) in enumerate(zip(stated, found, strict=True)):
-            yield from differences(there, here, file, f"{key}[{number}]")
-    elif not _same(stated, found):
-        yield Mismatch(file=file, key=key, stated=_value(stated), found=_value(found))
-
-
-def _same(stated: Any, found: Any) -> bool:
-    either = (stated, found)
-    if any(isinstance(each, bool) for each in either):
-        return type(stated) is type(found) and bool(stated == found)
-    if all(isinstance(each, float) and isnan(each) for each in either):  # empty cells
-        return True
-    if all(isinstance(each, int | float) for each in either):
-        return isclose(stated, found, rel_tol=TOLERANCE, abs_tol=1e-15)
-    return type(stated) is type(found) and bool(stated == found)
-
-
-def _value(value: Any) -> str:
-    """Return a value of JSON to be printed: a text in quotes, a number to twelve digits."""
-    return _shown(f"{value:.12g}" if isinstance(value, float) else json.dumps(value))
-
-
-def _shown(text: str) -> str:
-    """Return a value cut short, with a digest by which two long ones differ."""
-    cut = f"{text[:48]}… {hashlib.sha256(text.encode()).hexdigest()[:8]}"
-    return text if len(text) <= 60 else cut
-
-
-def _readings(folder: Path, shots: pd.DataFrame) -> Iterator[Mismatch]:
-    """Yield the cells of readings.csv that are not what the records give."""
-    try:
-        stated = read_table(folder / READINGS)
-    except InputError as fault:
-        yield Mismatch(file=READINGS, key=fault.key, stated="", found=fault.allowed)
+def _control(
+    folder: Path, certification: Certification, elsewhere: bool
+) -> Iterator[FolderFinding]:
+    """Yield what of the control bat's test is not that of which the records tell."""
+    session, there = certification.session, folder / CONTROL
+    ratio, wanted = session.calibration.get(RATIO), session.control_sha256
+    if not there.exists():
+        if wanted:
+            yield Unchecked(f"{CONTROL}: {NO_FOLDER}")
         return
-    found = parse_table(csv_text(shots).encode(), READINGS)
-    if [*stated.columns] != [*found.columns] or len(stated) != len(found):
-        shape = f"{len(found)} rows of {len(found.columns)} columns"
-        yield Mismatch(
-            file=READINGS,
-            key="",
-            stated=f"{len(stated)} rows of {len(stated.columns)} columns",
-            found=shape,
-        )
+    if not (wanted or (elsewhere and ratio)):
+        yield Mismatch(file=CONTROL, key="", stated="a folder", found="no such folder")
         return
-    for name in found.columns:
-        for row, (there, here) in enumerate(zip(stated[name], found[name], strict=True)):
-            if not _same(there, here):
-                key = f"row {row}, {name}"
-                yield Mismatch(
-                    file=READINGS, key=key, stated=_shown(str(there)), found=_shown(str(here))
-                )
+    try:
+        digest = digest_of_text(read_bytes(there / RECORDS / SESSION))
+        if wanted and digest != wanted:
+            file = f"{CONTROL}/{RECORDS}/{SESSION}"
+            yield Mismatch(file=file, key="sha256", stated=wanted, found=digest)
+        yield from within(CONTROL, _findings(there))
+        e = at(read_json(there / CERTIFICATE), "restitution")
+    except InputError as fault:
+        file = fault.where.removeprefix(f"{folder}/")
+        yield Mismatch(file=file, key=fault.key, stated="", found=fault.allowed)
+        return
+    correction = certification.procedure.correction
+    if ratio and correction:
+        stated = {"value": ratio.value * correction.standard, "u": ratio.u * correction.standard}
+        yield from differences(stated, e, f"{RECORDS}/{SESSION}", f"calibration.{RATIO}")
 
 
-def _forms(folder: Path, document: CertificateDocument | None) -> tuple[list[Mismatch], list[str]]:
-    """Return what of page and PDF the document does not give, and what could not be compared."""
+def _forms(
+    folder: Path, document: CertificateDocument | None, elsewhere: bool
+) -> Iterator[FolderFinding]:
+    """Yield what of page and PDF the document does not give, and what could not be compared."""
     pdfs = sorted(path.name for path in folder.glob("*.pdf"))
+    if not (folder / PAGE).is_file():
+        yield Mismatch(file=PAGE, key="", stated="", found=MISSING)
     if document is None:
-        return [], [f"{name}: the records give no certificate" for name in (PAGE, *pdfs)]
-    rows, unchecked = list(_page(folder / PAGE, document)), []
+        why = "another program made it; only number and result were compared"
+        for name in (PAGE, *pdfs):
+            yield Unchecked(f"{name}: {why if elsewhere else 'the records give no certificate'}")
+        return
+    if (folder / PAGE).is_file():
+        yield from _page(folder / PAGE, document)
     for name in pdfs:
         if name != pdf_name(document):
-            rows.append(Mismatch(file=name, key="name", stated=name, found=pdf_name(document)))
+            yield Mismatch(file=name, key="name", stated=name, found=pdf_name(document))
         try:
-            rows += _pdf(folder / name, document)
+            yield from _pdf(folder / name, document)
         except InputError as fault:  # the extra that makes it is missing, or another one made it
-            unchecked.append(f"{name}: {fault}")
-    return rows, unchecked
+            yield Unchecked(f"{name}: {fault}")
+
+
+def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
+    """Yield the first line in which the page is not that of the document, on whatever paper."""
+    stated, first = same_text(path), ""
+    for paper in PAPERS:  # most have the first
+        page = certificate_page(document, paper)
+        if stated == page:
+            return
+        first = first or page
+    yield from compared_text(path.name, stated, first)
 
 
 def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
@@ -325,48 +396,75 @@ def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
     yield Mismatch(file=path.name, key="", stated="", found="another file than the records give")
 
 
-def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
-    """Yield the first line in which the page is not that of the document."""
-    if not path.is_file():
-        yield Mismatch(file=path.name, key="", stated="", found="the file is missing")
+def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
+    """Yield what the forms of another program do not state, though its document does."""
+    number = number_of(stated)
+    for path in sorted(folder.glob("*.pdf")):
+        if number not in path.name:
+            yield Mismatch(file=path.name, key="name", stated=path.name, found=number)
+    wanted = {"number": number, "verdict": str(stated.get("verdict"))}
+    if stated.get("origin") == "simulated":
+        wanted["statement"] = "SIMULATED"
+    try:
+        result = printed_result(document_of({**stated, "schema": SCHEMA}, CERTIFICATE))
+    except InputError as fault:
+        if stated["schema"] == SCHEMA:
+            value = "" if fault.value is None else str(fault.value)
+            yield Mismatch(file=CERTIFICATE, key=fault.key, stated=value, found=fault.allowed)
+        else:
+            yield Unchecked(f"{CERTIFICATE}: {fault}")
+    else:
+        if result["stated"]:
+            wanted["metric"] = f"{result['value']} ± {result['expanded']}"
+    if (folder / PAGE).is_file():
+        words = unescape(re.sub("<[^>]*>", " ", same_text(folder / PAGE)))
+        for key, word in wanted.items():
+            if word not in words:
+                yield Mismatch(file=PAGE, key=key, stated="", found=word)
+
+
+def _replaced(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
+    """Yield what of the chain of replaced reports was altered, and what it says of the first.
+
+    A report lies beside the one that replaces it, in a folder of the name that this one states.
+    """
+    told = at(stated, "particulars", "replaces")
+    if not told:
         return
-    found = read_bytes(path).decode(errors="replace").splitlines()
-    pages = (certificate_page(document, paper).splitlines() for paper in PAPERS)
-    first = next(pages)  # most have its paper
-    if found == first or found in pages:
+    name, number = str(at(told, "folder")), at(told, "number")
+    if name in ("", ".", "..") or Path(name).name != name:
+        allowed = "the name of a folder beside this one"
+        yield Mismatch(file=CERTIFICATE, key="particulars.replaces", stated=name, found=allowed)
         return
-    for number, (there, here) in enumerate(zip_longest(found, first, fillvalue=""), start=1):
-        if there != here:
-            own = {"stated": _shown(there.strip()), "found": _shown(here.strip())}
-            yield Mismatch(file=path.name, key=f"line {number}", **own)
-            return
+    old = folder.resolve().parent / name
+    if not (old / CERTIFICATE).is_file():
+        yield Remark(f"it replaces {number}, whose folder {name} is not beside this one")
+        return
+    digest, wanted = digest_of_text(read_bytes(old / CERTIFICATE)), str(at(told, "digest"))
+    if digest != wanted:  # and followed no further: a forged chain may run in a circle
+        file = f"../{name}/{CERTIFICATE}"
+        yield Mismatch(file=file, key="sha256", stated=wanted, found=digest)
+        return
+    yield Remark(f"it replaces {number} in {name}")
+    try:
+        yield from within(f"../{name}", _findings(old))
+    except InputError as fault:
+        yield Unchecked(f"../{name}: {fault}")
 
 
 def _strays(folder: Path) -> Iterator[Mismatch]:
     """Yield files that belong to no result; those among the records their session refuses."""
-    own = {CERTIFICATE, PAGE, READINGS, PACKAGE, CRATE, SUMS, SIGNATURE}
+    of_result = {CERTIFICATE, PAGE, READINGS, PACKAGE, CRATE, SUMS, SIGNATURE}
     for name, kind in contents(folder).items():
         top = name.split("/")[0]
-        if top in (UNOPENED, RECORDS, CONTROL, FILM) and "/" in name:
+        if top in (RECORDS, CONTROL) and "/" in name:
             continue
         if kind != "file":
-            yield Mismatch(file=name, key="", stated=f"a {kind}", found="no such thing")
-        elif name not in own and not re.fullmatch(r"[^/]+\.pdf", name):
+            stated = f"a {kind}" if kind != "folder" else "an empty folder"
+            yield Mismatch(file=name, key="", stated=stated, found="no such thing")
+        elif not (
+            name in of_result
+            or re.fullmatch(r"[^/]+\.pdf", name)
+            or (top in (TRUTH, FILM) and "/" in name)
+        ):
             yield Mismatch(file=name, key="", stated="a file", found="no such file")
-
-
-def _of_another_version(folder: Path, stated: Mapping[str, Any], made_by: Any) -> Verification:
-    """Compare the page's number with the document's: another version may print otherwise."""
-    document = document_of(dict(stated), str(folder / CERTIFICATE))
-    rows = []
-    number = pdf_name(document).split("-")[1]
-    page = folder / PAGE
-    if not page.is_file() or number not in read_bytes(page).decode(errors="replace"):
-        rows.append(Mismatch(file=PAGE, key="number", stated="", found=number))
-    note = f"made by version {made_by}, this is {version(DISTRIBUTION)}: only the number in print"
-    return Verification(
-        folder=str(folder),
-        rows=tuple(rows),
-        unchecked=(),
-        note=f"{note} was compared",
-    )

@@ -226,8 +226,9 @@ def score(folder: Path) -> Any:
 def verify(folder: Path, key: Path | None) -> Any:
     """Repeat the reduction in FOLDER, make its certificate anew, and say what differs.
 
-    FOLDER is a folder that `certify` or `reduce` wrote. Its truth is not opened and may be missing.
-    The exit code is 3 if anything was altered, 4 if not all could be checked.
+    FOLDER is a folder that `certify` or `reduce` wrote. Of its truth only the digest is compared.
+    The exit code is 3 if anything was altered, 4 if not all could be checked, or if another
+    version made the folder and this one finds other results in its records.
     """
     return api.verify(folder, key=key)
 

@@ -1,0 +1,109 @@
+"""Result folders that the tests of certificates copy, each made once in a process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    PublicFormat,
+)
+
+import virtual_lab as vl
+from virtual_lab.certificate import verify as verifying
+from virtual_lab.measurement.certification import Certification
+from virtual_lab.records.session import Session
+
+LOGO = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><path fill="black"/></svg>'
+CORRECTION = """
+[correction]
+method = "control-bat"
+standard = { value = 0.5, unit = "1", source = "assumed", verified = false }
+"""
+
+
+@pytest.fixture(scope="module")
+def each_form_is_made_once() -> Iterator[None]:
+    """Keep the forms and certifications that verify makes; that they repeat has other tests."""
+    forms: dict[tuple[object, ...], Any] = {}
+    loaded: dict[int, tuple[Session, bytes]] = {}
+    load, certify = verifying.load_session, verifying.certify_session
+
+    def load_session(folder: Path) -> Session:
+        session = load(folder)  # which compares every file with its digest
+        loaded[id(session)] = session, (folder / "session.json").read_bytes()
+        return session
+
+    def certify_session(session: Session) -> Certification:
+        return kept("certification", loaded[id(session)][1], lambda: certify(session))
+
+    def kept(kind: str, key: object, make: Callable[[], Any]) -> Any:
+        if (kind, key) not in forms:
+            forms[kind, key] = make()
+        return forms[kind, key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(verifying, "load_session", load_session)
+        patch.setattr(verifying, "certify_session", certify_session)
+        for name in ("certificate_page", "certificate_pdf"):
+            make = getattr(verifying, name)
+            patch.setattr(
+                verifying,
+                name,
+                lambda document, paper, name=name, make=make: kept(
+                    name, (document.text, paper), lambda: make(document, paper)
+                ),
+            )
+        yield
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a test with a PDF, a customer and a logo."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "logo.svg").write_text(LOGO)
+    lab = folder / "lab.toml"
+    lab.write_text('[laboratory]\nname = "Bat Laboratory"\nlogo = "logo.svg"\n')
+    test = vl.certify("r161", seed=7, laboratory=lab, customer="Ashwood & Sons")
+    return test.save(folder / "result", pdf=True)
+
+
+@pytest.fixture(scope="session")
+def controlled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a test with a control bat."""
+    folder = tmp_path_factory.mktemp("controlled")
+    rules = folder / "controlled.toml"
+    rules.write_text(vl.procedure("bbcor").text + CORRECTION)
+    test = vl.certify("r161", procedure=rules, control_bat="check-cylinder", seed=7)
+    return test.save(folder / "result")
+
+
+@pytest.fixture(scope="session")
+def chain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Save a result, one that replaces it, and one of the same records that replaces this."""
+    folder = tmp_path_factory.mktemp("chain")
+    first, second = folder / "first", folder / "second"
+    vl.certify("r161", seed=7).save(first)
+    named = vl.certify("r161", seed=7, customer="second", replaces=first, reason="not first")
+    named.save(second)
+    vl.reduce(second / "records", replaces=second, reason="not second").save(folder / "third")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Make a private key and its public part."""
+    folder, private = tmp_path_factory.mktemp("keys"), Ed25519PrivateKey.generate()
+    (folder / "private.pem").write_bytes(
+        private.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    )
+    (folder / "public.pem").write_bytes(
+        private.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    )
+    return folder / "private.pem", folder / "public.pem"

@@ -1,0 +1,165 @@
+"""Findings about a result folder, and the comparison of its files with those made here."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import zip_longest
+from math import isclose
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from virtual_lab.errors import InputError
+from virtual_lab.files import read_bytes, read_json
+from virtual_lab.output.tables import column
+
+TOLERANCE = 1e-9  # relative difference of two numbers that other processors cause
+NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")  # a cell of a table
+State = Literal["altered", "differs"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mismatch:
+    """A file, or a key in it, that is not as the rest of the folder or this program has it."""
+
+    file: str = column("file", form="")
+    key: str = column("key", form="")
+    stated: str = column("stated", form="")
+    found: str = column("by the rest, or here", form="")
+    state: State = "altered"  # differs: another program made the folder, and it may be right
+
+
+class Unchecked(NamedTuple):
+    """A part of a folder that could not be checked, and why."""
+
+    text: str
+
+
+class Remark(NamedTuple):
+    """A remark on a folder that changes nothing of its state."""
+
+    text: str
+
+
+FolderFinding = Mismatch | Unchecked | Remark
+
+
+def within(prefix: str, findings: Iterable[FolderFinding]) -> Iterator[FolderFinding]:
+    """Yield the findings about a folder as those about one that leads to it by `prefix`."""
+    for each in findings:
+        if isinstance(each, Mismatch):
+            yield replace(each, file=f"{prefix}/{each.file}")
+        elif isinstance(each, Unchecked):
+            yield Unchecked(f"{prefix}/{each.text}")
+        else:
+            yield each
+
+
+def at(document: Any, *keys: str) -> Any:
+    """Return the value of a key of a key … of JSON, None where there is none."""
+    for key in keys:
+        document = document.get(key) if isinstance(document, Mapping) else None
+    return document
+
+
+def same_text(path: Path) -> str:
+    """Return the text of a form, whose line ends a copy may have changed; `InputError` if none."""
+    return read_bytes(path).replace(b"\r\n", b"\n").decode(errors="replace")
+
+
+def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mismatch]:
+    """Yield the keys of a JSON file that are not as they are here, or the line of another layout.
+
+    `text` is that of the file made here, which has the values of `here`.
+    """
+    try:
+        stated = read_json(path)
+        layout = same_text(path)
+    except InputError as fault:
+        yield Mismatch(file=path.name, key=fault.key, stated="", found=fault.allowed)
+        return
+    rows = list(differences(stated, here, path.name))
+    yield from rows or compared_text(path.name, layout, text)
+
+
+def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
+    """Yield the first line of a text that is not as it is here."""
+    lines = zip_longest(stated.split("\n"), here.split("\n"))
+    for number, (there, own) in enumerate(lines, start=1):
+        if there != own:
+            stated, found = (cut_short((line or "").strip(" ")) for line in (there, own))
+            if stated == found:  # but for blanks
+                stated, found = repr(there), repr(own)
+            yield Mismatch(file=file, key=f"line {number}", stated=stated, found=found)
+            return
+
+
+def compared_table(path: Path, here: str) -> Iterator[Mismatch]:
+    """Yield the cells of a CSV file that are not as they are here."""
+    try:
+        stated, found = (list(csv.reader(text.split("\n"))) for text in (same_text(path), here))
+    except InputError as fault:
+        yield Mismatch(file=path.name, key=fault.key, stated="", found=fault.allowed)
+        return
+    except csv.Error as fault:
+        yield Mismatch(file=path.name, key="CSV", stated="", found=f"cannot be read: {fault}")
+        return
+    if [len(row) for row in stated] != [len(row) for row in found]:
+        shapes = (f"{len(rows) - 2} rows of {len(rows[0])} columns" for rows in (stated, found))
+        there, own = shapes
+        yield Mismatch(file=path.name, key="", stated=there, found=own)
+        return
+    for number, (row, right) in enumerate(zip(stated, found, strict=True)):
+        for cell, own, name in zip(row, right, found[0], strict=False):
+            if not _same_cell(cell, own):
+                key = f"row {number - 1}, {name}" if number else "columns"
+                yield Mismatch(
+                    file=path.name, key=key, stated=cut_short(cell), found=cut_short(own)
+                )
+
+
+def _same_cell(stated: str, found: str) -> bool:
+    if stated == found:
+        return True
+    numbers = all(NUMBER.fullmatch(each) for each in (stated, found))
+    return numbers and _same(float(stated), float(found))
+
+
+def differences(stated: Any, found: Any, file: str, key: str = "") -> Iterator[Mismatch]:
+    """Yield the keys of a JSON document that are not as they were found here."""
+    if isinstance(stated, Mapping) and isinstance(found, Mapping):
+        for name in [*found, *(name for name in stated if name not in found)]:
+            inner = f"{key}.{name}" if key else name
+            if name not in stated or name not in found:
+                there, here = (
+                    _value(each[name]) if name in each else "" for each in (stated, found)
+                )
+                yield Mismatch(file=file, key=inner, stated=there, found=here)
+            else:
+                yield from differences(stated[name], found[name], file, inner)
+    elif isinstance(stated, list) and isinstance(found, list) and len(stated) == len(found):
+        for number, (there, here) in enumerate(zip(stated, found, strict=True)):
+            yield from differences(there, here, file, f"{key}[{number}]")
+    elif not _same(stated, found):
+        yield Mismatch(file=file, key=key, stated=_value(stated), found=_value(found))
+
+
+def _same(stated: Any, found: Any) -> bool:
+    if isinstance(stated, float) and isinstance(found, float):
+        return isclose(stated, found, rel_tol=TOLERANCE, abs_tol=1e-15)
+    return type(stated) is type(found) and bool(stated == found)
+
+
+def _value(value: Any) -> str:
+    """Return a value of JSON to be printed: a text in quotes, a number to twelve digits."""
+    return cut_short(f"{value:.12g}" if isinstance(value, float) else json.dumps(value))
+
+
+def cut_short(text: str) -> str:
+    """Return a value cut short, with a digest by which two long ones differ."""
+    cut = f"{text[:48]}… {hashlib.sha256(text.encode()).hexdigest()[:8]}"
+    return text if len(text) <= 60 else cut
