@@ -34,8 +34,39 @@ def written(folder: Path, content: str | bytes = DRAWING, name: str = "logo.svg"
     return name
 
 
+def drawing(body: str = '<path d="M0 0h9v9"/>', size: str = 'viewBox="0 0 9 9"') -> bytes:
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{body}</svg>'.encode()
+
+
+def nested(part: str, used: str, depth: int) -> bytes:
+    """Return a drawing whose parts each use the one before ten times: 10^depth squares."""
+    body = '<defs><rect id="p0" width="1" height="1"/>'
+    for n in range(1, depth + 1):
+        inside = "".join(used.format(n - 1) for _ in range(10))
+        body += f'<{part} id="p{n}">{inside}</{part}>'
+    return drawing(f"{body}</defs>{used.format(depth)}")
+
+
 def png(height: int = 8, width: int = 12) -> bytes:
     return cv2.imencode(".png", np.full((height, width, 3), 99, np.uint8))[1].tobytes()
+
+
+def no_points() -> bytes:
+    """Return a PNG whose head states 0 x 0."""
+    whole = png()
+    return whole[:16] + bytes(8) + whole[24:]
+
+
+@pytest.mark.parametrize(
+    "size", ["", 'width="12.5mm" height="100%"', 'width="+1e2" height=".5in" viewBox="-1,-1, 3 4"']
+)
+def test_a_drawing_of_a_size_is_kept(tmp_path: Path, size: str) -> None:
+    """And one of hundred shapes that are used a hundred times each; styles load no other part."""
+    logo_of(written(tmp_path, drawing(size=size)), tmp_path, "lab.toml")
+    logo_of(written(tmp_path, nested("g", '<use href="#p{}"/>', 3)), tmp_path, "lab.toml")
+    styled = drawing("<style>.a { mask: URL(#p) }</style>")
+    _, data = picture_in(logo_of(written(tmp_path, styled), tmp_path, "lab.toml"))
+    assert b"style" not in data
 
 
 def test_a_drawing_keeps_its_shapes_alone(tmp_path: Path) -> None:
@@ -68,6 +99,24 @@ def test_a_picture_of_points_is_kept_as_it_is(tmp_path: Path) -> None:
             f'<svg xmlns="http://www.w3.org/2000/svg"><path d="{"M0 0" * 60_000}"/></svg>',
             "allowed up to 200000",
         ),
+        ("logo.png", no_points(), "0 x 0 pixels"),
+        *(
+            ("logo.svg", drawing(size=size), "has no size")
+            for size in (
+                'width="0" height="0"',
+                'width="NaN" height="5"',
+                'width="5" height="-5"',
+                'width="0%" height="100%"',
+                'width="1e300" height="1"',
+                'viewBox="0 0 0 9"',
+                'viewBox="0 0 NaN 9"',
+                'viewBox="0 0 9"',
+            )
+        ),
+        ("logo.svg", nested("g", '<use href="#p{}"/>', 9), r"draws .*e\+09 shapes, allowed up to"),
+        ("logo.svg", nested("mask", '<path mask="url(#p{})"/>', 9), r"draws .*e\+09 shapes"),
+        ("logo.svg", drawing('<g id="a"><use href="#a"/></g>'), "draws inf shapes"),
+        ("logo.svg", drawing("<g>" * 5000 + "</g>" * 5000), "nested too deep"),
         ("../logo.svg", b"<svg/>", "leads out of"),
     ],
 )

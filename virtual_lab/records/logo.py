@@ -10,6 +10,7 @@ import base64
 import binascii
 import re
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 from xml.etree import ElementTree
@@ -30,6 +31,10 @@ DRAWN = re.compile(
     "svg|g|path|rect|circle|ellipse|line|polyline|polygon|text|tspan|defs|linearGradient|"
     "radialGradient|stop|clipPath|mask|symbol|use|title|desc|style"
 )
+MOST_DRAWN = 10_000  # shapes, each as often as it is used
+LARGEST_SIDE = 1e6  # of a drawing, in whatever unit
+SIDE = re.compile(r"\s*\+?((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?:[a-z]{2}|%)?\s*")
+REFERENCE = re.compile(r"url\(\s*['\"]?#([^'\")]+)")
 LOADING = re.compile(r"url\(\s*['\"]?(?!['\"#\s])|@|\\|expression|script|data:|//", re.IGNORECASE)
 
 
@@ -39,7 +44,7 @@ def logo_of(name: str, folder: Path, where: str) -> str:
     Raises
     ------
     InputError
-        No such file, none of a PNG or an SVG, or too large a one.
+        No such file, none of a PNG or an SVG, too large a one, or one without a size.
     """
     key, path = "laboratory.logo", inside(folder, name, where, "laboratory.logo")
     kind = KINDS.get(path.suffix.lower())
@@ -117,9 +122,14 @@ def _clean_svg(data: bytes) -> bytes:
         raise ValueError(f"is no SVG drawing: {fault}") from fault
     if root.tag != f"{{{SVG}}}svg":
         raise ValueError("is no SVG drawing: its outermost element is none of <svg>")
-    _strip(root)
     ElementTree.register_namespace("", SVG)
-    cleaned = ElementTree.tostring(root)
+    try:
+        _strip(root)
+        _require_size(root)
+        _require_few(root)
+        cleaned = ElementTree.tostring(root)
+    except RecursionError:
+        raise ValueError("has parts nested too deep") from None
     _require_small(cleaned)
     return cleaned
 
@@ -137,11 +147,41 @@ def _strip(element: ElementTree.Element) -> None:
             element.attrib["href"] = element.attrib.pop(name)
     for child in list(element):
         space, _, name = str(child.tag).rpartition("}")
-        styled = name == "style" and LOADING.search(child.text or "")
+        styled = name == "style" and re.search(f"url|{LOADING.pattern}", child.text or "", re.I)
         if space != f"{{{SVG}" or not DRAWN.fullmatch(name) or styled:
             element.remove(child)
         else:
             _strip(child)
+
+
+def _require_size(root: ElementTree.Element) -> None:
+    """Raise `ValueError` unless the sides of a drawing, where it states them, are above 0."""
+    sides = [root.get(key, "1") for key in ("width", "height")]
+    box = re.split(r"[\s,]+", root.get("viewBox", "0 0 1 1").strip())
+    for side in (*sides, *(box[2:] if len(box) == 4 else ["none"])):
+        size = SIDE.fullmatch(side)
+        if size is None or not 0 < float(size[1]) <= LARGEST_SIDE:
+            stated = ", ".join(f"{key} {root.get(key)!r}" for key in ("width", "height", "viewBox"))
+            raise ValueError(f"has no size ({stated}); allowed: sides above 0")
+
+
+def _require_few(root: ElementTree.Element) -> None:
+    """Raise `ValueError` for a drawing of too many shapes, each counted as often as it is used."""
+    by_id = {each.get("id"): each for each in root.iter()}
+    counts: dict[ElementTree.Element, float] = {}
+
+    def count(element: ElementTree.Element) -> float:
+        if element not in counts:
+            counts[element] = inf  # of one that uses itself
+            used = [element.get("href", "")[1:]]
+            used += [name for each in element.attrib.values() for name in REFERENCE.findall(each)]
+            parts = [*element, *(by_id[name] for name in used if name in by_id)]
+            counts[element] = 1 + sum(map(count, parts))
+        return counts[element]
+
+    shapes = count(root)
+    if shapes > MOST_DRAWN:
+        raise ValueError(f"draws {shapes:g} shapes, allowed up to {MOST_DRAWN:,}")
 
 
 def _require_small(data: bytes) -> None:
