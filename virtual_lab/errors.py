@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
@@ -23,6 +24,28 @@ class InputError(ValueError):
     def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:
         """Return how another process makes it again: from its parts, not from its text."""
         return type(self), (self.where, self.key, self.value, self.allowed)
+
+
+class IncompleteError(Exception):
+    """A result that was saved without some of its forms; the text is one line."""
+
+    def __init__(self, where: str, missing: list[str]) -> None:
+        super().__init__(f"{where} was saved without {'; '.join(missing)}")
+
+
+@contextmanager
+def without_if_it_fails(form: str, missing: list[str]) -> Iterator[None]:
+    """Append a form and the reason to `missing` if an error occurs, which goes no further.
+
+    A panic of Typst is no `Exception`; an interruption is passed on.
+    """
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as fault:
+        kind = "" if isinstance(fault, InputError) else f"{type(fault).__name__}: "
+        missing.append(" ".join(f"{form} ({kind}{fault})".split()))
 
 
 def nearest(name: object, known: Iterable[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 import sys
 from dataclasses import replace
@@ -15,15 +16,19 @@ import page as validator
 import pytest
 from pypdf import PdfReader
 
+from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from tests.laboratories import certified
 from virtual_lab.api import Certificate
+from virtual_lab.certificate import html as html_module
+from virtual_lab.certificate import pdf as pdf_module
 from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.pdf import certificate_pdf, pdf_name
 from virtual_lab.certificate.printed import NONE, printed_values
 from virtual_lab.certificate.text import certificate_text
-from virtual_lab.errors import InputError
+from virtual_lab.errors import IncompleteError, InputError
+from virtual_lab.lab.seal import alterations
 from virtual_lab.records.particulars import NOTHING_STATED, Customer, particulars_of
 
 
@@ -138,7 +143,7 @@ def test_markup_in_a_name_is_text(pdf: bytes) -> None:
 
 
 def test_scripts_that_the_font_has_are_set() -> None:
-    name = "Müller & Søn Ωμέγα Привет ﺎﻟﻌﺮﺒﻳﺓ שלום देवनागरी"
+    name = "Le\u0301on Müller & Søn Ωμέγα Привет ﺎﻟﻌﺮﺒﻳﺓ שלום देवनागरी"
     assert "[U+" not in text_of(certificate_pdf(with_customer(name)))
 
 
@@ -152,6 +157,79 @@ def test_characters_without_a_glyph_are_code_points_and_said() -> None:
     (attached,) = PdfReader(io.BytesIO(pdf)).attachments["certificate.json"]
     assert attached == document.text.encode()
     assert "中文" in certificate_text(document)
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("No 1\ufe0f\u20e3 Ltd", "No 1[U+FE0F][U+20E3] Ltd"),  # a keycap: the font has the 1
+        ("ก็ Bats", "[U+0E01][U+0E47] Bats"),
+        ("👩\u200d👧 Bats", "[U+1F469][U+200D][U+1F467] Bats"),
+    ],
+)
+def test_a_mark_without_a_glyph_leaves_its_base(name: str, shown: str) -> None:
+    """Typst names base and mark together; figures are no text, and keep their markup."""
+    text = text_of(certificate_pdf(with_customer(name)))
+    assert shown.replace(" ", "") in text.replace(" ", "")
+
+
+@pytest.mark.parametrize("words", ["LAB", "LAB *&#xfe0e;", "中文", "🏏"])
+def test_a_logo_with_text_costs_no_form(
+    document: CertificateDocument, tmp_path: Path, words: str
+) -> None:
+    """It is set, or left out, which the form says; the page always shows it."""
+    head = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 60 20">'
+    (tmp_path / "logo.svg").write_text(f'{head}<text y="9">{words}</text></svg>')
+    stated = {"laboratory": {"name": "Lab", "logo": "logo.svg"}}
+    shown = replace(document, particulars=particulars_of(stated, "lab.toml", folder=tmp_path))
+    pdf = certificate_pdf(shown)
+    assert validator.is_pdf_compliant_bytes(pdf, profile="3a")
+    text = text_of(pdf)
+    assert ("The logo cannot be set in this form" in text) == (words != "LAB")
+    assert "stand as code points" not in text
+    assert "data:image/svg" in certificate_page(shown)
+
+
+class Panic(BaseException):
+    """As Typst's own, which is no Exception."""
+
+
+def test_a_form_that_fails_costs_nothing_else(
+    tmp_path: Path,
+    run: Run,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A sealed test, by the command: exit code 4, one line, and a folder that is whole."""
+
+    def fails(*_: object) -> bytes:
+        raise Panic("index out\nof bounds")
+
+    monkeypatch.setattr(pdf_module, "certificate_pdf", fails)
+    code, out, err = run("certify", "r161", "--pdf", "--out", str(tmp_path / "sealed"))
+    assert code == 4
+    (said,) = err.splitlines()
+    assert json.loads((tmp_path / "sealed" / "certificate.json").read_text())["session_digest"]
+    assert re.search(
+        r"sealed was saved without certificate-\S+-SIMULATED\.pdf \(Panic: index out of bounds\)$",
+        said,
+    )
+    assert out.splitlines()[-1] == str(tmp_path / "sealed")
+    assert not list((tmp_path / "sealed").glob("*.pdf"))
+    assert alterations(tmp_path / "sealed") == []
+    assert run("verify", str(tmp_path / "sealed"))[0] == 0
+
+    test = Certificate(certification=certified().certification, film=fails)
+    monkeypatch.setattr(html_module, "certificate_page", fails)
+    with pytest.raises(IncompleteError, match=r"without certificate.html \(.*; film \(Panic"):
+        test.save(tmp_path / "bare")
+    assert sorted(path.name for path in (tmp_path / "bare").iterdir()) == [
+        "SHA256SUMS",
+        "certificate.json",
+        "datapackage.json",
+        "readings.csv",
+        "records",
+        "ro-crate-metadata.json",
+    ]
 
 
 def test_save_writes_it_on_request(tmp_path: Path, document: CertificateDocument) -> None:

@@ -8,6 +8,7 @@ import json
 import re
 import shutil
 import statistics
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -84,6 +85,16 @@ def test_every_form_says_that_nothing_was_verified(results: Path, tmp_path: Path
     pdf = PdfReader(found.save(tmp_path / "report") / "report.pdf")
     forms = [found.text, found.page, json.dumps(found.document), pdf.pages[0].extract_text()]
     assert all("as stated in the certificates, not verified" in each for each in forms)
+
+
+def test_a_name_without_glyphs_costs_no_report(results: Path, tmp_path: Path) -> None:
+    """Code points stand for them in the PDF, which says so."""
+    found = vl.report(results / "bats", pdf=True)
+    odd = replace(found, rows=(replace(found.rows[0], laboratory="中文 1\u20e3"), *found.rows[1:]))
+    (sheet,) = PdfReader(odd.save(tmp_path / "report") / "report.pdf").pages
+    text = re.sub(r"\s+", "", sheet.extract_text())
+    assert "[U+4E2D][U+6587]1[U+20E3]" in text
+    assert "standascodepoints" in text
 
 
 def test_repeats_scatter_as_their_values_do(results: Path) -> None:

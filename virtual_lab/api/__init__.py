@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from virtual_lab.api.arguments import reads_arguments, shows_progress, takes_instruments
-from virtual_lab.errors import InputError
+from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.output.progress import Progress, quiet, shown
 from virtual_lab.sheets import Sheet
 
@@ -418,12 +418,19 @@ class Certificate:
         preview and the calibration file for ``virtual-lab track``.
 
         Raises `InputError` if the folder is not empty or cannot be written, another paper is asked
-        for, no key stands in the file, or the extra is missing; no partial files are left.
+        for, no key stands in the file, or the extra is missing; no partial files are left. If only
+        a form cannot be made (page, PDF, film, signature), all else is saved, and
+        `IncompleteError` names it.
         """
         from virtual_lab.certificate.html import certificate_page
         from virtual_lab.certificate.packages import descriptors, text_of_descriptor
-        from virtual_lab.certificate.pdf import certificate_pdf, pdf_name, require_paper
-        from virtual_lab.certificate.signing import write_sums
+        from virtual_lab.certificate.pdf import (
+            certificate_pdf,
+            pdf_name,
+            require_paper,
+            require_pdf,
+        )
+        from virtual_lab.certificate.signing import require_key, write_sums
         from virtual_lab.files import new_folder
         from virtual_lab.lab.seal import TRUTH, write_seal
         from virtual_lab.output.tables import write_csv
@@ -431,31 +438,44 @@ class Certificate:
         target = Path(folder)
         pdf, paper = self.pdf if pdf is None else pdf, paper or self.paper
         require_paper(paper)
+        if pdf and not self.pdf:  # else required before the test
+            require_pdf(paper)
+        if key:
+            require_key(Path(key), private=True)
+        missing: list[str] = []
         with new_folder(target) as draft:
-            if pdf:
-                (draft / pdf_name(self.printed)).write_bytes(certificate_pdf(self.printed, paper))
             (draft / "certificate.json").write_text(self.printed.text, encoding="utf-8")
-            page = certificate_page(self.printed, paper)
-            (draft / "certificate.html").write_text(page, encoding="utf-8")
             write_csv(self.shots, draft / "readings.csv")
             (draft / "records").mkdir()
             self._records.write(draft / "records")
             if self.sealed:
                 (draft / TRUTH).parent.mkdir()
                 (draft / TRUTH).write_bytes(self._truth)
+            with without_if_it_fails("certificate.html", missing):
+                page = certificate_page(self.printed, paper)
+                (draft / "certificate.html").write_text(page, encoding="utf-8")
+            if pdf:
+                name = pdf_name(self.printed)
+                with without_if_it_fails(name, missing):
+                    (draft / name).write_bytes(certificate_pdf(self.printed, paper))
             if self.control:
-                self.control.save(draft / "control", pdf=pdf, paper=paper)
+                with without_if_it_fails("parts of control", missing):
+                    self.control.save(draft / "control", pdf=pdf, paper=paper)
             if self.film:
-                (draft / "film").mkdir()
-                self.film(draft / "film")
+                with without_if_it_fails("film", missing), new_folder(draft / "film") as film:
+                    self.film(film)
             session = self.certification.session
             told = descriptors(self.printed, session, self.shots, draft)
             for name, each in told.items():
                 (draft / name).write_text(text_of_descriptor(each), encoding="utf-8")
             if self.sealed:
                 write_seal(draft)
-            signing = key or self.key
-            write_sums(draft, Path(signing) if signing else None)
+            write_sums(draft)
+            if signing := key or self.key:
+                with without_if_it_fails("signature", missing):
+                    write_sums(draft, Path(signing))
+        if missing:
+            raise IncompleteError(str(target), missing)
         return target
 
     @cached_property

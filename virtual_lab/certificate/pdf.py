@@ -9,7 +9,9 @@ import datetime
 import json
 import re
 from importlib.resources import files
+from itertools import pairwise
 from typing import Any
+from unicodedata import category
 
 from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.figures import certificate_figures
@@ -20,6 +22,8 @@ from virtual_lab.records.logo import picture_in
 
 PAPERS = {"a4": "a4", "letter": "us-letter"}  # as people say it, and Typst
 NO_GLYPH = re.compile(r'the text `"(.+?)"` could not be displayed')
+ESCAPED = re.compile(r"\\u\{([0-9a-f]+)\}")  # a mark in a message of Typst
+MARKS = ("Mn", "Me", "Mc", "Cf")  # categories of characters that change their neighbors
 MOST_ODD = 500  # characters that no font has, before the form is given up
 
 
@@ -44,28 +48,69 @@ def require_pdf(paper: str) -> None:
 def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
     """Return the certificate as PDF; `InputError` as `require_pdf`.
 
-    Characters that no font of Typst has stand as code points, and the page says so.
+    Characters that no font of Typst has stand as code points, and a logo that Typst cannot set is
+    left out; the form says so.
     """
     require_paper(paper)
     typst = _typst()
-    source, view = source_of_pdf(), _view(document)
+    attached = {"document": document.text, "paper": PAPERS[paper]}
+    view, standards = _view(document), ["ua-1", "a-3a"]
+    try:
+        return typeset(typst, source_of_pdf(), view, attached, standards)
+    except InputError:
+        if view["logo"] is None:
+            raise
+        view |= {"logo": None, "logo_left_out": True}
+        return typeset(typst, source_of_pdf(), view, attached, standards)
+
+
+def typeset(
+    typst: Any,
+    source: bytes,
+    view: dict[str, Any],
+    others: dict[str, str],
+    standards: list[str],
+) -> bytes:
+    """Return the PDF of a template and what it shows; code points take the place of odd characters.
+
+    `others` are further inputs of the template. Raises `InputError` where Typst refuses.
+    """
     odd: set[str] = set()
     while True:
+        shown = _shown(view, odd)
         try:
             found: bytes = typst.compile(
                 source,
                 format="pdf",
-                sys_inputs=_inputs(document, view, odd, paper),
-                pdf_standards=["ua-1", "a-3a"],
+                sys_inputs={"view": shown, **others},
+                pdf_standards=standards,
                 ignore_system_fonts=True,
             )
         except Exception as fault:
-            lacking = set("".join(NO_GLYPH.findall(str(fault)))) - odd
+            lacking = _lacking(str(fault), shown) - odd
             if not lacking or len(odd) > MOST_ODD:
-                raise
+                said = " ".join(f"cannot be set by Typst ({fault})".split())
+                raise InputError("", "PDF", None, said) from fault
             odd |= lacking
         else:
             return found
+
+
+def _lacking(refusal: str, shown: str) -> set[str]:
+    """Return characters of a shown text without a glyph, by the refusal to set it.
+
+    Of a base with marks these are the marks: the base may be in the font. Where a base alone is
+    named that every font has, they are the marks behind it.
+    """
+    found = set[str]()
+    for escaped in NO_GLYPH.findall(refusal):
+        text = ESCAPED.sub(lambda code: chr(int(code[1], 16)), escaped)
+        marks = {each for each in text if category(each) in MARKS}
+        if text.isascii():
+            behind = (each for base, each in pairwise(shown) if base in text)
+            marks = {each for each in behind if category(each) in MARKS}
+        found |= marks or {each for each in text if not each.isascii()}
+    return found
 
 
 def source_of_pdf() -> bytes:
@@ -75,14 +120,12 @@ def source_of_pdf() -> bytes:
 
 def inputs_of_pdf(document: CertificateDocument, paper: str = "a4") -> dict[str, str]:
     """Return what the template is given, for a document whose characters all have glyphs."""
-    return _inputs(document, _view(document), set(), paper)
+    shown = _shown(_view(document), set())
+    return {"view": shown, "document": document.text, "paper": PAPERS[paper]}
 
 
-def _inputs(
-    document: CertificateDocument, view: dict[str, Any], odd: set[str], paper: str
-) -> dict[str, str]:
-    shown = {**_spelled(view, odd), "code_points": bool(odd)}
-    return {"view": json.dumps(shown), "document": document.text, "paper": PAPERS[paper]}
+def _shown(view: dict[str, Any], odd: set[str]) -> str:
+    return json.dumps({**_spelled(view, odd), "code_points": bool(odd)}, ensure_ascii=False)
 
 
 def _typst() -> Any:
@@ -98,6 +141,7 @@ def _view(document: CertificateDocument) -> dict[str, Any]:
         **figures,
         "day": _day(document),
         "logo": _logo(document.particulars.laboratory.logo),
+        "logo_left_out": False,
         "not_stated": document.particulars.not_stated,
         "alts": {name: description_of(svg) for name, svg in figures.items() if svg},
     }

@@ -1,8 +1,8 @@
 """The command line.
 
 Exit codes: 0 finished, whatever the verdict; 1 a bug; 2 bad input; 3 files were changed; 4 parts
-of a campaign are missing, or not all could be checked. `virtual_lab.__main__` adds 130, 143 and 129
-for interruptions.
+of a campaign or forms of a certificate are missing, or not all could be checked.
+`virtual_lab.__main__` adds 130, 143 and 129 for interruptions.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from virtual_lab.cli.fidelity import chart, convergence, stability
 from virtual_lab.cli.plumbing import Sections
 from virtual_lab.cli.rehearse import rehearse
 from virtual_lab.cli.studying import bias, coverage, critique, daily, faults, operating, paper
-from virtual_lab.errors import VERSION, InputError
+from virtual_lab.errors import VERSION, IncompleteError, InputError
 
 __all__ = ["main"]
 
@@ -36,6 +36,8 @@ def main() -> None:
         code = cli.main(prog_name=PROGRAM, standalone_mode=False)
     except InputError as fault:
         _leave(2, str(fault))
+    except IncompleteError as fault:
+        _leave(4, str(fault))
     except click.UsageError as fault:
         asked = fault.ctx.command_path if fault.ctx else PROGRAM
         _leave(2, f"{fault.format_message()} (try '{asked} --help')")
@@ -75,8 +77,8 @@ def _program(context: click.Context) -> None:
     """Certify baseball bats in a simulated laboratory, and study its tests.
 
     Exit codes: 0 finished, whatever the verdict; 1 a bug in this program; 2 bad input; 3 files were
-    changed (score, verify); 4 parts are missing (campaign), or not all could be checked (verify);
-    130 and 143 interrupted by Ctrl-C and SIGTERM.
+    changed (score, verify); 4 parts are missing (campaign, a PDF of certify), or not all could be
+    checked (verify); 130 and 143 interrupted by Ctrl-C and SIGTERM.
 
     Symbols: e restitution of ball and bat, e0 of the ball on a wall, e_A collision efficiency,
     r recoil factor, BPF = e/e0, v_f batted-ball speed, u standard uncertainty.

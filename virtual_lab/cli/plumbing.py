@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 
 import click
 
-from virtual_lab.errors import InputError
+from virtual_lab.errors import IncompleteError, InputError
 from virtual_lab.files import check_new_folder, first_free, new_files
 from virtual_lab.output.progress import shown
 from virtual_lab.output.tables import write_csv
@@ -107,12 +107,16 @@ def command(
             for path, endings in ((csv, TABLES), (plot, PICTURES)):
                 if path is not None:
                     _check_new_file(path, endings)
+            missing = None
             with shown() if takes_progress else nullcontext() as progress:
                 found = function(**asked, **({"progress": progress} if takes_progress else {}))
                 if target is not None:
                     if progress is not None:
                         progress(f"writing {target}")
-                    found.save(target)
+                    try:
+                        found.save(target)
+                    except IncompleteError as fault:
+                        missing = fault
                 if csv is not None:
                     with new_files(csv.parent) as draft:
                         write_csv(found.table, draft / csv.name)
@@ -120,7 +124,9 @@ def command(
                     with new_files(plot.parent) as draft:
                         found.plot(draft / plot.name)
             files = [path for path in (csv, plot) if path]
-            _print(found, target, page, files, as_json=as_json)
+            _print(found, target, "" if missing else page, files, as_json=as_json)
+            if missing:
+                raise missing
             return int(getattr(found, "code", 0))
 
         shared = _shared_options(folder, keeps=keeps, table=table, picture=picture)

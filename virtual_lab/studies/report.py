@@ -11,7 +11,7 @@ from typing import Any
 
 from virtual_lab.certificate.chain import result_folders
 from virtual_lab.certificate.document import CertificateDocument, read_document
-from virtual_lab.certificate.pdf import PAPERS, require_paper, require_pdf
+from virtual_lab.certificate.pdf import PAPERS, require_paper, require_pdf, typeset
 from virtual_lab.errors import InputError, of_extra
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.result import StudyResult
@@ -235,7 +235,6 @@ class CertificateReport(StudyResult):
         return heads, cells
 
     def _set(self) -> bytes:
-        import json
         from importlib.resources import files
 
         typst = of_extra("typst", "pdf", "a report as PDF")
@@ -250,14 +249,7 @@ class CertificateReport(StudyResult):
             "alt": description_of(self.svg),
         }
         source = (files(PACKAGE) / "templates" / "report.typ").read_bytes()
-        found: bytes = typst.compile(
-            source,
-            format="pdf",
-            sys_inputs={"view": json.dumps(view), "paper": PAPERS[self.paper]},
-            pdf_standards=["ua-1"],
-            ignore_system_fonts=True,
-        )
-        return found
+        return typeset(typst, source, view, {"paper": PAPERS[self.paper]}, ["ua-1"])
 
 
 def report(
