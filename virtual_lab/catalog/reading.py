@@ -111,9 +111,9 @@ def find(kind: str, name: str) -> Path:
 
 def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
     """Return the content of a file, and its numbers with their sources."""
-    document = parse_toml(*source(kind, name))
-    numbers = load_bat(name).sheet if kind == "bats" else tuple(datums(document))
-    return document, numbers
+    text, where = source(kind, name)
+    numbers = load_bat(name).sheet if kind == "bats" else _numbers(text, where)
+    return _parsed(text, where), numbers
 
 
 def unverified(kind: str, name: str) -> dict[str, str]:
@@ -150,8 +150,19 @@ def read(text: str, where: str, spec: type[T]) -> Entry[T]:
 @lru_cache(maxsize=64)
 def _read(text: str, where: str, spec: Hashable) -> Any:
     """Read a text once, because a test reads its rules after every round."""
-    document = parse_toml(text, where)
-    return Entry(validate(document, where, cast("type", spec)), text, tuple(datums(document)))
+    known: Any = validate(_parsed(text, where), where, cast("type", spec))
+    return Entry(known, text, _numbers(text, where))
+
+
+@lru_cache(maxsize=128)
+def _parsed(text: str, where: str) -> dict[str, Any]:
+    """Return a document, which nobody changes; each test reads the same ones again."""
+    return parse_toml(text, where)
+
+
+@lru_cache(maxsize=128)
+def _numbers(text: str, where: str) -> tuple[Datum, ...]:
+    return tuple(datums(_parsed(text, where)))
 
 
 def load_bat(name: str) -> Entry[BatSpec]:
@@ -164,9 +175,9 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
 
     `wall_factor` can be a plain number instead of a table; its source is then ``not stated``.
     """
-    document = parse_toml(text, where)
+    document = _parsed(text, where)
     if "base" not in document:
-        return Entry(validate(document, where, BatSpec), text, tuple(datums(document)))
+        return Entry(validate(document, where, BatSpec), text, _numbers(text, where))
     factor = document.get("wall_factor")
     if isinstance(factor, int | float):
         plain = {"value": factor, "unit": "1", "source": "not stated", "verified": False}
@@ -176,9 +187,10 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
         hint = nearest(change.base, names("bats"))
         raise InputError(where, "base", change.base, f"{hint}known: {', '.join(names('bats'))}")
     base = load_bat(change.base)
-    own = {datum.key for datum in datums(document)}
+    numbers = tuple(datums(document))
+    own = {datum.key for datum in numbers}
     inherited = (datum for datum in base.sheet if not _replaced(datum.key, change, own))
-    return Entry(_modified(base.spec, change, where), text, (*datums(document), *inherited))
+    return Entry(_modified(base.spec, change, where), text, (*numbers, *inherited))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
