@@ -12,12 +12,14 @@ from virtual_lab.uncertainty.budget import (
     Component,
     Variants,
     combine,
+    combined,
     interval_95,
     mean_of_hits,
     propagate,
     scatter,
+    types_a,
 )
-from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.uncertainty.estimate import Estimate, Known
 
 ROOT3, ROOT2 = sqrt(3), sqrt(2)
 # JCGM 100:2008, H.1: end gauge, lengths in nm, temperatures in °C
@@ -129,6 +131,15 @@ def test_certain_constants_are_left_out_and_scatter_comes_in() -> None:
     assert budget.u == pytest.approx(sqrt(spread**2 + 0.25), rel=1e-12)
     assert budget.dof == pytest.approx(3 * (budget.u / spread) ** 4, rel=1e-12)
     assert [part.name for part in budget.components] == ["hits", "b"]
+
+
+def test_a_block_without_uncertain_constants_has_its_scatter_alone() -> None:
+    """Three laboratories whose one constant is certain: no column of constants, three rows."""
+    constants = {"a": Known(value=np.ones(3), u=np.zeros(3), dof=np.full(3, inf))}
+    variants = Variants.of(constants)
+    assert variants.sets == 1
+    alone = variants.components(np.ones((3, 1))) + types_a("hits", np.ones(3), np.full(3, 0.1))
+    assert combined(np.ones(3), alone).u == pytest.approx([0.1] * 3)
 
 
 def test_every_place_has_its_own_scatter() -> None:

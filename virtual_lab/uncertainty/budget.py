@@ -227,8 +227,11 @@ class Variants:
     def of(cls, constants: Mapping[str, Estimate] | Mapping[str, Known]) -> Self:
         """Return the variants; constants without uncertainty are not shifted."""
         uncertain = tuple(name for name, known in constants.items() if np.any(known.u > 0))
+        laboratories = max((np.size(known.value) for known in constants.values()), default=1)
 
         def beside(field: str) -> Array:
+            if not uncertain:
+                return np.empty((laboratories, 0))
             found = np.array([getattr(constants[name], field) for name in uncertain], float)
             return np.atleast_2d(found.T)
 
