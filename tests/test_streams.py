@@ -12,11 +12,11 @@ from scipy import stats
 from scipy.special import ndtri
 
 from virtual_lab.errors import InputError
-from virtual_lab.streams import Quiet, Streams, commitment, in_turn, of_owners
+from virtual_lab.streams import Quiet, Streams, commitment, generator, in_turn, of_owners
 from virtual_lab.streams.philox import fill
 
 NAMES = st.text(min_size=1, max_size=20)
-SEEDS = st.integers(0, 2**128)
+SEEDS = st.integers(0, 2**128 - 1)
 WORDS = st.integers(0, 2**32 - 1)
 COMMITMENT = "3076cf22759f6d8e5b10a51e798f9d9a70deb65546b5c95096962772c3e592f4"
 # philox4x32 10 of kat_vectors in the Random123 library: counter, key, answer
@@ -288,3 +288,10 @@ def test_commitment_binds(a: int, b: int, salt: bytes) -> None:
     assert (commitment(salt, a) == commitment(salt, b)) == (a == b)
     flipped = bytes([salt[0] ^ 1]) + salt[1:]
     assert commitment(flipped, a) != commitment(salt, a)
+
+
+@pytest.mark.parametrize("seed", [-1, 2**128, 10**5000], ids=["negative", "longer", "huge"])
+def test_a_number_longer_than_a_drawn_seed_is_none(seed: int) -> None:
+    for draw in (Streams, lambda seed: generator(seed, "a", 0)):
+        with pytest.raises(InputError, match=r"seed = .*0 to 2\^128 - 1"):
+            draw(seed)

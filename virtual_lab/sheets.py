@@ -282,7 +282,13 @@ def _inline(value: Any) -> str:
         return repr(value)  # nan and inf too, which are refused where they are read
     if isinstance(value, datetime.date):
         return value.isoformat()
-    return json.dumps(value, ensure_ascii=False)  # its texts, numbers and truths are TOML's
+    try:
+        return json.dumps(value, ensure_ascii=False)  # its texts, numbers and truths are TOML's
+    except (TypeError, ValueError) as fault:  # ValueError: a number of thousands of digits
+        allowed = (
+            "cannot be written in a sheet; allowed: texts, numbers, True, False, lists, tables"
+        )
+        raise InputError("", "value", value, allowed) from fault
 
 
 def _is_number(value: Any) -> bool:

@@ -10,7 +10,7 @@ import inspect
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
-from functools import wraps
+from functools import partial, wraps
 from math import isnan
 from operator import index
 from pathlib import Path
@@ -94,14 +94,20 @@ def _path(value: Any, store: Store) -> Path:
     return Path(_text(value, store))
 
 
-def _whole(value: Any, _store: Store) -> int:
-    """Return a whole number from 0 as a Python int, from any integer type."""
+def _whole(value: Any, _store: Store, least: int = 0, most: int = 2**63 - 1) -> int:
+    """Return a whole number from `least` to `most` as a Python int, from any integer type."""
     if isinstance(value, bool):
         raise TypeError(value)
     number = index(value)
-    if number < 0:
-        raise ValueError(number)
+    if not least <= number <= most:
+        raise ValueError("beyond its limits")
     return number
+
+
+def _seed(value: Any, store: Store) -> int:
+    from virtual_lab.streams import LARGEST_SEED
+
+    return _whole(value, store, most=LARGEST_SEED)
 
 
 def _number(value: Any, _store: Store) -> float:
@@ -159,6 +165,7 @@ FOLDER = ArgumentRule(_path, "the path of a folder")
 NAME = ArgumentRule(_text, "a name, or a path")
 WHOLE = ArgumentRule(_whole, "one whole number from 0")
 WHOLES = _several(WHOLE)
+SEED = "one whole number from 0 to 2^128 - 1"
 NUMBER = ArgumentRule(_number, "a number")
 YES_OR_NO = ArgumentRule(_yes_or_no, "True or False")
 FAULTS = _several(ArgumentRule(_word, ""), "names of faults (vl.shelf('faults'))")
@@ -176,7 +183,9 @@ ARGUMENTS = {
     LABORATORIES: ArgumentRule(
         _instruments, "sheets of instruments: [vl.instrument('pivot-gates').with_(tick='2 us')]"
     ),
-    "seed": ArgumentRule(_whole, "one whole number from 0; for several, vl.sweep(laboratories=20)"),
+    "seed": ArgumentRule(_seed, f"{SEED}; for several, vl.sweep(laboratories=20)"),
+    "operator_seed": ArgumentRule(_seed, SEED),
+    "workers": ArgumentRule(partial(_whole, least=1), "one whole number from 1"),
     "faults": FAULTS,
     "names": FAULTS,
     "rules": WHOLES,
@@ -194,7 +203,7 @@ ARGUMENTS = {
                 "hits",
                 "since",
             ),
-            *("members", "shots", "views", "operator_seed", "number", "repeats", "workers"),
+            *("members", "shots", "views", "number", "repeats"),
         ),
         WHOLE,
     ),

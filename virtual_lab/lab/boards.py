@@ -9,12 +9,11 @@ from secrets import randbits
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
-from virtual_lab.lab.laboratory import SEED_BITS
 from virtual_lab.relations.board import Board
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.camera.views import board_views
-from virtual_lab.streams import Streams
+from virtual_lab.streams import SEED_BITS, Streams
 
 
 def film_board(

@@ -39,10 +39,9 @@ from virtual_lab.simulation.rig import (
     find_rig,
 )
 from virtual_lab.simulation.truth import draw_balls, made_bat
-from virtual_lab.streams import Draws, Quiet, commitment, salt_of
+from virtual_lab.streams import SEED_BITS, Draws, Quiet, commitment, salt_of
 from virtual_lab.uncertainty.estimate import Estimate, Known
 
-SEED_BITS = 128  # length of a random seed, too long for trial and error
 EFFICIENCY_U = 2e-3  # typical u of e_A in a test; 0.8e-3 to 2.4e-3, depending on the procedure
 
 

@@ -21,7 +21,7 @@ from virtual_lab.simulation.collision.ladder import Ladder
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import MotionRung, Reality, Stage, named
-from virtual_lab.streams import LABORATORIES, Draws, Slots
+from virtual_lab.streams import LABORATORIES, Draws, Slots, require_seed
 from virtual_lab.uncertainty.estimate import Known
 
 NO_FAULTS = FaultSet()
@@ -114,11 +114,11 @@ class TestSetup:
         Raises
         ------
         InputError
-            Unknown names, files that cannot be used, a negative seed, a fault that cannot befall
-            the rig, a correction of another form.
+            Unknown names, files that cannot be used, a seed that is none, a fault that
+            cannot befall the rig, a correction of another form.
         """
-        if seed is not None and seed < 0:
-            raise InputError("", "seed", seed, "allowed: whole numbers from 0")
+        if seed is not None:
+            require_seed(seed)
         if not 0 <= number < LABORATORIES:
             raise InputError("", "number", number, "allowed: 0 to 2^32 - 1")
         if number and seed is None:

@@ -27,6 +27,8 @@ from virtual_lab.errors import InputError
 
 __all__ = [
     "LABORATORIES",
+    "LARGEST_SEED",
+    "SEED_BITS",
     "Draws",
     "Owner",
     "Quiet",
@@ -36,6 +38,7 @@ __all__ = [
     "generator",
     "in_turn",
     "of_owners",
+    "require_seed",
     "salt_of",
 ]
 
@@ -44,6 +47,8 @@ Slots = NDArray[np.int_]
 # laboratory of each row, as an index into a block of laboratories; ... for a single laboratory
 Owner = NDArray[np.int_] | EllipsisType
 LABORATORIES = 2**32  # largest number of laboratories in one study
+SEED_BITS = 128  # length of a random seed, too long for trial and error
+LARGEST_SEED = 2**SEED_BITS - 1
 
 
 def of_owners(values: ArrayLike, owner: Owner) -> Any:
@@ -93,10 +98,10 @@ class Draws(Protocol):
 class Streams:
     """The random numbers of one or more laboratories of a study.
 
-    The study has a `seed`, a whole number of any size. Its laboratories have numbers of 32 bits.
+    The study has a `seed`, a number of up to 128 bits. Its laboratories have numbers of 32 bits.
     Each `branch` of a seed has different random numbers, for example each test of one laboratory.
 
-    Raises `InputError` for a laboratory number outside 32 bits.
+    Raises `InputError` for a seed outside 128 bits or a laboratory number outside 32 bits.
     """
 
     seed: int
@@ -104,6 +109,7 @@ class Streams:
     laboratory: int | Slots = 0  # or (n,)
 
     def __post_init__(self) -> None:
+        require_seed(self.seed)
         numbers = np.asarray(self.laboratory)
         wrong = numbers[(numbers < 0) | (numbers >= LABORATORIES)]
         if wrong.size:
@@ -178,6 +184,12 @@ def salt_of(seed: int | None) -> bytes:
     return hashlib.sha256(f"salt of the chosen seed {seed}".encode()).digest()[:16]
 
 
+def require_seed(seed: int) -> None:
+    """Raise `InputError` for a seed that is negative or longer than a random one."""
+    if not 0 <= seed <= LARGEST_SEED:
+        raise InputError("", "seed", seed, f"allowed: whole numbers from 0 to 2^{SEED_BITS} - 1")
+
+
 def commitment(salt: bytes, seed: int) -> str:
     """Return SHA-256(salt‖seed) in hexadecimal, which commits to a seed without revealing it."""
     return hashlib.sha256(salt + str(seed).encode()).hexdigest()
@@ -187,8 +199,9 @@ def generator(seed: int, name: str, block: int) -> np.random.Generator:
     """Return a numpy generator for one block of random numbers of a name.
 
     It serves distributions that numpy samples by rejection. The blocks are independent, and the
-    numbers within a block have a fixed order.
+    numbers within a block have a fixed order. Raises `InputError` for a seed outside 128 bits.
     """
+    require_seed(seed)
     digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=16).digest()
     key = np.frombuffer(digest, "<u8")
     return np.random.Generator(np.random.Philox(key=key, counter=[0, 0, block, 0]))

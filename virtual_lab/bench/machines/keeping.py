@@ -36,6 +36,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_bytes, read_json
 from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.streams import SEED_BITS
 
 SECRET = "sealed.json"
 
@@ -92,7 +93,7 @@ class KeptDay:
 
         Its files take their place together or not at all: a crash leaves a folder to begin in.
         """
-        drawn = secrets.randbits(128) if seed is None else seed
+        drawn = secrets.randbits(SEED_BITS) if seed is None else seed
         salt = secrets.token_bytes(16)
         today = scenario.spec.drawn(drawn)
         laboratory = laboratory_of(today, drawn, salt)
