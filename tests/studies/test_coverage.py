@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from virtual_lab.lab import RoundRobin
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.output.result import Rows
 from virtual_lab.records import AimMarks
@@ -150,3 +151,18 @@ def test_a_test_without_a_result_counts_apart_and_its_hits_count(studied: Any) -
     for row in studied(tests):
         assert (row.laboratories, row.invalid, row.coverage) == (2, 1, 1.0)
         assert row.rejected == pytest.approx(1 / 3)
+
+
+def test_individual_bats_count_where_instruments_write_sums() -> None:
+    """The errors are those of laboratories whose bats were made, one after another."""
+    bias = {}
+    for individual in (False, True):
+        rows = coverage("r161", laboratories=2, summed=True, individual=individual)
+        bias[individual] = rows[0].bias
+    errors = [
+        tested.certification.metric.value - tested.sealed.measurand["metric"]
+        for tested in RoundRobin.of("r161", "astm-f1881", individual=True).run(2, seed=1)
+        if tested.certification.metric is not None
+    ]
+    assert bias[True] == pytest.approx(np.mean(errors), rel=1e-9)
+    assert bias[False] != pytest.approx(bias[True], rel=1e-6)
