@@ -6,13 +6,13 @@ import json
 import os
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -22,56 +22,12 @@ import pyarrow.parquet as pq
 import pytest
 
 import virtual_lab as vl
+from tests.campaigns.conftest import KEY, STUDY, begun, contents, part
 from virtual_lab import catalog, lab
 from virtual_lab.campaigns import workers
 from virtual_lab.campaigns.folder import PARTS, Campaign
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
-
-KEY = "impact.gates.distance_u"
-STUDY = f"""
-bats = ["r161"]  # a remark
-procedures = ["astm-f1881"]
-laboratories = 6
-repeats = 2
-seed = 5
-[change]
-"{KEY}" = [0.05, 0.1]  # mm
-"""
-
-
-def begun(folder: Path, text: str = STUDY) -> Path:
-    study = folder.parent / "study.toml"
-    study.write_text(text, "utf-8")
-    return study
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of a finished campaign: four parts of six laboratories."""
-    folder = tmp_path_factory.mktemp("campaign") / "made"
-    account = vl.campaign(begun(folder), folder)
-    assert (account.parts, account.made, account.missing) == (4, 4, {})
-    return folder
-
-
-@pytest.fixture
-def copy(made: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(made, tmp_path / "copy"))
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """Return all files of a campaign but its study's remarks, by path."""
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
-    }
-
-
-def part(folder: Path, number: int) -> Path:
-    (found,) = (folder / PARTS).glob(f"{number:07}-*")
-    return found
 
 
 @pytest.mark.parametrize("repeat", [0, 1])
@@ -151,7 +107,7 @@ def test_a_campaign_keeps_the_sheets_its_tests_read(made: Path, tmp_path: Path) 
     """A block reads no sheet beside them; a sheet of one's own goes with the folder."""
     known = Campaign.open(made)
     with catalog.sheets_in_place({}) as used:
-        workers.table_of(known.block(0), 5)
+        workers.table_of(known.block(0), 5, known.layout(known.block(0)))
     assert {"/".join(key) for key in used} <= set(known.sheets)
     own = vl.procedure("astm-f1881").with_(valid_hits=4)
     study = {"bats": ["r161"], "procedures": own, "laboratories": 2, "seed": 1}
@@ -267,7 +223,7 @@ def test_what_is_there_is_not_made_again(copy: Path) -> None:
 
 
 def test_check_finds_a_changed_byte_within_a_part(copy: Path) -> None:
-    """Where a footer still reads, the checksums of the pages tell."""
+    """The footer, unchanged, has the digest of the data."""
     path = part(copy, 1)
     data = bytearray(path.read_bytes())
     group = pq.read_metadata(path).row_group(0)
@@ -276,7 +232,7 @@ def test_check_finds_a_changed_byte_within_a_part(copy: Path) -> None:
     data[largest.data_page_offset + largest.total_compressed_size // 2] ^= 1
     path.write_bytes(data)
     (why,) = Campaign.open(copy).check().missing.values()
-    assert why.startswith("it cannot be read")
+    assert why == "it was changed after it was made (its data)"
 
 
 def test_a_block_that_fails_twice_is_told_and_the_others_are_made(
@@ -285,11 +241,11 @@ def test_a_block_that_fails_twice_is_told_and_the_others_are_made(
     tried: list[int] = []
     sound = workers.table_of
 
-    def table_of(block: Any, seed: int) -> Any:
+    def table_of(block: Any, *rest: Any) -> Any:
         tried.append(block.number)
         if block.number == 2 or (block.number == 1 and tried.count(1) == 1):
             raise ZeroDivisionError("by nothing")
-        return sound(block, seed)
+        return sound(block, *rest)
 
     monkeypatch.setattr(workers, "table_of", table_of)
     account = vl.campaign(begun(tmp_path / "c"), tmp_path / "c")
@@ -446,15 +402,40 @@ def test_dask_makes_the_same_parts(copy: Path, made: Path, dask_address: str) ->
     assert contents(copy) == contents(made)
 
 
+@pytest.fixture
+def silent_address() -> Iterator[str]:
+    """Yield the address of a port that accepts and says nothing."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+
 @pytest.mark.filterwarnings("ignore")
 def test_an_address_of_dask_that_does_not_answer(
-    copy: Path, monkeypatch: pytest.MonkeyPatch
+    copy: Path, silent_address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(workers, "PATIENCE", 0.2)
     part(copy, 0).unlink()
-    for address in ("tcp://127.0.0.1:9", "nowhere"):
-        with pytest.raises(InputError, match=rf"dask = '{address}'; does not answer"):
+    wrong = ["nowhere", "", "tcp://", "http://127.0.0.1:9", "ucx://127.0.0.1:9", "tcp://[::1"]
+    for address in (silent_address, "tcp://127.0.0.1:9", *wrong):
+        with pytest.raises(InputError) as fault:
             vl.campaign(None, copy, dask=address)
+        assert str(fault.value).startswith(f"dask = '{address}'; does not answer")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_scheduler_of_dask_without_workers(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the start, and where the only worker ended before its first part."""
+    from distributed import LocalCluster
+
+    monkeypatch.setattr(workers, "PATIENCE", 0.2)
+    part(copy, 0).unlink()
+    with LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster:
+        with pytest.raises(InputError, match="has no worker; start one"):
+            vl.campaign(None, copy, dask=cluster.scheduler_address)
+        sound, calls = workers._threads_at, iter(range(9))
+        monkeypatch.setattr(workers, "_threads_at", lambda at: sound(at) if next(calls) else 1)
+        with pytest.raises(InputError, match="has no worker; start one"):
+            vl.campaign(None, copy, dask=cluster.scheduler_address)
 
 
 DOCS = Path(vl.__file__).parent / "docs" / "campaigns.md"
@@ -493,10 +474,9 @@ def test_the_study_of_the_docs_can_be_used_and_its_lines_read_the_parts(
     monkeypatch.chdir(tmp_path)
     study = block_of_docs("toml").replace("laboratories = 100000", "laboratories = 2")
     vl.campaign(begun(tmp_path / "million", study), tmp_path / "million", blocks="1/4")
-    with_pandas = "".join(block_of_docs("python").splitlines(keepends=True)[:2])
-    names: dict[str, Any] = {"pd": pd, "glob": glob}
-    exec(with_pandas, names)
-    table = names["table"].reset_index(drop=True)
+    names: dict[str, Any] = {"pd": pd}
+    exec(block_of_docs("python").splitlines()[0], names)
+    table = names["table"]
     pd.testing.assert_frame_equal(table, vl.Campaign.open(tmp_path / "million").table)
     assert list(table.columns[:6]) == ["bat", "procedure", *KEYS_OF_DOCS, "repeat", "number"]
 
@@ -515,3 +495,87 @@ def test_the_commands_of_a_campaign(copy: Path, capsys: pytest.CaptureFixture[st
     assert [row["change"] for row in rows] == [{KEY: 0.05}, {KEY: 0.1}]
     assert cli.main(["campaign", "summary", str(copy)], standalone_mode=False) == 0
     assert f"{KEY} 0.05" in capsys.readouterr().out
+
+
+HUGE = """
+bats = ["r161"]
+procedures = ["astm-f1881"]
+laboratories = 4294967296
+repeats = 1000
+seed = 1
+"""
+
+
+def test_a_share_of_the_largest_study_starts_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its 524 million blocks have no name until they are made; the first of them fails here."""
+    tried: list[int] = []
+
+    def make_part(_folder: str, number: int) -> InputError:
+        tried.append(number)
+        return InputError("", "disk", None, "is full")
+
+    monkeypatch.setattr(workers, "make_part", make_part)
+    study, folder = begun(tmp_path / "c", HUGE), tmp_path / "c"
+    for blocks, first in (("1/1000000", 0), ("1000000/1000000", 524287475), (None, 0)):
+        with pytest.raises(InputError, match="is full"):
+            vl.campaign(study, folder, blocks=blocks)
+        assert tried.pop() == first
+    known = Campaign.open(folder)
+    assert known.blocks == 524288 * 1000
+    assert known.tests(range(known.blocks)) == 2**32 * 1000
+
+
+@pytest.mark.parametrize("laboratories", [1, 8191, 8192, 8193, 20000])
+def test_tests_in_a_share_are_the_rows_of_its_blocks(made: Path, laboratories: int) -> None:
+    known = Campaign.open(made)
+    known = replace(known, study=replace(known.study, laboratories=laboratories, repeats=3))
+    for many in (1, 4, 7):
+        for one in range(many):
+            numbers = known.share(f"{one + 1}/{many}")
+            assert known.tests(numbers) == sum(known.block(number).rows for number in numbers)
+
+
+def test_many_cases_are_counted_while_they_are_checked(tmp_path: Path) -> None:
+    """Ten thousand crossed values take half a minute; each is counted."""
+    seen: list[tuple[str, int, int]] = []
+    values = ", ".join(f"{0.05 + 0.001 * number:.3f}" for number in range(12))
+    study = begun(tmp_path / "c", STUDY.replace("0.05, 0.1", values))
+    vl.campaign(study, tmp_path / "c", blocks="1/1000", progress=lambda *each: seen.append(each))
+    assert [each for each in seen if each[0] == "cases"] == [("cases", n, 12) for n in range(12)]
+
+
+def test_a_folder_that_is_begun_is_not_checked_again(
+    copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each job of an array begins with the study's file."""
+
+    def sheets(*_: object) -> None:
+        raise AssertionError
+
+    study = begun(tmp_path / "x")
+    monkeypatch.setattr("virtual_lab.campaigns.study.Study.sheets", sheets)
+    assert vl.campaign(study, copy).made == 0
+
+
+def test_a_sheet_that_changed_since_the_campaign_began_is_another_campaign(
+    copy: Path, tmp_path: Path
+) -> None:
+    study = begun(tmp_path / "x")
+    gates = vl.instrument("pivot-gates").with_(tick="2 us")
+    with (
+        catalog.sheets_in_place({("instruments", "pivot-gates"): gates.text}),
+        pytest.raises(InputError, match="holds another campaign"),
+    ):
+        vl.campaign(study, copy)
+
+
+def test_a_seed_is_as_long_as_a_drawn_one(tmp_path: Path) -> None:
+    """In a study's file too, where a number in hexadecimal may have any length."""
+    for digits in (f"{2**128:#x}", "0x" + "f" * 9000):
+        study = begun(tmp_path / "c", STUDY.replace("seed = 5", f"seed = {digits}"))
+        with pytest.raises(InputError, match=f"seed = .*less than or equal to {2**128 - 1}"):
+            vl.campaign(study, tmp_path / "c")
+    largest = {"bats": "r161", "procedures": "astm-f1881", "laboratories": 1, "seed": 2**128 - 1}
+    assert vl.campaign(largest, tmp_path / "d").made == 1

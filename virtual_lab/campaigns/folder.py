@@ -5,15 +5,25 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from virtual_lab import catalog
 from virtual_lab.campaigns.account import Account
-from virtual_lab.campaigns.parts import NOT_MADE, PROGRAM, ROWS, Block, parquet, wrong_with
+from virtual_lab.campaigns.parts import (
+    NOT_MADE,
+    PROGRAM,
+    ROWS,
+    Block,
+    Part,
+    PartColumns,
+    layouts_of,
+    read_part,
+)
 from virtual_lab.campaigns.study import Study, StudyCase
 from virtual_lab.campaigns.summary import SUMMARY_COLUMNS, SUMMARY_WORDS, summary_of
 from virtual_lab.catalog.validation import validate
@@ -33,12 +43,14 @@ class Campaign:
     """A study with its parts in a folder.
 
     `sheets` are the texts of all data sheets that its tests read, by ``kind/name``; they stand in
-    the folder, so the catalog may change under a campaign.
+    the folder, so the catalog may change under a campaign. `layouts` are the columns of its parts,
+    by procedure.
     """
 
     folder: Path
     study: Study
     sheets: Mapping[str, str]
+    layouts: Mapping[str, Mapping[str, Sequence[str]]]
 
     @classmethod
     def open(cls, folder: str | Path) -> Campaign:
@@ -51,7 +63,8 @@ class Campaign:
         """
         path, study = Path(folder) / STAMP, read_study(Path(folder) / STUDY)
         stamp = read_json(path)
-        found = cls(folder=Path(folder), study=study, sheets=stamp.get("sheets", {}))
+        kept = {key: stamp.get(key, {}) for key in ("sheets", "layouts")}
+        found = cls(folder=Path(folder), study=study, **kept)
         for key, value in {**PROGRAM, "digest": found.digest}.items():
             if stamp.get(key) != value:
                 allowed = f"of another version, or changed; allowed in this folder: {value}"
@@ -59,32 +72,38 @@ class Campaign:
         return found
 
     @classmethod
-    def begin(cls, study: Study, text: str, folder: Path) -> Campaign:
+    def begin(cls, study: Study, text: str, folder: Path, progress: Progress = quiet) -> Campaign:
         """Return the campaign of a study in its folder, which is made where missing.
 
         `text` is the study's file. `InputError` for what its tests cannot use, and for the folder
         of another study.
         """
-        asked = cls(folder=folder, study=study, sheets=study.sheets())
-        stamp = {**PROGRAM, "digest": asked.digest, "sheets": asked.sheets}
-        try:
-            if not (folder / STAMP).is_file():
+        if not (folder / STAMP).is_file():
+            sheets, layouts = study.sheets(progress), layouts_of(study, progress)
+            new = cls(folder=folder, study=study, sheets=sheets, layouts=layouts)
+            stamp = {**PROGRAM, "digest": new.digest, "sheets": sheets, "layouts": layouts}
+            try:
                 with new_folder(folder) as draft:
                     (draft / STUDY).write_text(text, encoding="utf-8")
                     (draft / STAMP).write_text(json.dumps(stamp, indent=1), encoding="utf-8")
                     (draft / PARTS).mkdir()
-        except InputError:  # of two that begin at the same time one comes second
-            if not (folder / STAMP).is_file():
-                raise
-        if read_json(folder / STAMP) != stamp:
+            except InputError:  # of two that begin at the same time one comes second
+                if not (folder / STAMP).is_file():
+                    raise
+        found = cls.open(folder)
+        if found.study != study or found.sheets != found.sheets_today():
             allowed = "holds another campaign (study, data sheets or version); name another"
             raise InputError("", "output folder", str(folder), allowed)
-        return asked
+        return found
+
+    def sheets_today(self) -> dict[str, str]:
+        """Return the texts that its sheets have in the catalog now; `InputError` for one lost."""
+        return {key: catalog.text(*key.split("/", 1)) for key in self.sheets}
 
     @cached_property
     def digest(self) -> str:
-        """The hash of study, sheets, version and schema."""
-        return _hash([PROGRAM, asdict(self.study), self.sheets])
+        """The hash of study, sheets, columns, version and schema."""
+        return _hash([PROGRAM, asdict(self.study), self.sheets, self.layouts])
 
     @cached_property
     def cases(self) -> tuple[StudyCase, ...]:
@@ -121,44 +140,81 @@ class Campaign:
             raise InputError("", "blocks", asked, "allowed: N/M, share N of M, as 1/40 to 40/40")
         return range(self.blocks * (one - 1) // many, self.blocks * one // many)
 
-    def states(self, numbers: range, *, whole: bool = False) -> Iterator[tuple[Block, str, str]]:
-        """Yield blocks, what is wrong with their parts ('' if nothing), and who made them.
+    def layout(self, block: Block) -> PartColumns:
+        """Return the columns of a block's part: type and unit by name."""
+        layout = self.layouts[block.case.procedure]
+        return {name: (type_, unit) for name, (type_, unit) in layout.items()}
 
-        A part is read by its footer, or to its last page if `whole`. `InputError` for a file among
-        the parts that is none of this campaign.
+    def tests(self, numbers: range) -> int:
+        """Return how many tests there are in blocks."""
+
+        def before(number: int) -> int:
+            """Return how many tests there are in all blocks before one."""
+            places, days = divmod(number, self.study.repeats)
+            cases, place = divmod(places, self._of_case)
+            rows = min(ROWS, self.study.laboratories - place * ROWS)
+            laboratories = cases * self.study.laboratories + place * ROWS
+            return laboratories * self.study.repeats + days * rows
+
+        return before(numbers.stop) - before(numbers.start)
+
+    def numbers_there(self) -> list[int]:
+        """Return the numbers of all blocks that have a file, in order.
+
+        `InputError` for a file among the parts that is none of this campaign.
         """
-        there = {path.name for path in self.parts.iterdir() if not path.name.startswith(".")}
-        for name in there - {self.block(number).name for number in range(self.blocks)}:
-            raise InputError(str(self.parts), name, None, "is no part of this campaign; move it")
-        for block in map(self.block, numbers):
-            lost = (NOT_MADE, "") if block.name not in there else None
-            yield block, *(lost or wrong_with(self.parts / block.name, block, whole=whole))
+        numbers = []
+        for name in sorted(path.name for path in self.parts.iterdir()):
+            digits = re.match(r"\d{7,}", name, re.ASCII)
+            number = int(digits[0]) if digits else self.blocks
+            if number < self.blocks and self.block(number).name == name:
+                numbers.append(number)
+            elif not name.startswith("."):  # a draft
+                raise InputError(
+                    str(self.parts), name, None, "is no part of this campaign; move it"
+                )
+        return sorted(numbers)
+
+    def part(self, number: int, *, whole: bool = False) -> Part:
+        """Return a part that has a file, read by its footer, or to its last byte if `whole`."""
+        block = self.block(number)
+        return read_part(block, self.layout(block), self.parts / block.name, whole=whole)
+
+    def states(self, numbers: range, *, whole: bool = False) -> Iterator[Part]:
+        """Yield the parts of blocks, as `part`; also of those without a file.
+
+        `InputError` as `numbers_there`.
+        """
+        there = set(self.numbers_there())
+        for number in numbers:
+            lost = None if number in there else Part(self.block(number), NOT_MADE)
+            yield lost or self.part(number, whole=whole)
 
     def check(self, progress: Progress = quiet) -> Account:
-        """Read every part to its last page, and account for the blocks."""
+        """Read every part to its last byte, and account for the blocks."""
         return self.account(range(self.blocks), {}, progress, whole=True)
 
     def account(
         self, numbers: range, faults: Mapping[int, str], progress: Progress, *, whole: bool
     ) -> Account:
         """Account for blocks, as `states`; `faults` are why some are missing, where known."""
-        missing, processors, rows = {}, set(), 0
-        for done, (block, wrong, by) in enumerate(self.states(numbers, whole=whole)):
-            rows += block.rows
-            processors.add(by)
-            if wrong:
-                missing[str(block)] = faults.get(block.number, wrong)
+        missing, processors = {}, set()
+        for done, part in enumerate(self.states(numbers, whole=whole)):
+            processors.add(part.processor)
+            if part.wrong:
+                missing[str(part.block)] = faults.get(part.block.number, part.wrong)
             progress("parts", done, len(numbers))
-        families = tuple(sorted(processors - {""}))
-        return Account(parts=len(numbers), tests=rows, missing=missing, processors=families)
+        families, tests = tuple(sorted(processors - {""})), self.tests(numbers)
+        return Account(parts=len(numbers), tests=tests, missing=missing, processors=families)
 
-    def summary(self) -> Rows[dict[str, Any]]:
+    def summary(self, progress: Progress = quiet) -> Rows[dict[str, Any]]:
         """Return a row for each bat, procedure and change: verdicts, means, errors, coverage; SI.
 
         `InputError` as `states`.
         """
-        cases = groupby(self.states(range(self.blocks)), key=lambda each: each[0].case)
-        rows = [summary_of(case, self.parts, own) for case, own in cases]
+        numbers = range(self.blocks)
+        cases = groupby(self.states(numbers, whole=True), key=lambda part: part.block.case)
+        rows = [summary_of(case, own) for case, own in cases]
         title = "{laboratories} laboratories of seed {seed}, tests in each: {repeats}"
         about = {"title": title.format_map(asdict(self.study)), "words": SUMMARY_WORDS}
         return Rows(name="campaign", rows=rows, columns=SUMMARY_COLUMNS, **about)
@@ -166,11 +222,14 @@ class Campaign:
     @property
     def table(self) -> pd.DataFrame:
         """All tests made so far, a row each."""
+        import pandas as pd
         import pyarrow as pa
 
-        good = (block for block, wrong, _ in self.states(range(self.blocks)) if not wrong)
-        tables = [parquet().read_table(self.parts / block.name) for block in good]
-        return cast("pd.DataFrame", pa.concat_tables(tables, promote_options="default").to_pandas())
+        parts = (self.part(number, whole=True) for number in self.numbers_there())
+        tables = [part.table() for part in parts if not part.wrong]
+        if not tables:
+            return pd.DataFrame(columns=list(next(iter(self.layouts.values()))))
+        return cast("pd.DataFrame", pa.concat_tables(tables).to_pandas())
 
     def __repr__(self) -> str:
         return f"<Campaign of {len(self.cases)} cases in {self.blocks} blocks, {self.folder}>"

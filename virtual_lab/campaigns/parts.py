@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import platform
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,23 +16,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab import catalog
-from virtual_lab.campaigns.study import StudyCase
-from virtual_lab.errors import DISTRIBUTION, of_extra
-from virtual_lab.files import whole_file
+from virtual_lab.campaigns.digests import (
+    DATA,
+    FOOTER,
+    NO_DIGEST,
+    ChangedPartError,
+    checked_file,
+    checked_footer,
+    with_digests,
+)
+from virtual_lab.campaigns.study import Study, StudyCase, Value
+from virtual_lab.errors import DISTRIBUTION, InputError, of_extra
+from virtual_lab.files import parse_json, whole_file
 from virtual_lab.lab import BlockTest
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
 from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.progress import Progress
 from virtual_lab.uncertainty.budget import coverage_factors
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 ROWS = 8192  # laboratories of a part: a second's work and more, as whoever hands it out needs
-PROGRAM = {"program": version(DISTRIBUTION), "schema": 1}  # of the columns
+PROGRAM = {"program": version(DISTRIBUTION), "schema": 2}  # of the columns
+FIRST = 4  # laboratories whose tests show which columns a study has
 FORM = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
 ABOUT = b"virtual-lab"  # the key of a part's words about itself
 NOT_MADE = "not made"
+LONGEST_REASON = 100  # characters of what is wrong with a part
+CONTRIBUTION = "contribution."  # begins the name of the column of a source of uncertainty
 Columns = dict[tuple[str, str], NDArray[Any]]  # by name and unit, (laboratory,)
+PartColumns = Mapping[str, tuple[str, str]]  # type and unit of a part's columns, by name
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +72,68 @@ def parquet() -> Any:
     return of_extra("pyarrow.parquet", "campaign", "a campaign")
 
 
-def table_of(block: Block, seed: int) -> pa.Table:
-    """Return the tests of a block as a table, with units in the metadata of its columns.
+def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
+    """Return the tests of a block as a table with the columns of `layout`, units in their metadata.
 
-    A test without a result has blanks. `InputError` as `StudyCase.round_robin`.
+    A test without a result has blanks, and so has a column that tests of other procedures have.
+    `InputError` as `StudyCase.round_robin`; `ValueError` for a column that `layout` does not have.
     """
+    import pyarrow as pa
+
+    made = _made(block, seed)
+    if unforeseen := [name for name, _ in made if name not in layout]:
+        raise ValueError(f"its first laboratories have no {', '.join(unforeseen)}")
+    arrays = {name: array for (name, _), array in made.items()}
+    blanks = pa.nulls(block.rows, pa.float64())
+    columns = [arrays.get(name, blanks) for name in layout]
+    types = zip(layout.items(), columns, strict=True)
+    fields = [
+        pa.field(name, each.type, metadata={"unit": unit}) for (name, (_, unit)), each in types
+    ]
+    return pa.table(columns, schema=pa.schema(fields))
+
+
+def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
+    """Return the columns of a study's parts, by procedure: the same names, in the same order.
+
+    The first laboratories of the study's cases are tested. Of cases that differ only in the
+    numbers of their changed keys the first is taken, unless a number is 0: an uncertainty of 0
+    contributes nothing and has no column. A column that a procedure does not have has the unit of
+    the first procedure that does.
+    """
+    alike = {
+        (case.bat, case.procedure, *map(_kind, case.change.values())): case
+        for case in reversed(study.cases)
+    }
+    layouts: dict[str, dict[str, tuple[str, str]]] = {each: {} for each in study.procedures}
+    rows = min(FIRST, study.laboratories)
+    for done, case in enumerate(reversed(alike.values())):
+        progress("columns", done, len(alike))
+        made = _made(Block(0, case, 0, 0, rows, ""), study.seed)
+        columns = {name: (str(array.type), unit) for (name, unit), array in made.items()}
+        layouts[case.procedure] |= columns
+    every = {name: each for layout in reversed(layouts.values()) for name, each in layout.items()}
+    names = dict.fromkeys(name for layout in layouts.values() for name in layout)
+    order = sorted(names, key=lambda name: name.startswith(CONTRIBUTION))
+    return {
+        procedure: {name: layout.get(name, every[name]) for name in order}
+        for procedure, layout in layouts.items()
+    }
+
+
+def _kind(value: Value) -> Any:
+    """Return what the columns may depend on of a changed key's value: its text, or if it is 0."""
+    if isinstance(value, tuple):
+        return tuple(map(_kind, value))
+    number = str(value).split(" ", maxsplit=1)[0]  # of "0.1 mm"
+    try:
+        return float(number) == 0
+    except ValueError:
+        return value
+
+
+def _made(block: Block, seed: int) -> dict[tuple[str, str], pa.Array]:
+    """Return the tests of a block as columns by name and unit."""
     import pyarrow as pa
 
     case, numbers = block.case, np.arange(block.first, block.first + block.rows)
@@ -77,9 +150,7 @@ def table_of(block: Block, seed: int) -> pa.Table:
         # what is certain in some laboratories side by side contributes nothing, and has no column
         own = [part[key] if key in part else 0 * part["u", key[1]] for part in parts]
         columns[key] = pa.array(np.concatenate(own), from_pandas=True)  # NaN is a blank
-    types = [(*key, column.type) for key, column in columns.items()]
-    fields = [pa.field(name, own, metadata={"unit": unit}) for name, unit, own in types]
-    return pa.table(list(columns.values()), schema=pa.schema(fields))
+    return columns
 
 
 def _columns(tested: BlockTest) -> Columns:
@@ -98,7 +169,7 @@ def _columns(tested: BlockTest) -> Columns:
         columns[f"{name}_true", {WIDTH_KEY: "m", CONTINUOUS: unit}.get(name, "1")] = values
     square, _ = metric.components.lines()
     for name, column in zip(metric.components.line_names, np.sqrt(square).T, strict=True):
-        columns[f"contribution.{name}", unit] = column
+        columns[f"{CONTRIBUTION}{name}", unit] = column
     flags = np.full(found.some.size, "", object)
     for name, where in found.checked.flagged.items():
         flags[where] = [f"{others} {name}".strip() for others in flags[where]]
@@ -110,27 +181,53 @@ def _columns(tested: BlockTest) -> Columns:
 def write_part(table: pa.Table, folder: Path, block: Block) -> None:
     """Write a part whole or not at all. `OSError` where the folder cannot be written."""
     words = {**PROGRAM, "name": block.name, "tests": str(block), "processor": processor()}
-    table = table.replace_schema_metadata({ABOUT: json.dumps(words)})
+    words |= {DATA: NO_DIGEST, FOOTER: NO_DIGEST}
+    made = BytesIO()
+    with parquet().ParquetWriter(made, table.schema, write_page_checksum=True, **FORM) as writer:
+        writer.write_table(table)
+        writer.add_key_value_metadata({ABOUT: json.dumps(words)})
     with whole_file(folder / block.name) as file:
-        parquet().write_table(table, file, write_page_checksum=True, **FORM)
+        file.write(with_digests(made.getvalue()))
 
 
-def wrong_with(path: Path, block: Block, *, whole: bool) -> tuple[str, str]:
-    """Return what is wrong with the part of a block, '' if nothing, and what processor made it.
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What there is of a block."""
 
-    By its footer, or by all its pages if `whole`.
-    """
+    block: Block
+    wrong: str  # with its file; '' if nothing
+    processor: str = ""  # that made it
+    file: bytes = b""  # if all of it was read
+
+    def table(self, columns: Sequence[str] | None = None) -> pa.Table:
+        """Return its tests."""
+        import pyarrow as pa
+
+        return parquet().read_table(pa.BufferReader(self.file), columns=columns)
+
+
+def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> Part:
+    """Return the part of a block in a file, by its footer, or by all its bytes if `whole`."""
     import pyarrow as pa
 
     try:
-        footer = parquet().read_metadata(path)
-        words = json.loads((footer.metadata or {}).get(ABOUT, b"{}"))
-        if whole:
-            parquet().read_table(path, page_checksum_verification=True)
+        file = checked_file(path) if whole else checked_footer(path)
+        footer = parquet().read_metadata(pa.BufferReader(file))
+        words = parse_json((footer.metadata or {}).get(ABOUT, b"").decode(), str(path))
+        fields = footer.schema.to_arrow_schema()
+    except ChangedPartError as fault:
+        return Part(block, str(fault))
     except (OSError, ValueError, pa.ArrowException) as fault:
-        return f"it cannot be read ({' '.join(str(fault).split())[:80]})", ""
-    wrong = footer.num_rows != block.rows or words.get("name") != block.name
-    return "it holds other tests" if wrong else "", words.get("processor", "")
+        why = fault.allowed if isinstance(fault, InputError) else f"cannot be read ({fault})"
+        return Part(block, f"it {' '.join(why.split())[:LONGEST_REASON]}")
+    if footer.num_rows != block.rows or words.get("name") != block.name:
+        return Part(block, "it holds other tests")
+    units = ((each.metadata or {}).get(b"unit", b"").decode() for each in fields)
+    columns = {each.name: (str(each.type), unit) for each, unit in zip(fields, units, strict=True)}
+    wrong = [name for name in (*layout, *columns) if columns.get(name) != layout.get(name)]
+    if wrong or len(fields) > len(layout):
+        return Part(block, f"its columns are not those of the study: {', '.join(wrong)}")
+    return Part(block, "", str(words.get("processor", "")), file if whole else b"")
 
 
 @cache

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from virtual_lab.campaigns.account import Account
 from virtual_lab.campaigns.folder import Campaign, read_study
-from virtual_lab.campaigns.parts import NOT_MADE, parquet
+from virtual_lab.campaigns.parts import parquet
 from virtual_lab.campaigns.study import Study
 from virtual_lab.campaigns.workers import made_by
 from virtual_lab.catalog.validation import validate
@@ -60,32 +60,39 @@ def campaign(
         cannot be written, the extra ``campaign`` or ``dask`` missing.
     """
     parquet()  # its extra is missed before any work
-    known = Campaign.open(folder) if study is None else _begun(study, folder)
+    if workers < 1:
+        raise InputError("", "workers", workers, "allowed: 1 and more")
+    known = Campaign.open(folder) if study is None else _begun(study, folder, progress)
     numbers = known.share(blocks)
     with draft_in(known.parts):
         pass  # takes away what killed processes left half-written
-    found = [(block, wrong) for block, wrong, _ in known.states(numbers)]
-    rows = sum(block.rows for block, _ in found)
-    again = {str(block): wrong for block, wrong in found if wrong not in ("", NOT_MADE)}
-    todo = {block.number: wrong for block, wrong in found if wrong}
-    asked, done = len(todo), sum(block.rows for block, wrong in found if not wrong)
+    there = [known.part(number) for number in known.numbers_there() if number in numbers]
+    again = {str(part.block): part.wrong for part in there if part.wrong}
+    made = {part.block.number: part.block.rows for part in there if not part.wrong}
+    done, tests = sum(made.values()), known.tests(numbers)
+    todo: Iterable[int] = (number for number in numbers if number not in made)
     for _ in range(ATTEMPTS):
-        progress("laboratories", done, rows)
-        for number, fault in made_by(folder, list(todo), workers if dask is None else dask):
+        progress("laboratories", done, tests)
+        faults: dict[int, str] = {}
+        for number, fault in made_by(folder, todo, workers if dask is None else dask):
             if isinstance(fault, InputError):
                 raise fault
-            todo[number] = fault
-            if not fault:
+            if fault:
+                faults[number] = fault
+            else:
                 done += known.block(number).rows
-                progress("laboratories", done, rows)
-        todo = {number: fault for number, fault in todo.items() if fault}
-    account = known.account(numbers, todo, quiet, whole=False)
-    return replace(account, made=asked - len(account.missing), again=again)
+                progress("laboratories", done, tests)
+        todo = list(faults)
+        if not todo:
+            break
+    account = known.account(numbers, faults, quiet, whole=False)
+    return replace(account, made=len(numbers) - len(made) - len(account.missing), again=again)
 
 
-def _begun(study: Path | Mapping[str, Any], folder: Path) -> Campaign:
+def _begun(study: Path | Mapping[str, Any], folder: Path, progress: Progress) -> Campaign:
     if isinstance(study, Path):
-        return Campaign.begin(read_study(study), read_text(study), folder)
+        return Campaign.begin(read_study(study), read_text(study), folder, progress)
     change = {f'"{key}"': values for key, values in dict(study.get("change") or {}).items()}
     text = toml_text({**study, "change": change})
-    return Campaign.begin(validate(parse_toml(text, "study"), "study", Study), text, folder)
+    asked = validate(parse_toml(text, "study"), "study", Study)
+    return Campaign.begin(asked, text, folder, progress)

@@ -16,8 +16,9 @@ from virtual_lab.catalog.specs import Real, Spec, Whole, YesNo
 from virtual_lab.errors import InputError
 from virtual_lab.lab import RoundRobin
 from virtual_lab.lab.setup import TestSetup
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.sheets import sheet_at
-from virtual_lab.streams import LABORATORIES
+from virtual_lab.streams import LABORATORIES, LARGEST_SEED
 
 MOST_CASES, MOST_REPEATS = 10_000, 1_000
 Value: TypeAlias = "Real | str | tuple[Real, ...]"  # in the unit of the sheet, or with its own
@@ -38,7 +39,7 @@ class Study(Spec):
     procedures: Annotated[tuple[str, ...], MinLen(1)]
     laboratories: Annotated[Whole, Ge(1), Le(LABORATORIES)]
     repeats: Annotated[Whole, Ge(1), Le(MOST_REPEATS)] = 1  # days of each laboratory
-    seed: Annotated[Whole, Ge(0)]
+    seed: Annotated[Whole, Ge(0), Le(LARGEST_SEED)]
     individual: YesNo = False
     change: Mapping[str, Annotated[Values, MinLen(1)]] = field(default_factory=dict)
 
@@ -57,13 +58,14 @@ class Study(Spec):
             for values in product(*(tuple[Value, ...](each) for each in self.change.values()))
         )
 
-    def sheets(self) -> dict[str, str]:
+    def sheets(self, progress: Progress = quiet) -> dict[str, str]:
         """Return the texts of all data sheets that its tests read, by ``kind/name``.
 
         `InputError` for what they cannot use.
         """
         texts: dict[str, str] = {}
-        for case in self.cases:
+        for done, case in enumerate(self.cases):
+            progress("cases", done, len(self.cases))
             with catalog.sheets_in_place({}) as used:
                 with catalog.sheets_in_place(case.changed()[0]):
                     case.round_robin(self.seed)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from virtual_lab.campaigns.parts import Block, parquet
+from virtual_lab.campaigns.parts import Part
 from virtual_lab.campaigns.study import StudyCase
 from virtual_lab.output.tables import Column
 from virtual_lab.units import Array
@@ -33,24 +32,21 @@ SUMMARY_COLUMNS = {key: Column(key.replace("_", " "), form=".5g") for key in COU
 SUMMARY_COLUMNS |= {key: Column(key, form=_listed(key)) for key in ("change", "verdicts", "flags")}
 
 
-def summary_of(
-    case: StudyCase, parts: Path, states: Iterable[tuple[Block, str, str]]
-) -> dict[str, Any]:
-    """Return the row of a case from its parts, one after another; SI.
+def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
+    """Return the row of a case from its parts, read whole, in order; SI.
 
-    `states` are its blocks, in order, each with what is wrong with its part: then its tests count
-    as missing. A number that too few tests give is None.
+    The tests of a part with something wrong count as missing. A number that too few tests give is
+    None.
     """
     verdicts, flags = Counter[str](), Counter[str]()
     missing, about, sums = 0, np.nan, np.zeros(9)
-    for _, days in groupby(states, key=lambda each: each[0].first):
+    for _, days in groupby(parts, key=lambda part: part.block.first):
         of_days: list[Array] = []
-        for block, wrong, _ in days:
-            if wrong:
-                missing += block.rows
+        for part in days:
+            if part.wrong:
+                missing += part.block.rows
                 continue
-            table = parquet().read_table(parts / block.name, columns=READ)
-            verdict, flagged, *numbers = (one.to_numpy() for one in table.columns)
+            verdict, flagged, *numbers = (one.to_numpy() for one in part.table(READ).columns)
             verdicts.update(verdict.tolist())
             flags.update(name for words in flagged.tolist() for name in words.split())
             sound = verdict != "INVALID"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+import asyncio
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from functools import lru_cache
 from itertools import islice
 from logging import CRITICAL, getLogger
@@ -17,7 +19,9 @@ from virtual_lab.catalog.reading import Key
 from virtual_lab.errors import InputError, of_extra
 from virtual_lab.processes import workers
 
-PATIENCE = 10  # s, for a scheduler to answer
+PATIENCE = 10.0  # s, for a scheduler to answer and to have a worker
+NO_ANSWER = "does not answer; allowed: the address of a Dask scheduler, tcp://HOST:8786"
+NO_WORKERS = "has no worker; start one: dask worker ADDRESS --nthreads 1"
 Fault = str | InputError  # '' of nothing; an InputError ends the run
 Outcomes = Iterator[tuple[int, Fault]]  # numbers of blocks, and what went wrong
 
@@ -36,7 +40,7 @@ def make_part(folder: str, number: int) -> Fault:
         return fault
     try:
         with catalog.sheets_in_place(cast("dict[Key, str]", sheets)):
-            table = table_of(block, campaign.study.seed)
+            table = table_of(block, campaign.study.seed, campaign.layout(block))
     except Exception as fault:  # whatever it is, the other blocks go on
         return f"{type(fault).__name__}: {' '.join(str(fault).split())}"
     try:
@@ -47,10 +51,10 @@ def make_part(folder: str, number: int) -> Fault:
     return ""
 
 
-def made_by(folder: Path, numbers: Sequence[int], who: int | str) -> Outcomes:
+def made_by(folder: Path, numbers: Iterable[int], who: int | str) -> Outcomes:
     """Yield blocks as they are made: by so many processes, or Dask's workers at an address.
 
-    `InputError` where the scheduler does not answer, or no more.
+    `InputError` where the scheduler does not answer, or no more, or has no worker.
     """
     if isinstance(who, str):
         return _by_dask(folder, numbers, who)
@@ -64,34 +68,79 @@ def _opened(folder: str, _changed: int) -> Campaign:
     return Campaign.open(folder)
 
 
-def _by_processes(folder: Path, numbers: Sequence[int], count: int) -> Outcomes:
+def _by_processes(folder: Path, numbers: Iterable[int], count: int) -> Outcomes:
     where = str(folder)
     with workers(count, where) as submit:
         yield from _in_turn(lambda number: submit(make_part, where, number), numbers, count)
 
 
-def _by_dask(folder: Path, numbers: Sequence[int], address: str) -> Outcomes:
+def _by_dask(folder: Path, numbers: Iterable[int], address: str) -> Outcomes:
     dask = of_extra("distributed", "dask", "Dask")
     where = str(folder.absolute())
     getLogger("distributed.client").setLevel(CRITICAL)  # we say what is wrong, in one line
     known = {"timeout": PATIENCE, "set_as_default": False}
+    threads = _threads_at(address)
     try:
-        with dask.Client(address, **known) as client, client.get_executor(pure=False) as pool:
-            most = 2 * max(sum(client.nthreads().values()), 1)  # that none waits for the next
-            yield from _in_turn(lambda one: pool.submit(make_part, where, one), numbers, most)
-    except (CancelledError, OSError, ValueError) as fault:
-        allowed = "does not answer; allowed: the address of a Dask scheduler, tcp://HOST:8786"
-        raise InputError("", "dask", address, allowed) from fault
+        with dask.Client(address, **known) as client:
+            pool, most = client.get_executor(pure=False), 2 * threads  # so that none waits
+            yield from _in_turn(
+                lambda number: pool.submit(make_part, where, number),
+                numbers,
+                most,
+                lambda: _threads_at(address),
+            )
+    except (CancelledError, OSError) as fault:
+        raise InputError("", "dask", address, NO_ANSWER) from fault
 
 
-def _in_turn(submit: Callable[[int], Future[Fault]], numbers: Sequence[int], most: int) -> Outcomes:
-    """Yield blocks as they end, where up to `most` are under way."""
+def _threads_at(address: str) -> int:
+    """Return the number of threads that the workers of a Dask scheduler have, at least 1.
+
+    `InputError` where the scheduler does not answer, or has no worker, within `PATIENCE`.
+    """
+    with ThreadPoolExecutor(1) as beside:  # this thread may run an event loop: a notebook's
+        return beside.submit(asyncio.run, _count_threads(address)).result()
+
+
+async def _count_threads(address: str) -> int:
+    dask = of_extra("distributed", "dask", "Dask")
+    threads, allowed = 0, NO_ANSWER
+    with suppress(TimeoutError):
+        async with asyncio.timeout(PATIENCE):
+            try:
+                options = dask.Security().get_connection_args("client")
+                async with dask.core.rpc(address, connection_args=options) as scheduler:
+                    while not threads:
+                        workers = (await scheduler.identity())["workers"].values()
+                        threads = sum(worker["nthreads"] for worker in workers)
+                        allowed = NO_WORKERS
+                        await asyncio.sleep(0.1 if not threads else 0)
+            except Exception as fault:  # whatever an address leads to
+                raise InputError("", "dask", address, NO_ANSWER) from fault
+    if not threads:
+        raise InputError("", "dask", address, allowed)
+    return threads
+
+
+def _in_turn(
+    submit: Callable[[int], Future[Fault]],
+    numbers: Iterable[int],
+    most: int,
+    check: Callable[[], object] = lambda: None,
+) -> Outcomes:
+    """Yield blocks as they end, where up to `most` are under way.
+
+    `check` is called whenever none has ended for `PATIENCE`.
+    """
     rest = iter(numbers)
     pending: dict[Future[Fault], int] = {}
     while True:
         pending |= {submit(number): number for number in islice(rest, most - len(pending))}
         if not pending:
             return
-        for each in wait(pending, return_when=FIRST_COMPLETED).done:
+        ended = wait(pending, PATIENCE, FIRST_COMPLETED).done
+        if not ended:
+            check()
+        for each in ended:
             lost = each.exception()
             yield pending.pop(each), str(lost) if lost else each.result()

@@ -29,13 +29,18 @@ NESTED = f"is nested deeper than {DEEPEST} levels"
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 
 
-def read_bytes(path: Path, *, most: float = 2e9) -> bytes:
-    """Return the content of a file. Raises `InputError` if unreadable or above `most` bytes."""
+def read_bytes(path: Path, *, most: float = 2e9, last: int | None = None) -> bytes:
+    """Return the content of a file, or its `last` bytes.
+
+    Raises `InputError` if unreadable or above `most` bytes.
+    """
     try:
         found = path.stat()
         # a device or a pipe may never end
         if stat.S_ISREG(found.st_mode) and found.st_size <= most:
-            return path.read_bytes()
+            with path.open("rb") as file:
+                file.seek(0 if last is None else max(found.st_size - last, 0))
+                return file.read()
     except OSError as fault:
         raise InputError(str(path), "file", None, f"cannot be read ({fault.strerror})") from fault
     except ValueError as fault:  # impossible file name
@@ -55,16 +60,20 @@ def read_text(path: Path) -> str:
 
 def read_json(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file. Raises `InputError` for other content or a double key."""
-    text = read_text(path)
+    return parse_json(read_text(path), str(path))
+
+
+def parse_json(text: str, where: str) -> dict[str, Any]:
+    """Return the JSON object that `text` holds, as `read_json` does."""
     try:
         document = json.loads(text, object_pairs_hook=_once, parse_constant=_no_number)
     except ValueError as fault:
-        raise InputError(str(path), "JSON", None, f"cannot be parsed: {fault}") from fault
+        raise InputError(where, "JSON", None, f"cannot be parsed: {fault}") from fault
     except RecursionError as fault:
-        raise InputError(str(path), "JSON", None, NESTED) from fault
+        raise InputError(where, "JSON", None, NESTED) from fault
     if not isinstance(document, dict):
-        raise InputError(str(path), "JSON", type(document).__name__, "expected an object")
-    _require_shallow(document, str(path), "JSON")
+        raise InputError(where, "JSON", type(document).__name__, "expected an object")
+    _require_shallow(document, where, "JSON")
     return document
 
 

@@ -1,0 +1,90 @@
+"""Two digests in the footer of a Parquet file: of the data before it, and of the footer itself.
+
+A Parquet file ends with its footer (what the columns are and where their data lie), the footer's
+length in four bytes, and a mark. The footer's own digest is that of its bytes with zeros in the
+place of this digest. So a footer shows alone whether it was changed, whoever wrote the file on
+whichever machine, and with the data the file shows it of all its bytes.
+"""
+
+from __future__ import annotations
+
+import re
+from hashlib import sha256
+from pathlib import Path
+
+from virtual_lab.files import read_bytes
+
+PARQUET_MARK = b"PAR1"  # first and last bytes of a Parquet file
+TAIL_BYTES = 4 + len(PARQUET_MARK)  # bytes: the length of the footer, and the mark
+LARGEST_PART = 2e8  # bytes; of 8192 tests a part has 3e6
+FIRST_LOOK = 65536  # bytes, in which a footer mostly fits
+NO_DIGEST = "0" * 64  # in the place of a digest that is not yet known
+DATA, FOOTER = "data", "footer"  # keys of the digests
+CHANGED_LATER = "it was changed after it was made"
+
+
+class ChangedPartError(Exception):
+    """A file that is not what was made; the text says in what."""
+
+
+def with_digests(file: bytes) -> bytes:
+    """Return a Parquet file with its digests in the place of the blanks in its footer."""
+    data, footer, tail = _divided(file)
+    footer = _with_digest(footer, DATA, sha256(data).hexdigest())
+    return data + _with_digest(footer, FOOTER, sha256(footer).hexdigest()) + tail
+
+
+def checked_file(path: Path) -> bytes:
+    """Return the bytes of a Parquet file; `ChangedPartError` unless all are as they were made."""
+    file = read_bytes(path, most=LARGEST_PART)
+    data, footer, _ = _divided(file)
+    _require_unchanged(footer)
+    if _digest_in(footer, DATA) != sha256(data).hexdigest():
+        raise ChangedPartError(f"{CHANGED_LATER} (its data)")
+    return file
+
+
+def checked_footer(path: Path) -> bytes:
+    """Return a file of the footer alone; `ChangedPartError` unless it is as it was made."""
+    end = read_bytes(path, most=LARGEST_PART, last=FIRST_LOOK)
+    if len(end) == FIRST_LOOK and _length(end) + TAIL_BYTES > FIRST_LOOK:
+        end = read_bytes(path, most=LARGEST_PART)
+    _, footer, tail = _divided(end)
+    _require_unchanged(footer)
+    return PARQUET_MARK + footer + tail
+
+
+def _require_unchanged(footer: bytes) -> None:
+    if _digest_in(footer, FOOTER) != sha256(_with_digest(footer, FOOTER, NO_DIGEST)).hexdigest():
+        raise ChangedPartError(f"{CHANGED_LATER} (its footer)")
+
+
+def _length(end: bytes) -> int:
+    return int.from_bytes(end[-TAIL_BYTES : -len(PARQUET_MARK)], "little")
+
+
+def _divided(file: bytes) -> tuple[bytes, bytes, bytes]:
+    """Return data, footer and tail of a Parquet file, or of its end."""
+    start = len(file) - TAIL_BYTES - _length(file)
+    if not file.endswith(PARQUET_MARK) or start < 0:
+        raise ChangedPartError("it cannot be read (it is no Parquet file, or was cut short)")
+    return file[:start], file[start:-TAIL_BYTES], file[-TAIL_BYTES:]
+
+
+def _place(footer: bytes, key: str) -> tuple[int, int]:
+    """Return where in a footer a digest begins and ends."""
+    digest = rb'"%b": "([0-9a-f]{64})"' % key.encode()
+    places = [match.span(1) for match in re.finditer(digest, footer)]
+    if len(places) != 1:
+        raise ChangedPartError(f"{CHANGED_LATER} (its footer)")
+    return places[0]
+
+
+def _digest_in(footer: bytes, key: str) -> str:
+    begin, end = _place(footer, key)
+    return footer[begin:end].decode()
+
+
+def _with_digest(footer: bytes, key: str, digest: str) -> bytes:
+    begin, end = _place(footer, key)
+    return footer[:begin] + digest.encode() + footer[end:]
