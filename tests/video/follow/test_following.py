@@ -19,6 +19,7 @@ from tests.video.scenery.scene import Made
 from tests.video.scenery.scenes import SCENES, UNSEEN
 from tests.video.scenes import matte
 from virtual_lab.errors import InputError
+from virtual_lab.units import STANDARD_GRAVITY
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs
 from virtual_lab.video.follow.known import ClipKnowledge
@@ -184,14 +185,24 @@ def test_a_frame_stored_three_times_among_doubled_ones_costs_no_flight() -> None
     assert "REPEATED_FRAMES" in found.flags
 
 
-def test_rows_of_two_moments_are_refused() -> None:
-    """Sixty fields a second woven into thirty frames."""
+@pytest.mark.parametrize("first", [0, 1])
+def test_rows_of_two_moments_are_followed_with_a_flag(first: int) -> None:
+    """Sixty fields a second woven into thirty frames, whichever field is the first."""
     frames = _thrown()
     woven = frames[::2].copy()
-    woven[:, 1::2] = frames[1::2, 1::2]
-    with pytest.raises(InputError, match=r"interlaced.*each holds two fields"):
-        follow(_clip(woven), replace(KNOWN, rate=30.0))
-    assert follow(_clip(frames[::2]), replace(KNOWN, rate=30.0)).flights
+    woven[:, 1 - first :: 2] = frames[1::2, 1 - first :: 2]
+    found = follow(_clip(woven), replace(KNOWN, rate=30.0))
+    assert "INTERLACED" in found.flags
+    assert "INTERLACED" not in follow(_clip(frames[::2]), replace(KNOWN, rate=30.0)).flags
+    (flight,) = found.flights
+    for frame, speed in (
+        (flight.first_frame, flight.speed_in),
+        (flight.last_frame, flight.speed_out),
+    ):
+        late = 2 * frame + 0.5  # of `_thrown`, between the fields
+        true = np.hypot(5.6, 0.25 * late - 7.5) * 60 * STANDARD_GRAVITY / (0.25 * 60**2)
+        assert speed.value == pytest.approx(true, abs=speed.u)
+        assert speed.u < 0.1 * true
 
 
 def test_a_few_edges_show_that_the_camera_stands() -> None:

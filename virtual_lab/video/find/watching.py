@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.errors import InputError
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import grey_of
@@ -33,6 +32,7 @@ class Watched:
     leaps: Mapping[int, float] = field(default_factory=dict)
     # JPEG of 30 kB each, as searched, of 4000 frames at most
     thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
+    interlaced: bool = False  # each frame holds two fields, taken at different moments
 
 
 def watch(
@@ -96,18 +96,13 @@ def watch(
             thumbs[number] = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
         found.append(blobs(number, picture, small, drift, still))
     whole = in_region(np.concatenate(found), region)
-    if _has_combs(clip, whole):
-        allowed = (
-            "each holds two fields of other moments: deinterlace it to one frame a field, e.g. "
-            "ffmpeg -i CLIP -vf bwdif=1 NEW, and give twice the rate"
-        )
-        raise InputError(str(clip.source.path), "frames", "interlaced", allowed)
     return Watched(
         still=still,
         found=whole,
         change=change,
         leaps=leaps,
         thumbs=thumbs,
+        interlaced=_has_combs(clip, whole),
     )
 
 

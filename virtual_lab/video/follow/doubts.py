@@ -129,6 +129,13 @@ def against_flights(
             "bent or broken; --tripod says that the camera stands"
         )
         notes.append(("DRIFT_LEAPS", words))
+    if watched.interlaced:
+        words = (
+            "each frame holds two fields of different moments (interlaced), so a moving ball is "
+            "seen between them: one frame per field is better, e.g. ffmpeg -i CLIP -vf bwdif=1 "
+            "NEW, with twice the rate"
+        )
+        notes.append(("INTERLACED", words))
     if lost := scene.lost(ways):
         where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
         words = f"frames are missing though time stamps are even ({where}): time was mended"

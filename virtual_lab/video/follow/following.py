@@ -90,7 +90,7 @@ def follow(
     """Follow the ball through a clip.
 
     Raises `InputError`: a frame rate by which it would fall absurdly fast, a ruler that shows
-    nowhere, frames of two fields each.
+    nowhere.
     """
     progress("looking for the ball")
     watched = watch(

@@ -83,11 +83,11 @@ class SharpBall:
 
 
 def wants_sharp(known: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
-    """Whether the camera is calibrated and stands, and one hit at most is seen."""
+    """Whether the camera is calibrated, stands and takes whole frames, of one hit at most."""
     given = known.calibration
     # a file that gives rate or scale only replaces options; it asks for no outline fit
     asked = given is not None and (given.camera or given.lens_blur_px or given.exposure_s)
-    if not asked or watched.still.drifts or known.ruler == GRAVITY:
+    if not asked or watched.still.drifts or watched.interlaced or known.ruler == GRAVITY:
         return False
     return 0 < len(ways) <= 2
 
