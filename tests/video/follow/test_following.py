@@ -21,8 +21,9 @@ from tests.video.scenes import matte
 from virtual_lab.errors import InputError
 from virtual_lab.units import STANDARD_GRAVITY
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs
-from virtual_lab.video.follow.known import ClipKnowledge
+from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs, measure
+from virtual_lab.video.follow.known import FILE, ClipKnowledge
+from virtual_lab.video.follow.searching import FlightsFound
 
 Get = Callable[[str], tuple[Made, FollowedClip]]
 SHORTER = {"carried": 45, "empty": 25, "pendulum": 75}  # exposures
@@ -64,7 +65,10 @@ def test_what_does_not_fly_has_no_flight_and_a_reason(name: str, followed: Get) 
 
 
 def test_thinned_frames_are_found_by_the_motion(followed: Get) -> None:
-    """Thirty a second thinned to 25 under even time stamps: steps are those of thirty."""
+    """Thirty a second thinned to 25 under even time stamps: what is left out is found.
+
+    A file's own 25 a second do not agree with gravity and the ball's size, which give the thirty.
+    """
     made, found = followed("thinned")
     assert set(found.flags) == {"LOST_FRAMES", "READOUT_UNKNOWN"}
     require_contacts(made.truth, found)
@@ -72,6 +76,12 @@ def test_thinned_frames_are_found_by_the_motion(followed: Get) -> None:
     gaps = np.flatnonzero(np.diff(made.exposures) > 1) + 1
     assert missing
     assert missing <= set(gaps.tolist())
+    by_file = replace(found.known, rate=25.0, rate_of=FILE)
+    search = FlightsFound(scene=found.scene, pieces=found.pieces, ways=found.ways)
+    fitted = measure(found.clip, found.watched, by_file, search)
+    assert "RATE_FITTED" in fitted.flags
+    assert fitted.known.rate == pytest.approx(30, rel=2 * fitted.known.rate_u)
+    assert fitted.known.rate_u < 0.04
 
 
 @pytest.mark.parametrize(("name", "seed", "crf"), [("thinned", 38, 29), ("stamped", 32, 24)])

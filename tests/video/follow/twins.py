@@ -20,8 +20,6 @@ def run(scene: Scene, folder: Path) -> tuple[Made, FollowedClip]:
     rate: float | None = scene.fps
     if scene.true_stamps or not scene.rate_said:
         rate = None
-    elif scene.stored == "thinned":
-        rate = 5 / 6 * rate
     elif scene.stored == "doubled":
         rate = 2 * rate
     elif scene.stored == "repeated":

@@ -11,7 +11,7 @@ from virtual_lab.units import Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import uneven, usual_step
 from virtual_lab.video.find.watching import Watched
-from virtual_lab.video.follow.flights import FLIGHTS, flights_of
+from virtual_lab.video.follow.flights import flights_of
 from virtual_lab.video.follow.joint import Fit
 from virtual_lab.video.follow.known import ClipKnowledge
 from virtual_lab.video.follow.pieces import Piece, pieces
@@ -24,7 +24,6 @@ class TimeSettings:
 
     least_repeats: int = 2  # among the frames of flights, to ask whether they stand for time
     every_other: float = 0.4  # of the frames that are repeats: every frame was stored twice
-    thinned_periods: range = range(3, 11)  # frames, of those left out of 30 a second to make 25
 
 
 TIME = TimeSettings()
@@ -125,23 +124,4 @@ def step_of(known: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> 
         return 1 / known.rate
     first, last = counted[0], counted[-1]
     steps = (scene.stamped[last] - scene.stamped[first]) / (scene.time[last] - scene.time[first])
-    return float(steps * _thinning(scene, ways) / known.rate)
-
-
-def _thinning(scene: FlightScene, ways: Sequence[Piece]) -> float:
-    """Share of a stored picture's time that a step of time takes.
-
-    Where every so manieth frame was left out the file's rate is that of what is left: a step is
-    shorter. Frames that are lost here and there leave the rate as it was.
-    """
-    lost = scene.lost(ways)
-    if sum(lost.values()) < TIME.least_repeats:
-        return 1.0
-    frames = np.concatenate([way.frames for way in ways])
-    missing = np.array([lost.get(int(frame), 0) for frame in frames[1:]])
-    near = np.diff(frames) <= FLIGHTS.contact_frames
-    for period in TIME.thinned_periods:
-        for phase in range(period):
-            if (np.diff((frames - phase) // period) == missing)[near].all():
-                return period / (period + 1)
-    return 1.0
+    return float(steps / known.rate)
