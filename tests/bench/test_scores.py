@@ -192,12 +192,13 @@ def test_who_finds_the_fault_and_refuses(
 ) -> None:
     """A moved gate could have been gauged and reduced with; a cracked bat has no remedy."""
     found = debriefed(
-        [*BOOK, doubt(fault, 80), *verdict("INVALID", 100)],
+        [*BOOK, doubt(fault, 80), *verdict("INVALID", 90)],
         faults=(fault,),
         visible=(fault,),
         result=(TRUTH + off * 2 * U, U),
     )
     assert found.right_verdict == right
+    assert found.brier == pytest.approx(0.01)  # right to refuse, 90 % sure of it
     assert scores(found)["result"] == worth
     assert scores(found)["detection"] == pytest.approx(1 - 0.04)
     assert found.found == (fault,)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -205,8 +206,12 @@ def test_no_record_and_no_certificate_tells_the_seed(tested: Path) -> None:
 
 
 def test_ideal_says_the_truth(run: Run) -> None:
-    """1e-9 relative through the whole program, files and all."""
-    assert run("certify", "ea70", "--ideal", "--out", "ideal")[0] == 0
+    """1e-9 relative through the whole program, files and all; the same bytes each time."""
+    for name in ("ideal", "again"):
+        assert run("certify", "ea70", "--ideal", "--out", name)[0] == 0
+    assert (
+        Path("ideal/certificate.html").read_bytes() == Path("again/certificate.html").read_bytes()
+    )
     document = json.loads(run("score", "ideal", "--json")[1])
     assert document.pop("sealing") == "reproducible: nothing is random, not sealed"
     assert (document.pop("seal"), document.pop("altered")) == ("whole", [])
@@ -396,6 +401,12 @@ def test_a_laboratorys_mornings(run: Run, tmp_path: Path) -> None:
         (["certify", "r161", "--seed", "-1"], "--seed"),
         (["certify", "r161", "--bogus"], "--bogus"),
         (["certify", "r161", "--ideal", "--noise-free"], "exclude each other"),
+        (
+            ["certify", "r161", "--ideal", "--seed", "3"],
+            "seed = 3; leave it out: nothing is random",
+        ),
+        (["certify", "r161", "--ideal", "--number", "2"], "number = 2; leave it out"),
+        (["certify", "r161", "--noise-free", "--test", "1"], "test = 1; leave it out"),
         (["certify", "nowhere.toml"], "no such file"),
         (["certify", "r161", "--rig", "astm-pivto"], "astm-pivot, ball-cannon"),
         (["certify", "r161", "--rig", "ball-cannon"], "records no encoder, which astm-f1881 needs"),
@@ -475,6 +486,28 @@ def test_the_rig_is_a_choice_and_is_completed(run: Run) -> None:
     code, out, _ = run("certify", "r161", "--rig", "astm-pivot", "--seed", "7", "--json")
     assert code == 0
     assert json.loads(out)["rigs"]["impact"] == "astm-pivot"
+
+
+def test_what_is_stated_about_a_test_is_on_its_page(run: Run, tmp_path: Path) -> None:
+    """Each option in the line of its own, on the paper asked for; a reduction's page likewise."""
+    stated = {
+        "--customer": ("Customer", "Hilltop Bats"),
+        "--bat-serial": ("Serial number of the bat", "SN 4711"),
+        "--bat-condition": ("Condition of the bat", "two dents"),
+        "--received": ("Bat received", "2026-11-20"),
+        "--operator": ("Operator", "A. Fuller"),
+        "--notes": ("Notes", "tested on a Monday"),
+    }
+    options = [word for key, (_, value) in stated.items() for word in (key, value)]
+    words = ["--seed", "7", "--paper", "letter", "--out", "made", *options]
+    assert run("certify", "r161", *words)[0] == 0
+    assert run("reduce", "made/records", "--paper", "letter", "--out", "again")[0] == 0
+    for folder in ("made", "again"):
+        page = (tmp_path / folder / "certificate.html").read_text("utf-8")
+        assert re.search(r"@page *\{\s*size: *letter", page)
+        text = " ".join(re.sub(r"<[^>]+>", " ", page).split())
+        for label, value in stated.values():
+            assert f"{label} {value}" in text
 
 
 def test_a_reader_that_has_had_enough_is_no_fault(

@@ -599,7 +599,8 @@ def certify(
     ------
     InputError
         An unknown name, a file that cannot be used, a seed that is no whole number from 0, a
-        number or test without a seed, a film at a rig without a camera, a history of other tests.
+        number or test without a seed, one of them where nothing is random, a film at a rig without
+        a camera, a history of other tests.
     """
     from virtual_lab import catalog
     from virtual_lab.certificate.chain import replaced_report
@@ -615,13 +616,19 @@ def certify(
     if ball is not None:
         other = Sheet.of("procedures", cast("str", procedure)).with_(ball=ball)
         rules = catalog.read(other.text, other.name, Procedure)
+    kind = named(Reality, "reality", reality)
+    if kind is not Reality.REAL:
+        for key, value in (("seed", seed), ("number", number or None), ("test", test)):
+            if value is not None:
+                allowed = f"leave it out: nothing is random where the reality is {reality}"
+                raise InputError("", key, value, allowed)
     setup = TestSetup.of(
         cast("str", bat),
         procedure=rules,
         rig=rig,
-        seed=seed,
+        seed=seed if kind is Reality.REAL else 0,
         number=number,
-        reality=named(Reality, "reality", reality),
+        reality=kind,
         rung=rung,
         motion=motion,
         faults=faults,

@@ -111,9 +111,16 @@ def _seed(value: Any, store: Store) -> int:
 
 
 def _number(value: Any, _store: Store) -> float:
-    if isinstance(value, bool | str) or isnan(value):
+    if isinstance(value, bool | str):
         raise TypeError(value)
     return float(value)
+
+
+def _certain_number(value: Any, store: Store) -> float:
+    number = _number(value, store)
+    if isnan(number):
+        raise ValueError(number)
+    return number
 
 
 def _yes_or_no(value: Any, _store: Store) -> bool:
@@ -232,7 +239,8 @@ ARGUMENTS = {
     **dict.fromkeys(("digits", "draws", "points"), WHOLE),
     "validate": YES_OR_NO,
     **dict.fromkeys(
-        ("probability", "value", "u", "lower", "upper", "dof", "guard", "r", "target"), NUMBER
+        ("probability", "value", "u", "lower", "upper", "dof", "guard", "r", "target"),
+        ArgumentRule(_certain_number, "a number"),
     ),
 }
 
