@@ -153,9 +153,8 @@ def uncertainties(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
     ):
         begin, half = time.process_time(), []
         for at, each in zip(sound, linear, strict=True):
-            freedom = float(block.certified.variances["metric"].dof[at])
             own = block.reduced.of(at, block.readings)
-            found = refined(method, own, each, freedom, draws)
+            found = refined(method, own, each, draws)
             half.append(np.ptp(found.interval) / 2)
         seconds = cost + (time.process_time() - begin) / few
         yield rung, False, (np.array(half), u, seconds)

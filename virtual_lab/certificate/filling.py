@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, fields, replace
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 from typing import cast
 
 import numpy as np
@@ -65,6 +65,7 @@ from virtual_lab.measurement.reduction.kinematics import batted_speed
 from virtual_lab.measurement.reduction.rate import unwrapped
 from virtual_lab.measurement.reduction.recoil import RECOIL
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
+from virtual_lab.measurement.refined import LEAST_FREEDOM, too_wide
 from virtual_lab.measurement.swing_range import SwingResult
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records import EncoderRecord
@@ -73,6 +74,7 @@ from virtual_lab.records.origin import Simulated, Supplied
 from virtual_lab.records.particulars import Particulars
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import HITS, Budget, combine
+from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO
 from virtual_lab.uncertainty.scatter import larger_today
 from virtual_lab.units import INCH, MPH, Array
 
@@ -187,7 +189,9 @@ def certificate(
         choice=_choice(metric),
         conditional_on=_conditional_on(certification),
         budget=tuple(budget_lines(metric)) if metric else (),
-        evaluation=f"{_method(certification)} {_scatter(certification, metric)}" if metric else "",
+        evaluation=f"{_method(certification, metric)} {_scatter(certification, metric)}"
+        if metric
+        else "",
         unverified=tuple(
             UnverifiedValue(
                 key=datum.key,
@@ -383,20 +387,37 @@ FIRST_ORDER = (
 )
 
 
-def _method(certification: Certification) -> str:
+WIDER = (
+    "Contributions and their combination are of the first order. The u of the draws is larger, "
+    "because a t distribution of ν degrees of freedom has √(ν/(ν − 2)) times the u of its source."
+)
+
+
+def _method(certification: Certification, metric: Budget) -> str:
     """Return by which method u and interval of the metric were found, in words."""
     finer = certification.refined
+    few = too_wide(metric) if certification.session.uncertainty == MONTE_CARLO else None
+    if finer is None and few is not None:
+        return (
+            f"Not by Monte Carlo, as asked for: {few.name} has {few.dof:.1f} degrees of freedom, "
+            f"and below {LEAST_FREEDOM:g} draws of a t distribution do not settle u. {FIRST_ORDER}"
+        )
     if finer is None:
         return FIRST_ORDER
-    found = next(iter(finer.outcomes.values()))
+    found, printed = next(iter(finer.outcomes.values())), METRICS[certification.procedure.metric]
+
+    def shown(value: float, form: str) -> str:
+        return f"{value / printed.unit_si:{form}} {printed.unit}".rstrip()
+
+    shift = shown(found.shift, "+.2g")
     if found.convergence is None:
         order = "Propagation of mean and variance to second order (GUM 5.1.2, note): by it the mean"
-        return f"{order} lies {found.shift:+.2g} off. {FIRST_ORDER}"
-    drawn, within = found.convergence.draws, found.convergence.tolerance
+        return f"{order} lies {shift} off. {FIRST_ORDER}"
+    drawn, within = found.convergence.draws, found.convergence.tolerance or inf
     return (
         f"Propagation of distributions (JCGM 101) by {drawn:,} draws, u and both ends of the "
-        f"interval right within {within:.1g} with 95 %; their mean lies {found.shift:+.2g} off. "
-        "Contributions are those of the first order."
+        f"interval right within {shown(within, '.1g')} with 95 %; their mean lies {shift} off. "
+        f"{WIDER}"
     )
 
 

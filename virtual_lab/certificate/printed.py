@@ -249,9 +249,18 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
         "hits": hits,
         "limit": limit,
         "stated": bool(stated),
+        "u_first_order": _first_order(document) if stated else "",
         "decides": bool(stated) and all(finding.met for finding in document.findings),
         **stated,
     }
+
+
+def _first_order(document: CertificateDocument) -> str:
+    """Return the combined u of the budget's lines, "" where the stated u is printed the same."""
+    unit_si = METRICS[document.metric.name].unit_si
+    combined = sqrt(sum(row.contribution**2 for row in document.budget)) / unit_si
+    printed = digits(combined)
+    return "" if printed == digits((document.metric.u or 0.0) / unit_si) else printed
 
 
 def _risk(risk: RiskStated) -> str:

@@ -47,7 +47,8 @@ def _result(document: CertificateDocument, told: dict[str, Any]) -> Iterator[str
     """Yield the result, and all that was measured beside it."""
     result, at = told["result"], told["conditions"]
     most = "no limit" if result["limit"] == "none" else f"limit {result['limit']}"
-    value = f"{result['value']} ± {result['expanded']}{result['unit']} (u {result['u']})"
+    first = f", of first order {result['u_first_order']}" if result["u_first_order"] else ""
+    value = f"{result['value']} ± {result['expanded']}{result['unit']} (u {result['u']}{first})"
     interval = f"95 % interval {result['low']} to {result['high']}"
     yield f"{result['symbol']:4} {value}   {interval}, {most}"
     for row in told["quantities"]:

@@ -48,7 +48,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     ShotResults,
     bat_properties,
 )
-from virtual_lab.measurement.refined import refined
+from virtual_lab.measurement.refined import refined, too_wide
 from virtual_lab.measurement.session_reduction import (
     BlockReduction,
     SessionReduction,
@@ -60,9 +60,10 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, Budgets, Variants, means_of_hits
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO
 from virtual_lab.uncertainty.propagated import Propagated
 from virtual_lab.uncertainty.propagating import FIRST
-from virtual_lab.uncertainty.scatter import HitVariance, larger_today
+from virtual_lab.uncertainty.scatter import HitVariance
 from virtual_lab.units import Array, Mask
 
 CACHED = 80_000  # numbers of an array that stays in the cache
@@ -182,11 +183,10 @@ class BlockCertification:
         variances = {}
         if metric and not self.invalid[laboratory]:
             variances = {name: own.known().of(laboratory) for name, own in self.variances.items()}
-        if metric and variances and session.uncertainty != FIRST:
-            today, earlier = variances["metric"], session.history.get("metric")
-            joined = earlier is not None and not larger_today(today, earlier)
-            freedom = today.dof + (earlier.dof if earlier and joined else 0.0)
-            finer = refined(session.uncertainty, reduced, metric, freedom)
+        method = session.uncertainty
+        drawable = method != MONTE_CARLO or not (metric and too_wide(metric))
+        if metric and variances and method != FIRST and drawable:
+            finer = refined(method, reduced, metric)
             metric = replace(metric, u=finer.u, dof=finer.dof, interval_95=finer.interval)
         checked = self.checked.of(laboratory)
         return Certification(
