@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import PROCEDURE
 from tests.laboratories import certified
+from virtual_lab import lab
 from virtual_lab.certificate.document import document_of
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
@@ -144,6 +146,20 @@ def test_page_and_text_say_what_is_stated_and_what_is_not(stated: Particulars) -
     nothing = certificate(certified().certification)
     assert "Not stated: laboratory, address of the laboratory" in certificate_page(nothing)
     assert "Not stated" not in certificate_text(nothing)
+
+
+def test_instruments_of_a_file_are_added_to_those_of_the_data_sheets(stated: Particulars) -> None:
+    """One that has the name of a data sheet replaces it."""
+
+    def named(particulars: Particulars) -> dict[str, str]:
+        setup = lab.TestSetup.of("r161", procedure=PROCEDURE, particulars=particulars)
+        return {name: each.identity for name, each in setup.particulars.instruments.items()}
+
+    built_in = named(NOTHING_STATED)
+    assert len(built_in) > 5
+    assert named(stated) == built_in | {"gates": "G-12"}
+    own = replace(stated, instruments={"pivot-gates": stated.instruments["gates"]})
+    assert named(own) == built_in | {"pivot-gates": "G-12"}
 
 
 @pytest.mark.parametrize(("due", "flagged"), [("2026-11-23", True), ("2026-11-24", False)])

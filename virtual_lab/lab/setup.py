@@ -108,8 +108,8 @@ class TestSetup:
         detail
             Whether instruments write every reading or sums.
         particulars
-            What the certificate states beside the results: who, for whom, which bat, when. Where
-            it names no instrument, the data sheets of those used do.
+            What the certificate states beside the results: who, for whom, which bat, when. Its
+            instruments are added to those of the rigs' data sheets, and replace one of equal name.
 
         Raises
         ------
@@ -138,9 +138,7 @@ class TestSetup:
         drawn, control = bats
         assert drawn is not None
         rig = rig or rules.spec.rig
-        if not particulars.instruments:
-            stated = dict(identities(_rigs(rig).values()))
-            particulars = replace(particulars, instruments=stated)
+        instruments = {**dict(identities(_rigs(rig).values())), **particulars.instruments}
         return cls(
             bat=drawn,
             ball=catalog.load("balls", rules.spec.ball, BallSpec),
@@ -157,7 +155,7 @@ class TestSetup:
             control_bat=control,
             film=film,
             detail=detail,
-            particulars=particulars,
+            particulars=replace(particulars, instruments=instruments),
         )
 
     @property

@@ -272,7 +272,8 @@ def form() -> Iterator[str]:
     yield '# name = ""'
     yield '# role = ""'
     yield ""
-    yield "# [instruments.gates]  # and so on, each by a name of your own"
+    yield "# [instruments.gates]  # and so on, each by a name of your own: added to the rigs' own,"
+    yield "# or in place of one that has the same name"
     for key in fields(InstrumentIdentity):
         yield f'# {key.name} = ""'
 
