@@ -399,6 +399,66 @@ def test_the_pages_hits_are_the_documents(case: str) -> None:
         assert row[-1] == (f"invalid: {shot['reason']}" if shot["reason"] else "valid")
 
 
+@pytest.mark.parametrize("case", CASES)
+def test_the_pages_means_along_the_barrel_are_the_documents(case: str) -> None:
+    """Speeds and their u in mph; a mean of one hit has no u."""
+    told, rows = document(case)["along"], rows_under(case, "Along the barrel")
+    assert len(rows) == (len(document(case)["places"]) if told else 0)
+    for number, (_, hits, *shown) in enumerate(rows):
+        for each, mean, u in zip(told["quantities"], shown[::2], shown[1::2], strict=True):
+            size = MPH if each["unit"] == "m/s" else 1.0
+            assert agrees(mean, each["mean"][number] / size)
+            assert (u == "–") == (hits == "1") == (each["u"][number] is None)
+            if u != "–":
+                assert agrees(u, each["u"][number] / size)
+                assert has_two_digits(u)
+                assert len(mean.partition(".")[2]) == len(u.partition(".")[2])
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_pages_air_is_the_documents(case: str) -> None:
+    """0 °C is 273.15 K, 1 of humidity 100 %, and 1 hPa 100 Pa; each u has two digits."""
+    told = document(case)
+    (air,) = [
+        each.text or ""
+        for part in page(case).iter("dl")
+        for head, each in zip(part.iter("dt"), part.iter("dd"), strict=True)
+        if head.text == "Air in the hall"
+    ]
+    *shown, density = air.split("; ")
+    zeros, sizes = (273.15, 0.0, 0.0), (1.0, 0.01, 100.0)
+    for line, each, zero, size in zip(shown, told["conditions"], zeros, sizes, strict=True):
+        start, end, u = re.findall(r"[\d.]+", line)
+        assert agrees(start, each["at_start"] / size - zero)
+        assert agrees(end, each["at_end"] / size - zero)
+        assert agrees(u, each["u"] / size)
+        assert has_two_digits(u)
+        assert {len(part.partition(".")[2]) for part in (start, end)} == {len(u.partition(".")[2])}
+    value, u = re.findall(r"\d+\.\d+", density)
+    assert agrees(value, told["air_density_kg_per_m3"]["value"])
+    assert agrees(u, told["air_density_kg_per_m3"]["u"])
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_ball_off_a_bat_at_rest_is_a_rebound_and_no_batted_ball(case: str) -> None:
+    """Its speed is e_A times that of the ball; the rules of `bbcor` name no other game."""
+    told = document(case)
+    rules = tomllib.loads((folder(case) / "records" / "procedure.toml").read_text("utf-8"))
+    if not told["along"]:
+        return
+    at_rest = "game" not in rules and "bat_speed" not in rules
+    assert at_rest == (case in {"bbcor", CONTROLLED})
+    along = {each["name"]: each for each in told["along"]["quantities"]}
+    assert ("rebound_speed" in along) == at_rest == ("batted_speed" not in along)
+    heads = {"".join(each.itertext()) for each in page(case).iter("th")}
+    assert ("rebound speedmph" in heads) == at_rest == ("vfmph" not in heads)
+    assert ("rebound speed, mph" in drawing(case, "along")) == at_rest
+    if at_rest:
+        assert along["rebound_speed"]["unit"] == "m/s"
+        back = told["nominal_speed_mph"] * MPH * np.array(along["collision_efficiency"]["mean"])
+        assert along["rebound_speed"]["mean"] == pytest.approx(back)
+
+
 SIZES = {
     "g": 1e-3, "mm": 1e-3, "mm²": 1e-6, "mm/s²": 1e-3, "ms": 1e-3, "ppm": 1e-6, "mrad": 1e-3,
     "g m²": 1e-3, "g m": 1e-3, "kg/m³": 1.0, "s/m": 1.0, "": 1.0,
@@ -486,6 +546,16 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
     for shown, row in zip(laws, told["swing_range"], strict=True):
         numbers = (row["exponent"], row["value"] / MPH, row["u"] / MPH, row["place_in"])
         assert all(map(agrees, shown, numbers))
+    width = told["width_m"]
+    found = re.findall(
+        r"^  ([\d.]+) \(u ([\d.]+)\) in of barrel .*, ([\d.]+) to ([\d.]+) in from",
+        text,
+        re.MULTILINE,
+    )
+    assert len(found) == bool(width)
+    if width:
+        sizes = (width["value"] / INCH, width["u"] / INCH, width["from_in"], width["to_in"])
+        assert all(map(agrees, found[0], sizes))
     (found,) = re.findall(r"at ([\d.]+) mph, ([\d.]+) in from the tip", text)
     assert agrees(found[0], told["v_rel_mph"])
     assert agrees(found[1], told["impact_position_in"])

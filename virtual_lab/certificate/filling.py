@@ -67,7 +67,8 @@ from virtual_lab.measurement.reduction.recoil import RECOIL
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.measurement.refined import LEAST_FREEDOM, too_wide
 from virtual_lab.measurement.swing_range import SwingResult
-from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.metrics import METRICS, REBOUND_SPEED
+from virtual_lab.output.metrics import QUANTITIES as IN_PRINT
 from virtual_lab.records import EncoderRecord
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.origin import Simulated, Supplied
@@ -285,7 +286,11 @@ def _places(certification: Certification) -> list[PlaceRow]:
 
 
 def _along(certification: Certification) -> AlongBarrel | None:
-    """Return e_A, e, v_f and the metric along the barrel; None with too few places for a curve."""
+    """Return e_A, e, a ball's speed and the metric along the barrel; None with too few places.
+
+    The speed is v_f at the speeds of the rules' game or of the test. Of a bat at rest it is that of
+    the rebound.
+    """
     valid, shots = certification.judgement.valid, certification.shots
     place = certification.readings.place[valid] / INCH
     steps = np.unique(place)
@@ -293,11 +298,12 @@ def _along(certification: Certification) -> AlongBarrel | None:
         return None
     degree = min(5, steps.size - 2)  # as the curve of the width
     along = np.linspace(steps[0], steps[-1], 41)
-    name = certification.procedure.metric
+    rules = certification.procedure
+    name, at_rest = rules.metric, rules.game is None and not rules.bat_speed
     shown = {
         "collision_efficiency": shots.collision_efficiency,
         "restitution": shots.restitution,
-        "batted_speed": _batted_speed(certification),
+        REBOUND_SPEED if at_rest else "batted_speed": _batted_speed(certification),
         name: certification.shot_metric,
     }
     curves = []
@@ -307,7 +313,7 @@ def _along(certification: Certification) -> AlongBarrel | None:
         curves.append(
             CurveAlong(
                 name=key,
-                unit=METRICS[key].si_unit if key in METRICS else "",
+                unit=IN_PRINT[key].si_unit if key in IN_PRINT else "",
                 mean=tuple(float(hits.mean()) for hits in at),
                 u=tuple(
                     float(hits.std(ddof=1)) / sqrt(hits.size) if hits.size > 1 else None

@@ -26,7 +26,7 @@ from virtual_lab.certificate.document import (
     Stated,
     WidthStated,
 )
-from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.metrics import METRICS, QUANTITIES
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.records.constants import PER_SI, constant_of
 from virtual_lab.records.particulars import InstrumentIdentity
@@ -406,12 +406,16 @@ def _along(document: CertificateDocument) -> dict[str, object] | None:
         return None
     sizes = [printed_size(each.name) for each in document.along.quantities]
     rows = []
+    fewest = [  # decimals of a mean of one hit, whose u is not known
+        min((decimals(u / size) for u in each.u if u is not None), default=4)
+        for each, (_, _, size) in zip(document.along.quantities, sizes, strict=True)
+    ]
     for number, place in enumerate(document.places):
         row = [_number(place.place_in, 2), str(place.hits)]
-        for each, (_, _, size) in zip(document.along.quantities, sizes, strict=True):
+        for each, (_, _, size), few in zip(document.along.quantities, sizes, fewest, strict=True):
             mean, u = each.mean[number] / size, each.u[number]
             if u is None:
-                row += [_number(mean, 4), NONE]
+                row += [_number(mean, few), NONE]
             else:
                 row += [_number(mean, decimals(u / size)), digits(u / size)]
         rows.append(row)
@@ -421,9 +425,9 @@ def _along(document: CertificateDocument) -> dict[str, object] | None:
 
 def printed_size(name: str) -> tuple[str, str, float]:
     """Return the symbol of a quantity, the unit it is printed in, and the SI size of this."""
-    if name not in METRICS:
+    if name not in QUANTITIES:
         return SYMBOLS[name], "", 1.0
-    printed = METRICS[name]
+    printed = QUANTITIES[name]
     return printed.symbol, printed.unit, printed.unit_si
 
 

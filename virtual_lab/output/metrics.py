@@ -29,3 +29,8 @@ METRICS = {
     "restitution": MetricFormat("Restitution of ball and bat", "e", "", 1.0, "", 3),
     "batted_speed": MetricFormat("Batted-ball speed", "v_f", "mph", MPH, "m/s", 1),
 }
+# speed of the ball back from a bat at rest, which is no result of a procedure
+REBOUND_SPEED = "rebound_speed"
+QUANTITIES = METRICS | {
+    REBOUND_SPEED: MetricFormat("Rebound speed", "rebound speed", "mph", MPH, "m/s", 1)
+}
