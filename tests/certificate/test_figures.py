@@ -5,17 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
+from tests.certificate.drawn import Plot, plots_of
 from tests.laboratories import certified
-from virtual_lab.certificate.document import CertificateDocument
+from virtual_lab.certificate.document import CertificateDocument, risk_of
 from virtual_lab.certificate.figures import (
     along_figure,
-    budget_figure,
     certificate_figures,
     contact_figure,
+    hits_figure,
     rebound_figure,
 )
 from virtual_lab.certificate.filling import certificate
@@ -27,6 +30,11 @@ from virtual_lab.units import INCH, MPH
 @pytest.fixture(scope="module")
 def document() -> CertificateDocument:
     return certificate(certified(seed=7).certification)
+
+
+@pytest.fixture(scope="module")
+def swung() -> CertificateDocument:
+    return certificate(certified(procedure="proposed", seed=7).certification)
 
 
 @pytest.fixture(scope="module")
@@ -96,28 +104,6 @@ def test_the_numbers_stand_beside_the_curves(scan: CertificateDocument) -> None:
     assert all(len(row) == 2 + 2 * 4 for row in shown["rows"])
 
 
-def test_the_bars_are_as_long_as_the_shares(document: CertificateDocument) -> None:
-    shares = [float(row["share"]) for row in printed_budget(document)]
-    bars = re.findall(r'<path d="M([\d.]+) [\d.]+L([\d.]+)', budget_figure(document))
-    lengths = np.array([float(end) - float(start) for start, end in bars])
-    assert lengths == pytest.approx(lengths[0] * np.array(shares) / shares[0], abs=0.05)
-
-
-def test_recoil_and_rebound_stand_against_each_other(document: CertificateDocument) -> None:
-    both = [
-        (row.recoil_efficiency, row.rebound_efficiency)
-        for row in document.shots
-        if row.rebound_efficiency is not None
-    ]
-    drawn = rebound_figure(document)
-    assert drawn is not None
-    found = re.findall(r'translate\(([\d.]+),([\d.]+)\)"><circle r="2"', drawn)
-    dots = np.array(found[: len(both)], dtype=float)
-    recoil, rebound = np.array(both, dtype=float).T
-    same_shape(dots[:, 0], recoil)
-    same_shape(-dots[:, 1], rebound)
-
-
 def test_the_contact_sheet_shows_every_shot_to_one_scale(document: CertificateDocument) -> None:
     """The first is the ring of the encoder's own figure, of the same record."""
     sheet, drawn = document.contact_sheet, contact_figure(document)
@@ -132,17 +118,6 @@ def test_the_contact_sheet_shows_every_shot_to_one_scale(document: CertificateDo
     time = own.from_ms + own.step_ms * np.arange(len(own.angle_deg))
     ring = np.interp(time, trace.ring.time_ms, trace.ring.angle_deg)
     assert np.std(ring - own.angle_deg) < 0.1 * np.std(ring)
-
-
-def test_the_part_beyond_the_limit_is_black(document: CertificateDocument) -> None:
-    """Of a result near its limit; of one far from it there is none."""
-    metric = document.metric
-    assert metric.value is not None
-    assert metric.u is not None
-    near = replace(document, metric=replace(metric, limit=metric.value + metric.u))
-    black = 'Z" fill="black"'
-    assert black in str(certificate_figures(near)["hits_figure"])
-    assert black not in str(certificate_figures(document)["hits_figure"])
 
 
 def test_every_figure_has_words_and_no_colour(
@@ -177,3 +152,199 @@ def test_the_label_of_an_axis_stands_beside_its_numbers(least: float) -> None:
     (label,) = re.findall(r'<text x="([\d.]+)"[^>]*rotate', drawn)
     widest = 8 * 0.556 * max(len(words.replace(".", "").replace("−", "")) for words in numbers)
     assert float(label) + 2 < 100 - 5 - widest
+
+
+# every mark, read off by the ticks of its axes
+
+
+def plots(drawing: str | None) -> list[Plot]:
+    assert drawing is not None
+    return plots_of(drawing)
+
+
+def stands(plot: Plot, found: Any, wanted: Any) -> None:
+    """Compare marks with numbers of the axes, to a few hundredths of a point of the page."""
+    found, wanted = (np.array(each, float).reshape(-1, 2) for each in (found, wanted))
+    assert found.shape == wanted.shape
+    off = np.abs(found - wanted).max(axis=0, initial=0.0)
+    assert (off <= plot.near()).all(), (found, wanted)
+
+
+def styled(plot: Plot, words: str) -> list[np.ndarray]:
+    return [points for style, points in plot.lines if words in style]
+
+
+SOLID, LIMIT, UPRIGHT, READ = 'width="0.9"', 'width="1.4"', 'dasharray="1 1.6"', 'width="1.8"'
+
+
+def test_the_hits_stand_where_the_document_has_them(
+    document: CertificateDocument, scan: CertificateDocument
+) -> None:
+    """Shots count from 1; an invalid hit is a cross, on a scan an unused one a ring."""
+    last = replace(document.shots[-1], reason="x", used=False)
+    spoilt = replace(document, shots=(*document.shots[:-1], last))
+    (hits, _) = plots(hits_figure(spoilt))
+    dots = [(row.shot + 1, row.metric) for row in spoilt.shots]
+    stands(hits, hits.discs["black"], dots[:-1])
+    stands(hits, hits.discs["cross"], dots[-1:])
+    (along, _) = plots(hits_figure(scan))
+    for fill, used in (("black", True), ("white", False)):
+        rows = [row for row in scan.shots if row.used == used and not row.reason]
+        stands(along, along.discs[fill], [(row.place_in, row.metric) for row in rows])
+    assert [*hits.across.values()] == [str(row.shot + 1) for row in document.shots]
+
+
+@pytest.mark.parametrize("dof", [4.0, None])
+def test_the_result_stands_against_its_limit_with_students_density(
+    document: CertificateDocument, dof: float | None
+) -> None:
+    """Interval, value, limit, and scipy's density over its greatest; the risk is filled in."""
+    value, u = 0.95, 0.01
+    half = u * (stats.t.ppf(0.975, dof) if dof else 1.96)
+    metric = replace(
+        document.metric,
+        value=value,
+        u=u,
+        interval_95=(value - half, value + half),
+        degrees_of_freedom=dof,
+        limit=value + u,
+    )
+    risk = risk_of(metric, "PASS", eligible=True)
+    near = replace(document, metric=metric, risk=risk)
+    (hits, against) = plots(hits_figure(near))
+    stands(hits, hits.shapes[0][1][:, 1], (value + half, value - half))
+    (level,) = styled(hits, SOLID)
+    assert level[:, 1] == pytest.approx(value, abs=hits.near()[1])
+    ((_, low, high),) = against.whiskers
+    rows = [*against.discs["black"], (0.0, low), (0.0, high)]
+    assert [row[1] for row in rows] == pytest.approx(
+        [value, value - half, value + half], abs=against.near()[1]
+    )
+    (limit,) = styled(against, LIMIT)
+    assert limit[:, 1] == pytest.approx(value + u, abs=against.near()[1])
+    (curve,) = styled(against, 'width="0.7"')
+    law = stats.t(dof, value, u) if dof else stats.norm(value, u)
+    across, heights = curve[:, 0], curve[:, 1]
+    base = across.max() - np.ptp(across) / (1 - law.pdf(heights).min() / law.pdf(value))
+    share = (across - base) / (across.max() - base)
+    assert share == pytest.approx(law.pdf(heights) / law.pdf(value), abs=2e-3)
+    ((fill, wrong),) = against.shapes
+    assert fill == "black"
+    assert wrong[:, 1].min() > value + u - against.near()[1]
+    assert wrong[:, 1].min() < value + 1.2 * u
+    failed = replace(near, verdict="FAIL", risk=risk_of(metric, "FAIL", eligible=True))
+    ((_, wrong),) = plots(hits_figure(failed))[1].shapes
+    assert wrong[:, 1].max() < value + u + against.near()[1]
+    assert plots(hits_figure(document))[1].shapes == []  # far from its limit
+
+
+def test_bars_along_the_barrel_are_one_u_to_either_side(scan: CertificateDocument) -> None:
+    """And curves, means and places are the document's, each in the unit of its title."""
+    along = scan.along
+    assert along is not None
+    places = [row.place_in for row in scan.places]
+    drawn = plots(certificate_figures(scan)["along_figure"])
+    for plot, each in zip(drawn, along.quantities, strict=True):
+        size = MPH if each.name == "batted_speed" else 1.0
+        mean, u = np.array(each.mean) / size, np.array([one or 0.0 for one in each.u]) / size
+        stands(plot, plot.discs["black"], [*zip(places, mean, strict=True)])
+        assert len(plot.whiskers) == len(places)
+        x, low, high = np.transpose(plot.whiskers)
+        stands(plot, [*zip(x, low, strict=True)], [*zip(places, mean - u, strict=True)])
+        stands(plot, [*zip(x, high, strict=True)], [*zip(places, mean + u, strict=True)])
+        (curve,) = styled(plot, SOLID)
+        stands(plot, curve, np.transpose([along.curve_in, np.array(each.curve) / size]))
+        if each.name == scan.metric.name:
+            (read,) = styled(plot, READ)
+            stands(plot, read, np.transpose([along.read_in, along.read]))
+        else:
+            assert styled(plot, READ) == []
+
+
+def test_the_swing_laws_stand_at_their_exponents(swung: CertificateDocument) -> None:
+    """The dotted line is at the exponent that the rules judge by."""
+    (plot,) = plots(certificate_figures(swung)["swings_figure"])
+    rows = swung.swing_range
+    stands(plot, plot.discs["black"], [(row.exponent, row.value / MPH) for row in rows])
+    ((_, ribbon),) = plot.shapes
+    low, high = ([(row.exponent, row.interval_95[k] / MPH) for row in rows] for k in (0, 1))
+    stands(plot, ribbon, [*low, *high[::-1]])
+    (judged,) = styled(plot, UPRIGHT)
+    exponent = swung.procedure.swing_exponent
+    assert judged[:, 0] == pytest.approx(exponent, abs=plot.near()[0])
+    (line,) = styled(plot, SOLID)
+    stands(plot, line, [(row.exponent, row.value / MPH) for row in rows])
+
+
+def test_the_bars_of_the_budget_are_the_shares_of_the_words_beside_them(
+    document: CertificateDocument,
+) -> None:
+    drawn = certificate_figures(document)["budget_figure"]
+    (plot,) = plots(drawn)
+    rows = printed_budget(document)
+    heights = sorted(plot.upward)
+    assert [plot.upward[height] for height in heights] == [row["words"] for row in rows]
+    for height, (_, bar), row in zip(heights, plot.shapes, rows, strict=True):
+        ends = bar[:, 0].min(), bar[:, 0].max()
+        assert ends == pytest.approx((0, float(row["share"])), abs=plot.near()[0])
+        assert bar[:, 1].mean() == pytest.approx(height, abs=0.02)
+
+
+def test_recoil_and_rebound_stand_against_each_other(document: CertificateDocument) -> None:
+    """Left against right on equal scales; their difference hit by hit, with its mean ± u."""
+    (both, apart) = plots(rebound_figure(document))
+    seen = [
+        (row.shot + 1, row.recoil_efficiency, row.rebound_efficiency)
+        for row in document.shots
+        if row.rebound_efficiency is not None and row.recoil_efficiency is not None
+    ]
+    stands(both, both.discs["black"], [row[1:] for row in seen])
+    (equal,) = styled(both, "dasharray")
+    assert equal[:, 0] == pytest.approx(equal[:, 1], abs=2 * sum(both.near()))
+    stands(apart, apart.discs["black"], [(shot, after - by) for shot, by, after in seen])
+    check = document.rebound_check
+    assert check is not None
+    assert check.difference is not None
+    assert check.u is not None
+    ends = check.difference + check.u, check.difference - check.u
+    assert apart.shapes[0][1][:, 1] == pytest.approx(ends, abs=apart.near()[1])
+    (level,) = styled(apart, "dasharray")
+    assert level[:, 1] == pytest.approx(0.0, abs=apart.near()[1])
+
+
+def test_the_encoders_record_stands_over_its_time(document: CertificateDocument) -> None:
+    """Left the record and its turn after contact, right the ring, its fit from the dotted line."""
+    trace = document.encoder
+    assert trace is not None
+    (whole, rest) = plots(certificate_figures(document)["encoder_figure"])
+    turn, ring = trace.turn, trace.ring
+    (record,) = styled(whole, "#999")
+    stands(whole, record, np.transpose([turn.time_ms, turn.angle_deg]))
+    (fit,) = styled(whole, "dasharray")
+    after = [*zip(turn.time_ms, turn.fit_deg, strict=True)]
+    stands(whole, fit, [row for row in after if row[0] >= 0])
+    stands(rest, rest.discs["#888"], np.transpose([ring.time_ms, ring.angle_deg]))
+    (settled,) = styled(rest, UPRIGHT)
+    assert settled[:, 0] == pytest.approx(trace.settled_ms, abs=rest.near()[0])
+    (fit,) = (points for style, points in rest.lines if style.endswith('width="0.7"'))
+    after = [*zip(ring.time_ms, ring.fit_deg, strict=True)]
+    stands(rest, fit, [row for row in after if row[0] > trace.settled_ms])
+
+
+def test_the_contact_sheet_has_its_shots_from_left_to_right(document: CertificateDocument) -> None:
+    """From 0 to 20 ms and from −most to most, about a thin line at 0; rejected ones say so."""
+    first = replace(document.shots[0], reason="x")
+    drawn = contact_figure(replace(document, shots=(first, *document.shots[1:])))
+    sheet, shown = document.contact_sheet, plots_of(drawn)
+    most = max(abs(angle) for each in sheet for angle in each.angle_deg)
+    words = [word for plot in shown for *_, word in plot.words]
+    numbers = [str(each.shot + 1) for each in sheet]
+    assert words == [f"{numbers[0]} (invalid)", *numbers[1:]]
+    for plot, each in zip(shown, sheet, strict=True):
+        (level,) = styled(plot, 'width="0.3"')
+        assert level[:, 1] == pytest.approx((plot.top + plot.bottom) / 2, abs=0.02)
+        (record,) = styled(plot, 'width="0.5"')
+        time = each.from_ms + each.step_ms * np.arange(len(each.angle_deg))
+        x = plot.left + time / 20 * (plot.right - plot.left)
+        y = level[0, 1] - np.array(each.angle_deg) / most * (plot.bottom - plot.top) / 2
+        assert np.abs(record - np.transpose([x, y])).max() < 0.02

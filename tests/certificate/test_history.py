@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,15 @@ from typing import Any
 import pytest
 
 import virtual_lab as vl
-from tests.laboratories import certify
+from tests.laboratories import certified, certify
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.verify import verify
 from virtual_lab.errors import InputError
+from virtual_lab.records.particulars import particulars_of
 from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.uncertainty.budget import combine
+
+RIVERSIDE = particulars_of({"laboratory": {"name": "Riverside"}}, "laboratory.toml")
 
 
 def saved(folder: Path, bat: str = "r161", procedure: str = "astm-f1881", **more: Any) -> Path:
@@ -24,10 +30,10 @@ def saved(folder: Path, bat: str = "r161", procedure: str = "astm-f1881", **more
 
 @pytest.fixture(scope="module")
 def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Save three tests of one laboratory into a folder."""
+    """Save three tests of one laboratory, which has a name, into a folder."""
     folder = tmp_path_factory.mktemp("history")
     for test in (1, 2, 3):
-        saved(folder / f"test-{test}", test=test)
+        saved(folder / f"test-{test}", test=test, particulars=RIVERSIDE)
     return folder
 
 
@@ -42,13 +48,15 @@ def test_the_scatter_is_that_of_all_tests(earlier: Path, tmp_path: Path) -> None
 
     What is left of a variance is 6 u²; ν = 5 (left / seen)² gives what was seen.
     """
-    alone = vl.certify("r161", seed=7, test=4)
+    form = tmp_path / "laboratory.toml"
+    form.write_text('[laboratory]\nname = "Riverside"\n', encoding="utf-8")
+    alone = vl.certify("r161", seed=7, test=4, laboratory=form)
     folders = sorted(earlier.iterdir())
     own = [json.loads((folder / "certificate.json").read_text("utf-8")) for folder in folders]
     parts = [hits(each) for each in (*own, alone.document)]
     left = sum(6 * u**2 for u, _ in parts) / 4
     seen = sum(6 * u**2 * sqrt(5 / dof) for u, dof in parts) / 4
-    test = vl.certify("r161", seed=7, test=4, history=folders)
+    test = vl.certify("r161", seed=7, test=4, history=folders, laboratory=form)
     u, dof = hits(test.document)
     assert (u, dof) == pytest.approx((sqrt(left / 6), 20 * (left / seen) ** 2), rel=1e-6)
     assert test.value == alone.value
@@ -65,11 +73,25 @@ def test_the_scatter_is_that_of_all_tests(earlier: Path, tmp_path: Path) -> None
     assert hits(vl.reduce(folder / "records").document) == (u, dof)
 
 
+def test_the_shorter_interval_is_that_of_this_test_and_ten_more() -> None:
+    """Of a scatter of ν = 1 alone: t of 11 degrees of freedom 2.201, of one 12.706, by a table."""
+    found = certified().certification
+    assert found.metric is not None
+    hits = next(part for part in found.metric.components if part.name == "hits")
+    alone = combine(found.metric.value, [replace(hits, dof=1.0)])
+    assert "would be 83% shorter" in certificate(replace(found, metric=alone)).evaluation
+    assert f"{1 - 2.201 / 12.706:.0%}" == "83%"
+
+
 def test_a_history_of_other_tests_is_refused(earlier: Path, tmp_path: Path) -> None:
     """One line each that names folder and key."""
     first, second, third = sorted(earlier.iterdir())
     other = saved(tmp_path / "ea70", "ea70", test=5)
     rules = saved(tmp_path / "bbcor", procedure="bbcor", test=5)
+    form = tmp_path / "laboratory.toml"
+    form.write_text('[laboratory]\nname = "Riverside"\n', encoding="utf-8")
+    with pytest.raises(InputError, match="test-1: laboratory; is 'Riverside', not ''"):
+        vl.certify("r161", seed=7, test=4, history=[first, second, third])
     (tmp_path / "daily").mkdir()
     (tmp_path / "daily" / "daily.csv").write_text("day\n")
     for history, said in (
@@ -83,7 +105,7 @@ def test_a_history_of_other_tests_is_refused(earlier: Path, tmp_path: Path) -> N
         (first, r"history = '1 test'; allowed: 3 earlier tests and more"),
     ):
         with pytest.raises(InputError, match=said) as caught:
-            vl.certify("r161", seed=7, test=4, history=history)
+            vl.certify("r161", seed=7, test=4, history=history, laboratory=form)
         assert "\n" not in str(caught.value)
     with pytest.raises(InputError, match="test-2: history; is the test of these records once more"):
         vl.reduce(second / "records", history=[first, second, third])

@@ -8,8 +8,9 @@ import json
 import re
 import shutil
 import statistics
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import page as validator
@@ -18,7 +19,10 @@ from pypdf import PdfReader
 
 import virtual_lab as vl
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
+from tests.laboratories import certified
+from virtual_lab.certificate.filling import certificate
 from virtual_lab.errors import InputError
+from virtual_lab.studies.report import REPEATS, CertificateReport, ComparedCertificate
 
 LABS = {"one": "Riverside", "two": "Hilltop"}
 
@@ -105,6 +109,35 @@ def test_repeats_scatter_as_their_values_do(results: Path) -> None:
     assert f"BPF {statistics.fmean(values):.4f} on average of 3" in said
     assert f"standard deviation {statistics.stdev(values):.2g}" in said
     assert not any("on average" in each for each in vl.report(results / "bats").words)
+
+
+def compared(**known: Any) -> ComparedCertificate:
+    empty = dict.fromkeys((each.name for each in fields(ComparedCertificate)), None)
+    told = {"number": "1", "folder": "f", "verdict": "PASS", "metric": "e", "unit": "", "flags": ""}
+    return ComparedCertificate(**(empty | told | known))
+
+
+def test_the_scatter_is_told_in_root_mean_squares_of_u() -> None:
+    """Values .1 and .3, s = .1 √2; u .1 and .7, whose root mean square is .5 and mean .4."""
+    rows = tuple(compared(value=value, u=u) for value, u in ((0.1, 0.1), (0.3, 0.7)))
+    found = CertificateReport(kind=REPEATS, rows=rows, statement="")
+    (said,) = (each for each in found.words if "on average" in each)
+    assert said == (
+        "e 0.2000 on average of 2, standard deviation 0.14, 0.28 times their root mean square u."
+    )
+
+
+def test_an_invalid_test_states_no_value() -> None:
+    """Its hits have a metric, but it is no result: neither row, figure nor mean has it."""
+    document = certificate(certified(seed=7).certification)
+    invalid = replace(document, verdict="INVALID", reasons=("x",), risk=None)
+    sound, row = (ComparedCertificate.of(each, "f") for each in (document, invalid))
+    assert (row.value, row.u, row.low, row.high, row.risk) == (None,) * 5
+    assert (row.result, sound.value) == ("none", document.metric.value)
+    found = CertificateReport(kind=REPEATS, rows=(sound, row), statement="")
+    assert found.words[0] == "1 PASS, 1 INVALID."
+    assert not any("on average" in each for each in found.words)
+    assert len(re.findall(r"<circle", found.svg)) == 1
 
 
 def test_every_form_has_every_certificate(results: Path, tmp_path: Path) -> None:

@@ -1,0 +1,266 @@
+"""Every option of the commands for a test and its report changes what it names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import click
+import pytest
+
+from tests.laboratories import certified
+from virtual_lab import api, lab
+from virtual_lab.api import Certificate
+from virtual_lab.cli import cli
+from virtual_lab.errors import InputError
+from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.simulation.rig import MotionRung, Reality
+from virtual_lab.studies import coverage as coverage_study
+from virtual_lab.uncertainty.estimate import Estimate
+
+SHARED = {"as_json", "out", "csv", "plot"}
+Effect = Callable[[Any], object]
+
+
+class Reached(Exception):  # noqa: N818 no error: the work itself is not done
+    """The work that a command was about to begin, and with what."""
+
+    def __init__(self, **found: Any) -> None:
+        self.found = SimpleNamespace(**found)
+
+
+def reached(*words: str) -> Any:
+    """Return with what a command begins its work."""
+    with pytest.raises(Reached) as caught:
+        cli.main([*words], standalone_mode=False)
+    return caught.value.found
+
+
+def recorder(name: str, **more: Any) -> Callable[..., Any]:
+    def called(*given: Any, **named: Any) -> Any:
+        raise Reached(function=name, given=given, **named, **more)
+
+    return called
+
+
+def options_of(command: str) -> set[str]:
+    params = cli.commands[command].params
+    return {str(each.name) for each in params if isinstance(each, click.Option)} - SHARED
+
+
+def stated(setup: lab.TestSetup, key: str) -> object:
+    value: object = setup.particulars
+    for part in key.split("."):
+        value = getattr(value, part)
+    return value
+
+
+# parameter: words, its value without them, its value with them, and where the test has it
+CERTIFY: dict[str, tuple[str, object, object, Effect]] = {
+    "procedure": ("--procedure bbcor", "astm-f1881", "bbcor", lambda s: s.rules.spec.name),
+    "rig": (
+        "--procedure bbcor --rig filmed-cannon",
+        "astm-pivot",
+        "filmed-cannon",
+        lambda s: s.rig,
+    ),
+    "seed": ("--seed 7", None, 7, lambda s: s.seed),
+    "number": ("--seed 7 --number 3", 0, 3, lambda s: s.number),
+    "ideal": ("--ideal", Reality.REAL, Reality.IDEAL, lambda s: s.reality),
+    "noise_free": ("--noise-free", Reality.REAL, Reality.NOISE_FREE, lambda s: s.reality),
+    "rung": ("--collision modal", None, "modal", lambda s: s.rung),
+    "motion": (
+        "--motion pymunk",
+        MotionRung.CLOSED_FORM,
+        MotionRung.PYMUNK,
+        lambda s: s.motion,
+    ),
+    "faults": ("--fault aim-along", (), ("aim-along",), lambda s: tuple(s.faults.names)),
+    "control_bat": (
+        "--control-bat check-cylinder",
+        None,
+        "check-cylinder",
+        lambda s: s.control_bat and s.control_bat.spec.name,
+    ),
+    "correction": (
+        "--correction trampoline:0.49",
+        None,
+        ("trampoline", 0.49),
+        lambda s: (
+            s.rules.spec.correction
+            and (s.rules.spec.correction.method, s.rules.spec.correction.standard)
+        ),
+    ),
+    "film": ("--procedure bbcor --rig filmed-cannon --film", False, True, lambda s: s.film),
+    "laboratory": (
+        "--laboratory lab.toml",
+        "",
+        "Riverside",
+        lambda s: stated(s, "laboratory.name"),
+    ),
+    "customer": ("--customer C", "", "C", lambda s: stated(s, "customer.name")),
+    "bat_serial": ("--bat-serial S", "", "S", lambda s: stated(s, "bat.serial")),
+    "bat_condition": ("--bat-condition worn", "", "worn", lambda s: stated(s, "bat.condition")),
+    "received": (
+        "--received 2026-11-20",
+        "",
+        "2026-11-20",
+        lambda s: stated(s, "bat.received"),
+    ),
+    "operator": ("--operator O", "", "O", lambda s: stated(s, "test.operator")),
+    "notes": ("--notes N", "", "N", lambda s: stated(s, "test.notes")),
+    "replaces": (
+        "--replaces old --reason why",
+        None,
+        "old",
+        lambda s: s.particulars.replaces and s.particulars.replaces.folder,
+    ),
+    "reason": (
+        "--replaces old --reason why",
+        None,
+        "why",
+        lambda s: s.particulars.replaces and s.particulars.replaces.reason,
+    ),
+    "test": ("--seed 7 --test 2", None, 2, lambda s: s.test),
+    "history": (
+        "--history old --history older",
+        [],
+        [0.25],
+        lambda s: [float(each.value[0]) for each in s.history.values()],
+    ),
+    "uncertainty": (
+        "--uncertainty second-order",
+        "first-order",
+        "second-order",
+        lambda s: s.uncertainty,
+    ),
+}
+SAVED: dict[str, tuple[str, object, object, Effect]] = {
+    "pdf": ("--pdf", False, True, lambda c: c.pdf),
+    "paper": ("--paper letter", "a4", "letter", lambda c: c.paper),
+    "sign": ("--sign key.pem", None, Path("key.pem"), lambda c: c.key),
+}
+
+
+@pytest.fixture
+def begun(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Stop `certify` where the test begins; an earlier result lies in the folder ``old``."""
+    monkeypatch.chdir(tmp_path)
+    tested = certified()
+    Certificate(certification=tested.certification).save(tmp_path / "old")
+    (tmp_path / "lab.toml").write_text('[laboratory]\nname = "Riverside"\n')
+
+    def earlier(folders: Any, *_: Any) -> dict[str, Estimate]:
+        assert [*map(str, folders)] in ([], ["old", "older"])
+        return {"metric": Estimate(value=0.25)} if folders else {}
+
+    def begin(setup: lab.TestSetup, _progress: Any) -> None:
+        raise Reached(setup=setup)
+
+    monkeypatch.setattr("virtual_lab.certificate.history.earlier_scatter", earlier)
+    monkeypatch.setattr("virtual_lab.lab.certify_bat", begin)
+    monkeypatch.setattr("virtual_lab.certificate.signing.require_key", lambda *_, **__: None)
+    return tmp_path
+
+
+def test_each_option_of_certify_reaches_the_test(begun: Path) -> None:
+    assert options_of("certify") == CERTIFY.keys() | SAVED.keys()
+    plain = reached("certify", "r161").setup
+    assert plain.bat.spec.name == "r161"
+    for option, (words, without, given, effect) in CERTIFY.items():
+        assert effect(plain) == without, option
+        assert effect(reached("certify", "r161", *words.split()).setup) == given, option
+    assert reached("certify", "ea70").setup.bat.spec.name == "ea70"
+    with pytest.raises(InputError, match="must be a day"):
+        cli.main(["certify", "r161", "--received", "tomorrow"], standalone_mode=False)
+
+
+@pytest.mark.parametrize("command", ["certify", "reduce"])
+def test_each_option_of_saving_reaches_the_certificate(
+    command: str, begun: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And those of `reduce` its function."""
+    test = Certificate(certification=certified().certification)
+
+    def save(self: Certificate, *_: Any) -> None:
+        raise Reached(certificate=self)
+
+    monkeypatch.setattr(Certificate, "save", save)
+    asked: dict[str, Any] = {}
+
+    def made(first: Any, **named: Any) -> Certificate:
+        asked.update(named, first=first)
+        return test
+
+    monkeypatch.setattr(api, command, made)
+    subject = ["r161"] if command == "certify" else ["old/records", "--out", "new"]
+    for option, (words, without, given, effect) in SAVED.items():
+        assert effect(reached(command, *subject).certificate) == without, option
+        found = reached(command, *subject, *words.split())
+        assert effect(found.certificate) == given, option
+    if command == "reduce":
+        assert options_of("reduce") == SAVED.keys() | {"history", "replaces", "reason"}
+        words = "--history a --history b --replaces old --reason why"
+        reached("reduce", *subject, *words.split())
+        assert asked == {
+            "first": Path("old/records"),
+            "history": (Path("a"), Path("b")),
+            "replaces": Path("old"),
+            "reason": "why",
+        }
+
+
+def test_each_option_of_report_reaches_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(api, "report", recorder("report"))
+    assert options_of("report") == {"pdf", "paper"}
+    plain, given = reached("report", "a", "b"), reached("report", "a", "--pdf", "--paper", "letter")
+    assert (plain.given, plain.pdf, plain.paper) == (((Path("a"), Path("b")),), False, "a4")
+    assert (given.pdf, given.paper) == (True, "letter")
+
+
+COVERAGE: dict[str, tuple[str, object, object, Effect]] = {
+    "procedure": (
+        "--procedure bbcor",
+        "astm-f1881",
+        "bbcor",
+        lambda c: c.given[0].setup.rules.spec.name,
+    ),
+    "laboratories": ("--laboratories 12", 1000, 12, lambda c: c.given[2]),
+    "seed": ("--seed 5", 1, 5, lambda c: c.given[3]),
+    "summed": (
+        "--summed",
+        (RecordDetail.FULL, True),
+        (RecordDetail.SUMMED, False),
+        lambda c: (c.given[0].setup.detail, c.given[0].setup.made),
+    ),
+    "individual": ("--summed --individual", True, True, lambda c: c.given[0].setup.made),
+    "earlier_tests": ("--history 4", 0, 4, lambda c: c.given[0].history),
+    "workers": ("--workers 2", 1, 2, lambda c: c.given[4]),
+    "effects": ("--effects", None, "effects", lambda c: getattr(c, "function", None)),
+    "clips": ("--clips 3", None, "clip_coverage", lambda c: getattr(c, "function", None)),
+}
+
+
+def test_each_option_of_coverage_reaches_the_study(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`--summed --individual` has made bats, `--summed` alone the nominal one."""
+
+    def study(*given: Any) -> None:
+        raise Reached(given=given)
+
+    monkeypatch.setattr(coverage_study, "each_laboratory", study)
+    for other in ("effects", "clip_coverage"):
+        monkeypatch.setattr(api, other, recorder(other))
+    assert options_of("coverage") == COVERAGE.keys()
+    plain = reached("coverage", "r161")
+    for option, (words, without, given, effect) in COVERAGE.items():
+        assert effect(plain) == without, option
+        assert effect(reached("coverage", "r161", *words.split())) == given, option
+    clips = reached("coverage", "ea70", "--clips", "3", "--seed", "5", "--summed")
+    assert (clips.given, clips.procedure, clips.clips) == (("ea70",), "bbcor", 3)
+    assert (clips.seed, clips.summed) == (5, True)
+    beside = "--summed --workers 2 --laboratories 40 --seed 6"
+    effects = reached("coverage", "ea70", "--effects", *beside.split())
+    assert (effects.workers, effects.summed, effects.laboratories) == (2, True, 40)
+    assert (effects.procedure, effects.seed) == ("astm-f1881", 6)
