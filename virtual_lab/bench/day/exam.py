@@ -1,4 +1,4 @@
-"""An exam: a class that takes one scenario at one time, and what its trainer sees meanwhile."""
+"""An exam: a class that takes one scenario at the same time, and the trainer's view of it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from virtual_lab.files import read_text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassSheet(Spec):
-    """Who takes an exam, and which."""
+    """Title, scenario and trainees of an exam."""
 
     title: Title
     scenario: str
@@ -36,7 +36,7 @@ class ClassSheet(Spec):
 
 
 def load_class(path: Path) -> ClassSheet:
-    """Return the class of a .toml file; `InputError` where it or its scenario is no exam."""
+    """Return the class of a .toml file; `InputError` if the file or its scenario is no exam."""
     found = read(read_text(path), str(path), ClassSheet).spec
     if load_scenario(found.scenario).spec.feedback != "never":
         allowed = 'allowed: a scenario with feedback = "never"'
@@ -45,7 +45,7 @@ def load_class(path: Path) -> ClassSheet:
 
 
 class WatchedDay(Protocol):
-    """A day that is being taken."""
+    """A day in progress."""
 
     @property
     def desk(self) -> Desk: ...
@@ -53,42 +53,42 @@ class WatchedDay(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraineeShown:
-    """How far a trainee is; nothing of the truth."""
+    """Progress of one trainee, without the truth."""
 
     name: str
     state: str
     entries: int
     minutes: str
     shots: int
-    joined: str  # again, when; empty: never lost
+    joined: str  # time of the last sign-in from another browser; empty if there was none
 
 
 class Hall:
-    """An exam that is going on: closed until the trainer begins it, and once it is over."""
+    """State of an exam: trainees can work only after the trainer begins it and until it ends."""
 
     def __init__(self, title: str, days: Mapping[str, WatchedDay]) -> None:
         self.title, self.days = title, days
         self.state = "not begun"
-        self.joined: dict[str, str] = {}  # again: trainee, and when
+        self.joined: dict[str, str] = {}  # trainee: time of the last sign-in from another browser
 
     @property
     def is_open(self) -> bool:
         return self.state == "begun"
 
     def turn(self, word: str) -> None:
-        """Begin the exam, or end it for good; `InputError` of anything else."""
+        """Begin or end the exam; `InputError` for any other word."""
         allowed = {"not begun": {"begin": "begun"}, "begun": {"end": "over"}}.get(self.state, {})
         if word not in allowed:
             raise InputError("exam", "do", word, f"is {self.state}; allowed: {list(allowed)}")
         self.state = allowed[word]
 
     def join_again(self, day: object) -> None:
-        """Note that the trainee of a day came back with the code, from another browser."""
+        """Note that the trainee of a day signed in again from another browser."""
         name = next(name for name, each in self.days.items() if each is day)
         self.joined[name] = f"{datetime.now():%H:%M}"
 
     def trainees(self) -> Iterator[TraineeShown]:
-        """Yield how far each is."""
+        """Yield the progress of each trainee."""
         for name, day in self.days.items():
             now = day.desk.day
             state = "at work" if now.events else "not begun"

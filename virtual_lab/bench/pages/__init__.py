@@ -1,1 +1,1 @@
-"""The pages, made of a day alone."""
+"""The pages of the rehearsal bench, made from a day and never from the truth."""

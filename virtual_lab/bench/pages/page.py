@@ -1,4 +1,4 @@
-"""The page of a day, made of the desk alone: the procedure, what can be done, what was seen."""
+"""Pages of the rehearsal bench, made from the desk: bench, replay, notebook, rules, exam."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ PARTS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """What could not be done, and why."""
+    """An action that was refused, and the reason."""
 
     sentence: str
     action: str = ""
-    argument: str = ""  # that did not fit
-    given: Mapping[str, str] | None = None  # what was typed
+    argument: str = ""  # name of the argument with a wrong value
+    given: Mapping[str, str] | None = None  # fields of the form, as typed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,13 +56,13 @@ class Step:
 
     name: str
     title: str
-    state: str  # done, now, to come
+    state: str  # "done", "now" or "to come"
     part: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HitShown:
-    """A row of the table of hits, as printed."""
+    """One row of the table of hits, as printed."""
 
     shot: int
     ball: int
@@ -77,7 +77,7 @@ class HitShown:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EntryShown:
-    """An entry of the notebook, as printed."""
+    """One entry of the notebook, as printed."""
 
     number: int
     minute: str
@@ -96,20 +96,20 @@ def day_page(
     true_motion: Motion | None = None,
     others: Mapping[str, Scenario] = MappingProxyType({}),
 ) -> str:
-    """Return the page of a day as it is.
+    """Return the HTML page of the bench in the present state of a day.
 
     Parameters
     ----------
     desk, briefing
-        The day, and what the trainee was told of it.
+        The desk of the day, and the information that the trainee has.
     refusal
-        What was wrong with the last request.
+        The reason why the last request was refused.
     shot
-        Whose pictures are shown, from 1; the last one without.
+        Number of the shot whose pictures are shown, from 1; the default is the last shot.
     true_motion
-        That of the shot, once it may be seen.
+        The true motion of this shot, after the hand-in.
     others
-        Scenarios that may be begun in its place, by name.
+        Scenarios that the trainee may choose instead, by name.
     """
     day, table = desk.day, action_table()
     hits = _hits(desk, briefing)
@@ -121,7 +121,11 @@ def day_page(
     sheets = table.actions.items()
     shown = [name for name, each in sheets if each.part != "hits" and offered(day, name)]
     suggested = _suggested(desk, briefing)
-    each_shot = ("load-ball", *ready_steps(day), "fire")  # what the button of several does
+    each_shot = (
+        "load-ball",
+        *ready_steps(day),
+        "fire",
+    )  # steps of the button that fires several balls
     return page_template(PACKAGE, "day.html").render(
         **_shown(desk, briefing, hits, shot, true_motion),
         briefing=briefing,
@@ -162,7 +166,7 @@ def day_page(
 
 
 def replay_page(day: Day, briefing: Mapping[str, Any], number: int) -> str:
-    """Return what the page of a day showed after an entry, 0: in the morning, and the way on."""
+    """Return the HTML page that shows a day after entry `number`; 0 is the start of the day."""
     desk, entries = Desk(day.until(number)), _entries(day, briefing)
     return page_template(PACKAGE, "replay.html").render(
         briefing=briefing,
@@ -180,7 +184,7 @@ def _shown(
     shot: int | None = None,
     true_motion: Motion | None = None,
 ) -> dict[str, Any]:
-    """Return what display and pictures are made of."""
+    """Return the variables of the templates for the display and the pictures of a shot."""
     day, shown = desk.day, min(shot or len(hits), len(hits))
     fired = [event for event in day.events if event.action == "fire"]
     last = day.events[-1] if day.events else None
@@ -203,7 +207,7 @@ def _shown(
 
 
 def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
-    """Return the notebook of a day to be printed: entries and hits in the order they came."""
+    """Return the HTML page of the notebook for printing: entries and hits in order of time."""
     return page_template(PACKAGE, "notebook.html").render(
         briefing=briefing,
         day=desk.day,
@@ -228,12 +232,12 @@ def notebook_table(desk: Desk, briefing: Mapping[str, Any]) -> str:
 
 
 def hall_page(hall: Hall) -> str:
-    """Return the trainer's page of an exam: who is where, and nothing of the truth."""
+    """Return the HTML page of an exam for the trainer: the progress of each trainee, no truth."""
     return page_template(PACKAGE, "hall.html").render(hall=hall, trainees=list(hall.trainees()))
 
 
 def refusal_sentence(fault: InputError) -> str:
-    """Return a refusal as a page prints it, with the words of the page for actions and fields."""
+    """Return a refusal as a sentence, with the titles of actions and fields on the page."""
     titles = {each.name: each.title for each in ARGUMENTS.get(fault.where, ())}
     key = titles.get(fault.key, fault.key)
     value = f"“{fault.value}”" if isinstance(fault.value, str) else fault.value
@@ -246,7 +250,7 @@ def refusal_sentence(fault: InputError) -> str:
 
 
 def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
-    """Return a page that says one thing, and may ask for a trainee's code."""
+    """Return an HTML page with one sentence, and a field for the trainee's code if `by_code`."""
     page = page_template(PACKAGE, "plain.html")
     return page.render(title=title, sentence=sentence, by_code=by_code)
 
@@ -262,7 +266,7 @@ def _steps(desk: Desk) -> list[Step]:
         "give-verdict": bool(day.verdict),
         "hand-in": day.handed_in,
     }
-    each = " at each place" if rules.scan else ""
+    each = " at each position" if rules.scan else ""
     steps, present = [], True
     for name, over in done.items():
         state = "done" if over else "now" if present else "to come"
@@ -274,27 +278,27 @@ def _steps(desk: Desk) -> list[Step]:
 
 
 def _doubts(day: Day) -> list[str]:
-    """Return the titles of the faults one may name, those that the scenario lists first."""
+    """Return the titles of all faults, beginning with the faults that the scenario lists."""
     titles = known_doubts()
     return [titles[name] for name in dict.fromkeys([*day.listed, *titles])]
 
 
 def _last_undecided(desk: Desk, hits: list[HitShown]) -> bool:
-    """Return whether the last action was a shot that may be decided on now."""
+    """Return True if the last action was a shot that can be accepted or rejected now."""
     events, day = desk.day.events, desk.day
     fired = bool(events) and events[-1].action == "fire" and bool(hits)
     return fired and not (day.reduced or day.handed_in or desk.missing)
 
 
 def wall_page(desk: Desk, briefing: Mapping[str, Any], name: str) -> str:
-    """Return what hangs on the wall: the rules, or the instruments' certificates."""
+    """Return the HTML page `name`: "rules" or "instruments"."""
     return page_template(PACKAGE, f"{name}.html").render(
         briefing=briefing, metric=METRICS[desk.rules.spec.metric], **wall_pages(desk, briefing)
     )
 
 
 def _present(desk: Desk, steps: list[Step], hits: list[HitShown]) -> str:
-    """Return what the procedure asks for now: an action, or a hit that is to be decided."""
+    """Return the next step of the procedure: an action, or ``decide-N`` for an undecided hit."""
     for hit in hits:
         if hit.decision == "undecided" and not desk.missing and not desk.day.reduced:
             return f"decide-{hit.shot}"
@@ -305,7 +309,7 @@ def _present(desk: Desk, steps: list[Step], hits: list[HitShown]) -> str:
 
 
 def _again(events: tuple[DayEvent, ...]) -> str:
-    """Return where the last action was asked for, so that a keyboard stays where it was."""
+    """Return the control that gets the focus: the one that the last action came from."""
     if not events:
         return ""
     last = events[-1]
@@ -322,7 +326,7 @@ def _part_of(focus: str) -> str:
 
 
 def _done_of(steps: list[Step]) -> dict[str, str]:
-    """Return how many steps of the book are done in each part."""
+    """Return the number of finished steps in each part of the page, as printed."""
     found = {}
     for part in PARTS:
         own = [step for step in steps if step.part == part]
@@ -356,7 +360,7 @@ def _default(argument: Argument, action: str, suggested: Mapping[str, str]) -> s
 
 
 def _suggested(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
-    """Return where the rules ask for the next hit and whose turn it is; nothing too early."""
+    """Return the next impact position and ball, as printed; empty if they are not known yet."""
     if desk.missing:
         return {"place": "", "ball": ""}
     place = desk.next_place
@@ -387,12 +391,12 @@ def _held(desk: Desk, briefing: Mapping[str, Any]) -> str:
 
 
 def _units(briefing: Mapping[str, Any]) -> list[str]:
-    """Return the units in which places and speeds are printed."""
+    """Return the units in which positions and speeds are printed."""
     return [unit for unit, _ in UNITS[briefing["units"]]]
 
 
 def _length(metres: float, briefing: Mapping[str, Any]) -> str:
-    """Return a length as printed."""
+    """Return a length as printed, without its unit."""
     (unit, metre), _ = UNITS[briefing["units"]]
     return f"{metres / metre:.{3 if unit == 'in' else 1}f}"
 

@@ -1,4 +1,4 @@
-"""What hangs on the wall of the laboratory: the rules, and the certificates of its instruments."""
+"""Contents of the pages "Rules" and "Instruments"."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ SCALES = {"mm": 1e3, "ppm": 1e6, "deg": 1 / DEGREE, "kg mm²": 1e6, "kg mm": 1e3
 
 @cache
 def wall() -> Mapping[str, Any]:
-    """Return the words of the pages of the wall."""
+    """Return the words of both pages, from data/bench/wall.toml."""
     return catalog.sheet("bench", "wall")[0]
 
 
 class RuleShown(NamedTuple):
-    """A rule as printed."""
+    """One rule, as printed."""
 
     what: str
     value: str
@@ -37,20 +37,20 @@ class RuleShown(NamedTuple):
 
 
 class ConstantShown(NamedTuple):
-    """A constant of an instrument's certificate, as printed."""
+    """One constant of a certificate, as printed."""
 
     what: str
     value: str
     u: str
     unit: str
-    today: str  # found on the day, and used in its place
+    today: str  # value that was measured on the day and is used instead; empty if there is none
 
 
 class InstrumentShown(NamedTuple):
     """An instrument with its certificate."""
 
     name: str
-    sheet: str  # what it is, and its range
+    sheet: str  # title of its data sheet
     due: str
     constants: list[ConstantShown]
 
@@ -85,7 +85,7 @@ def instruments_of(desk: Desk) -> Iterator[InstrumentShown]:
 
 
 def prices(day: Day) -> list[tuple[str, str, str]]:
-    """Return the minutes of each action at this rig, and the effect of leaving it out."""
+    """Return title, time in minutes, and effect of skipping, for each action at this rig."""
     return [
         (each.title, f"{each.minutes / 60:g}", each.skipped)
         for name, each in action_table().actions.items()
@@ -106,7 +106,7 @@ def _constant(key: str, name: str, known: Estimate, now: Estimate) -> ConstantSh
 
 
 def _printed_unit(key: str) -> tuple[str, float, float]:
-    """Return the unit in which a constant is printed, what SI times gives it, and what is 0."""
+    """Return the printed unit of a constant, the factor from SI, and the SI value of its 0."""
     name = key.rpartition(".")[2].rstrip("_0123456789")
     name = "span" if key.endswith("encoder.scale") else name
     weighed = key.startswith("bench.scale") and name != "span"
@@ -115,7 +115,7 @@ def _printed_unit(key: str) -> tuple[str, float, float]:
 
 
 def _sheet(rig: str, part: str) -> str:
-    """Return the title of the data sheet of an instrument of a rig; empty where it has none."""
+    """Return the title of the data sheet of an instrument at a rig; empty if it has none."""
     try:
         document = catalog.sheet("rigs", rig)[0]
         return str(catalog.sheet("instruments", str(document[part]))[0]["title"])
@@ -128,7 +128,7 @@ def _words(key: str) -> str:
 
 
 def _quantity(datum: catalog.Datum) -> str:
-    """Return a number of a sheet as printed: in its own unit, in SI beside it."""
+    """Return a number of a data sheet as printed: in the unit of the sheet, then in SI."""
     numbers = datum.value if isinstance(datum.value, list) else [datum.value]
 
     def printed(unit: str, factor: float, form: str) -> str:
@@ -144,7 +144,7 @@ def _quantity(datum: catalog.Datum) -> str:
 
 
 def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
-    """Return what a scenario lists: title, days of 100, and the action that puts it right."""
+    """Return title, rate in percent, and remedy of each fault that a scenario lists."""
     sheets, found = action_table().actions, []
     for name, rate in listed.items():
         remedy = remedy_of(name)
@@ -154,7 +154,7 @@ def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
 
 
 def wall_pages(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the pages of the wall are made of."""
+    """Return the variables of the templates of both pages."""
     return {
         "rules": desk.rules.spec,
         "rows": rules_of(desk),

@@ -1,8 +1,8 @@
-"""Slow motion of a shot from above: where ball and bat are, as a picture and as frames.
+"""Top view of a shot in slow motion: positions of ball and bat, as a picture and as frames.
 
-Before the day is handed in the frames are made of the shot's sketch: the ball comes in at the
-procedure's speed at the place that was set, and leaves as an eye had it. Axes as the rig's: x
-along the line of fire, z along the resting bat from its tip; time 0 is the first contact.
+Before the hand-in the frames show the sketch of the shot: the ball comes in with the speed of the
+procedure at the position that was set, and its rebound is blurred. Axes are those of the rig: x
+along the line of fire, z along the bat at rest, from its tip. Time 0 is the first contact.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """How every motion is drawn."""
+    """Constants of the drawing."""
 
     frames: int = 121
     strobe: int = 6  # frames from one outline of the ball to the next
-    after: float = 0.15  # s that it goes on from the contact, as long as an encoder writes
-    left: int = -950  # mm that are seen: x
+    after: float = 0.15  # end of the motion after the contact [s]: the encoder records as long
+    left: int = -950  # limits of the picture along x [mm]
     right: int = 760
-    top: int = -130  # z
+    top: int = -130  # limits of the picture along z [mm]
     bottom: int = 1000
-    ball: float = 36.5  # mm, its radius
-    barrel: float = 0.033  # m, radius of one
+    ball: float = 36.5  # radius of a ball [mm]
+    barrel: float = 0.033  # radius of a barrel [m]
 
 
 FILM = Film()
@@ -45,43 +45,43 @@ FILM = Film()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """Ball and bat over time, arrays (moment,): SI."""
+    """Positions of the ball and angle of the bat, SI arrays of shape (time,)."""
 
     time: NDArray[np.float64]
     x: NDArray[np.float64]
     z: NDArray[np.float64]
     angle: NDArray[np.float64]
-    words: str  # what happened, in words
-    true: bool = False  # whether it is what really happened
+    words: str  # events, as a sentence
+    true: bool = False  # True for the true motion, False for a sketch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlowMotion:
-    """What a page draws of a motion; lengths in mm, angles in degrees."""
+    """Numbers that a page draws of a motion; lengths in mm, angles in degrees."""
 
     shot: int  # from 1
-    frames: str  # JSON of [time in ms, x, z, angle] each
+    frames: str  # JSON list of [time in ms, x, z, angle]
     words: str
     true: bool
-    axis: float  # of the bat, from its tip
-    bat: str  # points of its outline
-    gates: tuple[tuple[int, float], ...]  # number and x
-    coming: tuple[tuple[float, float], ...]  # the ball at some moments, before the contact
-    going: tuple[tuple[float, float], ...]  # and after it
-    turned: tuple[float, ...]  # angles of the bat at some moments
+    axis: float  # pivot axis, from the tip
+    bat: str  # points of the outline of the bat
+    gates: tuple[tuple[int, float], ...]  # number and x of each gate
+    coming: tuple[tuple[float, float], ...]  # positions of the ball before the contact
+    going: tuple[tuple[float, float], ...]  # positions of the ball after the contact
+    turned: tuple[float, ...]  # angles of the bat at equal time steps
     view: str = f"{FILM.left} {FILM.top} {FILM.right - FILM.left} {FILM.bottom - FILM.top}"
     ball: float = FILM.ball
 
 
 def sketched(event: DayEvent, rules: Procedure, place: float) -> Motion:
-    """Return the motion of a shot as its sketch has it, `place` [m] from the tip."""
+    """Return the motion that the sketch of a shot shows; `place` is in m from the tip."""
     sketch = event.sketch
     touching = -FILM.barrel - FILM.ball / 1e3
     begin = (FILM.left / 1e3 - touching) / rules.ball_speed
     time = np.linspace(begin, FILM.after, FILM.frames)
     speed, bat_speed = rules.ball_speed, rules.bat_speed or 0.0
     before = np.minimum(time, 0.0)
-    lever = 0.55  # m, about: from the axis to where rules state a bat's speed
+    lever = 0.55  # rough distance from the axis to the point of the stated bat speed [m]
     angle = -bat_speed / lever * before
     x = touching + speed * before
     struck = tuple(sketch.get("struck", ()))
@@ -95,19 +95,19 @@ def sketched(event: DayEvent, rules: Procedure, place: float) -> Motion:
     else:
         x = x - speed / 2 * after
     if "stop" in struck:
-        angle = np.minimum(angle, np.radians(170.0))  # there it rests
+        angle = np.minimum(angle, np.radians(170.0))  # angle of its stop
     words = contact_words(struck, sketch.get("way", ""), sketch.get("side", "straight"))
     return Motion(time=time, x=x, z=np.full(time.shape, place), angle=angle, words=words)
 
 
 def clear_rebound(sketch: Mapping[str, Any]) -> float:
-    """Return e_A as a sketch has it, so far from nothing that the way the ball goes is seen."""
+    """Return the e_A of a sketch, at least 0.03 away from zero so that its sign stays visible."""
     rebound, least = float(sketch["rebound"]), 0.03
     return max(rebound, least) if sketch["way"] == "back" else min(rebound, -least)
 
 
 def contact_words(struck: Sequence[str], way: str = "", side: str = "straight") -> str:
-    """Return what happened on a shot, in a sentence."""
+    """Return the events of a shot as a sentence."""
     words = {
         "bat": "the ball hits the bat",
         "bat again": "bat and ball touch a second time",
@@ -121,7 +121,7 @@ def contact_words(struck: Sequence[str], way: str = "", side: str = "straight") 
 
 
 def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMotion:
-    """Return what a page draws of a motion."""
+    """Return the numbers that a page draws of a motion."""
     z, diameter = _outline(day.morning.bat)
     axis = z[-1] - rules.pivot_from_knob * 1e3
     right = [f"{d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]
@@ -157,9 +157,9 @@ def _mm(metres: ArrayLike) -> Sequence[float]:
 
 @cache
 def _outline(bat: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return places from the tip and diameters of the bat of a data sheet [mm]."""
+    """Return positions from the tip and diameters of a bat [mm], each of shape (point,)."""
     try:
         profile = catalog.load("bats", bat, BatSpec).spec.body.profile
-    except InputError:  # a trainer's own bat, which no data sheet draws
+    except InputError:  # bat of a user, without a data sheet in the catalog
         return np.array([0.0, 350.0, 600.0, 860.0]), np.array([66.0, 60.0, 25.0, 30.0])
     return np.array(profile.z) * 1e3, np.array(profile.outer_diameter) * 1e3

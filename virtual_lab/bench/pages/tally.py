@@ -1,4 +1,4 @@
-"""The tally of a day: all shots in one table and on one run chart, and the pendulum's swings."""
+"""Tables and charts of a day: readings of all shots, run chart, residuals, pendulum swings."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ from virtual_lab.units import DEGREE, INCH, MPH, Array
 if TYPE_CHECKING:
     from virtual_lab.bench.day.desk import Desk
 
-Units = tuple[tuple[str, float], tuple[str, float]]  # of a length and a speed in print
+Units = tuple[
+    tuple[str, float], tuple[str, float]
+]  # printed unit of a length and of a speed, each with its size in SI
 
 
 class PrintedColumn(NamedTuple):
-    """A column of readings in print, one a shot or a swing of the pendulum."""
+    """One printed column of readings, with one cell per shot or per release of the pendulum."""
 
     title: str
     cells: list[str]
-    words: bool = False  # not numbers
+    words: bool = False  # True for text, which is aligned to the left
 
 
 def printed_column(title: str, values: Array, form: str) -> PrintedColumn:
-    """Return numbers as printed, a format each; NaN: not seen."""
+    """Return numbers as a printed column in the format `form`; NaN is printed as "not seen"."""
     number = (format(each, form) if np.isfinite(each) else "not seen" for each in values)
     return PrintedColumn(title, list(number))
 
 
 def swings(desk: Desk) -> list[PrintedColumn]:
-    """Return the pendulum's amplitudes and periods, as read, a release in each row."""
+    """Return amplitudes and periods of the pendulum as columns, with one row per release."""
     event = desk.last("swing")
     if event is None:
         return []
@@ -54,7 +56,7 @@ def swings(desk: Desk) -> list[PrintedColumn]:
 
 
 def in_units(sentence: str, system: str) -> str:
-    """Return a sentence of the procedure, which has inches and mph, in a system of units."""
+    """Return a sentence of the procedure with its inches and mph converted to a system of units."""
 
     def printed(found: re.Match[str]) -> str:
         unit, factor, places = ("m/s", MPH, 2) if found[4] == "mph" else ("mm", 1e3 * INCH, 1)
@@ -66,7 +68,7 @@ def in_units(sentence: str, system: str) -> str:
 
 
 def tally(desk: Desk, system: str) -> list[PrintedColumn]:
-    """Return the readings of all shots as columns; none before they can be reduced."""
+    """Return the readings of all shots as columns; empty before the shots can be reduced."""
     if not desk.day.fired or desk.missing:
         return []
     (length, metre), (speed, metre_a_second) = UNITS[system]
@@ -99,7 +101,7 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
 
 
 def _seen(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
-    """Return which gates saw each ball come in and go back, and the times in first over last."""
+    """Return the gates that missed the ball, incoming and rebound, and the ratios of `tally`."""
     if not isinstance(record, GateRecord | BoardRecord):
         return ["–"] * shots, ["–"] * shots, np.full(shots, np.nan)
     seen = np.asarray(np.isfinite(gate_edges(record)).all(axis=-1))
@@ -117,7 +119,7 @@ def _seen(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
 
 
 def run_chart(desk: Desk, units: Units) -> str:
-    """Return speed and e_A from shot to shot as SVG: the rules' window, mean ± 3 s of the hits."""
+    """Return speed and e_A of each shot as an SVG chart, with window and mean ± 3 s."""
     if len(desk.day.fired) < 2 or desk.missing:
         return ""
     (_, _), (unit, metre_a_second) = units
@@ -166,7 +168,7 @@ def _chart(
 
 
 def residual_chart(desk: Desk, shot: int) -> str:
-    """Return what a smooth, ringing turn leaves of a shot's counts as SVG; nothing without one."""
+    """Return the residuals of the encoder fit of a shot as SVG; empty without an encoder."""
     record = desk.session.records.get("impact", {}).get("encoder")
     if not isinstance(record, EncoderRecord) or desk.missing:
         return ""

@@ -1,4 +1,4 @@
-"""What the instruments wrote of a shot: traces on one axis of time, with a cursor, and tables."""
+"""Records of a shot as pictures and tables: gates and encoder against time, with a cursor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from virtual_lab.units import Array
 
 
 class Passing(NamedTuple):
-    """The ball at a gate, as printed [ms]."""
+    """Times of one passage through a gate, as printed [ms]."""
 
     way: str
     gate: int
@@ -26,16 +26,16 @@ class Passing(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traces:
-    """A figure of a shot: gates above, encoder below, and what stands in it."""
+    """Figure and tables of the records of one shot: gates above, encoder below."""
 
     shot: int
     drawn: str  # SVG
-    data: str  # JSON, what a cursor reads out: limits, edges [ms], samples
+    data: str  # JSON for the cursor: limits, edges [ms], samples
     height: float
-    first: float  # ms, where the axis of time begins
-    last: float  # and ends
+    first: float  # start of the time axis [ms]
+    last: float  # end of the time axis [ms]
     passings: tuple[Passing, ...]
-    samples: tuple[tuple[str, int], ...]  # ms, counts
+    samples: tuple[tuple[str, int], ...]  # time [ms] and counts
     summary: str
 
 
@@ -87,7 +87,7 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
 
 
 def _edges(entry: Mapping[str, Any]) -> Array:
-    """Return when each gate broke and cleared [ms], (way, gate, edge), NaN: not seen."""
+    """Return the times of the edges [ms], shape (direction, gate, edge); NaN if not seen."""
     if entry["kind"] not in {"gates", "boards"}:
         return np.full((2, 1, 2), np.nan)
     return np.asarray(1e3 * gate_edges(record_of(entry))[0])
@@ -100,7 +100,7 @@ def _of_gate(edges: Array, gate: int) -> list[list[float]]:
 
 def _gate_panel(edges: Array, time: tuple[float, float], bottom: float) -> Panel:
     gates = edges.shape[1]
-    low = 0.62  # by which a trace drops where its beam is broken, in gates
+    low = 0.62  # drop of a line while its beam is broken [distance of two lines]
     title = "gates (a line drops while the beam is broken)"
     panel = _panel(34.0, bottom, time, (1 - low - 0.2, gates + 0.25), title)
     for gate in range(gates):
