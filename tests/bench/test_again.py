@@ -89,7 +89,7 @@ def test_a_branch_from_an_entry_that_is_none_is_refused(
 
 def test_a_day_that_goes_on_has_no_branch(tmp_path: Path) -> None:
     KeptDay.begin(tmp_path / "day", load_scenario("tuesday"), 3).do(action_of("tare"))
-    with pytest.raises(InputError, match="not handed in"):
+    with pytest.raises(InputError, match="has not been handed in"):
         KeptDay.branch(tmp_path / "day", 1, tmp_path / "again")
 
 
@@ -111,7 +111,7 @@ def test_the_page_leads_from_the_debrief_to_the_entry_and_to_practice(handed_in:
     room.open()
     browser = Browser(room)
     browser.open()
-    assert "Take it again from here" in browser.ask("/replay?entry=5").text
+    assert "Practice from this entry" in browser.ask("/replay?entry=5").text
     assert browser.ask("/branch", {"entry": "999"}).status == 422
     assert browser.ask("/branch", {"entry": "5"}).status == 303
     assert "Practice</strong>, from entry 5" in browser.ask("/").text

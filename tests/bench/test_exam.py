@@ -84,16 +84,16 @@ def test_a_code_lets_a_trainee_in_again_and_ends_the_session_that_was_lost(
     assert stranger.status == 403
     assert 'name="token"' in stranger.text
     assert again.ask("/bench.css").status == 200
-    assert "no such code" in again.ask("/?token=guessed").text
-    assert "joined again" not in trainer.ask("/").text
+    assert "This code does not exist" in again.ask("/?token=guessed").text
+    assert "signed in again" not in trainer.ask("/").text
     assert again.open().status == 303
     assert again.cookie != lost
     assert ada.ask("/").status == ada.ask("/do", {"do": "tare"}).status == 403
     assert again.do("weigh-bat").status == 303
     assert [each.entries for each in opened.trainees()] == [2, 0]
     shown = trainer.ask("/").text
-    assert re.search(r"<td class=\"left\">at work, joined again at \d\d:\d\d</td>", shown)
-    assert shown.count("joined again") == 1
+    assert re.search(r"<td class=\"left\">at work, signed in again at \d\d:\d\d</td>", shown)
+    assert shown.count("signed in again") == 1
     trainer.cookie = ""
     assert trainer.ask("/?token=chalk").status == 403  # whoever guides the exam came in already
 

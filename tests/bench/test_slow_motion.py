@@ -101,8 +101,8 @@ def test_before_the_reveal_the_page_shows_the_sketch_after_it_the_scene() -> Non
     back = -np.polyfit(frames[near, 0], frames[near, 1], 1)[0] / rules.ball_speed
     assert back == pytest.approx(true, abs=0.01)
     page = day_page(Desk(day), scenario().briefing(), shot=3)
-    assert "As it really was" not in page
-    assert "As it really was" in day_page(
+    assert "Top view of the true motion" not in page
+    assert "Top view of the true motion" in day_page(
         Desk(day), scenario().briefing(), shot=3, true_motion=motion
     )
 
@@ -122,7 +122,7 @@ def test_a_shot_that_meets_the_frame_says_so() -> None:
     assert contact_words(["bat", "stop"], "back", "up") == (
         "The ball hits the bat; the bat hits its stop; the ball rebounds upward."
     )
-    assert contact_words([]) == "No ball came."
+    assert contact_words([]) == "No ball reached the bat."
 
 
 @pytest.mark.parametrize(("up", "side"), [(0.025, "up"), (-0.025, "down")])

@@ -400,7 +400,7 @@ class Apparatus:
         """Reduce the hits that were accepted; `InputError` names what is missing for it."""
         desk = Desk(day)
         found, rules = desk.certification, desk.rules.spec
-        bat = tuple(("rule for the bat, as measured", each.sentence, "") for each in found.findings)
+        bat = tuple(("rule for the bat", each.sentence, "") for each in found.findings)
         if found.metric is None:
             return Reading(shown=(("no result", "; ".join(found.reasons), ""), *bat))
         printed = METRICS[rules.metric]

@@ -142,7 +142,7 @@ def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action],
                 for event in day.events
                 if event.action in {"accept", "reject"} and event.arguments["shot"] == shot + 1
             )
-            yield number, f"hit {shot + 1} {word}: {why}", actions, own | {shot}
+            yield number, f"hit {shot + 1} {word} ({why})", actions, own | {shot}
 
 
 def _defaults(action: str) -> dict[str, Any]:

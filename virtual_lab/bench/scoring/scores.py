@@ -102,7 +102,7 @@ def detection_score(
     found = sum(is_named(name, named, rates) for name in faults)
     alarms = sum(is_named(name, named, rates) for name in named if name not in faults)
     words = f"{found} of {len(faults)} faults named, {alarms} false alarms; sum of squared errors "
-    return max(0.0, 1 - lost), words + f"{lost:.2f} over {len(said)} possible faults"
+    return max(0.0, 1 - lost), words + f"{lost:.2f} over all possible faults ({len(said)})"
 
 
 def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
