@@ -114,7 +114,7 @@ def test_the_page_leads_from_the_debrief_to_the_entry_and_to_practice(handed_in:
     assert "Practice from this entry" in browser.ask("/replay?entry=5").text
     assert browser.ask("/branch", {"entry": "999"}).status == 422
     assert browser.ask("/branch", {"entry": "5"}).status == 303
-    assert "Practice</strong>, from entry 5" in browser.ask("/").text
+    assert "Practice</strong>: repeats an earlier day from entry 5" in browser.ask("/").text
     assert browser.ask("/branch", {"entry": "2"}).status == 422  # it is not handed in
 
 
