@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import pydoc
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -41,6 +43,24 @@ def test_dir_help_and_completion_show_the_same_names() -> None:
     assert "instruments" in pydoc.render_doc(vl.coverage)
     with pytest.raises(AttributeError):
         vl.nothing  # noqa: B018
+
+
+def described(function: object) -> set[str]:
+    """Return the names that the Parameters section of a docstring describes."""
+    section = re.search(
+        r"Parameters\n-+\n(.*?)(\n\n\S+\n-+\n|\Z)", inspect.getdoc(function) or "", re.S
+    )
+    lines = section.group(1).splitlines() if section else ()
+    return {name.strip() for line in lines if line[:1].strip() for name in line.split(",")}
+
+
+def test_each_parameter_of_a_public_function_is_described() -> None:
+    """`instruments` apart: one wrapper adds it to many functions, and `certify` describes it."""
+    functions = {name: getattr(vl, name) for name in dir(vl)}
+    for name, function in functions.items():
+        if inspect.isfunction(function):
+            parameters = {*inspect.signature(function).parameters, "instruments"}
+            assert described(function) | {"instruments"} == parameters, name
 
 
 def test_the_names_load_nothing_heavy() -> None:

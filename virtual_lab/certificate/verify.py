@@ -133,15 +133,20 @@ class Verification(StudyResult):
 
 
 def verify(folder: str | Path, *, key: str | Path | None = None) -> Verification:
-    """Compare a result folder with itself, and with what this program makes of its records.
+    """Compare a result folder with itself, and with the results of this program for its records.
 
-    With the public `key` of who signed it, the signature of its list of digests is checked, too.
+    Parameters
+    ----------
+    folder
+        Result folder with a ``certificate.json``.
+    key
+        Public key of the signer, a PEM file. With it the signature of the folder is checked.
 
     Raises
     ------
     InputError
-        No folder with a certificate, or one of a schema that cannot be read; a file that holds no
-        key, or the extra ``sign`` is missing.
+        A folder without a certificate, a schema that cannot be read, a file that is not a key, or
+        the missing extra ``sign``.
     """
     folder = Path(folder)
     fault = None if key is None else signature_fault(folder, Path(key))

@@ -92,10 +92,23 @@ def conformity(
     upper: float | None = None,
     dof: float = inf,
 ) -> float:
-    """Return P(Y conforms | y) of one item: normal, or t with finite `dof` (JCGM 106, 7).
+    """Return the probability that the true value of one item conforms (JCGM 106, 7).
 
-    One minus it is the specific risk of the customer if the item is accepted; it is the maker's
-    risk if the item is rejected.
+    The distribution is normal, or Student's t with finite `dof`. If the item is accepted, the
+    specific risk of the customer is one minus this probability. If it is rejected, the specific
+    risk of the maker is this probability.
+
+    Parameters
+    ----------
+    value, u, dof
+        Measured value, its standard uncertainty, and the degrees of freedom of u.
+    lower, upper
+        Tolerance limits in the unit of `value`; at least one of them.
+
+    Raises
+    ------
+    InputError
+        A value, u or dof that is not allowed, no limit, or limits in the wrong order.
     """
     _require_u(u, dof)
     if not isfinite(value):
