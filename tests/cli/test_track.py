@@ -36,7 +36,7 @@ def test_everything_a_user_gets(folder: Path) -> None:
     out = folder / "found"
     arguments = ["track", str(folder / "clip.mp4"), "--calibration", str(folder / "cal.toml")]
     done = CliRunner().invoke(
-        cli, [*arguments, "--ball", "28mm±0.1mm", "--out", str(out), "--json"]
+        cli, [*arguments, "--ball", "28mm±0.1mm", "--film-of-track", "--out", str(out), "--json"]
     )
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout)
@@ -94,6 +94,8 @@ def test_options_go_before_the_calibration_file(folder: Path, tmp_path: Path) ->
     assert found["speed_in_mps"]["value"] == pytest.approx(pixels * 2e-3 * 2500, rel=2e-3)
     assert found["speed_in_mps"]["u"] == pytest.approx(u * pixels * 5, rel=0.05)
     assert found["exposure_s"] == pytest.approx(2e-5)
+    assert (tmp_path / "sheet.png").exists()
+    assert not (tmp_path / "track.webp").exists()  # nobody asked for a film
 
 
 def test_the_balls_u_is_in_the_speeds_of_a_hit(folder: Path) -> None:

@@ -853,6 +853,7 @@ class Track:
 
     found: FollowedClip
     progress: Progress = quiet
+    film: bool = False  # `save` writes a film
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -895,10 +896,10 @@ class Track:
         return _table(course_rows(course_of(self.found)))
 
     def save(self, folder: str | Path) -> Path:
-        """Write track, result, plot, contact sheet and film into a new folder."""
+        """Write track, result, plot, contact sheet, and a film on request into a new folder."""
         from virtual_lab.video.show.tracked_clip import save_track
 
-        save_track(self.found, Path(folder), self.progress)
+        save_track(self.found, Path(folder), self.progress, film=self.film)
         return Path(folder)
 
     def __repr__(self) -> str:
@@ -913,6 +914,7 @@ def track(
     ball: str | None = None,
     calibration: str | Path | None = None,
     corrected: str | Path | None = None,
+    film_of_track: bool = False,
     progress: Progress = quiet,
     **known: Any,
 ) -> Track:
@@ -927,6 +929,8 @@ def track(
         Diameter of the ball with its unit, ``"73mm±0.5mm"``; a bare number is refused.
     calibration, corrected
         A calibration file; a track.csv of an earlier run, corrected by hand.
+    film_of_track
+        Whether `save` also writes the marked frames as a film, ``track.webp``.
     progress
         Called with what goes on.
     known
@@ -947,7 +951,8 @@ def track(
         allowed = "expected a path, or a numpy array (frame, row, column) of 8 or 16 bits with fps="
         raise InputError("", "clip", type(clip).__name__, allowed)
     file = clip if isinstance(clip, np.ndarray) else Path(clip)
-    return Track(found=track_clip(file, asked, progress=progress), progress=progress)
+    found = track_clip(file, asked, progress=progress)
+    return Track(found=found, progress=progress, film=film_of_track)
 
 
 def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:

@@ -88,12 +88,13 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     type=click.Path(path_type=Path),
     help="track.csv of an earlier run, corrected by hand: use its positions and flights.",
 )
+@click.option("--film-of-track", is_flag=True, help="Also write the marked frames as a film.")
 def track(clip: Path, progress: Progress, **asked: Any) -> Any:
     """Follow the ball through CLIP: flights, contacts, speeds, restitution, acceleration.
 
     CLIP is a video (MP4, MOV, AVI, MKV, WebM, GIF, CINE, MRAW), a folder of images in the order of
     their numbers (negative ones first), a TIFF stack, an animated WebP or PNG, or a .npy array.
-    The folder CLIP-track beside it gets track, result, plot, contact sheet and film.
+    The folder CLIP-track beside it gets track, result, plot and contact sheet.
     """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its messages would stand beside ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")

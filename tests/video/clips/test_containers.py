@@ -1,6 +1,7 @@
 """Whole clips of every container are read with their true times; one that was cut short is said."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -95,7 +96,7 @@ def test_whole_clips_are_read_with_their_times(
     """Also where they do not stay in memory, and the container counts frames that are not there."""
     monkeypatch.setattr(
         "virtual_lab.video.clips.clip.MEMORY",
-        type(MEMORY)(most_bytes=most_bytes, samples=9, least_samples=9),
+        replace(MEMORY, most_bytes=most_bytes, samples=9, least_samples=9),
     )
     make, times = WHOLE[kind]
     clip = open_clip(make(tmp_path), ANY)

@@ -17,6 +17,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import MEMORY, open_clip
 from virtual_lab.video.clips.reading import grey_of, open_source, read_pictures
+from virtual_lab.video.clips.source import Stamped
 
 Frames = list[NDArray[np.generic]]
 FAST = ClipCalibration(metres_per_pixel=1e-3, frames_per_second=5000.0)
@@ -272,21 +273,47 @@ def test_motion_jpeg_shows_what_ffmpeg_shows(tmp_path: Path) -> None:
         list(open_source(path).pictures())
 
 
-def test_a_short_clip_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its file may go once it was opened; a long one is read anew, frame by frame."""
+def test_a_clip_that_fits_in_memory_is_decoded_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its file may go once it was opened; a larger one is read anew, and a medium one after use."""
     path = tmp_path / "clip.npy"
     frames = np.arange(30 * 8 * 9).astype(np.uint8).reshape(30, 8, 9)
-    for kept, there in ((frames.nbytes, True), (frames.nbytes - 1, False)):
-        small = replace(MEMORY, most_bytes=kept)
+    size = frames.nbytes
+    for whole, sampled, there, later in (
+        (size, size, True, True),
+        (size, size - 1, True, False),
+        (size - 1, size - 1, False, False),
+    ):
+        small = replace(MEMORY, most_bytes=whole, most_sampled=sampled)
         monkeypatch.setattr("virtual_lab.video.clips.clip.MEMORY", small)
         np.save(path, frames)
         clip = open_clip(path, FAST)
         path.unlink()
-        if there:
-            np.testing.assert_array_equal(np.stack(list(clip.pictures())), frames)
-        else:
-            with pytest.raises(FileNotFoundError):
-                list(clip.pictures())
+        for each, stays in ((clip, there), (clip.released(), later)):
+            if stays:
+                np.testing.assert_array_equal(np.stack(list(each.pictures())), frames)
+                assert [number for number, _ in each.chosen(np.array([7, 3]))] == [3, 7]
+            else:
+                with pytest.raises(FileNotFoundError):
+                    list(each.pictures())
+
+
+def test_chosen_frames_alone_are_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "virtual_lab.video.clips.clip.MEMORY", replace(MEMORY, most_bytes=1, most_sampled=1)
+    )
+    clip, decoded = open_clip(np.stack(noise(40)), FAST), []
+    source = clip.source
+
+    def read(wanted: Callable[[int], bool]) -> Stamped:
+        for number, (frame, stamp) in enumerate(source.read(wanted)):
+            decoded.append(number) if wanted(number) else None
+            yield frame, stamp
+
+    clip = replace(clip, source=replace(source, read=read))
+    assert [number for number, _ in clip.chosen(np.array([31, 4, 9]))] == [4, 9, 31]
+    assert decoded == [4, 9, 31]
 
 
 def test_a_file_that_declares_no_count_is_sampled_all_the_same(
@@ -296,7 +323,8 @@ def test_a_file_that_declares_no_count_is_sampled_all_the_same(
     source = replace(open_source(np.zeros((100, 8, 9), np.uint8)), declared=0)
     monkeypatch.setattr("virtual_lab.video.clips.clip.open_source", lambda _: source)
     monkeypatch.setattr(
-        "virtual_lab.video.clips.clip.MEMORY", replace(MEMORY, most_bytes=10 * 8 * 9)
+        "virtual_lab.video.clips.clip.MEMORY",
+        replace(MEMORY, most_bytes=10 * 8 * 9, most_sampled=10 * 8 * 9),
     )
     clip = open_clip(Path("made"), FAST)
     assert clip.count == 100

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -27,7 +27,10 @@ class Memory:
 
     samples: int = 25  # frames to learn the background from
     least_samples: int = 9
-    most_bytes: float = 50e6  # of large frames fewer are sampled; a smaller clip stays as a whole
+    most_sampled: float = 50e6  # bytes: of large frames fewer are sampled
+    # bytes: a clip that takes no more stays as a whole while it is followed, and is decoded once;
+    # to hold 1.3e9 (216 frames of 1080p) takes as much processor time as to decode them again
+    most_bytes: float = 5e8
 
 
 MEMORY = Memory()
@@ -35,9 +38,10 @@ MEMORY = Memory()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clip:
-    """Frames, of a long clip read whenever they are asked for, and what one pass over them gave."""
+    """Frames, those of a large clip read anew for each use, and what one pass over them gave."""
 
     source: Source
+    held: Sequence[Frame] = ()  # every frame, or none of a clip that does not stay in memory
     times: NDArray[np.float64]  # (frame,) [s]
     shape: tuple[int, int]  # rows, columns
     full_scale: float  # greatest grey value its bits can hold [DN]
@@ -56,14 +60,23 @@ class Clip:
 
     def pictures(self) -> Iterator[Frame]:
         """Every frame as it is stored, grey or in colour."""
-        return (picture for picture, _ in ahead(self.source.pictures()))
+        return (picture for _, picture in self.chosen(np.arange(self.count)))
 
     def chosen(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:
         """Yield frames of some numbers as they are stored, in order; read none beyond the last."""
-        left = set(map(int, wanted))
-        for number, frame in islice(enumerate(self.pictures()), max(left, default=-1) + 1):
-            if number in left:
+        numbers = set(map(int, wanted))
+        if self.held:
+            yield from ((number, self.held[number]) for number in sorted(numbers))
+            return
+        frames = ahead(self.source.pictures(numbers.__contains__))
+        for number, (frame, _) in islice(enumerate(frames), max(numbers, default=-1) + 1):
+            if number in numbers:
                 yield number, frame
+
+    def released(self) -> Clip:
+        """Return the clip with two samples, and with its frames only if they take little memory."""
+        small = sum(each.nbytes for each in self.held) <= MEMORY.most_sampled
+        return replace(self, samples=self.samples[:2].copy(), held=self.held if small else ())
 
 
 def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
@@ -85,7 +98,8 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
 def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
     """Read a clip once. Its samples lie evenly if the file counts its frames nearly right."""
     room, deep = MEMORY.most_bytes / first.nbytes, first.dtype != np.uint8
-    count = int(np.clip(room, MEMORY.least_samples, MEMORY.samples))
+    most_sampled = MEMORY.most_sampled / first.nbytes
+    count = int(np.clip(most_sampled, MEMORY.least_samples, MEMORY.samples))
     most, every = room, 1
     if not 0 < source.declared <= room:
         most, every = 2 * count, max(1, -(-source.declared // count))
@@ -107,9 +121,9 @@ def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
         return _read(replace(source, declared=counted), first, calibration)
     times, warnings = frame_times(source, np.array(stamps), calibration)
     sampled = np.array([*kept])[:: -(-counted // count) if every == 1 else 1]
-    held = replace(source, read=lambda _: zip(kept.values(), stamps, strict=True))
     return Clip(
-        source=held if every == 1 else source,
+        source=source,
+        held=list(kept.values()) if every == 1 else (),
         times=times,
         shape=(first.shape[0], first.shape[1]),
         full_scale=float(2 ** brightest.bit_length() - 1),

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -69,8 +68,7 @@ def track_clip(
     told = (*found.notes, *notes)
     if "phone" in said:  # says these at once
         told = tuple(e for e in told if e[0] != "READOUT_UNKNOWN" and not e[1].startswith(STANDING))
-    # samples of a large clip take 50 MB, and have given what they can but how dark a picture is
-    return replace(found, notes=told, clip=replace(clip, samples=clip.samples[:2].copy()))
+    return replace(found, notes=told, clip=clip.released())
 
 
 def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
@@ -130,22 +128,26 @@ def _knowledge(
 
 
 def save_track(
-    found: FollowedClip, folder: Path, progress: Callable[[str], None] = lambda _: None
+    found: FollowedClip,
+    folder: Path,
+    progress: Callable[[str], None] = lambda _: None,
+    *,
+    film: bool = False,
 ) -> None:
-    """Write track.csv, speeds.csv, result.json, track.png, sheet.png, track.webp into a folder.
+    """Write track.csv, speeds.csv, result.json, track.png, sheet.png into a folder.
 
-    Raises `InputError` where the folder is not empty or cannot be written.
+    `film`: and track.webp. Raises `InputError` where the folder is not empty or cannot be written.
     """
     from virtual_lab.video.show.pictures import Pictures
 
     progress("drawing")
     pictures = Pictures(found)
-    with new_folder(folder) as draft, ThreadPoolExecutor(1) as beside:
-        film = beside.submit(pictures.write_film, draft / "track.webp")
+    with new_folder(folder) as draft:
         write_table(course_rows(pictures.places), draft / "track.csv")
         write_table(flight_rows(found), draft / "speeds.csv")
         text = json.dumps(track_document(found), indent=2, allow_nan=False)
         (draft / "result.json").write_text(text + "\n", encoding="utf-8")
         pictures.draw(track_title(found), draft / "track.png")
         pictures.write_sheet(draft / "sheet.png")
-        film.result()
+        if film:
+            pictures.write_film(draft / "track.webp")
