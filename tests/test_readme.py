@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import click
@@ -186,3 +187,81 @@ def test_the_benchmark_table_is_the_one_on_file() -> None:
         what, value = (cell.split() for cell in row.strip("| ").split(" | "))
         found = [line[len(what) :] for line in lines if line[: len(what)] == what]
         assert any(rest[: len(value)] == value for rest in found), row
+
+
+def cells(page: str, head: str) -> list[list[str]]:
+    """Return the rows of the table below a header, numbers without blanks between digits."""
+    table = page.split(head)[1].partition("\n\n")[0].splitlines()[2:]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
+    return [[re.sub(r"(?<=\d) (?=\d)", "", cell) for cell in row] for row in rows]
+
+
+def file_named_in(page: str, pattern: str) -> str:
+    """Return the text of the one benchmark file of a pattern, which the page names."""
+    (path,) = (ROOT / "tests" / "benchmarks").glob(pattern)
+    assert f"`tests/benchmarks/{path.name}`" in page
+    return path.read_text("utf-8")
+
+
+def test_the_shots_a_second_are_those_on_file() -> None:
+    lines = re.findall(
+        r"  ([\w-]+), (.*?) +(\d+) (\S+).*", file_named_in(BENCHMARKS, "throughput-*")
+    )
+    known = {(name, what): value for name, what, value, _ in lines}
+    for name, summed, full in cells(BENCHMARKS, "| shots per second |"):
+        assert (known[name, "summed"], known[name, "full"]) == (summed, full)
+    a_second = dict(
+        re.findall(
+            r"  ([\w-]+), a certificate.* (\d+) a second", file_named_in(BENCHMARKS, "throughput-*")
+        )
+    )
+    for name, normals, certificates in cells(BENCHMARKS, "| | normal numbers |"):
+        assert (known[name, "a certificate, summed"], a_second[name]) == (normals, certificates)
+
+
+def test_the_errors_of_located_balls_are_those_on_file() -> None:
+    shots = re.findall(
+        r"  (\w+): (.*?), e_A of a shot +([\d.]+) %", file_named_in(BENCHMARKS, "locating-*")
+    )
+    known = {(light, method): float(error) for light, method, error in shots}
+    for name, edge, _, hull in cells(BENCHMARKS, "| stitched ball, "):
+        light = name.split()[0]
+        for method, cell in (("edge fit", edge), ("convex hull", hull)):
+            assert f"{known[light, method]:.2g}" == f"{float(cell.rstrip(' %')):.2g}", name
+
+
+def test_the_times_of_propagation_are_those_on_file() -> None:
+    rows = list(csv.DictReader(file_named_in(BENCHMARKS, "uncertainty-*").splitlines()))
+    known = {row["what"]: row for row in rows}
+    for name, first_order, draws, *errors in cells(BENCHMARKS, "| | first order, µs |"):
+        program = (
+            name.rpartition(" ")[0].replace("virtual lab", "ours").replace("OpenTURNS", "openturns")
+        )
+        if first_order:
+            assert f"{float(known[f'first order: {program}']['value']):.0f}" == first_order
+        if draws:
+            row = known[f"2^20 draws of 11 inputs: {program}"]
+            assert f"{float(row['value']):.3f}" == draws
+            assert re.findall(r"[+-][\d.]+\d", row["note"])[:3] == errors
+    for tolerance, *stein_and_gum in cells(BENCHMARKS, "| tolerance over u |"):
+        for rule, met, draws in zip(
+            ("stein", "7.9"), stein_and_gum[::2], stein_and_gum[1::2], strict=True
+        ):
+            row = known[f"all met, tolerance {tolerance} u: {rule}"]
+            assert (row["value"], float(row["note"].split()[0])) == (met, float(draws))
+
+
+def test_the_times_of_the_rehearsal_bench_are_those_on_file() -> None:
+    """Median and worst of a row stand beside each other in a line of the file."""
+    lines = [line.split() for line in file_named_in(BENCHMARKS, "rehearsal-*").splitlines()]
+    pairs = {pair for line in lines for pair in pairwise(line)}
+    for name, median, worst, _ in cells(BENCHMARKS, "| ms | median |"):
+        if "key" not in name and median:
+            assert (median, worst) in pairs, name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_no_page_states_a_ratio_of_speeds_by_heart(page: Path) -> None:
+    """Speeds stand in tables that are compared with files; a ratio in a sentence grows stale."""
+    text = " ".join(page.read_text("utf-8").split())
+    assert not re.findall(r"times (?:as (?:fast|slow)|faster|slower)", text)

@@ -781,8 +781,7 @@ def sweep(
     """Test bats by procedures in many laboratories and return one row per test.
 
     Bats are nominal and instruments write sums instead of every edge and count (as in
-    ``vl.coverage(…, summed=True)``): a test takes a millisecond or less, one of an individual bat
-    a twentieth of a second.
+    ``vl.coverage(…, summed=True)``), so that a test takes little time.
 
     Parameters
     ----------

@@ -207,7 +207,7 @@ class Campaign:
         families, tests = tuple(sorted(processors - {""})), self.tests(numbers)
         return Account(parts=len(numbers), tests=tests, missing=missing, processors=families)
 
-    def summary(self, progress: Progress = quiet) -> Rows[dict[str, Any]]:
+    def summary(self) -> Rows[dict[str, Any]]:
         """Return a row for each bat, procedure and change: verdicts, means, errors, coverage; SI.
 
         `InputError` as `states`.

@@ -35,7 +35,7 @@ NUMBERED = "; its laboratories are taken by number, from 0"
 @click.option(
     "--summed",
     is_flag=True,
-    help="Instruments write sums (a camera: places), the bat is nominal: a hundred times as fast.",
+    help="Instruments write sums (a camera: places), the bat is nominal: much faster.",
 )
 @click.option("--individual", is_flag=True, help="With --summed: a made bat in every laboratory.")
 @click.option(
