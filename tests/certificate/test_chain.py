@@ -34,12 +34,23 @@ def test_a_result_is_loaded_as_it_was(chain: Path) -> None:
 def test_a_certificate_that_its_records_do_not_give_is_not_loaded(
     chain: Path, tmp_path: Path
 ) -> None:
+    """Nor one whose words are others: a customer, a serial number, a remark that is gone."""
     folder = shutil.copytree(chain / "first", tmp_path / "copy")
-    parsed = json.loads((folder / "certificate.json").read_text("utf-8"))
-    parsed["shots"][0]["speed_mph"] += 1
-    (folder / "certificate.json").write_text(json.dumps(parsed))
-    with pytest.raises(InputError, match=r"shots\[0\].speed_mph.*its records give.*verify"):
-        vl.load(folder)
+    text = (folder / "certificate.json").read_text("utf-8")
+    for keys, value in (
+        (("shots", 0, "speed_mph"), 1.0),
+        (("particulars", "customer", "name"), "another"),
+        (("particulars", "bat", "serial"), "another"),
+        (("restitution", "value"), 0.5),
+        (("conditional_on",), ""),
+    ):
+        parsed = table = json.loads(text)
+        for key in keys[:-1]:
+            table = table[key]
+        table[keys[-1]] = value
+        (folder / "certificate.json").write_text(json.dumps(parsed))
+        with pytest.raises(InputError, match=rf"\b{keys[-1]} = .*its records give.*verify"):
+            vl.load(folder)
     with pytest.raises(InputError, match="nowhere"):
         vl.load(tmp_path / "nowhere")
 
