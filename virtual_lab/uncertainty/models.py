@@ -17,7 +17,7 @@ from virtual_lab.units import Array
 
 RESULT = "result"
 ONE = "allowed: one number, or a mapping of names to numbers"
-CHANGED, VALUE, REPEATED = "inputs changed", "value", "repeated"  # keys of errors
+CHANGED, VALUE, REPEATED = "inputs changed", "value", "output"  # keys of errors
 SAME = 1e-9  # largest relative difference of two results that are the same
 Outputs = dict[str, Array]
 
