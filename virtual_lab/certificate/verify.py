@@ -20,6 +20,7 @@ from virtual_lab.certificate.comparing import (
     FolderFinding,
     Mismatch,
     Remark,
+    State,
     Unchecked,
     at,
     compared_json,
@@ -163,7 +164,7 @@ def verify(folder: str | Path, *, key: str | Path | None = None) -> Verification
         rows=rows,
         unchecked=tuple(dict.fromkeys(unchecked)),
         signed=signed and not rows,
-        note="; ".join(each.text for each in findings if isinstance(each, Remark)),
+        note="; ".join(dict.fromkeys(each.text for each in findings if isinstance(each, Remark))),
     )
 
 
@@ -204,8 +205,7 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
     yield from _forms(folder, document, bool(elsewhere))
     if elsewhere:
         yield Remark(elsewhere)
-        if not document:
-            yield from _words(folder, stated)
+        yield from _words(folder, stated)
     for name, here in program.versions().items():
         there = at(stated, "versions", name)
         if name != "virtual-lab" and there != here:
@@ -241,9 +241,14 @@ def _certified(
         if session and elsewhere:
             yield Unchecked(f"{where}: this program cannot reduce them ({fault})")
         else:
-            value = "" if fault.value is None else str(fault.value)
-            yield Mismatch(file=where, key=fault.key, stated=value, found=fault.allowed)
+            yield _refused(where, fault)
         return None
+
+
+def _refused(file: str, fault: InputError) -> Mismatch:
+    """Return what cannot be read, or contradicts the rest of its file."""
+    value = "" if fault.value is None else str(fault.value)
+    return Mismatch(file=file, key=fault.key, stated=value, found=fault.allowed)
 
 
 def _document(
@@ -260,7 +265,11 @@ def _document(
     layout = compared_text(CERTIFICATE, same_text(folder / CERTIFICATE), text_of(stated))
     if not rows:
         yield from layout
-        return document_of(dict(stated), CERTIFICATE)  # whose very last digits the forms have
+        try:
+            return document_of(dict(stated), CERTIFICATE)  # whose very last digits the forms have
+        except InputError as fault:  # versions or a commit that are no texts
+            yield _refused(CERTIFICATE, fault)
+            return None
     if not elsewhere:
         yield from rows
         return made
@@ -341,8 +350,7 @@ def _control(
         yield from within(CONTROL, _findings(there))
         e = at(read_json(there / CERTIFICATE), "restitution")
     except InputError as fault:
-        file = fault.where.removeprefix(f"{folder}/")
-        yield Mismatch(file=file, key=fault.key, stated="", found=fault.allowed)
+        yield _refused(fault.where.removeprefix(f"{folder}/"), fault)
         return
     correction = certification.procedure.correction
     if ratio and correction:
@@ -362,13 +370,14 @@ def _forms(
         for name in (PAGE, *pdfs):
             yield Unchecked(f"{name}: {why if elsewhere else 'the records give no certificate'}")
         return
+    state: State = "differs" if elsewhere else "altered"  # another program words it otherwise
     if (folder / PAGE).is_file():
-        yield from _page(folder / PAGE, document)
+        yield from (replace(row, state=state) for row in _page(folder / PAGE, document))
     for name in pdfs:
-        if name != pdf_name(document):
+        if not elsewhere and name != pdf_name(document):
             yield Mismatch(file=name, key="name", stated=name, found=pdf_name(document))
         try:
-            yield from _pdf(folder / name, document)
+            yield from (replace(row, state=state) for row in _pdf(folder / name, document))
         except InputError as fault:  # the extra that makes it is missing, or another one made it
             yield Unchecked(f"{name}: {fault}")
 
@@ -414,8 +423,7 @@ def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
         result = printed_result(document_of({**stated, "schema": SCHEMA}, CERTIFICATE))
     except InputError as fault:
         if stated["schema"] == SCHEMA:
-            value = "" if fault.value is None else str(fault.value)
-            yield Mismatch(file=CERTIFICATE, key=fault.key, stated=value, found=fault.allowed)
+            yield _refused(CERTIFICATE, fault)
         else:
             yield Unchecked(f"{CERTIFICATE}: {fault}")
     else:
