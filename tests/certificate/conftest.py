@@ -32,16 +32,20 @@ standard = { value = 0.5, unit = "1", source = "assumed", verified = false }
 def each_form_is_made_once() -> Iterator[None]:
     """Keep the forms and certifications that verify makes; that they repeat has other tests."""
     forms: dict[tuple[object, ...], Any] = {}
-    loaded: dict[int, tuple[Session, bytes]] = {}
+    files: dict[int, object] = {}  # of the records of a session
     load, certify = verifying.load_session, verifying.certify_session
 
     def load_session(folder: Path) -> Session:
-        session = load(folder)  # which compares every file with its digest
-        loaded[id(session)] = session, (folder / "session.json").read_bytes()
+        key = tuple(
+            (path.relative_to(folder), path.is_file() and path.read_bytes())
+            for path in sorted(folder.rglob("*"))
+        )
+        session: Session = kept("session", key, lambda: load(folder))
+        files[id(session)] = key
         return session
 
     def certify_session(session: Session) -> Certification:
-        return kept("certification", loaded[id(session)][1], lambda: certify(session))
+        return kept("certification", files[id(session)], lambda: certify(session))
 
     def kept(kind: str, key: object, make: Callable[[], Any]) -> Any:
         if (kind, key) not in forms:

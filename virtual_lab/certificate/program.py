@@ -22,7 +22,10 @@ REGULAR = 0o100000  # mode of a plain file in the index, without its permissions
 
 def versions() -> dict[str, str]:
     """Return the versions of this program and of the libraries its numbers depend on."""
-    return {"virtual-lab": VERSION} | {name: version(name) for name in LIBRARIES}
+    return {"virtual-lab": VERSION} | {name: _installed(name) for name in LIBRARIES}
+
+
+_installed = cache(version)  # its file is looked for in every folder of the path
 
 
 @cache
