@@ -51,6 +51,11 @@ def test_a_certificate_that_its_records_do_not_give_is_not_loaded(
         (folder / "certificate.json").write_text(json.dumps(parsed))
         with pytest.raises(InputError, match=rf"\b{keys[-1]} = .*its records give.*verify"):
             vl.load(folder)
+    for key, value in (("decision_rule", "Good."), ("date", "2020-01-01"), ("evaluation", "")):
+        parsed = json.loads((chain / "first" / "certificate.json").read_text("utf-8"))
+        (folder / "certificate.json").write_text(json.dumps({**parsed, key: value}))
+        with pytest.raises(InputError, match=f"{key}.*its records give.*verify"):
+            vl.load(folder)
     with pytest.raises(InputError, match="nowhere"):
         vl.load(tmp_path / "nowhere")
 

@@ -110,10 +110,18 @@ def test_another_program_that_makes_the_same_bytes_is_whole(
 def test_the_command_says_it_by_its_code(result: Path, run: Run) -> None:  # noqa: F811
     code, out, _ = run("verify", str(result), "--json")
     assert (code, json.loads(out)["state"]) == (0, "whole")
+    u = json.loads((result / "certificate.json").read_text("utf-8"))["metric"]["u"]
     in_document(metric__u=0.002)(result)
     code, out, _ = run("verify", str(result))
     assert code == 3
     assert "metric.u" in out
+    in_all_forms(**{"versions__virtual-lab": "0.0.1"}, metric__u=0.002)(result)
+    sums_again(result)
+    code, out, _ = run("verify", str(result), "--json")
+    found = json.loads(out)
+    assert (code, found["state"], found["altered"]) == (4, "differs", [])
+    (row,) = (each for each in found["differs"] if each["key"] == "metric.u")
+    assert (row["stated"], row["found"]) == ("0.002", f"{u:.12g}")
     (result / "certificate.json").write_text("{")
     code, _, err = run("verify", str(result))
     assert code == 2

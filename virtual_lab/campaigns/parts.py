@@ -7,7 +7,6 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +25,7 @@ from virtual_lab.campaigns.digests import (
     with_digests,
 )
 from virtual_lab.campaigns.study import Study, StudyCase, Value
-from virtual_lab.errors import DISTRIBUTION, InputError, of_extra
+from virtual_lab.errors import VERSION, InputError, of_extra
 from virtual_lab.files import parse_json, whole_file
 from virtual_lab.lab import BlockTest
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 ROWS = 8192  # laboratories of a part: a second's work and more, as whoever hands it out needs
-PROGRAM = {"program": version(DISTRIBUTION), "schema": 2}  # of the columns
+PROGRAM = {"program": VERSION, "schema": 2}  # of the columns
 FIRST = 4  # laboratories whose tests show which columns a study has
 FORM = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
 ABOUT = b"virtual-lab"  # the key of a part's words about itself
