@@ -5,7 +5,7 @@ import re
 import pytest
 
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.rounding import decimals, digits, with_uncertainty
+from virtual_lab.output.rounding import beyond, decimals, digits, with_uncertainty
 from virtual_lab.units import MPH
 
 
@@ -28,6 +28,22 @@ def test_an_uncertainty_has_two_digits_and_its_value_the_same_place(
 ) -> None:
     assert with_uncertainty(value, u) == printed
     assert digits(u) == printed.rsplit(" ", maxsplit=1)[-1].rstrip(")")
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (12.1, "12.1 of 3.0 to 12.0"),
+        (12.0499, "12.05 of 3.00 to 12.00"),
+        (12.00004, "12.00004 of 3.00000 to 12.00000"),
+        (2.96, "2.96 of 3.00 to 12.00"),
+        (12.0, "12.0 of 3.0 to 12.0"),  # within the limits
+        (3.0, "3.0 of 3.0 to 12.0"),
+        (float("nan"), "nan of 3.0 to 12.0"),
+    ],
+)
+def test_a_value_beyond_its_limit_looks_so(value: float, shown: str) -> None:
+    assert beyond("{0:.{d}f} of {1:.{d}f} to {2:.{d}f}", value, 3.0, 12.0, 1) == shown
 
 
 @pytest.mark.parametrize("u", [0.0, 9.6e-17, 5.0e-14])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -56,6 +57,7 @@ from virtual_lab.measurement.session_reduction import (
 )
 from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.rounding import beyond, decimals
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, Budgets, Variants, means_of_hits
@@ -353,7 +355,8 @@ def _reasons(
     if metric_u is not None and not metric_u <= procedure.largest_metric_u:
         printed = METRICS[procedure.metric]
         u, most = metric_u / printed.unit_si, procedure.largest_metric_u / printed.unit_si
-        yield f"u of {printed.symbol} is {u:.2g}, allowed up to {most:g} {printed.unit}".rstrip()
+        text = f"u of {printed.symbol} is {{0:.{{d}}f}}, allowed up to {{2:g}} {printed.unit}"
+        yield beyond(text, u, -inf, most, decimals(u)).rstrip()
     for flag in flagged:
         if flag.invalidates:
             yield f"by the flag {flag.name}"

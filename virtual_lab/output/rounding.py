@@ -24,3 +24,21 @@ def digits(u: float) -> str:
 def with_uncertainty(value: float, u: float, word: str = "u") -> str:
     """Return ``0.9470 (u 0.0048)``."""
     return f"{value:.{decimals(u)}f} ({word} {digits(u)})"
+
+
+def beyond(text: str, value: float, low: float, high: float, places: int) -> str:
+    """Return a text about a value outside its limits, in which they do not look equal.
+
+    Parameters
+    ----------
+    text
+        Has ``{0:.{d}f}`` for the value, ``{1:.{d}f}`` and ``{2:.{d}f}`` for the limits.
+    value, low, high
+        In the unit of the text; a value within the limits is printed with `places`.
+    places
+        Fewest decimal places.
+    """
+    shown = places
+    while low <= float(f"{value:.{shown}f}") <= high and not low <= value <= high:
+        shown += 1
+    return text.format(value, low, high, d=shown)

@@ -211,4 +211,4 @@ def require_plausible(key: str, known: Estimate, where: str) -> None:
         if not least <= value <= most:
             unit = next(iter(DIMENSIONS[of.dimension])) if of else ""
             allowed = f"allowed: {least:g} to {most:g} {unit}".removesuffix(" 1").strip()
-            raise InputError(where, f"calibration.{key}.{name}", f"{value:g}", allowed)
+            raise InputError(where, f"calibration.{key}.{name}", f"{value:.12g}", allowed)

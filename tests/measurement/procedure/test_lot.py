@@ -46,6 +46,16 @@ def test_a_heavy_ball_is_set_aside() -> None:
     assert (ball.ball, ball.reason) == (2, "5.300 oz, allowed 5.000 to 5.250 oz")
 
 
+def test_a_ball_that_misses_a_window_by_little_does_not_look_admitted() -> None:
+    mass = np.array([5.125, 5.25004, 5.125]) * OUNCE
+    e0 = np.array([0.474, 0.474, 0.47900002])
+    lot = lot_of(RULES, balls(mass=mass, restitution=e0))
+    assert [ball.reason for ball in lot.set_aside] == [
+        "5.25004 oz, allowed 5.00000 to 5.25000 oz",
+        "e0 0.55500002 at 60 mph, allowed 0.525 to 0.555",
+    ]
+
+
 def test_where_no_ball_is_admitted_every_shot_is_rejected_later() -> None:
     lot = lot_of(RULES, balls(restitution=np.full(3, 0.5)))
     assert lot.used.all()

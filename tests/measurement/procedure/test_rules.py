@@ -107,7 +107,7 @@ def test_a_good_shot_counts() -> None:
         ({"window_ball_restitution": 0.5249}, "ball of e0 0.5249, allowed 0.525 to 0.555"),
         ({"window_ball_restitution": 0.5551}, "ball of e0 0.5551, allowed 0.525 to 0.555"),
         # 79 counts/s at 22 000 counts/s for 14 rad/s are 0.0503 rad/s
-        ({"before": 79.0}, "bat turned at 0.050 rad/s before the hit, allowed 0.050"),
+        ({"before": 79.0}, "bat turned at 0.0503 rad/s before the hit, allowed 0.0500"),
         ({"before": -157.2}, "bat turned at 0.100 rad/s before the hit, allowed 0.050"),
         ({"rate_u": 88.0}, "recoil known to 0.40%, allowed 0.30%"),
         ({"rate_u": inf}, "recoil known to inf%, allowed 0.30%"),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from math import tau
+from math import inf, tau
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.protocol import left_out
 from virtual_lab.bench.day.readings import CheckRow, doubts, rows_of, rows_of_edges
 from virtual_lab.bench.day.table import PREPARING, action_table, detectable
+from virtual_lab.output.rounding import beyond
 from virtual_lab.records import BoardRecord, GateRecord
 
 JUSTIFIED, DENIED, OPEN = "justified", "not supported by the records", "for the trainer to judge"
@@ -168,8 +169,10 @@ def _at_rest(desk: Desk, shot: int) -> Evidence:
         return None, "without an encoder no record shows whether the bat moved"
     turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / tau
     rate = abs(float(turning.before[shot])) / turn
-    why = f"the bat turned at {rate:.3f} rad/s before hit {shot + 1}; allowed: {allowed:.3f} rad/s"
-    return rate <= allowed, why
+    text = (
+        f"the bat turned at {{0:.{{d}}f}} rad/s before hit {shot + 1}; allowed: {{2:.{{d}}f}} rad/s"
+    )
+    return rate <= allowed, beyond(text, rate, -inf, allowed, 3)
 
 
 def _fast(desk: Desk, shot: int) -> Evidence:
@@ -177,8 +180,10 @@ def _fast(desk: Desk, shot: int) -> Evidence:
     allowed = desk.rules.spec.windows.speed_tolerance
     if not np.isfinite(speed):
         return None, f"the speed of shot {shot + 1} was not measured"
-    off = f"the speed of shot {shot + 1} was off by {speed - asked:+.2f} m/s"
-    return abs(speed - asked) <= allowed, f"{off}; allowed: ± {allowed:.2f} m/s"
+    off = (
+        f"the speed of shot {shot + 1} was off by {{0:+.{{d}}f}} m/s; allowed: ± {{2:.{{d}}f}} m/s"
+    )
+    return abs(speed - asked) <= allowed, beyond(off, speed - asked, -allowed, allowed, 2)
 
 
 def _clear(desk: Desk, shot: int) -> Evidence:

@@ -18,6 +18,7 @@ from virtual_lab.measurement.reduction.observations import (
     odd_swings,
     restitution_names,
 )
+from virtual_lab.output.rounding import beyond
 from virtual_lab.records import PendulumRecord
 from virtual_lab.uncertainty.budget import types_a
 from virtual_lab.units import Array, Mask
@@ -66,9 +67,12 @@ def bat_shape(evidence: Evidence) -> Iterator[Raised]:
     yield Raised(
         name="bat-shape",
         where=~((light <= density) & (density <= heavy)),
-        sentence=lambda i: (
-            f"mass over length and barrel is {density[i]:.3g} kg/m³, "
-            f"possible {light:g} to {heavy:g}"
+        sentence=lambda i: beyond(
+            "mass over length and barrel is {0:.{d}f} kg/m³, possible {1:g} to {2:g}",
+            density[i],
+            light,
+            heavy,
+            1,
         ),
         invalidates=True,
     )
@@ -83,7 +87,9 @@ def _band(words: str, value: Array, low: float, high: float, unit: str) -> Raise
     return Raised(
         name="bat-shape",
         where=~((low <= value) & (value <= high)),
-        sentence=lambda i: f"{words} {value[i]:.3g}{unit}, allowed {low:g} to {high:g}",
+        sentence=lambda i: beyond(
+            f"{words} {{0:.{{d}}f}}{unit}, allowed {{1:g}} to {{2:g}}", value[i], low, high, 3
+        ),
     )
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
 from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.reduction.kinematics import parallel_axis
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
+from virtual_lab.output.rounding import beyond
 from virtual_lab.units import INCH, OUNCE, OZ_IN2, Mask
 
 
@@ -59,7 +61,13 @@ def _rules(
         wide, ring = 2 * bat.barrel_radius, rules.barrel_diameter
         yield (
             wide <= ring,
-            lambda: f"barrel {wide / INCH:.3f} in across, the ring passes {ring / INCH:.3f} in",
+            lambda: beyond(
+                "barrel {0:.{d}f} in across, the ring passes {2:.{d}f} in",
+                float(wide) / INCH,
+                -inf,
+                ring / INCH,
+                3,
+            ),
         )
     if rules.inertia_lengths:
         lever = length - procedure.pivot_from_knob - bat.z_cm
@@ -67,8 +75,12 @@ def _rules(
         floor = np.interp(length, rules.inertia_lengths, rules.inertia_floors)
         yield (
             inertia >= floor,
-            lambda: (
-                f"moment of inertia {inertia / OZ_IN2:.0f} oz in² about the pivot, "
-                f"at least {floor / OZ_IN2:.0f} for {length / INCH:.1f} in"
+            lambda: beyond(
+                "moment of inertia {0:.{d}f} oz in² about the pivot, at least {1:.{d}f} for "
+                f"{length / INCH:.1f} in",
+                float(inertia) / OZ_IN2,
+                float(floor) / OZ_IN2,
+                inf,
+                0,
             ),
         )

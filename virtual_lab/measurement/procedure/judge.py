@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import inf
 from typing import Protocol
 
 import numpy as np
@@ -12,10 +13,11 @@ from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
+from virtual_lab.output.rounding import beyond
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE, Array, Mask
 
-# met, what says why it is not, and the value to put in; arrays (..., shot)
-Criterion = tuple[Mask, Callable[[], str], Array]
+# met, what says of a value why it is not, and the values; arrays (..., shot)
+Criterion = tuple[Mask, Callable[[float], str], Array]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +63,7 @@ def judge(
     reasons = np.full(len(results.speed), "", dtype=object)
     for shot in np.flatnonzero(missed.any(axis=0)):
         _, sentence, value = criteria[int(missed[:, shot].argmax())]
-        reasons[shot] = sentence().format(value[shot])
+        reasons[shot] = sentence(float(value[shot]))
     return Judgement(reasons=tuple(reasons))
 
 
@@ -96,26 +98,42 @@ def _criteria(
     ]
 
 
+def _within(text: str, low: float, high: float, places: int) -> Callable[[float], str]:
+    """Return what says of a value that it is outside its limits, see `beyond`."""
+    return lambda value: beyond(text, value, low, high, places)
+
+
+def _up_to(text: str, high: float, places: int) -> Callable[[float], str]:
+    return _within(text, -inf, high, places)
+
+
 def _ball(procedure: Procedure, results: ShotResults) -> Iterator[Criterion]:
     windows = procedure.windows
     speed, mass, e0 = results.speed, results.ball_mass, results.window_ball_restitution
-    yield np.isfinite(speed), lambda: "the gates did not see the ball come in", speed
+    yield np.isfinite(speed), lambda _: "the gates did not see the ball come in", speed
     around = f"{procedure.ball_speed / MPH:.4g} ± {windows.speed_tolerance / MPH:.3g}"
     yield (
         np.abs(speed - procedure.ball_speed) <= windows.speed_tolerance,
-        lambda: f"ball at {{:.2f}} mph, allowed {around} mph",
+        _within(
+            f"ball at {{0:.{{d}}f}} mph, allowed {around} mph",
+            (procedure.ball_speed - windows.speed_tolerance) / MPH,
+            (procedure.ball_speed + windows.speed_tolerance) / MPH,
+            2,
+        ),
         speed / MPH,
     )
     low, high = windows.ball_mass_low, windows.ball_mass_high
     yield (
         (low <= mass) & (mass <= high),
-        lambda: f"ball of {{:.3f}} oz, allowed {low / OUNCE:.3f} to {high / OUNCE:.3f} oz",
+        _within(
+            "ball of {0:.{d}f} oz, allowed {1:.{d}f} to {2:.{d}f} oz", low / OUNCE, high / OUNCE, 3
+        ),
         mass / OUNCE,
     )
     dead, lively = windows.ball_restitution_low, windows.ball_restitution_high
     yield (
         (dead <= e0) & (e0 <= lively),
-        lambda: f"ball of e0 {{:.4f}}, allowed {dead:.3f} to {lively:.3f}",
+        _within("ball of e0 {0:.{d}f}, allowed {1:.3f} to {2:.3f}", dead, lively, 4),
         e0,
     )
 
@@ -128,17 +146,22 @@ def _place(
         low, high = procedure.scan.low, procedure.scan.high
         yield (
             (place >= low - SETTING_STEP) & (place <= high + SETTING_STEP),
-            lambda: (
-                f"set at {{:.3f}} in, the scan is from {low / INCH:.3f} to {high / INCH:.3f} in"
+            _within(
+                "set at {0:.{d}f} in, the scan is from {1:.{d}f} to {2:.{d}f} in",
+                low / INCH,
+                high / INCH,
+                3,
             ),
             place / INCH,
         )
     elif nearby is not None:
-        yield (
-            np.abs(place - percussion) <= nearby,
-            lambda: f"set at {{:.3f}} in, allowed {percussion / INCH:.3f} ± {nearby / INCH:.3f} in",
-            place / INCH,
-        )
+
+        def said(value: float) -> str:
+            middle, most = float(percussion) / INCH, nearby / INCH
+            text = f"set at {{0:.{{d}}f}} in, allowed {middle:.3f} ± {most:.3f} in"
+            return beyond(text, value, middle - most, middle + most, 3)
+
+        yield np.abs(place - percussion) <= nearby, said, place / INCH
 
 
 def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:
@@ -157,14 +180,16 @@ def _flight(
         worst = worst_misfit(results, readings)
         yield (
             worst <= misfit,
-            lambda: f"edges {{:.2f}} mm off one flight, allowed {misfit * 1e3:.2f} mm",
+            _up_to("edges {0:.{d}f} mm off one flight, allowed {2:.{d}f} mm", misfit * 1e3, 2),
             worst * 1e3,
         )
     if angle_most is not None:
         angle = np.abs(np.arctan(results.rebound_slope))
         yield (
             ~(angle > angle_most),
-            lambda: f"ball came back at {{:.1f}} deg, allowed {angle_most / DEGREE:.1f} deg",
+            _up_to(
+                "ball came back at {0:.{d}f} deg, allowed {2:.{d}f} deg", angle_most / DEGREE, 1
+            ),
             angle / DEGREE,
         )
 
@@ -182,8 +207,10 @@ def _recoil(
     if windows.rate_before is not None:
         yield (
             ~(before > windows.rate_before),
-            lambda: (
-                f"bat turned at {{:.3f}} rad/s before the hit, allowed {windows.rate_before:.3f}"
+            _up_to(
+                "bat turned at {0:.{d}f} rad/s before the hit, allowed {2:.{d}f}",
+                windows.rate_before,
+                3,
             ),
             before,
         )
@@ -191,14 +218,18 @@ def _recoil(
     if windows.recoil_u is not None:
         yield (
             unclear <= windows.recoil_u,
-            lambda: f"recoil known to {{:.2%}}, allowed {windows.recoil_u:.2%}",
-            unclear,
+            _up_to("recoil known to {0:.{d}f}%, allowed {2:.{d}f}%", 100 * windows.recoil_u, 2),
+            100 * unclear,
         )
     if windows.agreement is not None:
         apart = np.abs(results.recoil_efficiency - results.rebound_efficiency)
         yield (
             ~(apart > windows.agreement),
-            lambda: f"e_A by recoil and by rebound {{:.4f}} apart, allowed {windows.agreement:.4f}",
+            _up_to(
+                "e_A by recoil and by rebound {0:.{d}f} apart, allowed {2:.{d}f}",
+                windows.agreement,
+                4,
+            ),
             apart,
         )
 
@@ -207,9 +238,11 @@ def _fitted(turn: RateFit) -> Criterion:
     """Ask that the model of the turn holds over the record it was fitted to."""
     return (
         ~(turn.misfit > MOST_MISFIT),
-        lambda: (
-            "no smooth turn fits the encoder: {:.1f} times the rms that counting and noise at "
-            f"rest leave, allowed {MOST_MISFIT:g}"
+        _up_to(
+            "no smooth turn fits the encoder: {0:.{d}f} times the rms that counting and noise at "
+            "rest leave, allowed {2:g}",
+            MOST_MISFIT,
+            1,
         ),
         turn.misfit,
     )
@@ -222,20 +255,21 @@ def _swing(
     if swing is None:
         return
     turned = results.swing_rate
-    yield np.isfinite(turned), lambda: "the encoder shows no turn up to contact", turned
+    yield np.isfinite(turned), lambda _: "the encoder shows no turn up to contact", turned
     yield _fitted(swing)
     if windows.bat_speed_tolerance is not None:
         # the bat's speed is named 6 in from the tip, so the window is taken there
         lever = (procedure.bat_speed or 0.0) / turn_rate
         tolerance = windows.bat_speed_tolerance
 
-        def asked() -> str:
-            window = f"{turn_rate * lever / MPH:.4g} ± {tolerance / MPH:.3g}"
-            return f"bat at {{:.2f}} mph, allowed {window} mph"
+        def said(speed: float) -> str:
+            middle, most = float(turn_rate) * float(lever) / MPH, tolerance / MPH
+            text = f"bat at {{0:.{{d}}f}} mph, allowed {middle:.4g} ± {most:.3g} mph"
+            return beyond(text, speed, middle - most, middle + most, 2)
 
         yield (
             np.abs(turned - turn_rate) * lever <= tolerance,
-            asked,
+            said,
             turned * lever / MPH,
         )
     most = windows.contact_angle
@@ -243,7 +277,9 @@ def _swing(
         angle = np.abs(swing.angle * turned / swing.rate)
         yield (
             angle <= most,
-            lambda: f"bat {{:.1f}} deg from square at contact, allowed {most / DEGREE:.1f} deg",
+            _up_to(
+                "bat {0:.{d}f} deg from square at contact, allowed {2:.{d}f} deg", most / DEGREE, 1
+            ),
             angle / DEGREE,
         )
 
@@ -251,9 +287,14 @@ def _swing(
 def _sense(procedure: Procedure, results: ShotResults) -> Iterator[Criterion]:
     e = results.restitution
     if procedure.reads == "rebound":
-        yield np.isfinite(e), lambda: "the gates did not see the ball come back", e
+        yield np.isfinite(e), lambda _: "the gates did not see the ball come back", e
     yield (
         (e > 0) & (e <= 1),
-        lambda: "restitution of {:.3f}, which no collision has (signs, units or calibration?)",
+        _within(
+            "restitution of {0:.{d}f}, which no collision has (signs, units or calibration?)",
+            0.0,
+            1.0,
+            3,
+        ),
         e,
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls
+from virtual_lab.output.rounding import beyond
 from virtual_lab.units import MPH, OUNCE, Array, Mask
 
 
@@ -46,11 +47,13 @@ def lot_of(procedure: Procedure, balls: MeasuredBalls) -> Lot:
     for ball in np.flatnonzero(of_mass | of_e0):
         if of_mass[ball]:
             low, high = windows.ball_mass_low / OUNCE, windows.ball_mass_high / OUNCE
-            reason = f"{balls.mass[ball] / OUNCE:.3f} oz, allowed {low:.3f} to {high:.3f} oz"
+            text = "{0:.{d}f} oz, allowed {1:.{d}f} to {2:.{d}f} oz"
+            reason = beyond(text, balls.mass[ball] / OUNCE, low, high, 3)
         else:
             low, high = windows.ball_restitution_low, windows.ball_restitution_high
             at = f"at {windows.ball_restitution_speed / MPH:.4g} mph"
-            reason = f"e0 {e0[ball]:.4f} {at}, allowed {low:.3f} to {high:.3f}"
+            text = f"e0 {{0:.{{d}}f}} {at}, allowed {{1:.3f}} to {{2:.3f}}"
+            reason = beyond(text, e0[ball], low, high, 4)
         set_aside.append(SetAside(int(ball), reason))
     return Lot(admitted(procedure, balls), tuple(set_aside))
 
