@@ -114,6 +114,24 @@ def test_a_form_with_empty_tables(tmp_path: Path) -> None:
         path.write_text(filled)
 
 
+def test_what_may_be_left_out_is_read_where_it_is_filled_in(tmp_path: Path) -> None:
+    """Thickness of the beams: a comment in the form, a constant without its sign."""
+    session = our_own("astm-f1881")
+    folder = template("astm-f1881", tmp_path / "form")
+    fill_in(folder, session)
+    path = folder / "laboratory.toml"
+    empty = load_laboratory(folder)
+    text, value = path.read_text("utf-8"), 'value = 1.2, unit = "mm", u = 0.1, source'
+    text = re.sub(r'^# ("\w+\.gates\.thickness" = \{).*source', rf"\1 {value}", text, flags=re.M)
+    path.write_text(text, encoding="utf-8")
+    more = load_laboratory(folder).calibration
+    assert more.keys() - empty.calibration.keys() == {
+        "balls.gates.thickness",
+        "impact.gates.thickness",
+    }
+    assert more["impact.gates.thickness"].value == pytest.approx(1.2e-3)
+
+
 def test_rules_of_your_own_come_along(tmp_path: Path) -> None:
     rules = tmp_path / "mine.toml"
     text = catalog.text("procedures", "astm-f1881").replace(

@@ -34,6 +34,7 @@ from virtual_lab.measurement.procedure import (
     sought_of,
 )
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER, measured_density
+from virtual_lab.measurement.reduction.gates import THICKNESS
 from virtual_lab.measurement.reduction.kinematics import centre_of_percussion
 from virtual_lab.measurement.reduction.observations import (
     BallReadings,
@@ -427,12 +428,20 @@ def _place_constants(rules: Procedure, along: Known | None) -> dict[str, Known]:
 
 
 def _constants(block: SessionBlock) -> dict[str, Known]:
-    """Return the constants of calibrations and readings; the air's density as it was read."""
+    """Return the constants of calibrations and readings that a result may depend on.
+
+    The air's density is that of the readings. The climate's logger is spent on it, and the
+    thickness of a beam on a check.
+    """
     positive = {"span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch"}
     for name, known in block.calibration.items():
         if name.rpartition(".")[2] in positive and not (known.value > 0).all():
             key = f"calibration.{name}"
             raise InputError("session.json", key, float(known.value.min()), "allowed: above 0")
-    kept = {key: known for key, known in block.calibration.items() if not key.startswith(LOGGER)}
+    kept = {
+        key: known
+        for key, known in block.calibration.items()
+        if not key.startswith(LOGGER) and not key.endswith(THICKNESS)
+    }
     density = measured_density(block)
     return kept | bench_constants(block) | ({DENSITY: density} if density else {})

@@ -130,6 +130,14 @@ CONSTANTS = {  # by "instrument.constant"
     "gates.pitch": Constant(
         "length", "from beam to beam", "light boards, pitch of the beams", "mm", 0.0001, 1
     ),
+    "gates.thickness": Constant(
+        "length",
+        "of a beam along the flight",
+        "light gates, thickness of a beam",
+        "mm",
+        0,
+        0.1,
+    ),
     "gates.clock": Constant(
         "number", "time shown over true time", "light gates, clock rate", "ppm", 0.5, 2
     ),

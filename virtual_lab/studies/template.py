@@ -15,7 +15,8 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.files import new_files, new_folder
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.records import Record, record_name
+from virtual_lab.measurement.reduction.gates import THICKNESS
+from virtual_lab.records import BoardRecord, GateRecord, Record, record_name
 from virtual_lab.records.constants import constant_of
 from virtual_lab.records.foreign.laboratory import BLANK, FORM
 from virtual_lab.records.foreign.table import column_names
@@ -97,6 +98,10 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     yield "[calibration]"
     for key in session.calibration:
         yield from _constant(key)
+    yield "# What may be left out, without the sign of a comment where it is known:"
+    for stage, records in session.records.items():
+        if isinstance(records.get("gates"), GateRecord | BoardRecord):
+            yield from _constant(stage + THICKNESS, sign="# ")
 
 
 def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
@@ -117,12 +122,13 @@ def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
     yield f'file = "{stage}/{channel}.csv"'
 
 
-def _constant(key: str) -> Iterator[str]:
+def _constant(key: str, sign: str = "") -> Iterator[str]:
     known = constant_of(key)
     units = list(DIMENSIONS[known.dimension]) if known else [BLANK]
     meaning = f"{known.meaning}; " if known else ""
     yield f"# {meaning}{' or '.join(units)}"
-    yield f'"{key}" = {{ value = "{BLANK}", unit = "{units[0]}", u = "{BLANK}", source = "" }}'
+    rest = f'unit = "{units[0]}", u = "{BLANK}", source = ""'
+    yield f'{sign}"{key}" = {{ value = "{BLANK}", {rest} }}'
 
 
 def _is_long(record: Record) -> bool:

@@ -24,6 +24,7 @@ from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.uncertainty.budget import Component, Components, type_a
+from virtual_lab.uncertainty.estimate import Estimate
 
 
 @pytest.mark.parametrize("reality", [Reality.IDEAL, Reality.NOISE_FREE])
@@ -627,6 +628,40 @@ def test_chords_are_of_balls_at_the_speed_they_have_at_the_gate(
         edges = np.stack([times - half, times + half], axis=-1)
         seen = changed(seen, stage, "gates", times=edges)
     assert ("chords" in [flag.name for flag in certify_session(seen).flags]) == flagged
+
+
+def through_thick_beams(session: Session, thickness: float) -> Session:
+    """Return a session of beams so thick along the flight [m], which its calibration states not.
+
+    By the distances of the first gate and the last and the mean of their edges: about a beam a
+    ball's speed is that of its way between the gates, to a hundredth.
+    """
+    for stage in ("balls", "impact"):
+        times = session.records[stage]["gates"].times
+        ends = (0, times.shape[2] - 1)
+        far, near = (session.calibration[f"{stage}.gates.distance_{k}"].value for k in ends)
+        edges = np.where(np.isfinite(times), times, 0.0).reshape(*times.shape[:3], -1).sum(axis=-1)
+        seen = np.isfinite(times).reshape(*times.shape[:3], -1).sum(axis=-1)
+        passed = edges / np.where(seen > 0, seen, np.nan)
+        speed = (far - near) / np.abs(passed[..., -1] - passed[..., 0])
+        half = thickness / 2 / speed[(...,) + (None,) * (times.ndim - 2)]
+        session = changed(session, stage, "gates", times=times + half * np.array([-1.0, 1.0]))
+    return session
+
+
+@pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
+def test_balls_look_no_larger_in_beams_whose_thickness_is_stated(procedure: str) -> None:
+    """3 mm are 4 % of a ball; stated as 3 mm no flag is left, and no number is another one."""
+    session = certified("r161", procedure=procedure, seed=300).certification.session
+    thick = through_thick_beams(session, 3e-3)
+    wide = certify_session(thick)
+    assert [flag.name for flag in wide.flags] == ["chords"]
+    stated = {
+        f"{stage}.gates.thickness": Estimate(value=3e-3, u=1e-4) for stage in ("balls", "impact")
+    }
+    found = certify_session(replace(thick, calibration={**thick.calibration, **stated}))
+    assert found.flags == ()
+    assert found.metric == wide.metric
 
 
 def test_a_sentence_tells_the_size_of_what_is_wrong() -> None:

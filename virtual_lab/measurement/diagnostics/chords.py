@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import Raised
 from virtual_lab.measurement.reduction.flights import FlightReadings
-from virtual_lab.measurement.reduction.gates import INBOUND, GateReadings
+from virtual_lab.measurement.reduction.gates import INBOUND, THICKNESS, GateReadings
 from virtual_lab.measurement.reduction.shot_algebra import drag_of, of_ball
 from virtual_lab.records import BoardRecord, GateRecord, Record
 from virtual_lab.units import Array, Mask
@@ -23,7 +23,8 @@ SIZE = 0.02  # relative, of the diameter; the rules' own 9 to 9 1/4 in are 0.014
 def chords(evidence: Evidence) -> Iterator[Raised]:
     """Compare the diameter from the edges of each beam with the ball's diameter.
 
-    No beam can show more than the diameter; a single beam off the centre shows less.
+    No beam can show more than the diameter; a single beam off the centre shows less. A beam of
+    some thickness is broken longer, by the time that the ball takes through it.
     """
     hits = evidence.reduced.preparation.balls
     wall, bat = (evidence.block.records[stage].get("gates") for stage in ("balls", "impact"))
@@ -110,13 +111,17 @@ def _diameters(
     def constant(name: str) -> Array:
         return np.ravel(evidence.best[f"{stage}.gates.{name}"])[owner]
 
+    thick = evidence.block.calibration.get(stage + THICKNESS)
+    through = np.zeros(shots) if thick is None else thick.value[owner]
     if isinstance(record, GateRecord):
         chords_shown = np.diff(record.times, axis=-1)[..., 0]
-        return np.asarray(chords_shown * speed / constant("clock")[:, None, None])
+        along = chords_shown * speed / constant("clock")[:, None, None]
+        return np.asarray(along - through[:, None, None])
     # a beam off the centre's height sees a shorter chord; a steep way back is left out
     pitch, lowest = constant("pitch"), constant("lowest")
     beams = lowest[:, None] + pitch[:, None] * np.arange(record.times.shape[3])
     along = np.diff(record.times[:, INBOUND], axis=-1)[..., 0] * speed[:, INBOUND, :, None]
+    along = along - through[:, None, None]
     heights = readings.passages.heights.reshape(shots, *readings.passages.heights.shape[-2:])
     above = beams[:, None] - heights[:, INBOUND, :, None]
     square = along**2 + 4 * above**2

@@ -35,6 +35,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
 INBOUND, OUTBOUND = 0, 1
+THICKNESS = ".gates.thickness"  # constant of a stage: of its beams, along the flight [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
