@@ -12,6 +12,7 @@ from annotated_types import Gt
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import (
+    REFERENCE_MASS,
     ClimateReadings,
     LengthReadings,
     MassReadings,
@@ -25,11 +26,17 @@ from virtual_lab.simulation.instruments.climate import (
     ClimateLoggerSpec,
     HallSpec,
 )
-from virtual_lab.simulation.instruments.indicator import Rule, RuleSpec, Scale, ScaleSpec
+from virtual_lab.simulation.instruments.indicator import (
+    Mass,
+    Rule,
+    RuleSpec,
+    Scale,
+    ScaleSpec,
+)
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.simulation.physics.beam import barrel_radius
 from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, in_turn
 
 Repeats = Annotated[int, Gt(1), Dimension("number")]
 
@@ -49,6 +56,7 @@ class BenchSpec(Spec):
     gravity: str
     repeats: Repeats
     releases: Repeats
+    reference: Mass  # weighed before bat and balls, and after them
     hall: HallSpec
 
 
@@ -61,6 +69,7 @@ class Bench:
     channels: Mapping[str, type[Record]] = {
         "bat-mass": MassReadings,
         "ball-mass": MassReadings,
+        REFERENCE_MASS: MassReadings,
         "length": LengthReadings,
         "barrel-radius": LengthReadings,
         "balance": LengthReadings,
@@ -127,6 +136,7 @@ class BenchStation(FittedStation):
                     "bench.ball-mass",
                     plan.ball,
                 ),
+                REFERENCE_MASS: self._reference(draws),
                 "length": self.rule.measure(bat.length, repeats, draws, "bench.length"),
                 "barrel-radius": self.rule.measure(
                     barrel_radius(specimen.bat.body.profile),
@@ -151,6 +161,17 @@ class BenchStation(FittedStation):
                 "inertia_cm": np.array(bat.inertia_cm),
                 "length": np.array(bat.length),
             },
+        )
+
+    def _reference(self, draws: Draws) -> MassReadings:
+        """Weigh the reference mass before bat and balls (item 0) and after them (item 1)."""
+        owner, items = in_turn(self.scale.laboratories, 2)
+        return self.scale.at(owner).weigh(
+            np.full(items.size, self.spec.reference),
+            self.spec.repeats,
+            draws.at(owner),
+            "bench.reference-mass",
+            items,
         )
 
     def _climate(self, draws: Draws) -> ClimateReadings:

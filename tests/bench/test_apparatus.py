@@ -67,7 +67,7 @@ def test_untared_scale(plain: Desk) -> None:
     assert abs(off.mean()) > RESOLUTION
     off_balls = readings(day, "ball-mass") - readings(plain.day, "ball-mass")
     assert off_balls == pytest.approx(np.full(off_balls.shape, off.mean()), abs=RESOLUTION * 1.01)
-    assert moved(day, plain) == {"bat-mass", "ball-mass"}
+    assert moved(day, plain) == {"bat-mass", "ball-mass", "reference-mass"}
 
 
 def test_stand_out_of_level(plain: Desk) -> None:

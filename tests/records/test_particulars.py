@@ -176,3 +176,6 @@ def test_a_calibration_that_was_due_before_the_test_is_a_flag(
         assert flags["calibration-due"].sentence == (
             "the calibration of gates (G-12) was due on 2026-11-23, the test was on 2026-11-24"
         )
+    page = certificate_page(certificate(found))
+    assert ("may have changed since it was calibrated" in page) == flagged
+    assert ("records do not hang together" in page) == bool(flags.keys() - {"calibration-due"})

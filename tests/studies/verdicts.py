@@ -32,6 +32,7 @@ from scipy.stats import binom
 import virtual_lab
 from virtual_lab import catalog, lab
 from virtual_lab.catalog.faults import FaultSheet
+from virtual_lab.lab import RoundRobin
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.diagnostics.flag import CONTRADICTS, REMARKED
 from virtual_lab.records.session import Session, load_session, save_session
@@ -46,6 +47,7 @@ BATS = {
     "proposed": "ea70",
 }
 FIELDS = ("procedure", "bat", "seed", "verdict", "reasons", "flags", "misfits", "z", "pairs")
+COUNTED = ("laboratories", "flagged", "INVALID")
 ENOUGH = 1 - 1e-3  # of what chance gives, before a rate is too high
 
 
@@ -127,6 +129,27 @@ def table(files: list[Path]) -> list[dict[str, object]]:
         lost = f"{invalid[procedure]} of them with a verdict or a hit lost"
         print(f"{procedure:14} {n} laboratories, {lost}", file=sys.stderr)
     return rows
+
+
+def blocks(procedure: str, seed: int, number: int) -> Iterator[dict[str, object]]:
+    """Yield a row a check and one of all checks together, of sound laboratories in blocks."""
+    raised: dict[str, list[np.ndarray]] = defaultdict(list)
+    voided: dict[str, list[np.ndarray]] = defaultdict(list)
+    for tested in RoundRobin.of(BATS[procedure], procedure).blocks(number, seed):
+        checked = tested.certified.checked
+        for counts, masks in ((raised, checked.flagged), (voided, checked.voids)):
+            for name, where in masks.items():
+                counts[name].append(where)
+            counts["any"].append(np.logical_or.reduce([*masks.values()]))
+    for name in sorted(raised):
+        yield {
+            "procedure": procedure,
+            "bat": BATS[procedure],
+            "check": name,
+            "laboratories": number,
+            "flagged": sum(int(where.sum()) for where in raised[name]),
+            "INVALID": sum(int(where.sum()) for where in voided[name]),
+        }
 
 
 Outcome = tuple[Certification, float]  # and the true value of its metric
@@ -314,11 +337,11 @@ def stop(first: int, number: int) -> Iterator[dict[str, object]]:
             yield case(f"{speed} mph", "asa", bat, outcomes, outcomes)
 
 
-def write(rows: Iterator[dict[str, object]], into: Path) -> None:
+def write(rows: Iterator[dict[str, object]], into: Path, columns: tuple[str, ...] = CASES) -> None:
     """Add rows to a file as they come."""
     new = not into.exists()
     with into.open("a", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, CASES, lineterminator="\n")
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
         if new:
             writer.writeheader()
         for each in rows:
@@ -336,6 +359,9 @@ def main(words: list[str]) -> None:
         print(",".join(rows[0]))
         for each in rows:
             print(",".join(str(value) for value in each.values()))
+    elif command == "blocks":
+        rows = blocks(given[0], int(given[1]), int(given[2]))
+        write(rows, Path(given[3]), ("procedure", "bat", "check", *COUNTED))
     elif command == "stop":
         write(stop(int(given[0]), int(given[1])), Path(given[2]))
     else:

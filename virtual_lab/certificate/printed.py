@@ -26,6 +26,7 @@ from virtual_lab.certificate.document import (
     Stated,
     WidthStated,
 )
+from virtual_lab.measurement.diagnostics import CALIBRATION_DUE, SCALE_DRIFT
 from virtual_lab.output.metrics import METRICS, QUANTITIES
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.records.constants import PER_SI, constant_of
@@ -93,6 +94,8 @@ def printed_values(document: CertificateDocument) -> dict[str, Any]:
         "width": _width(document.width_m),
         "correction": _correction(document.ball_correction),
         "choice": _choice(document),
+        "about_flags": _about_flags(document),
+        "not_checked": _not_checked(document),
         "shots": _shots(document),
         "along": _along(document),
         "swings": _swings(document),
@@ -116,6 +119,36 @@ def _made_by(document: CertificateDocument) -> str:
     if commit := document.commit:
         parts.append(f"commit {commit.id[:12]}" + (" with changes" if commit.changes else ""))
     return ", ".join(parts)
+
+
+def _not_checked(document: CertificateDocument) -> list[str]:
+    """Return sentences about the checks for which the records hold too little."""
+    names = [name for name in document.not_checked if name != SCALE_DRIFT]
+    said = [f"Not checked, as recorders summed up: {', '.join(names)}."] if names else []
+    if SCALE_DRIFT in document.not_checked:
+        said.append(
+            f"Not checked, as no reference mass was weighed before and after: {SCALE_DRIFT}."
+        )
+    return said
+
+
+def _about_flags(document: CertificateDocument) -> str:
+    """Return what the flags of a test mean; "" without flags."""
+    names = {flag.name for flag in document.flags}
+    said = []
+    if names - {CALIBRATION_DUE}:
+        said.append(
+            "A flag says that the records do not hang together. Where the test is not invalid by "
+            "it, it leaves the verdict as the rules find it, and is to be looked into before the "
+            "result is used."
+        )
+    if CALIBRATION_DUE in names:
+        said.append(
+            "An instrument whose calibration was due before the test may have changed since it was "
+            "calibrated. This leaves the verdict as the rules find it; have the instrument "
+            "calibrated before the result is used."
+        )
+    return " ".join(said)
 
 
 def _conditions(document: CertificateDocument) -> dict[str, str]:

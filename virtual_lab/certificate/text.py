@@ -27,8 +27,7 @@ def certificate_text(document: CertificateDocument) -> str:
         for finding in document.findings
     ]
     lines += [f"  FLAG {flag.name}: {flag.sentence}" for flag in document.flags]
-    if document.not_checked:
-        lines.append(f"  not checked, as recorders summed up: {', '.join(document.not_checked)}")
+    lines += [f"  {said[0].lower()}{said[1:-1]}" for said in told["not_checked"]]
     lines.append(f"  {document.valid_hits} valid hits, {len(document.rejected_hits)} rejected")
     lines += [f"    shot {hit.shot + 1}: {hit.reason}" for hit in document.rejected_hits]
     lines += [

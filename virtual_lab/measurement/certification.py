@@ -96,7 +96,7 @@ class Certification:
     findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
     flags: tuple[Flag, ...]  # what does not hang together in the records
     pairs: tuple[Discrepancy, ...]  # by which two measurements of one thing differ
-    not_checked: tuple[str, ...]  # what a recorder that sums up keeps too little for
+    not_checked: tuple[str, ...]  # checks of readings that the records do not hold
     reasons: tuple[str, ...]  # why the verdict is INVALID or FAIL
     verdict: Verdict
 

@@ -9,6 +9,7 @@ documents every column.
 from virtual_lab.records.clip import ClipRecord, TrackRecord
 from virtual_lab.records.kinds import (
     RECORD_TYPES,
+    REFERENCE_MASS,
     AimMarks,
     BallRecord,
     BoardRecord,
@@ -28,6 +29,7 @@ from virtual_lab.records.record import Record, RecordColumn, join
 
 __all__ = [
     "RECORD_TYPES",
+    "REFERENCE_MASS",
     "AimMarks",
     "BallRecord",
     "BoardRecord",

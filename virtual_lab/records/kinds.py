@@ -14,6 +14,8 @@ from virtual_lab.records.clip import ClipRecord, TrackRecord
 from virtual_lab.records.record import Order, Record, RecordColumn, rising
 from virtual_lab.units import Array
 
+REFERENCE_MASS = "reference-mass"  # channel of the bench: one mass, before and after the others
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MassReadings(Record):

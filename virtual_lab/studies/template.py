@@ -16,7 +16,7 @@ from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.files import new_files, new_folder
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.gates import THICKNESS
-from virtual_lab.records import BoardRecord, GateRecord, Record, record_name
+from virtual_lab.records import REFERENCE_MASS, BoardRecord, GateRecord, Record, record_name
 from virtual_lab.records.constants import constant_of
 from virtual_lab.records.foreign.laboratory import BLANK, FORM
 from virtual_lab.records.foreign.table import column_names
@@ -26,6 +26,10 @@ from virtual_lab.studies.foreign import our_own
 from virtual_lab.units import DIMENSIONS
 
 OWN_RULES = "procedure.toml"
+MAY_BE_LEFT_OUT = {  # channels of the bench: what follows without them
+    "climate": "hall.air.density is then that of the calibration, and the logger has no constants",
+    REFERENCE_MASS: "a drift of the scale is then not checked",
+}
 
 
 def template(procedure: str, folder: str | Path) -> Path:
@@ -107,6 +111,10 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
 def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
     for line in filter(None, inspect.cleandoc(type(record).__doc__ or "").splitlines()):
         yield f"# {line}"
+    if channel in MAY_BE_LEFT_OUT:
+        yield f"# This table may be left out: {MAY_BE_LEFT_OUT[channel]}."
+    if channel == REFERENCE_MASS:
+        yield "# One mass, item 0 before bat and balls are weighed, item 1 after them."
     sizes = record.sizes()
     last = {axis: size - 1 for axis, size in sizes.items()}
     numbers = ", ".join(f"{axis} 0 to {end}" if end else f"{axis} 0" for axis, end in last.items())

@@ -15,6 +15,7 @@ from virtual_lab.certificate.document import FlagRaised
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
+from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.measurement.diagnostics.bench import _worst_release, wall_drift
 from virtual_lab.measurement.diagnostics.flag import REMARKED, Pairs, chance, pairs
@@ -360,6 +361,49 @@ def test_air_as_it_was_read_is_compared_with_air_as_it_was_stated(
     without = {name: each for name, each in sound.records["bench"].items() if name != "climate"}
     silent = replace(sound, records={**sound.records, "bench": without})
     assert "air-density" not in {each.name for each in certify_session(silent).pairs}
+
+
+@pytest.mark.parametrize(("sigmas", "raised"), [(3.2, None), (-4.4, False), (40.0, True)])
+def test_a_scale_that_drifts_is_told_by_the_reference_mass(
+    sound: Session, sigmas: float, raised: bool | None
+) -> None:
+    """Five readings before and after, of standard deviation .1 g, on a scale of steps of .1 g.
+
+    Both add to u by hand: 2 (.1²/5 + .1²/12).
+    """
+    scatter = 0.1e-3 * np.array([-2, -1, 0, 1, 2]) / np.sqrt(10 / 4)
+    u = np.sqrt(2 * 0.1e-3**2 / 5 + 2 * 0.1e-3**2 / 12)
+    after = 0.5 + scatter + sigmas * u
+    readings = np.stack([0.5 + scatter, after])
+    found = certify_session(changed(sound, "bench", "reference-mass", readings=readings))
+    flags = {flag.name: flag for flag in found.flags}
+    assert {name: flag.invalidates for name, flag in flags.items()} == (
+        {} if raised is None else {"scale-drift": raised}
+    )
+    (pair,) = [each for each in found.pairs if each.name == "scale-drift"]
+    assert pair.sigmas == pytest.approx(abs(sigmas), rel=1e-6)
+    assert f"reference mass {sigmas * u * 1e3:+.2f} g heavier after" in pair.sentence
+
+
+def test_without_a_reference_mass_a_drift_is_said_to_be_unchecked(sound: Session) -> None:
+    assert certify_session(sound).not_checked == ()
+    bench = {name: each for name, each in sound.records["bench"].items() if "reference" not in name}
+    found = certify_session(replace(sound, records={**sound.records, "bench": bench}))
+    assert found.not_checked == ("scale-drift",)
+    assert found.metric == certify_session(sound).metric
+    document = certificate(found)
+    said = "ot checked, as no reference mass was weighed before and after: scale"
+    assert said in certificate_text(document)
+    assert f"{said} drift." in certificate_page(document)
+
+
+@pytest.mark.parametrize("shape", [(1, 5), (3, 5), (2, 1)])
+def test_a_reference_mass_is_weighed_before_and_after_and_more_than_once(
+    sound: Session, shape: tuple[int, int]
+) -> None:
+    odd = changed(sound, "bench", "reference-mass", readings=np.full(shape, 0.5))
+    with pytest.raises(InputError, match=r"bench/reference-mass: size = '. x .'; needs item 0"):
+        certify_session(odd)
 
 
 @pytest.mark.parametrize("way", [0, 1])

@@ -31,7 +31,7 @@ from virtual_lab.lab import BatTest, Laboratory, TestDay
 from virtual_lab.measurement.session_reduction import BlockReduction
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import decimals
-from virtual_lab.records import MassReadings, Record
+from virtual_lab.records import REFERENCE_MASS, MassReadings, Record
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import entry_of_constant
 from virtual_lab.simulation.faults import FaultSet
@@ -198,7 +198,8 @@ class Apparatus:
         stations = {**self.laboratory.stations, Stage.BENCH: replace(station, spec=more)}
         found = self._bench(replace(self.laboratory, stations=stations)).records
         record: Any = found[channel]
-        beside = {name: found[name] for name in ("climate",) if name in found}  # a logger's own
+        written = ("climate", REFERENCE_MASS) if channel == "ball-mass" else ("climate",)
+        beside = {name: found[name] for name in written if name in found}
         if action.name == "swing":
             fresh = slice(spec.releases * earlier, None)
             record = replace(

@@ -2,10 +2,20 @@
 
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import Discrepancy, Flag
-from virtual_lab.measurement.diagnostics.flags import CHECKS, BlockChecked, Checked, check, overdue
+from virtual_lab.measurement.diagnostics.flags import (
+    CALIBRATION_DUE,
+    CHECKS,
+    SCALE_DRIFT,
+    BlockChecked,
+    Checked,
+    check,
+    overdue,
+)
 
 __all__ = [
+    "CALIBRATION_DUE",
     "CHECKS",
+    "SCALE_DRIFT",
     "BlockChecked",
     "Checked",
     "Discrepancy",

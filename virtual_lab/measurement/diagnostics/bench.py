@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import pi
+from math import pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -16,15 +16,17 @@ from virtual_lab.measurement.reduction.air import DENSITY
 from virtual_lab.measurement.reduction.observations import (
     counted_releases,
     odd_swings,
+    reference_readings,
     restitution_names,
 )
 from virtual_lab.output.rounding import beyond
-from virtual_lab.records import PendulumRecord
+from virtual_lab.records import REFERENCE_MASS, PendulumRecord
 from virtual_lab.uncertainty.budget import types_a
 from virtual_lab.units import Array, Mask
 
 EVEN_U = 2e-5  # relative, of a period: what swings shorten by unevenly as they decay
 FEWEST_RELEASES = 3  # that have a scatter
+ROUNDING = 1e-9  # of masses by the computer's own arithmetic [kg]
 DENSITY_U = 5e-4  # of the air [kg/m³], by the digits in which it is stated
 DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
 
@@ -261,6 +263,31 @@ def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | No
     small = period.mean(axis=1, where=counted) - slowed * part
     u = spread / np.sqrt(releases * square) / small
     return Slowing(slowed / small, u, releases, dof)
+
+
+def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
+    """Compare the reference mass after bat and balls were weighed with that before."""
+    record = evidence.block.records["bench"].get(REFERENCE_MASS)
+    if record is None:
+        return
+    readings = reference_readings(evidence.block)
+    number = readings.shape[2]
+    change = np.diff(readings.mean(axis=2), axis=1)[:, 0]
+    scatter = np.sqrt(readings.var(axis=2, ddof=1).sum(axis=1) / number)
+    step = evidence.block.calibration["bench.scale.resolution"].value / sqrt(12)
+    known = evidence.sensitivities
+    moves = np.abs(known.get("bench.scale.zero", np.full(change.shape, np.inf)))
+    yield pairs(
+        "scale-drift",
+        lambda i: (
+            f"the scale shows the reference mass {change[i] * 1e3:+.2f} g heavier after bat and "
+            "balls were weighed than before (bench/reference-mass)"
+        ),
+        change,
+        types_a("scatter", change, scatter, 2.0 * (number - 1)),
+        least=np.hypot(sqrt(2) * step, ROUNDING),
+        moves=np.where(np.isfinite(moves), moves, np.inf),
+    )
 
 
 def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:

@@ -14,6 +14,7 @@ from virtual_lab.measurement.diagnostics.bench import (
     lot_rules,
     pendulum_even,
     pendulum_swing,
+    scale_drift,
     sports,
     wall_drift,
 )
@@ -30,14 +31,17 @@ from virtual_lab.measurement.diagnostics.impact import (
     recoil_and_rebound,
 )
 from virtual_lab.measurement.diagnostics.repeats import records_repeated
-from virtual_lab.records import PassageRecord, RateRecord, Record
+from virtual_lab.records import REFERENCE_MASS, PassageRecord, RateRecord, Record
 from virtual_lab.records.particulars import Particulars
 from virtual_lab.units import Mask
 
+CALIBRATION_DUE = "calibration-due"
+SCALE_DRIFT = "scale-drift"
 CHECKS: Mapping[str, Callable[[Evidence], Iterator[Answer]]] = {
     "sports": sports,
     "check-standard": check_standard,
     "bat-shape": bat_shape,
+    SCALE_DRIFT: scale_drift,
     "pendulum-swing": pendulum_swing,
     "pendulum-even": pendulum_even,
     "air-density": air_read_and_stated,
@@ -70,7 +74,7 @@ class Checked:
 
     flags: tuple[Flag, ...]  # at most one a check: the most serious one
     pairs: tuple[Discrepancy, ...]  # the differences compared with their uncertainties
-    left_out: tuple[str, ...]  # checks of readings that a recorder which sums up does not keep
+    left_out: tuple[str, ...]  # checks of readings that the records do not hold
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,10 +117,14 @@ class BlockChecked:
 def check(evidence: Evidence) -> BlockChecked:
     """Return what the checks find in the sessions of a block."""
     kinds: set[type[Record]] = {type(record) for record in evidence.block.impact.values()}
+    unweighed = REFERENCE_MASS not in evidence.block.records["bench"]
     return BlockChecked(
         answers=tuple(tuple(one(evidence)) for one in CHECKS.values()),
         left_out=tuple(
-            name for name in CHECKS if any(name in OF_READINGS.get(kind, ()) for kind in kinds)
+            name
+            for name in CHECKS
+            if any(name in OF_READINGS.get(kind, ()) for kind in kinds)
+            or (unweighed and name == SCALE_DRIFT)
         ),
     )
 
@@ -130,4 +138,4 @@ def overdue(particulars: Particulars, date: str) -> Iterator[Flag]:
     for name, each in particulars.instruments.items():
         if each.due and day and each.due < day:
             said = f"the calibration of {name} ({each.identity}) was due on {each.due}"
-            yield Flag(name="calibration-due", sentence=f"{said}, the test was on {day}")
+            yield Flag(name=CALIBRATION_DUE, sentence=f"{said}, the test was on {day}")

@@ -26,6 +26,7 @@ from virtual_lab.measurement.reduction.rate import RateFit, summed_up, unseen, u
 from virtual_lab.measurement.reduction.recoil import fit_recoil
 from virtual_lab.measurement.reduction.swing import fit_swing
 from virtual_lab.records import (
+    REFERENCE_MASS,
     AimMarks,
     EncoderRecord,
     LengthReadings,
@@ -175,6 +176,20 @@ def counted_releases(odd: Mask) -> Mask:
 
 def _exactly(value: Array) -> Known:
     return Known(value=value, u=np.zeros(value.shape), dof=np.full(value.shape, inf))
+
+
+def reference_readings(block: SessionBlock) -> Array:
+    """Return the readings of the reference mass, (laboratory, 2, repeat) [kg].
+
+    Before bat and balls were weighed, and after. `InputError` for any other number of items, or
+    for a single reading.
+    """
+    readings = _table(block, REFERENCE_MASS)
+    if readings.shape[1] != 2 or readings.shape[2] < 2:
+        found = f"{readings.shape[1]} x {readings.shape[2]}"
+        allowed = "needs item 0 (before) and 1 (after), each read twice or more"
+        raise InputError(f"bench/{REFERENCE_MASS}", "size", found, allowed)
+    return np.asarray(readings)
 
 
 def observe_balls(block: SessionBlock) -> BallReadings:
