@@ -1,1 +1,1 @@
-"""The rehearsal bench: a laboratory day taken by a person or an operator, action by action."""
+"""The rehearsal bench: a test day carried out by a person or an operator, action by action."""

@@ -1,1 +1,1 @@
-"""The day: what can be done, what it leaves behind, what can be read off it; no truth."""
+"""The day: actions, their consequences, and readings, without the truth."""

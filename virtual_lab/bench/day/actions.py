@@ -14,7 +14,7 @@ from virtual_lab.errors import InputError, nearest
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Action:
-    """One action asked for, its arguments read."""
+    """A requested action with its arguments."""
 
     name: str
     arguments: Mapping[str, Value] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Arguments of an action: their rows in the table of actions, and how a typed one is read."""
+"""Arguments of an action: their rows in the table of actions, and the reading of typed values."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ TYPED = re.compile(r"([^a-zA-Z%]+?(?:[eE][+-]?\d+)?)\s*([a-zA-Z%/]+)")  # a numb
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Argument(Spec):
-    """One thing that an action is told."""
+    """One argument of an action."""
 
     name: str
     title: str
     kind: Literal["number", "whole", "choice", "text", "doubt"]
-    unit: str = ""  # of a number
-    default: Value | None = None  # None: it must be given
+    unit: str = ""  # unit of a number
+    default: Value | None = None  # None: required
     low: Real = -1e6
     high: Real = 1e6
     choices: tuple[str, ...] = ()
 
     def read(self, raw: object, action: str, length: str = "mm") -> Value:
-        """Return the value that was typed or sent; `InputError` where it is none.
+        """Return the value that was typed or sent. Raises `InputError` if it does not fit.
 
-        A bare number of a length is in the unit `length`.
+        A length without a unit is in the unit `length`.
         """
         if raw is None or (isinstance(raw, str) and not raw.strip()):
             if self.default is None:
@@ -61,7 +61,7 @@ class Argument(Spec):
         factor = self._factor(length) if self.unit == "mm" else 1.0
         if (typed := TYPED.fullmatch(text)) and self.unit:
             text, factor = typed[1], self._factor(typed[2])
-        if re.fullmatch(r"[+-]?\d+,\d+", text):  # a decimal comma; 1,200,000 is none
+        if re.fullmatch(r"[+-]?\d+,\d+", text):  # a decimal comma, unlike 1,200,000
             text = text.replace(",", ".")
         try:
             number = factor * float(text) if not isinstance(raw, bool) else float("nan")

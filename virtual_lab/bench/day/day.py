@@ -1,7 +1,7 @@
-"""The day as the replay of its events: `decide` prices and refuses, `evolve` takes a day further.
+"""The day as a replay of its events: `decide` returns prices or refuses, `evolve` applies events.
 
-A day is what a page may show: it knows no truth. What the instruments showed stands in the events
-themselves, so that the log alone is the day.
+A day holds what a page may show, not the truth. The events contain the readings of the instruments,
+so the log alone defines the day.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from virtual_lab.records.session import Session
 AFTER_REDUCTION = frozenset(
     {"end-checklist", "note-doubt", "note-deviation", "give-verdict", "hand-in"}
 )
-DISPUTE = "dispute-score"  # all that can be done after the hand-in
+DISPUTE = "dispute-score"  # the only action after the hand-in
 CHECKLISTS = frozenset({"start-checklist", "end-checklist"})
-Shown = tuple[tuple[str, float | str, str], ...]  # what, value, unit
+Shown = tuple[tuple[str, float | str, str], ...]  # quantity, value, unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DayEvent:
-    """What was done, what it cost and what the instruments showed, all in the form of JSON."""
+    """An event in the form of JSON: the action, its price, and the readings of the instruments."""
 
     number: int  # from 1
     action: str
@@ -34,13 +34,13 @@ class DayEvent:
     seconds: float
     records: Mapping[str, Any] = field(default_factory=dict)  # channel: arrays
     shown: Shown = ()
-    constants: Mapping[str, Any] = field(default_factory=dict)  # that it puts in the place of known
-    sketch: Mapping[str, Any] = field(default_factory=dict)  # of a shot, as an eye had it
+    constants: Mapping[str, Any] = field(default_factory=dict)  # new values of known constants
+    sketch: Mapping[str, Any] = field(default_factory=dict)  # blurred top view of a shot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """Whether a hit counts, and why."""
+    """Decision whether a hit is accepted, with the reason."""
 
     accepted: bool
     because: str
@@ -52,42 +52,42 @@ class Decision:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Day:
-    """A day so far."""
+    """State of a day."""
 
-    morning: Session  # what the laboratory knew before anything was done
+    morning: Session  # constants known before the first action
     balls: int
-    came_with: int = 0  # events of another laboratory: its records are judged, its machines far
-    listed: Mapping[str, float] = field(default_factory=dict)  # what may go wrong, and how often
-    practice: int = 0  # the entry that it was taken again from; 0: a day of its own
+    came_with: int = 0  # number of events of another laboratory, whose records are judged
+    listed: Mapping[str, float] = field(default_factory=dict)  # possible faults: probability
+    practice: int = 0  # entry from which the day was repeated; 0: a day of its own
     checklists: bool = False
-    remarks: bool = False  # whether what was left out is named at once
-    exam: bool = False  # nothing is told of how well it goes
+    remarks: bool = False  # whether omitted steps are named at once
+    exam: bool = False  # whether the day gives no feedback
     events: tuple[DayEvent, ...] = ()
     seconds: float = 0.0
-    done: Mapping[str, int] = field(default_factory=dict)  # action: how often
-    struck: frozenset[int] = frozenset()  # events
-    mended: frozenset[str] = frozenset()  # faults that are over, if they ever were
+    done: Mapping[str, int] = field(default_factory=dict)  # action: number of times
+    struck: frozenset[int] = frozenset()  # events that were struck out
+    mended: frozenset[str] = frozenset()  # faults that repairs have removed, if present
     tared: bool = False
     level: bool = False
     clamped: bool = False
-    ready: frozenset[str] = frozenset()  # which of MAKE_READY were done since the last shot
-    scrap: int = 0  # shots since it was cleared
-    shift: tuple[tuple[float, float], ...] = ()  # along, across [m], asked of the cannon
-    ball: int | None = None  # in the cannon, from 0
+    ready: frozenset[str] = frozenset()  # steps of MAKE_READY done since the last shot
+    scrap: int = 0  # number of shots since the scrap was cleared
+    shift: tuple[tuple[float, float], ...] = ()  # requested moves of the aim, along and across [m]
+    ball: int | None = None  # ball in the cannon, from 0
     retired: frozenset[int] = frozenset()
-    place: float | None = None  # set [m]
-    fired: tuple[tuple[int, float], ...] = ()  # ball and second of each shot
+    place: float | None = None  # set impact position [m]
+    fired: tuple[tuple[int, float], ...] = ()  # ball and time [s] of each shot
     decisions: Mapping[int, Decision] = field(default_factory=dict)  # by shot, from 0
     reduced: bool = False
     verdict: str = ""
     handed_in: bool = False
 
     def times(self, action: str) -> int:
-        """Return how often an action was done."""
+        """Return the number of times an action was done."""
         return self.done.get(action, 0)
 
     def until(self, entry: int) -> Day:
-        """Return the day as it was after so many entries."""
+        """Return the day after the entry number `entry`."""
         kept = (
             "morning",
             "balls",
@@ -103,10 +103,10 @@ class Day:
 
 
 def decide(day: Day, action: Action) -> float:
-    """Return the price of an action [s]; `InputError` where it cannot be done now.
+    """Return the price of an action [s]. Raises `InputError` if it is impossible now.
 
-    Refused is only what is impossible, or would change what has been reduced: all else is done,
-    and has its consequences.
+    An action is refused only if it is impossible or would change reduced results. Any other action
+    is carried out and has its consequences.
     """
     name, given = action.name, action.arguments
     if day.handed_in and name != DISPUTE:
@@ -140,7 +140,7 @@ def decide(day: Day, action: Action) -> float:
 
 
 def offered(day: Day, action: str) -> bool:
-    """Return whether an action has a place on the page of a day."""
+    """Return whether the page of a day offers an action."""
     if day.handed_in or action == DISPUTE:
         return day.handed_in and action == DISPUTE and not day.exam
     if action in CHECKLISTS:
@@ -154,13 +154,13 @@ def ready_steps(day: Day) -> tuple[str, ...]:
 
 
 def has_instrument(day: Day, action: str) -> bool:
-    """Return True if the rig has the instrument of an action, or nothing is set up yet."""
+    """Return whether the rig has the instrument of an action, or is not set up yet."""
     needs, known = action_table().actions[action].needs, day.morning.calibration
     return not known or any(key.startswith(needs) for key in known)
 
 
 def _at_hand(day: Day, action: str) -> bool:
-    """Return whether an action needs no machines, or the machines are here."""
+    """Return whether an action needs no machines, or the machines are available."""
     here = len(day.events) < day.came_with or not day.came_with
     desk = {DISPUTE, "accept", "reject", "strike-out", "enter-result", "reduce"}
     return here or action in desk | AFTER_REDUCTION | CHECKLISTS
@@ -185,7 +185,7 @@ def _require_for_shot(day: Day, name: str, given: Mapping[str, Any]) -> None:
 
 def _require_reading(day: Day, entry: int) -> None:
     actions = {event.number: event.action for event in day.events}
-    lasting = {*AFTER, *CHECKLISTS, DISPUTE, "hit-wall"}  # which wears the balls
+    lasting = {*AFTER, *CHECKLISTS, DISPUTE, "hit-wall"}  # the wall test wears the balls
     if entry not in actions or actions[entry] in lasting:
         allowed = "only readings can be struck out; reject a hit instead"
         raise InputError("strike-out", "entry", entry, allowed)
@@ -214,7 +214,7 @@ Changes = Mapping[str, Any]  # fields of a day
 
 
 def _placed(day: Day, given: Changes) -> Changes:
-    from virtual_lab.measurement.procedure import to_set  # loads slowly, and no page waits for it
+    from virtual_lab.measurement.procedure import to_set  # loads slowly, so not before it is needed
 
     place = float(to_set(given["place"] / 1e3, exact=False))
     return {"place": place, "ready": day.ready - {"wait-rest"}}
@@ -236,7 +236,7 @@ def _made_ready(step: str) -> Callable[[Day, Changes], Changes]:
     return lambda day, _: {"ready": day.ready | {step}}
 
 
-AFTER: Mapping[str, Callable[[Day, Changes], Changes]] = {  # what an action leaves behind
+AFTER: Mapping[str, Callable[[Day, Changes], Changes]] = {  # consequences of each action
     **{step: _made_ready(step) for step in MAKE_READY},
     **{name: _mended(each.mends) for name, each in repairs().items()},
     "tare": lambda *_: {"tared": True},

@@ -1,6 +1,6 @@
-"""The desk: all that can be worked out of a day's entries, which is all that a page shows.
+"""The desk: all results that follow from a day's entries, and all that a page shows.
 
-Nothing here knows what is true; pages and operators are given a desk and nothing else.
+The desk does not contain the truth. Pages and operators receive a desk and nothing else.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
 
-if TYPE_CHECKING:  # the reduction takes a second to load, and a first page must not wait for it
+if TYPE_CHECKING:  # the reduction takes a second to load, too long for the first page
     from virtual_lab.measurement.certification import Certification
     from virtual_lab.measurement.reduction.shot_algebra import ShotResults
     from virtual_lab.measurement.session_reduction import Preparation, SessionReduction
 
 UNDECIDED = "undecided"
 UNTOUCHED_BY_DECISIONS = frozenset({"session", "rules", "preparation", "by_rules", "missing"})
-STAGES = {"hit-wall": "balls", "aim-paper": "impact"}  # whose records an action writes
+STAGES = {"hit-wall": "balls", "aim-paper": "impact"}  # stage of the records of each action
 
 
 def session_of(day: Day) -> Session:
-    """Return the records as they stand: of what was read again, the last entry not struck out."""
+    """Return the current records: for repeated readings, the last entry that is not struck out."""
     records: dict[str, dict[str, Record]] = {}
     calibration = dict(day.morning.calibration)
     shots: dict[str, list[Record]] = {}
@@ -55,7 +55,7 @@ def session_of(day: Day) -> Session:
 
 
 def _with_shot(session: Session, event: DayEvent) -> Session:
-    """Return the records with those of one shot more, as `session_of` has them."""
+    """Return the records with those of one more shot, in the form of `session_of`."""
     impact = dict(session.records.get("impact", {}))
     for channel, entry in event.records.items():
         shot = record_of(entry)
@@ -65,7 +65,7 @@ def _with_shot(session: Session, event: DayEvent) -> Session:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecidedHit:
-    """A shot at the bat: what the records make of it [SI; None: not seen], and what was decided."""
+    """A shot at the bat: its results from the records [SI], None if not seen, and the decision."""
 
     ball: int  # from 1
     place: float | None
@@ -78,16 +78,16 @@ class DecidedHit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnResult:
-    """A result that was entered, beside what the records give."""
+    """A result that the trainee entered, with the result from the records."""
 
-    name: str  # of OWN_RESULTS
+    name: str  # key of OWN_RESULTS
     entered: float
     reduced: float | None  # None: the records give none
     u: float | None
 
     @property
     def off(self) -> float | None:
-        """By how many standard uncertainties it is off what the records give."""
+        """Deviation of the entered result from that of the records [standard uncertainties]."""
         if self.reduced is None or not self.u:
             return None
         return (self.entered - self.reduced) / self.u
@@ -100,7 +100,7 @@ class OwnResult:
 
 @dataclass(frozen=True)
 class Desk:
-    """What is known on a day; the reductions are made when they are first asked for."""
+    """Results of a day, reduced when they are first requested."""
 
     day: Day
 
@@ -114,21 +114,21 @@ class Desk:
 
     @cached_property
     def preparation(self) -> Preparation:
-        """Of bat and balls; `InputError` names the record that is missing still."""
+        """Reduction of bat and balls. `InputError` names a missing record."""
         from virtual_lab.measurement.session_reduction import prepare
 
         return prepare(self.session)
 
     @cached_property
     def by_rules(self) -> SessionReduction:
-        """The hits so far, judged by the rules alone; `InputError` as `preparation`."""
+        """Reduction of the hits so far, judged by the rules. Raises as `preparation` does."""
         from virtual_lab.measurement.session_reduction import reduce_hits
 
         return reduce_hits(self.session, self.preparation)
 
     @cached_property
     def reduced(self) -> SessionReduction:
-        """The hits so far, those counted that were accepted."""
+        """Reduction of the hits so far, with the accepted ones valid."""
         found = self.by_rules
         judgement = self._chosen(found.shots)
         return replace(
@@ -151,14 +151,14 @@ class Desk:
 
     @property
     def result(self) -> tuple[float, float] | None:
-        """The metric and its standard uncertainty as the records give it; None: they give none."""
+        """Metric and standard uncertainty from the records, None if they give no result."""
         if not self.day.fired or self.missing or self.certification.metric is None:
             return None
         metric = self.certification.metric
         return metric.value, metric.u
 
     def own(self, entered: Mapping[str, object]) -> list[OwnResult]:
-        """Return each result of an entry beside that of the records."""
+        """Return each result of an entry together with that of the records."""
         given = self.certification.quantities if self.result else {}
         return [
             OwnResult(
@@ -173,12 +173,12 @@ class Desk:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the rules would reject each hit; empty where they would not."""
+        """Reason why the rules would reject each hit, or empty."""
         return self.by_rules.judgement.reasons if self.day.fired else ()
 
     @property
     def hits(self) -> list[DecidedHit]:
-        """Every shot so far; nothing is made of any while something is missing."""
+        """Every shot so far, without results while records are missing."""
         rows = np.full((len(self.day.fired), 4), np.nan)
         if self.day.fired and not self.missing:
             shots, found = self.by_rules.shots, self.by_rules
@@ -205,7 +205,7 @@ class Desk:
 
     @cached_property
     def missing(self) -> str:
-        """What keeps the hits from being reduced; empty where nothing does."""
+        """Reason why the hits cannot be reduced, or empty."""
         if not self.day.events:
             return "nothing has been measured yet"
         try:
@@ -216,7 +216,7 @@ class Desk:
 
     @cached_property
     def next_place(self) -> float | None:
-        """Where the rules ask for the next hit, as the rule is to be set [m]; None: nowhere."""
+        """Next impact position required by the rules [m], None if there is none."""
         from virtual_lab.measurement.reduction.observations import along_of
 
         rules, place = self.rules.spec, self.preparation.percussion
@@ -236,7 +236,7 @@ class Desk:
 
     @cached_property
     def waiting(self) -> tuple[int, ...]:
-        """The undecided hits that are within the windows, shots from 0."""
+        """Undecided hits within the windows, as shots from 0."""
         day = self.day
         if self.missing or day.reduced or day.handed_in:
             return ()
@@ -246,7 +246,7 @@ class Desk:
 
     @cached_property
     def with_waiting_accepted(self) -> Desk:
-        """The desk as it would be if every hit of `waiting` were accepted."""
+        """Desk with every hit of `waiting` accepted."""
         accepted = Decision(accepted=True, because="within the windows")
         decisions = {**dict.fromkeys(self.waiting, accepted), **self.day.decisions}
         following = Desk(replace(self.day, decisions=decisions))
@@ -256,13 +256,13 @@ class Desk:
 
     @property
     def rule_off(self) -> bool:
-        """Whether the rule is still to be set to the next place."""
+        """Whether the rule must still be set to the next impact position."""
         asked, stands = self.next_place, self.day.place
         return asked is not None and (stands is None or abs(asked - stands) > 1e-6)
 
     @property
     def next_ball(self) -> int:
-        """The ball whose turn it is, from 0: those admitted, in rotation."""
+        """Next ball of the rotation of admitted balls, from 0."""
         used = self.preparation.lot.used.copy()
         used[list(self.day.retired)] = False
         balls = np.flatnonzero(used if used.any() else ~used)
@@ -276,7 +276,7 @@ class Desk:
         return found[-1] if found else None
 
     def after(self, event: DayEvent) -> Desk:
-        """Return the desk after an event; what it leaves as it was is not worked out again."""
+        """Return the desk after an event, keeping the results that the event does not change."""
         following, known = Desk(evolve(self.day, event)), self.__dict__
         kept = frozenset({"rules"})
         if event.action == "fire":

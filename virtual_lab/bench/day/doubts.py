@@ -1,4 +1,4 @@
-"""Faults that may befall a laboratory, by name and by the title a trainee knows them by."""
+"""Possible faults of a laboratory, by name and by the title that a trainee sees."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.catalog.specs import is_line
 from virtual_lab.errors import InputError, nearest
 
-LONGEST_TEXT = 300  # characters of a trainee's own words
+LONGEST_TEXT = 300  # largest number of characters of a trainee's own words
 
 
 @cache
@@ -23,14 +23,14 @@ def fault_sheets() -> Mapping[str, FaultSheet]:
 
 
 def known_doubts() -> dict[str, str]:
-    """Return the faults one may name, and their titles."""
+    """Return the faults that a trainee can name, with their titles."""
     return {name: sheet.title for name, sheet in fault_sheets().items()}
 
 
 def doubt_of(words: str, action: str, key: str) -> str:
-    """Return the fault of a title; `InputError` asks back where the words are nearly one.
+    """Return the fault with a title. `InputError` suggests the title if the words are close to one.
 
-    Words of one's own begin with “other:”, and name no fault.
+    A trainee's own words begin with “other:” and name no fault.
     """
     known = known_doubts()
     by_title = {title.lower(): name for name, title in known.items()}

@@ -1,4 +1,4 @@
-"""Records, constants and a morning's session as a log holds them: lists and numbers of JSON."""
+"""Records, constants and the session before the first action, in the form of JSON for a log."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 
 def entry_of_record(record: Record) -> dict[str, Any]:
-    """Return a record as arrays in lists; what was not seen is null."""
+    """Return a record with its arrays as lists, and null for NaN."""
     arrays = {
         name: np.ma.masked_invalid(getattr(record, name)).tolist(None) for name in record.columns
     }
@@ -22,13 +22,13 @@ def entry_of_record(record: Record) -> dict[str, Any]:
 
 
 def record_of(entry: Mapping[str, Any]) -> Record:
-    """Return the record of an entry, to the bit."""
+    """Return the record of an entry, exact to the bit."""
     kind = record_types()[entry["kind"]]
     return kind(**{name: np.array(entry[name], dtype=np.float64) for name in kind.columns})
 
 
 def entry_of_session(session: Session) -> dict[str, Any]:
-    """Return what a laboratory knew in the morning, without records."""
+    """Return the constants known before the first action, without records."""
     return {
         "bat": session.bat,
         "ball": session.ball,

@@ -1,7 +1,7 @@
-"""The log of a day on disk: a table that only grows, each entry there before its answer is given.
+"""The log of a day on disk: a table that only grows, written before an action is answered.
 
-The first row is the morning; each row after it is an event, numbered from 1. A number that is
-there already is refused, so a button pressed twice makes one entry.
+The first row holds the start of the day. Each further row is an event, numbered from 1. An existing
+number is refused, so a button pressed twice makes one entry.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from virtual_lab.catalog import read
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
 
-LOG = "day.sqlite"  # its name in the folder of a day
+LOG = "day.sqlite"  # file name in the folder of a day
 SCHEMA = 2
 TABLE = """
 CREATE TABLE entries (number INTEGER PRIMARY KEY CHECK (number >= 0), entry TEXT NOT NULL) STRICT;
@@ -30,7 +30,7 @@ CREATE TRIGGER no_loss BEFORE DELETE ON entries BEGIN SELECT RAISE(ABORT, 'appen
 
 
 class SequenceError(InputError):
-    """An entry with a number that another has: it was sent twice, or from an older page."""
+    """An entry with an existing number, sent twice or from an outdated page."""
 
 
 class DayLog:
@@ -52,7 +52,7 @@ class DayLog:
 
     @classmethod
     def create(cls, path: Path, morning: Mapping[str, Any]) -> DayLog:
-        """Begin a log with what is known in the morning; `InputError` where the file is there."""
+        """Create a log with the start of the day. Raises `InputError` if the file exists."""
         if path.exists():
             raise InputError(str(path), "log", None, "is there already")
         with closing(sqlite3.connect(path, isolation_level=None)) as base:
@@ -63,7 +63,7 @@ class DayLog:
 
     @property
     def first(self) -> Day:
-        """The day as it began; of another laboratory's records too, before the first of them."""
+        """Return the day before its first event, including those of another laboratory."""
         session, told = session_of_entry(self.morning["session"]), self.morning["briefing"]
         return Day(
             morning=session,
@@ -77,7 +77,7 @@ class DayLog:
         )
 
     def append(self, event: DayEvent) -> None:
-        """Write an event to disk; `SequenceError` where its number is not the next."""
+        """Write an event to disk. Raises `SequenceError` if its number is not the next."""
         with closing(self._open()) as base:
             base.execute("BEGIN IMMEDIATE")
             (last,) = base.execute("SELECT max(number) FROM entries").fetchone()
@@ -101,7 +101,7 @@ class DayLog:
     def _open(self) -> sqlite3.Connection:
         base = sqlite3.connect(self.path, isolation_level=None)
         base.execute("PRAGMA synchronous=FULL")
-        base.execute("PRAGMA recursive_triggers=ON")  # or OR REPLACE would pass the triggers
+        base.execute("PRAGMA recursive_triggers=ON")  # otherwise OR REPLACE bypasses the triggers
         return base
 
 

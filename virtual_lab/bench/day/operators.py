@@ -1,6 +1,6 @@
-"""Operators who take a day without a page: they look at the desk, which is what a page shows.
+"""Operators that carry out a day without a page, from the desk that a page would show.
 
-An operator yields one action after the other; what it looks at is the desk after the last one.
+An operator yields one action after the other and sees the desk after the last one.
 """
 
 from __future__ import annotations
@@ -28,36 +28,36 @@ from virtual_lab.streams import Streams
 
 Look = Callable[[], Desk]
 Operator = Callable[[Look], Iterator[Action]]
-FIRST_SHOTS = 3  # after which a cylinder tells a dry bearing from what the encoder shows
+FIRST_SHOTS = 3  # number of shots after which the cylinder distinguishes a dry bearing
 BEFORE = "fired before the repair"
 
 
 @dataclass(frozen=True)
 class Habits:
-    """How an operator differs from the book; chances of 0 to 1 draw by the operator's seed."""
+    """Departures of an operator from the book; probabilities are drawn with the operator's seed."""
 
     seed: int = 0
-    forgets: float = 0.0  # a step that makes the laboratory ready
-    hurries: float = 0.0  # to time by hand, or few swings
-    waves_through: float = 0.0  # a hit that the rules reject
-    checks: bool = False  # looks at check standards, tells what they show and puts it right
-    listed: bool = False  # looks for nothing but what the scenario lists
-    wants: bool = False  # a low result: rejects what comes out high
+    forgets: float = 0.0  # probability of omitting a step of preparation
+    hurries: float = 0.0  # probability of timing by hand or with few swings
+    waves_through: float = 0.0  # probability of accepting a hit that the rules reject
+    checks: bool = False  # whether check standards are used, and their findings acted on
+    listed: bool = False  # whether only the faults listed by the scenario are looked for
+    wants: bool = False  # whether high hits are rejected, to obtain a low result
 
     def looks_for(self, listed: Mapping[str, float]) -> set[str]:
-        """Return the actions that are taken to find a fault."""
+        """Return the actions that the operator carries out to find faults."""
         known = detectable()
         sought = [name for name in listed if name in known] if self.listed else list(known)
         return {each for name in sought for each in known[name].actions} if self.checks else set()
 
     def slips(self, chance: float, what: str, number: int = 0) -> bool:
-        """Return whether it happens this time."""
+        """Return whether a slip of probability `chance` happens this time."""
         drawn = Streams(self.seed).uniform(f"operator.{what}", slots=np.array([number]))
         return bool(drawn[0] + 0.5 < chance)
 
 
 def _take(look: Look, habits: Habits) -> Iterator[Action]:
-    """Take a day as the procedure has it, as far as the habits allow."""
+    """Yield the actions of a day by the procedure, as far as the habits allow."""
     if look().day.came_with:
         yield from _judged(look)
         yield from _end(look, habits)
@@ -78,7 +78,7 @@ def _take(look: Look, habits: Habits) -> Iterator[Action]:
 
 
 def _judged(look: Look) -> Iterator[Action]:
-    """Decide the hits of another laboratory's records by the windows; note what was left out."""
+    """Yield decisions on another laboratory's hits by the windows, and notes on omitted steps."""
     for shot, why in enumerate(look().reasons if not look().missing else ()):
         given = look().day.decisions.get(shot)
         if given is None or given.accepted == bool(why):
@@ -91,7 +91,7 @@ def _judged(look: Look) -> Iterator[Action]:
 
 
 def _put_right(look: Look) -> Iterator[Action]:
-    """Note what points to a fault, put it right, and read again what that makes old."""
+    """Yield a note on each suspected fault, its repair, and the readings to be repeated."""
     while new := [row for row in doubts(look()) if row.fault not in _noted(look())]:
         row, sheets = new[0], action_table().actions
         sure = 100 * detectable()[row.fault].sure
@@ -109,7 +109,7 @@ def _put_right(look: Look) -> Iterator[Action]:
 
 
 def _struck(look: Look, repair: str) -> Iterator[Action]:
-    """Reject the shots that were fired before a repair."""
+    """Yield rejections of the shots that were fired before a repair."""
     day = look().day
     for shot in range(len(day.fired)):
         if shot not in day.decisions or day.decisions[shot].accepted:
@@ -127,7 +127,7 @@ def _how(name: str, habits: Habits) -> Mapping[str, object]:
 
 
 def _hits(look: Look, habits: Habits) -> Iterator[Action]:
-    """Fire until the rules are content, each hit accepted or rejected as it comes."""
+    """Yield shots and decisions until the rules are satisfied."""
     while not look().missing and (place := look().next_place) is not None:
         shot = len(look().day.fired)
         if look().rule_off:
@@ -160,13 +160,13 @@ def _decision(desk: Desk, habits: Habits) -> Action:
 
 
 def _lowest(desk: Desk) -> bool:
-    """Return whether no hit before the last one came out lower."""
+    """Return whether the last hit is the lowest one."""
     metric = desk.by_rules.shot_metric
     return bool(np.isfinite(metric[-1]) and metric[-1] <= np.nanmin(metric))
 
 
 def _can_spare(desk: Desk) -> bool:
-    """Return whether hits enough may follow if the last one does not count."""
+    """Return whether enough further hits are allowed if the last one is rejected."""
     left = desk.rules.spec.attempts - len(desk.day.fired)
     return left >= desk.rules.spec.valid_hits - int(desk.reduced.judgement.valid.sum())
 
@@ -196,7 +196,7 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
 
 
 def _confidence(desk: Desk) -> float:
-    """Return the chance that the bat is on the side of the limit that the result is on."""
+    """Return the probability that the bat is on the same side of the limit as the result."""
     result, limit = desk.result, desk.rules.spec.metric_limit
     if result is None or limit is None or not all(f.met for f in desk.certification.findings):
         return 0.9
@@ -214,9 +214,9 @@ HABITS = {
 
 
 def operator_of(name: str, seed: int = 0) -> Operator:
-    """Return the operator of a name, its slips drawn by a seed of its own.
+    """Return the operator of a name, with slips drawn from `seed`.
 
-    Raises `InputError` where there is none.
+    Raises `InputError` for an unknown name.
     """
     if name not in HABITS:
         allowed = f"{nearest(name, HABITS)}known: {', '.join(HABITS)}"
@@ -226,9 +226,9 @@ def operator_of(name: str, seed: int = 0) -> Operator:
 
 
 def by_script(script: Mapping[str, Any], where: str) -> Operator:
-    """Return who takes the actions of a document ``{"actions": [{"do": NAME, …}, …]}``.
+    """Return an operator that takes the actions of ``{"actions": [{"do": NAME, …}, …]}``.
 
-    Raises `InputError` where an entry is no action, with its number.
+    Raises `InputError` with the number of an entry that is not an action.
     """
     entries = script.get("actions")
     if not isinstance(entries, list) or not entries:

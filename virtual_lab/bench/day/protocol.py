@@ -1,4 +1,4 @@
-"""The procedure kept or not: which of its steps were done before what they are for."""
+"""Compliance with the procedure: steps that were done, or omitted, before they were needed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from virtual_lab.bench.day.table import PREPARING, action_table
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepDue:
-    """A step, the place in a day's events of what it had to come before, and whether it did."""
+    """A step, the index of the event that it must precede, and whether it was done in time."""
 
     step: str
     before: int
@@ -20,7 +20,7 @@ class StepDue:
 
 
 def steps_due(day: Day) -> Iterator[StepDue]:
-    """Yield every step that was due on a day so far, in the order they were due."""
+    """Yield every step that was due on a day so far, in the order in which they were due."""
     since: set[str] = set()
     seen: set[str] = set()
     shot = 0
@@ -32,7 +32,7 @@ def steps_due(day: Day) -> Iterator[StepDue]:
         since.add(event.action)
         if event.action == "fire":
             for step in (*ready_steps(day), "load-ball"):
-                if shot or step != "clear-scrap":  # before the first shot there is none
+                if shot or step != "clear-scrap":  # no scrap before the first shot
                     yield StepDue(step=step, before=at, done=step in since, shot=shot)
             since.clear()
             shot += 1
@@ -44,7 +44,7 @@ def left_out(day: Day) -> list[StepDue]:
 
 
 def excused(day: Day) -> dict[str, str]:
-    """Return the steps whose leaving out was noted as a deviation, each with its reason."""
+    """Return the omitted steps that were noted as deviations, each with its reason."""
     return {
         str(event.arguments["step"]): str(event.arguments["because"])
         for event in day.events
@@ -53,7 +53,7 @@ def excused(day: Day) -> dict[str, str]:
 
 
 def remarks(day: Day) -> Shown:
-    """Return what to remark on the last event of a day: steps that it came too early for."""
+    """Return remarks on the last event of a day: the steps that should have preceded it."""
     last = len(day.events) - 1
     sheets = action_table().actions
     return tuple(
@@ -64,7 +64,7 @@ def remarks(day: Day) -> Shown:
 
 
 def checklist(day: Day, *, end: bool) -> Shown:
-    """Return the list that is gone through before the first shot, or before the verdict."""
+    """Return the checklist before the first shot, or before the verdict if `end`."""
     sheets = action_table().actions
     if not end:
         lines = {

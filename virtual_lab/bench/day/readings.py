@@ -1,8 +1,8 @@
-"""Readings held against their certificates: each with its u, its limits, and whether within them.
+"""Readings compared with their certificates: each with its u, its limits and its state.
 
-Everything here is read off the displays and records of the day, and off what the laboratory knew
-before it: certificates, charts, the rules. One row feeds page, debrief and expert alike; how far
-off a reading may be stands in ``data/faults``, under ``found_by``.
+The rows use only the displays and records of the day and the prior knowledge of the laboratory:
+certificates, charts and rules. The same rows serve page, debrief and expert. The tolerances are in
+``data/faults``, under ``found_by``.
 """
 
 from __future__ import annotations
@@ -26,28 +26,26 @@ if TYPE_CHECKING:
     from virtual_lab.bench.day.day import DayEvent
     from virtual_lab.bench.day.desk import Desk
 
-CLOCK = "clock of the gates, fast"  # as compare-clock shows it
-SCRAPS = 0.2  # share of the balls that scraps are ahead of at the most, at boards; and 2 of few
-ROUGH_SHOTS = 3  # from which a coupling that slips at times is told from one that is loose
-COUNTING = 1 / sqrt(12)  # counts rms that whole counts leave of a smooth turn
+CLOCK = "clock of the gates, fast"  # label of the display of compare-clock
+SCRAPS = 0.2  # largest share of balls with fragments ahead, at boards; at least 2 shots
+ROUGH_SHOTS = 3  # number of shots that distinguish a slipping from a loose coupling
+COUNTING = 1 / sqrt(12)  # rms of rounding a smooth rotation to integer counts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckRow:
-    """A reading beside what it should be, numbers in the display's own unit."""
+    """A reading and its expected value, in the unit of the display."""
 
-    fault: str  # that a reading beyond its limits points to
+    fault: str  # fault indicated by a reading beyond its limits
     what: str
     reading: float
-    certificate: (
-        float | None
-    )  # what it should be, by certificate, chart or rule; None: nothing says
-    u: float  # standard uncertainty of their difference; 0: it is counted
-    low: float  # least reading that is within the limits
+    certificate: float | None  # expected value by certificate, chart or rule; None: unknown
+    u: float  # standard uncertainty of the difference; 0 for a count
+    low: float  # lower limit of the reading
     high: float
     unit: str
-    entry: int  # of the notebook
-    words: tuple[object, ...] = ()  # for the gaps of `what`
+    entry: int  # entry of the notebook
+    words: tuple[object, ...] = ()  # texts for the placeholders of `what`
 
     @property
     def within(self) -> bool:
@@ -84,7 +82,7 @@ class CheckRow:
 
     @property
     def why(self) -> str:
-        """The row in a sentence."""
+        """The row as a sentence."""
         row = self.printed
         unit = f" {row.unit}" if row.unit else ""
         of = f", expected {row.certificate}{unit}" if self.certificate is not None else ""
@@ -93,7 +91,7 @@ class CheckRow:
 
 
 class PrintedRow(NamedTuple):
-    """A row as a page prints it."""
+    """A row in its printed form."""
 
     what: str
     reading: str
@@ -106,7 +104,7 @@ class PrintedRow(NamedTuple):
 
 
 def doubts(desk: Desk) -> Iterator[CheckRow]:
-    """Yield the rows beyond their limits, one of each fault that another does not explain."""
+    """Yield the rows beyond their limits, one per fault that no other fault explains."""
     found: dict[str, CheckRow] = {}
     for row in rows_of(desk):
         if not row.within:
@@ -117,7 +115,7 @@ def doubts(desk: Desk) -> Iterator[CheckRow]:
 
 
 def rows_of(desk: Desk) -> Iterator[CheckRow]:
-    """Yield every reading that may decide on a fault, whether it does or not."""
+    """Yield every reading that can indicate a fault, within or beyond its limits."""
     for look in LOOKS:
         yield from look(desk)
 
@@ -131,10 +129,10 @@ def _row(
     *words: object,
     **limits: float,
 ) -> CheckRow:
-    """Return a row, `words` for the gaps of its sheet's.
+    """Return a row, with `words` for the placeholders of its sheet's text.
 
-    Of `limits` it has `low`, `high`, or `reach`, off the certificate either way; without any it
-    reaches as many u as its sheet says.
+    `limits` are `low` and `high`, or `reach` on both sides of the certificate. Without them the
+    limits are the number of u stated by the sheet.
     """
     sheet = detectable()[fault]
     low, high = limits.get("low", -inf), limits.get("high", inf)
@@ -160,7 +158,7 @@ def _beyond(fault: str) -> float:
 
 
 def _scatter(fault: str) -> float:
-    """Return the standard deviation of a number on sound days, as its sheet has it."""
+    """Return the standard deviation of a number on sound days, from its sheet."""
     return detectable()[fault].u or 0.0
 
 
@@ -208,7 +206,9 @@ def _pendulum(desk: Desk) -> Iterator[CheckRow]:
 
 def _weighed_again(desk: Desk) -> Iterator[CheckRow]:
     event, done = desk.last("reweigh-balls"), [each.action for each in desk.day.events]
-    if event and "tare" in done[: done.index("weigh-balls")]:  # else the scale may have changed
+    if (
+        event and "tare" in done[: done.index("weigh-balls")]
+    ):  # otherwise the scale may have changed
         values = [value for _, value in _numbers(event)]
         u = 1e3 * desk.session.calibration["bench.scale.resolution"].value
         shown, entered = float(np.mean(values[::2])), float(np.mean(values[1::2]))
@@ -220,7 +220,7 @@ def _hit_again(desk: Desk) -> Iterator[CheckRow]:
     if event and morning:
         shown = [value for _, value in _numbers(event)]
         now, before = (np.array(shown[first::2]) for first in (0, 1))
-        u = _lot_scatter(morning) / sqrt(now.size)  # a ball beside itself scatters less
+        u = _lot_scatter(morning) / sqrt(now.size)  # repeated readings of one ball scatter less
         more = float(np.mean(now / before))
         yield _row("wrong-lot", event, more, 1.0, u, high=1 + _beyond("wrong-lot"))
 
@@ -256,7 +256,7 @@ def _lot(desk: Desk) -> Iterator[CheckRow]:
 
 
 def _lot_scatter(hit: DayEvent) -> float:
-    """Return the relative standard deviation of the lot's balls at the wall, but the slowest."""
+    """Return the relative standard deviation of the balls at the wall, without the slowest one."""
     ratios = np.sort([value for _, value in _numbers(hit)])[1:]
     return float(np.std(ratios, ddof=1) / np.mean(ratios))
 
@@ -312,7 +312,7 @@ def _taps(desk: Desk) -> Iterator[CheckRow]:
 
 
 def _shots(desk: Desk) -> Iterator[CheckRow]:
-    """Yield what the shots since the last repair at the rig show together."""
+    """Yield the rows that follow from all shots since the last repair of the rig."""
     fired = [event for event in desk.day.events if event.action == "fire"]
     since = shots_before_repair(desk)
     if len(fired) == since or desk.missing:
@@ -352,7 +352,7 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
 
 
 def shots_before_repair(desk: Desk) -> int:
-    """Return how many shots were fired before the rig was last repaired."""
+    """Return the number of shots fired before the last repair of the rig."""
     fired = 0
     before = 0
     for event in desk.day.events:
@@ -363,25 +363,25 @@ def shots_before_repair(desk: Desk) -> int:
 
 
 def gate_edges(record: Record) -> Array:
-    """Return when each gate broke and cleared, (shot, way, gate, edge) [s]; NaN: not seen."""
+    """Return the times at which each gate broke and cleared, (shot, direction, gate, edge) [s]."""
     assert isinstance(record, GateRecord | BoardRecord)
     broke, cleared = record.times[..., 0], record.times[..., 1]
-    if broke.ndim == 4:  # a board is broken while any of its beams is
+    if broke.ndim == 4:  # a board is broken while any of its beams is broken
         broke, cleared = np.fmin.reduce(broke, axis=3), np.fmax.reduce(cleared, axis=3)
     return np.stack([broke, cleared], axis=-1)
 
 
 def beam_passages(record: Record) -> Array:
-    """Return how long each ball that comes in breaks each gate, (shot, gate) [s]; NaN: unseen."""
+    """Return the time for which each incoming ball breaks each gate, (shot, gate) [s], or NaN."""
     return np.asarray(np.diff(gate_edges(record)[:, 0], axis=-1)[..., 0])
 
 
 def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[CheckRow]:
-    """Hold how long each ball breaks the first gate and the last against each other."""
+    """Yield the comparison of the times for which balls break the first and the last gate."""
     long = beam_passages(record)[shots.start : shots.stop]
     ratio = long[:, 0] / long[:, -1]
     early = ratio > 1 + _beyond("sabot-trip")
-    if isinstance(record, BoardRecord):  # whose sabots shed scraps now and then on any day
+    if isinstance(record, BoardRecord):  # sabots shed fragments occasionally on any day
         most, words = (
             max(2.0, SCRAPS * early.size),
             (early.size, "a ball blocked the first gate too early"),
@@ -402,7 +402,7 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
 
 
 def _charted(desk: Desk, action: str) -> Iterator[tuple[str, DayEvent, float, float, float]]:
-    """Yield each number of a check standard: its name, entry, today's, the chart's, u of both."""
+    """Yield each number of a check standard: name, entry, today's value, chart's value, and u."""
     event = desk.last(action)
     if event is None:
         return
@@ -411,7 +411,7 @@ def _charted(desk: Desk, action: str) -> Iterator[tuple[str, DayEvent, float, fl
         today, chart, sd = (
             shown[f"{name}, {word}"] for word in ("today", "chart", "standard deviation of a day")
         )
-        # no chart of a dozen mornings is known better than to 0.2 %
+        # a chart of a dozen mornings is known to 0.2 % at best
         u = sd if action == "compare-clock" else hypot(sd, 0.002 * chart)
         yield name, event, today, chart, u
 

@@ -1,4 +1,4 @@
-"""Scenarios: which bat is tested by which rules, what goes wrong, and how it is scored."""
+"""Scenarios: bat, rules, faults and scoring of a day."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from virtual_lab.catalog.specs import Dimension, Name, Real, Spec, Title, YesNo
 from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH
 
-UNITS = MappingProxyType(  # a length and a speed in print: unit, and how much of SI it is
+UNITS = MappingProxyType(  # printed units of length and speed, with their size in SI
     {"SI": (("mm", 1e-3), ("m/s", 1.0)), "inch-ounce-mph": (("in", INCH), ("mph", MPH))}
 )
 SCORES = ("result", "detection", "protocol", "record", "economy")
@@ -26,36 +26,36 @@ SCORES = ("result", "detection", "protocol", "record", "economy")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(Spec):
-    """A day to be rehearsed."""
+    """A day to rehearse."""
 
     name: Name
     title: Title
-    task: Title  # what the trainee is told
+    task: Title  # task of the trainee
     bat: str
     procedure: str
-    rig: str = ""  # at the bat; else the one that the rules name
-    limit: Annotated[float | None, Gt(0), Dimension("number")] = None  # in place of the rules'
-    # what may go wrong and how often, which everybody is told; each day draws from it
+    rig: str = ""  # rig at the bat; empty: that of the rules
+    limit: Annotated[float | None, Gt(0), Dimension("number")] = None  # limit instead of the rules'
+    # possible faults and their probabilities, known to everybody; each day draws from them
     may_go_wrong: Mapping[str, Annotated[Real, Gt(0), Lt(1)]] = field(default_factory=dict)
-    faults: tuple[str, ...] | None = None  # of this day, which nobody is told of; None: drawn
-    records_of: Literal["", "book", "careless", "cheating"] = ""  # who took them; else the trainee
+    faults: tuple[str, ...] | None = None  # hidden faults of this day; None: drawn
+    records_of: Literal["", "book", "careless", "cheating"] = ""  # operator who took the records
     guidance: Literal["guided", "checklist", "none"] = "guided"
     checklists: YesNo = False
     feedback: Literal["during", "after", "never"] = "after"
-    units: Literal["SI", "inch-ounce-mph"] = "SI"  # in print and typed
-    laboratory: Mapping[str, Title] = field(default_factory=dict)  # its practice, in words
-    minutes: Annotated[float, Gt(0), Dimension("time")]  # that a good day takes
-    shots: Annotated[int, Gt(0), Dimension("number")]  # that it needs
-    weights: Mapping[str, Annotated[Real, Ge(0)]] = field(default_factory=dict)  # of SCORES
+    units: Literal["SI", "inch-ounce-mph"] = "SI"  # units for printing and typing
+    laboratory: Mapping[str, Title] = field(default_factory=dict)  # practice of the laboratory
+    minutes: Annotated[float, Gt(0), Dimension("time")]  # duration of a good day
+    shots: Annotated[int, Gt(0), Dimension("number")]  # number of shots of a good day
+    weights: Mapping[str, Annotated[Real, Ge(0)]] = field(default_factory=dict)  # weights of SCORES
 
     def briefing(self) -> dict[str, object]:
-        """Return what a trainee may know of it, in the form of JSON."""
+        """Return the part that a trainee may know, in the form of JSON."""
         told = ("title", "task", "guidance", "feedback", "checklists", "units", "minutes", "shots")
         lists = {key: dict(getattr(self, key)) for key in ("may_go_wrong", "laboratory")}
         return {key: getattr(self, key) for key in told} | lists
 
     def drawn(self, seed: int) -> Scenario:
-        """Return the scenario of one day: its faults drawn by a seed, unless they are given."""
+        """Return the scenario of one day, with faults drawn from a seed unless they are given."""
         if self.faults is not None:
             return self
         number = np.arange(len(self.may_go_wrong))
@@ -75,12 +75,12 @@ class Scenario(Spec):
 
 
 def load_scenario(name: str) -> Entry[Scenario]:
-    """Return a scenario that ships, or of a user's .toml file; `InputError` where it is unfit."""
+    """Return a shipped scenario, or that of a user's .toml file. Raises `InputError` if unfit."""
     return catalog.load("bench/scenarios", name, Scenario)
 
 
 @cache
 def scenarios_to_choose() -> Mapping[str, Scenario]:
-    """Return the scenarios that ship by name; exams are a trainer's to give."""
+    """Return the shipped scenarios by name, without exams, which only a trainer can give."""
     found = {name: load_scenario(name).spec for name in catalog.names("bench/scenarios")}
     return {name: each for name, each in found.items() if each.feedback != "never"}

@@ -1,4 +1,4 @@
-"""The table of actions: what each costs in lab minutes, and how large its consequences are."""
+"""The table of actions: their prices in laboratory minutes, and the size of their consequences."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from virtual_lab.catalog.faults import FoundBy
 from virtual_lab.catalog.specs import Dimension, Spec, Title, YesNo
 
 PREPARING = {"tare": "weigh-bat", "level-stand": "measure-balance", "fit-clamp": "swing"}
-MAKE_READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")  # for a shot
-FOUND_INSTEAD: Mapping[str, tuple[str, Mapping[str, str]]] = {  # faults that a constant mends
+MAKE_READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")  # steps before a shot
+FOUND_INSTEAD: Mapping[str, tuple[str, Mapping[str, str]]] = {  # faults repaired by a constant
     "gate-moved": ("gauge-gates", {"use": "gauge"}),
     "clamp-forgotten": ("swing-clamp", {"use": "measured"}),
     "ball-worn-out": ("retire-ball", {"because": "slower at the wall than the lot"}),
@@ -33,25 +33,25 @@ Time = Annotated[float, Ge(0), Dimension("time")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActionSheet(Spec):
-    """One action: its name on a button, its price, and what leaving it out does."""
+    """One action: its button, its price, and the effect of its omission."""
 
     title: Title
-    part: Part  # of the page, and of the day
+    part: Part  # part of the page and of the day
     skipped: Title
-    in_book: YesNo  # whether the procedure asks for it
-    minutes: Time  # [s], printed in minutes
-    mends: tuple[str, ...] = ()  # faults that are over once it is done
-    takes: tuple[Argument, ...] = ()  # what it is told
-    again: tuple[str, ...] = ()  # actions whose readings it makes old
-    needs: str = ""  # instrument of the rig, as calibration keys name it
-    channel: str = ""  # of the bench, that it writes
-    check_after: str = ""  # a check: the step of the book that it fits best after
-    on_checklist: YesNo = False  # before the first shot
+    in_book: YesNo  # whether the procedure requires it
+    minutes: Time  # price [s], printed in minutes
+    mends: tuple[str, ...] = ()  # faults that it repairs
+    takes: tuple[Argument, ...] = ()  # its arguments
+    again: tuple[str, ...] = ()  # actions whose readings must then be repeated
+    needs: str = ""  # required instrument of the rig, as named in calibration keys
+    channel: str = ""  # channel of the bench that it writes
+    check_after: str = ""  # for a check: best step of the book to follow
+    on_checklist: YesNo = False  # whether it is on the checklist before the first shot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Consequences(Spec):
-    """How large what an action prevents, or shows, is."""
+    """Sizes of the effects that actions prevent or show."""
 
     own_agrees: Annotated[float, Gt(0), Dimension("number")]
     untared: Mass
@@ -88,32 +88,32 @@ class ActionTable(Spec):
 
 @cache
 def channels() -> Mapping[str, str]:
-    """Return the actions that read one channel of the bench, and which."""
+    """Return the channel of each action that reads one channel of the bench."""
     return {name: each.channel for name, each in action_table().actions.items() if each.channel}
 
 
 @cache
 def preparation() -> tuple[str, ...]:
-    """Return the steps of the book before the bat is set to a place, in its order."""
+    """Return the steps of the book before the first impact position is set, in order."""
     book = (name for name, each in action_table().actions.items() if each.in_book)
     return tuple(takewhile(lambda name: name != "set-place", book))
 
 
 @cache
 def repairs() -> Mapping[str, ActionSheet]:
-    """Return the actions that mend something."""
+    """Return the actions that repair a fault."""
     return {name: each for name, each in action_table().actions.items() if each.mends}
 
 
 def remedy_of(fault: str) -> tuple[str, Mapping[str, str]] | None:
-    """Return the action that puts a fault right, with its arguments; None: nothing does."""
+    """Return the action that repairs a fault, with its arguments, or None."""
     if fault in FOUND_INSTEAD:
         return FOUND_INSTEAD[fault]
     return next(((name, {}) for name, each in repairs().items() if fault in each.mends), None)
 
 
 def in_buttons(sentence: str) -> str:
-    """Return a sentence of the bench with the names of actions as they stand on buttons."""
+    """Return a sentence with the names of actions replaced by the texts of their buttons."""
     writes = {f"bench/{channel}": name for name, channel in channels().items()}
     writes |= {"balls/log": "hit-wall", "impact/aim": "aim-paper"}
     for channel, action in writes.items():
@@ -133,12 +133,12 @@ def in_buttons(sentence: str) -> str:
 
 @cache
 def action_table() -> ActionTable:
-    """Return the table as it ships."""
+    """Return the shipped table of actions."""
     return catalog.load("bench", "actions", ActionTable).spec
 
 
 @cache
 def detectable() -> Mapping[str, FoundBy]:
-    """Return the faults that a check at the bench finds, and how."""
+    """Return the detection of each fault that a check at the bench can find."""
     found = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
     return MappingProxyType(found)

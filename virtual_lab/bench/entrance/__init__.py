@@ -1,1 +1,1 @@
-"""The commands' own side: a day served, one that an operator takes, the review of a class."""
+"""Entry points of the commands: a served day, an operator's day, the review of a class."""

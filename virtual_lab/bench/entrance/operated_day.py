@@ -1,4 +1,4 @@
-"""A whole day without a page: an operator or a script takes it, and it is told what it cost."""
+"""A whole day without a page, carried out by an operator or a script, with its debrief."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from virtual_lab.records.session import packed
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RehearsedDay:
-    """A day that an operator has taken: its debrief, its log and its sealed file."""
+    """A day carried out by an operator: its debrief, its log and its sealed file."""
 
     debrief: Debrief
-    kept: Mapping[str, bytes]  # by the names of the files
+    kept: Mapping[str, bytes]  # contents by file name
     desk: Desk
 
     @property
@@ -36,7 +36,7 @@ class RehearsedDay:
 
     @property
     def text(self) -> str:
-        """The verdict, the scores and what cost most, in lines."""
+        """The verdict, the scores and the most costly decisions, as lines of text."""
         told = self.debrief
         because = f": {told.right_because}" if told.right_because else ""
         lines = [f"{told.title}: {told.verdict} given, {told.right_verdict} right{because}"]
@@ -47,10 +47,10 @@ class RehearsedDay:
         return "\n".join(lines)
 
     def save(self, folder: str | Path) -> Path:
-        """Write log, sealed file and debrief into a new folder, records and certificate too.
+        """Write log, sealed file, debrief, records and certificate into a new folder.
 
-        The records are all that were written, and `virtual-lab reduce` judges them by the rules;
-        the certificate is of the hits that the operator accepted.
+        The records are complete, and `virtual-lab reduce` judges them by the rules. The certificate
+        uses the hits that the operator accepted.
         """
         target = Path(folder)
         with new_folder(target) as draft:
@@ -79,25 +79,25 @@ def rehearse(
     seed: int | None = None,
     operator_seed: int = 0,
 ) -> RehearsedDay:
-    """Let an operator take a day at the rehearsal bench.
+    """Let an operator carry out a day at the rehearsal bench.
 
     Parameters
     ----------
     scenario
-        The name of one that ships, or the path of a .toml file.
+        Name of a shipped scenario, or path of a .toml file.
     operator
-        ``book``, ``expert``, ``careful``, ``careless``, ``cheating``, or a function that is given
-        a function that returns the desk as it is, and yields actions.
+        ``book``, ``expert``, ``careful``, ``careless``, ``cheating``, or a generator function that
+        receives a function returning the current desk and yields actions.
     script
-        The path of a .json file whose actions are taken in the operator's place.
+        Path of a .json file with actions, instead of an operator.
     seed, operator_seed
-        Of the laboratory (None draws one), and of the operator's slips.
+        Seeds of the laboratory (None draws one) and of the operator's slips.
 
     Raises
     ------
     InputError
-        An unknown scenario, operator or action, one that cannot be done at its place, a day that
-        was not handed in.
+        An unknown scenario, operator or action, an action that is impossible at its place, or a day
+        that was not handed in.
     """
     if script is not None:
         taker = by_script(read_json(Path(script)), str(script))

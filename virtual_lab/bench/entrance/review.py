@@ -1,4 +1,4 @@
-"""What a trainer looks at: a class in one table, a day played back, a scenario tried."""
+"""Tools of a trainer: table of a class, replay of a day, trial of a scenario."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from virtual_lab.files import read_json
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column, quoted
 
-TRIED = (1, 2, 3)  # seeds that a scenario is tried with
+TRIED = (1, 2, 3)  # seeds for the trial of a scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassDay:
     """A trainee's day; scores are None until it is handed in."""
 
-    trainee: str = column("trainee")  # the folder
+    trainee: str = column("trainee")  # name of the folder
     day: str = column("day")
     verdict: str = column("verdict")
     right: str | None = column("right")
@@ -48,7 +48,7 @@ class ClassDay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurvePoint:
-    """A point of a learning curve: a score, or whether a fault that was there was named."""
+    """A point of a learning curve: a score, or whether an existing fault was named."""
 
     trainee: str = column("trainee")
     day: int = column("day")
@@ -59,7 +59,7 @@ class CurvePoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TriedDay:
-    """A day of a scenario that an operator took."""
+    """A day of a scenario carried out by an operator."""
 
     operator: str = column("operator")
     seed: int = column("seed")
@@ -73,7 +73,7 @@ class TriedDay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayedEntry:
-    """An entry played again: whether the sealed laboratory gives what the log holds."""
+    """A replayed entry: whether the sealed laboratory gives the content of the log."""
 
     entry: int = column("entry")
     minute: float = column("minute", form=".1f")
@@ -84,11 +84,10 @@ class PlayedEntry:
 
 
 def summary(folder: str | Path) -> Rows[ClassDay]:
-    """Return one table of the days that lie in folders below `folder`: a class.
+    """Return a table of the days in the folders below `folder`, for example of a class.
 
-    A day that was handed in and has no debrief yet is given one, beside its log.
-
-    Raises `InputError` where there is no day.
+    A day that was handed in without a debrief receives one, beside its log. Raises `InputError` if
+    there is no day.
     """
     place = Path(folder)
     logs = [log for log in sorted(place.rglob(LOG)) if not DayLog(log).first.practice]
@@ -101,9 +100,8 @@ def summary(folder: str | Path) -> Rows[ClassDay]:
 def trends(folder: str | Path) -> Rows[CurvePoint]:
     """Return the learning curves of the days below `folder`, by score and by fault.
 
-    The days of a trainee lie in one folder, in the order of their names; practice is left out.
-
-    Raises `InputError` where there is no day.
+    The days of a trainee are in one folder, in the order of their names. Practice is left out.
+    Raises `InputError` if there is no day.
     """
     place, points = Path(folder), list[CurvePoint]()
     before: dict[tuple[str, str], list[float]] = {}
@@ -166,9 +164,9 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
 
 
 def check_scenario(name: str | Path) -> Rows[TriedDay]:
-    """Try a scenario with operators by the book and expert, for who writes one.
+    """Try a scenario with the operators `book` and `expert`, for the author of a scenario.
 
-    Raises `InputError` where it cannot be played, with file, key and what is allowed.
+    Raises `InputError` with file, key and allowed values if it cannot be played.
     """
     entry = load_scenario(str(name))
     scenario = entry.spec
@@ -215,7 +213,7 @@ def _advice(scenario: Scenario, rows: list[TriedDay]) -> list[str]:
 
 
 def replay(path: str | Path) -> Rows[PlayedEntry]:
-    """Play a day back from its log: each entry as it was, and whether it comes out again.
+    """Replay a day from its log, and compare each entry with its replay.
 
     Parameters
     ----------
@@ -250,7 +248,7 @@ def replay(path: str | Path) -> Rows[PlayedEntry]:
 
 
 def played_folder(path: str | Path) -> Path:
-    """Return the folder of a day that is to be played back; `InputError` as `replay`."""
+    """Return the folder of a day to replay. Raises `InputError` as `replay` does."""
     place = Path(path)
     log = place / LOG if place.is_dir() else place
     if log.name != LOG or not log.is_file():

@@ -1,4 +1,4 @@
-"""The page started on this machine: days in folders, a server that serves each to one browser."""
+"""Start of the pages on this computer: days in folders, each served to one browser."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ def serve(
     tls: tuple[Path, Path] | None = None,
     exam: str = "",
 ) -> None:
-    """Begin days in folders, or take them up again, and serve them until stopped.
+    """Begin or continue days in folders, and serve them until stopped.
 
     Parameters
     ----------
     folders
-        Of each trainee, by name.
+        Folder of each trainee, by name.
     scenario, seed
-        Of days that begin; the trainees of one seed have the same day. Without a scenario days
-        that were handed in are played back.
+        Scenario and seed of new days; trainees with one seed have the same day. Without a scenario,
+        days that were handed in are replayed.
     port, host
-        Where the page is served; beyond this machine only with `tls`.
+        Address of the page; beyond this computer only with `tls`.
     browser
         Whether to open the page of the first day.
     say
-        Is given the lines that tell a trainer what to do.
+        Function called with lines of instructions for a trainer.
     tls
-        Certificate and key, files as OpenSSL writes them.
+        Certificate and key, as files of OpenSSL.
     exam
-        The title of one: the days are closed until the trainer begins it on a page of its own.
+        Title of an exam, whose days are closed until the trainer begins it on a separate page.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def serve(
 
     _require(tls, len(folders))
     family, numbers = _address(host, port, secure=tls is not None)
-    own = f"[{host}]" if ":" in host else host  # in an address, RFC 3986
+    own = f"[{host}]" if ":" in host else host  # form in an address, RFC 3986
     chosen = scenario is None or len(folders) > 1 or bool(exam)
     days = {
         name: ServedDay(folder, scenario, seed, chosen=chosen) for name, folder in folders.items()
@@ -90,7 +90,7 @@ def serve(
     )
     try:
         settings.load()
-    except OSError as fault:  # SSLError is one
+    except OSError as fault:  # includes SSLError
         raise InputError(str(certificate), "tls", None, f"cannot be used ({fault})") from fault
     server = uvicorn.Server(settings)
     thread = threading.Thread(
@@ -112,10 +112,10 @@ def serve(
     say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
     if browser:
         webbrowser.open(addresses[0])
-    sys.setswitchinterval(5e-4)  # s, that loading may hold up an answer
+    sys.setswitchinterval(5e-4)  # longest delay of an answer by loading [s]
     try:
         for day in days.values():
-            day.looked_at.wait(0.5)  # s: a first page before what is loaded for later
+            day.looked_at.wait(0.5)  # first page before the loading of other modules [s]
             day.open()
         if scenario:
             _warm(scenario.spec)
@@ -134,7 +134,7 @@ def _require(tls: tuple[Path, Path] | None, trainees: int) -> None:
 
 
 def _address(host: str, port: int, *, secure: bool) -> tuple[int, tuple[Any, ...]]:
-    """Return family and address of a host; without `secure` it is this computer alone."""
+    """Return family and address of a host, which is this computer unless `secure`."""
     try:
         known = socket.getaddrinfo(host, port, proto=socket.IPPROTO_TCP)
     except (OSError, UnicodeError) as fault:
@@ -147,7 +147,7 @@ def _address(host: str, port: int, *, secure: bool) -> tuple[int, tuple[Any, ...
 
 
 def _listening(family: int, address: tuple[Any, ...]) -> socket.socket:
-    # without the protocol an answer in two parts waits 40 ms
+    # without the protocol an answer in two parts takes 40 ms
     found = socket.socket(family, proto=socket.IPPROTO_TCP)
     found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
@@ -160,7 +160,7 @@ def _listening(family: int, address: tuple[Any, ...]) -> socket.socket:
 
 
 def _warm(scenario: Scenario) -> None:
-    """Load what is compiled, on another laboratory's day, while the first readings are made."""
+    """Load compiled code with another laboratory's day, during the first readings."""
     from virtual_lab.bench.day.operators import operator_of
     from virtual_lab.bench.machines.apparatus import Apparatus
     from virtual_lab.bench.machines.keeping import laboratory_of, taken

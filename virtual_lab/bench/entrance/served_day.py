@@ -1,8 +1,8 @@
-"""A day that is served: its page, its films and its debrief, in a folder.
+"""A served day: its page, its films and its debrief, in a folder.
 
-The first page needs the rules and the table of actions alone, and of a day that is taken up again
-the log: so it is served while the laboratory is still being set up behind it; what is done on the
-day waits for that, which takes seconds.
+The first page needs only the rules, the table of actions and, for a continued day, the log. It is
+served while the laboratory is still being set up in the background, which takes seconds. Actions
+wait for the setup.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 class Behind:
-    """Work behind the answers, one piece at a time in the order asked: they keep the other core."""
+    """Background work, one job at a time in the order requested, to leave a core for answers."""
 
     def __init__(self, name: str) -> None:
         self._pool = ThreadPoolExecutor(1, name)
@@ -46,7 +46,7 @@ class Behind:
         return future
 
     def ahead(self, future: Future[Any]) -> int:
-        """Return the number of pieces asked for before one and not done yet."""
+        """Return the number of unfinished jobs requested before `future`."""
         return sum(not each.done() for each in self._asked[: self._asked.index(future)])
 
 
@@ -54,9 +54,9 @@ FILMS, DEBRIEFS = Behind("film"), Behind("debrief")
 
 
 class ServedDay:
-    """A day as a page is given it, in a folder: begun there, or taken up again.
+    """A day for a page, in a folder: a new or a continued one.
 
-    Without a scenario it is there to be looked at, once it is handed in: by the trainer of an exam.
+    Without a scenario the day can only be viewed after its hand-in, by the trainer of an exam.
     """
 
     def __init__(
@@ -68,19 +68,19 @@ class ServedDay:
         chosen: bool = True,
     ) -> None:
         self.folder, self.scenario, self.seed = folder, scenario, seed
-        self.chosen = chosen  # by a trainer, or once the first entry is made
+        self.chosen = chosen  # whether a trainer chose the scenario, or an entry was made
         self._opened: Future[KeptDay] = Future()
         self._begun = (folder / LOG).exists()
         self.looked_at = threading.Event()
         self._expert: Future[Day] | None = None
-        self._told: tuple[int, Future[Debrief]] | None = None  # after so many entries
-        self._films: dict[tuple[int, bool], Future[bytes]] = {}  # shot, whether as it was
+        self._told: tuple[int, Future[Debrief]] | None = None  # number of entries, debrief
+        self._films: dict[tuple[int, bool], Future[bytes]] = {}  # key: shot, whether true
         self._filming = threading.Lock()
 
     def open(self) -> KeptDay:
-        """Set the laboratory up; `InputError` where scenario or folder are unfit."""
+        """Set up the laboratory. Raises `InputError` for an unfit scenario or folder."""
         if self._begun:
-            _ = self._first.missing  # first what the first page is made of, then the machines
+            _ = self._first.missing  # content of the first page, before the machines
         from virtual_lab.bench.machines.keeping import KeptDay
 
         if self._begun or self.scenario is None:
@@ -92,7 +92,7 @@ class ServedDay:
 
     @property
     def kept(self) -> KeptDay:
-        """The day on disk, once its laboratory is set up."""
+        """Day on disk, after its laboratory was set up."""
         return self._opened.result()
 
     @property
@@ -106,7 +106,7 @@ class ServedDay:
 
     @cached_property
     def _first(self) -> Desk:
-        """The desk that the log gives, or nothing but the rules of a day that begins."""
+        """Desk from the log, or from the rules alone for a new day."""
         if self._begun or self.scenario is None:
             return Desk(replayed(self._log.first, self._log.events()))
         rules = catalog.load("procedures", self.scenario.spec.procedure, Procedure)
@@ -138,17 +138,17 @@ class ServedDay:
     def do(self, action: Action, number: int | None = None) -> DayEvent:
         done = self.kept.do(action, number)
         if action.name == "fire" and self.briefing.get("camera"):
-            self._film(len(self.kept.day.fired), False)  # behind the answer
-        if action.name == "reduce" and not self.kept.day.exam:  # the machines have done their part
+            self._film(len(self.kept.day.fired), False)  # in the background
+        if action.name == "reduce" and not self.kept.day.exam:  # the machines are no longer needed
             from virtual_lab.bench.scoring.debrief import expert_day
 
             self._expert = DEBRIEFS.do(partial(expert_day, self.kept.apparatus, self.kept.day))
         return done
 
     def film(self, shot: int, *, true: bool) -> bytes:
-        """Return a camera's frames of a shot, from 1, as one PNG; nothing where there are none.
+        """Return a camera's frames of a shot, from 1, as one PNG, or no bytes without frames.
 
-        As the eye had it, or once that may be seen as it was. It waits until they are made.
+        They show the blurred sketch, or the truth once it may be shown. The call waits for them.
         """
         if not (self.briefing.get("camera") and 1 <= shot <= len(self.kept.day.fired)):
             return b""
@@ -172,9 +172,9 @@ class ServedDay:
         return film_as_seen(machines.laboratory.setup, fired[shot - 1])
 
     def motion(self, shot: int) -> Motion | None:
-        """Return the true course of a shot, from 1, once the day is handed in.
+        """Return the true motion of a shot, from 1, after the hand-in.
 
-        None while the laboratory is being set up: no page waits for it.
+        Return None while the laboratory is being set up, because a page must not wait.
         """
         if not (self._opened.done() and self.open_book):
             return None
@@ -185,7 +185,7 @@ class ServedDay:
         return true_motion(machines.firing, kept.day, shot)
 
     def certificate(self) -> str:
-        """Return the certificate of what was reduced; `InputError` before that."""
+        """Return the certificate's page. Raises `InputError` before the hits were reduced."""
         from virtual_lab.certificate.filling import certificate
         from virtual_lab.certificate.html import certificate_page
 
@@ -197,14 +197,14 @@ class ServedDay:
         return certificate_page(certificate(self.kept.desk.certification))
 
     def debrief(self, patience: float | None = None) -> str:
-        """Open the truth of a day that was handed in, and keep the debrief beside its log.
+        """Return the debrief's page of a day that was handed in, and keep it beside the log.
 
         Raises
         ------
         TimeoutError
-            It is not made within `patience` [s]; it says how many are made before it.
+            It is not ready within `patience` [s]; the message states how many are made before it.
         InputError
-            The day is not handed in, or an exam.
+            The day is not handed in, or is an exam.
         """
         from virtual_lab.bench.scoring.debrief_page import debrief_page
 
@@ -233,17 +233,17 @@ class ServedDay:
 
     @property
     def others(self) -> Mapping[str, Scenario]:
-        """The days that may be begun in place of this one, by name: none after its first entry."""
+        """Days that can be begun instead of this one, by name; none after the first entry."""
         return {} if self.chosen or self.desk.day.events else scenarios_to_choose()
 
     def begin(self, name: str) -> ServedDay:
-        """Return another day in the place of this one; `InputError` where it is not offered."""
+        """Return another day begun instead. Raises `InputError` if it is not offered."""
         if name not in self.others:
             allowed = f"allowed before the first entry: {', '.join(self.others) or 'none'}"
             raise InputError("", "scenario", name, allowed)
         from virtual_lab.bench.machines.keeping import SECRET
 
-        _ = self.kept  # set up, so that nothing is written to the folder any more
+        _ = self.kept  # waits for the setup, after which nothing is written to the folder
         for each in (LOG, SECRET):
             (self.folder / each).unlink()
         self.folder.rmdir()
@@ -252,9 +252,9 @@ class ServedDay:
         return day
 
     def branch(self, entry: int) -> ServedDay:
-        """Return a day of practice that goes on from an entry of this one, in a folder beside it.
+        """Return a day of practice that continues from an entry, in a folder beside this one.
 
-        Raises `InputError` as `KeptDay.branch`.
+        Raises `InputError` as `KeptDay.branch` does.
         """
         from virtual_lab.bench.machines.keeping import KeptDay
 

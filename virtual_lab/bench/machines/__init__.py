@@ -1,1 +1,1 @@
-"""The machines of the laboratory: what each action makes them write; the truth is here."""
+"""The machines of the laboratory, which write the readings of each action and know the truth."""

@@ -1,9 +1,9 @@
-"""The apparatus: what each action makes the laboratory's machines do, and what they write.
+"""The apparatus: execution of each action by the laboratory's machines, and their readings.
 
-With `checks` and `firing` it is what knows the truth on the bench. What it plays is a function of
-the entries before an action and of the laboratory: nothing is kept, so a day can be taken up again
-from its log, or played again with another action in it. Draws belong to the number of a reading or
-a shot, so the order of readings changes none of them.
+Only this module, `checks` and `firing` know the truth on the bench. A reading is a function of the
+laboratory and of the entries before the action. No other state is kept, so a day can be continued
+from its log or replayed with another action. Random numbers belong to the number of a reading or
+shot, so they do not depend on the order of readings.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MILLIMETRE, GRAM = 1e-3, 1e-3
 
 
 class Reading(NamedTuple):
-    """What an action gave: records by channel, what a display shows, constants found."""
+    """Result of an action: records by channel, values on the display, new constants."""
 
     records: Mapping[str, Record] = {}
     shown: Shown = ()
@@ -61,10 +61,10 @@ class Apparatus:
 
     laboratory: Laboratory
 
-    mended: dict[frozenset[str], Apparatus] = field(default_factory=dict)  # by what is over
+    mended: dict[frozenset[str], Apparatus] = field(default_factory=dict)  # by repaired faults
 
     def at(self, day: Day) -> Apparatus:
-        """Return the machines as the repairs of a day have left them."""
+        """Return the machines after the repairs of a day."""
         setup = self.laboratory.setup
         over = day.mended & set(setup.faults.names)
         if not over:
@@ -80,7 +80,7 @@ class Apparatus:
         return Firing(self.laboratory)
 
     def fired(self, day: Day) -> list[tuple[ShotPlan, RigOutput]]:
-        """Return the plan and the outcome of each shot of a day, each by the machines it had."""
+        """Return plan and output of each shot of a day, with the machines at that time."""
         before, found = day.until(0), []
         for event in day.events:
             if event.action == "fire":
@@ -94,7 +94,7 @@ class Apparatus:
         return CheckStandards(self.laboratory)
 
     def play(self, day: Day, action: Action) -> DayEvent:
-        """Carry out an action on a day that allows it: the event, its price still to be put in."""
+        """Carry out an allowed action and return its event, still without the price."""
         gives = self.at(day)._actions.get(action.name)
         reading = gives(day, action) if gives else Reading()
         if action.name in repairs():
@@ -111,9 +111,9 @@ class Apparatus:
         )
 
     def finish(self, desk: Desk) -> BatTest:
-        """Return the certification of a day that was reduced, and what really happened on it.
+        """Return the certification of a reduced day with its truth.
 
-        Raises `InputError` as `Desk.reduced`.
+        Raises `InputError` as `Desk.reduced` does.
         """
         day, now = desk.day, self.at(desk.day)
         laboratory, sessions = now.laboratory, SessionBlock.of(desk.session)
@@ -163,7 +163,7 @@ class Apparatus:
         }
 
     def _repaired(self, day: Day, action: Action) -> Reading:
-        """Say what a repair found, and what has to be read again after it."""
+        """Return the findings of a repair, and the readings that must be repeated."""
         sheets = action_table().actions
         faults = set(self.laboratory.setup.faults.names) - day.mended
         done = "repaired" if faults & set(sheets[action.name].mends) else "nothing was broken"
@@ -173,13 +173,13 @@ class Apparatus:
         )
 
     def _standard(self, check: Callable[[int], Shown]) -> Callable[[Day, Action], Reading]:
-        """Return what shows a check standard, given how often it was shown before."""
+        """Return a function that shows a check standard, given its number of earlier uses."""
         return lambda day, action: Reading(shown=check(day.times(action.name)))
 
     # the bench
 
     def _measure(self, day: Day, action: Action) -> Reading:
-        """Read one channel of the bench: as many repeats as its sheet says, numbered on."""
+        """Read one channel of the bench with the repeats of its sheet, numbered consecutively."""
         channel, given = channels()[action.name], action.arguments
         earlier = day.times(action.name)
         station: Any = self.laboratory.stations[Stage.BENCH]
@@ -246,7 +246,7 @@ class Apparatus:
         return Reading(shown=(*_numbered("reading", readings / GRAM, "g"), known))
 
     def _reweigh_balls(self, day: Day, action: Action) -> Reading:
-        """Weigh some balls as the display has them, beside what was entered of them."""
+        """Weigh balls again, and show the display beside the entered values."""
         entered = Desk(day).session.records.get("bench", {}).get("ball-mass")
         if not isinstance(entered, MassReadings):
             raise InputError(
@@ -264,7 +264,7 @@ class Apparatus:
         )
 
     def _weighed(self, day: Day, action: Action, mass: Any, stream: str, *slots: Any) -> Array:
-        """Return the scale's readings of an action, numbered on, (thing, repeat) [kg]."""
+        """Return the scale's readings of an action, (item, repeat) [kg], numbered consecutively."""
         station: Any = self._scale_as_it_stands(day, self.laboratory.stations[Stage.BENCH])
         repeats, earlier = station.spec.repeats, day.times(action.name)
         draws, turns = self.laboratory.draws, earlier + 1
@@ -272,7 +272,7 @@ class Apparatus:
         return np.asarray(shown.readings[:, repeats * earlier :])
 
     def _swing_clamp(self, day: Day, action: Action) -> Reading:
-        """Show the clamp's own moment of inertia, beside the one that was entered, and enter it."""
+        """Measure the clamp's moment of inertia, show it beside the entered one, and enter it."""
         station: Any = self.laboratory.stations[Stage.BENCH]
         off = self._table.clamp_u * self._off(day, action)
         measured = station.pendulum.true["clamp_inertia"] + off
@@ -290,7 +290,7 @@ class Apparatus:
         )
 
     def _off(self, day: Day, action: Action) -> float:
-        """Return by how many standard uncertainties a reading by hand is off, by its number."""
+        """Return the error of a reading by hand [standard uncertainties], by its number."""
         number = np.array([day.times(action.name)])
         return float(self.laboratory.draws.normal(f"rehearsal.{action.name}", slots=number)[0])
 
@@ -302,7 +302,7 @@ class Apparatus:
         return Reading(shown=_numbered("ball", np.round(diameters / MILLIMETRE, 2), "mm"))
 
     def _tap(self, day: Day, action: Action) -> Reading:
-        """Show the first bending frequency, of the bat as it is once it was fired at."""
+        """Show the first bending frequency of the bat, in its condition after the shots."""
         bat = specimen_at(Stage.IMPACT if day.fired else Stage.BENCH, self.laboratory).bat
         frequency = float(modes_of(bat.body, Free(), 1).bending_frequencies[0])
         noise = self._table.tap_u * self._off(day, action)
@@ -316,7 +316,7 @@ class Apparatus:
         return Reading(play.records, _numbered("ball", means, "rebound speed / incoming speed"))
 
     def _recheck_balls(self, day: Day, action: Action) -> Reading:
-        """Fire some of the balls that lie at the rig at the wall, beside what they did before."""
+        """Fire some balls at the wall again, and show the results beside the earlier ones."""
         morning = Desk(day).last("hit-wall")
         if morning is None:
             raise InputError(action.name, "balls", None, "have no e0 yet: hit-wall comes first")
@@ -368,7 +368,7 @@ class Apparatus:
     def _aim_paper(self, day: Day, action: Action) -> Reading:
         station: Any = self.firing.aimed(day.shift)
         stream, earlier = f"{self.laboratory.setup.rig}.aim", day.times(action.name)
-        # the first paper is the one that a plain test fires at
+        # the first paper is that of an ordinary test
         marks = station.cannon.mark(
             self.laboratory.draws, f"{stream}.{earlier}" if earlier else stream
         )
@@ -377,7 +377,7 @@ class Apparatus:
         return Reading({"aim": marks}, (along, across))
 
     def _re_aim(self, day: Day, action: Action) -> Reading:
-        """Move the aim; the laboratory then takes its cannon to point as it was told to."""
+        """Move the aim. The laboratory then assumes that the cannon points as requested."""
         known = Desk(day).session.calibration.get("impact.cannon.along")
         if known is None:
             return Reading()
@@ -398,7 +398,7 @@ class Apparatus:
     # the result
 
     def _reduce(self, day: Day, _: Action) -> Reading:
-        """Reduce the hits that were accepted; `InputError` names what is missing for it."""
+        """Reduce the accepted hits. `InputError` names what is missing."""
         desk = Desk(day)
         found, rules = desk.certification, desk.rules.spec
         bat = tuple(("rule for the bat", each.sentence, "") for each in found.findings)
@@ -418,7 +418,7 @@ class Apparatus:
         return Reading(shown=(*shown, *bat))
 
     def _enter_result(self, day: Day, action: Action) -> Reading:
-        """Check own results against what the records give, where that is told."""
+        """Compare entered results with those of the records, if the day gives feedback."""
         own = Desk(day).own(action.arguments)
         if not own:
             allowed = "is missing: enter at least one of r, e_A, e and BPF"
@@ -441,16 +441,16 @@ class Apparatus:
 
 
 def _swung(station: Any, given: Mapping[str, Any], table: Consequences) -> Station:
-    """Return the bench whose bat is let go as asked, its swings timed as asked.
+    """Return the bench with the requested release amplitude and timing of the pendulum.
 
-    Where it is let go too far out for its sheet, it is so from wherever it is asked.
+    A fault that makes the amplitude too large multiplies every requested amplitude.
     """
     by_hand = (
         {"timer_jitter": table.hand_reaction, "timer_resolution": table.hand_step}
         if given["clock"] == "hand"
         else {}
     )
-    farther = station.pendulum.spec.release_amplitude / (4.0 * DEGREE)  # than its sheet has it
+    farther = station.pendulum.spec.release_amplitude / (4.0 * DEGREE)  # ratio to the usual one
     return other_sheet(
         station,
         "pendulum",
@@ -461,14 +461,14 @@ def _swung(station: Any, given: Mapping[str, Any], table: Consequences) -> Stati
 
 
 def _ratios(play: RigOutput, balls: int) -> Array:
-    """Return how fast each of the first balls comes back from the wall, (ball,)."""
+    """Return the ratio of rebound to incoming speed at the wall of the first balls, (ball,)."""
     log: Any = play.records["log"]
     ratio = speed_ratio(play.records["gates"])
     return np.array([np.nanmean(ratio[log.ball == ball]) for ball in range(balls)])
 
 
 def _beside(one: tuple[str, Array], other: tuple[str, Array], unit: str) -> Shown:
-    """Return two values of each ball beside each other."""
+    """Return two values of each ball side by side."""
     return tuple(
         (f"ball {ball}, {word}", float(f"{value:.7g}"), unit)
         for ball, values in enumerate(zip(one[1], other[1], strict=True), 1)

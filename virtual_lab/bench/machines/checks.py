@@ -1,7 +1,7 @@
 """Check standards: a check ball at the wall, a steel cylinder in place of the bat.
 
-Today's hits stand beside those of mornings before, when nothing was wrong: what the displays show
-is held against what they used to show, and no constant is needed for it.
+Today's hits are compared with those of earlier mornings without faults. The comparison uses the
+displays and needs no constants.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.units import MPH, Array
 
-DAYS = 12  # mornings that stand on the chart
-FIRST_SLOT = 1_000_000  # of their shots, beyond any of the day's
+DAYS = 12  # number of mornings on the chart
+FIRST_SLOT = 1_000_000  # number of their first shot, above any shot of the day
 
 
 @dataclass(frozen=True)
 class CheckStandards:
-    """The check standards of a laboratory; `earlier`: how often one was used on the day."""
+    """The check standards of a laboratory. `earlier` is the number of earlier uses on the day."""
 
     laboratory: Laboratory
 
@@ -47,7 +47,7 @@ class CheckStandards:
         return self._against_chart(hit, earlier)
 
     def cylinder(self, earlier: int) -> Shown:
-        """Fire the check ball at the cylinder: its way back, and where counted the turn."""
+        """Fire the check ball at the cylinder: rebound, and rotation if an encoder counts it."""
         place = float(np.mean(catalog.load_bat("check-cylinder").spec.body.profile.z))
 
         def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
@@ -63,7 +63,7 @@ class CheckStandards:
         return self._against_chart(hit, earlier)
 
     def clock(self, earlier: int) -> Shown:
-        """Compare the clock of the gates with a reference, beside what it did before."""
+        """Compare the clock of the gates with a reference, beside earlier comparisons."""
         numbers = np.arange(DAYS + earlier + 1)
         off = action_table().consequences.clock_u * self.laboratory.draws.normal(
             "rehearsal.clock", slots=numbers
@@ -76,13 +76,13 @@ class CheckStandards:
 
     @cached_property
     def _sound(self) -> Laboratory:
-        """The same laboratory on the mornings before, when nothing was wrong."""
+        """The same laboratory on earlier mornings without faults."""
         return opened_again(self.laboratory, FaultSet())
 
     def _against_chart(
         self, hit: Callable[[Laboratory, int, int], Mapping[str, Array]], earlier: int
     ) -> Shown:
-        """Show the mean of today's hits beside mean and spread of other mornings' means."""
+        """Show the mean of today's hits beside mean and spread of the means of other mornings."""
         hits = action_table().consequences.check_hits
         today = hit(self.laboratory, FIRST_SLOT + hits * (DAYS + earlier), hits)
         chart = hit(self._sound, FIRST_SLOT, hits * DAYS)
@@ -97,14 +97,14 @@ class CheckStandards:
 
 
 def opened_again(mine: Laboratory, faults: FaultSet) -> Laboratory:
-    """Return the same laboratory with other faults; its papers stay as they are."""
+    """Return the same laboratory with other faults but the same certificates."""
     setup = replace(mine.setup, faults=faults, seed=mine.seed, collision=mine.collision)
     papers = {name: getattr(mine, name) for name in ("salt", "sealing", "date", "calibration")}
     return replace(Laboratory.open(setup), **papers)
 
 
 def _charted(name: str, today: float, mornings: Array, places: int, unit: str) -> Shown:
-    """Show a number beside mean and spread of other mornings'."""
+    """Show a number beside mean and spread of other mornings."""
     numbers = {
         "today": today,
         "chart": mornings.mean(),
@@ -116,17 +116,17 @@ def _charted(name: str, today: float, mornings: Array, places: int, unit: str) -
 
 
 def speed_ratio(gates: Record) -> Array:
-    """Return a ball's speed out over its speed in, between the gates, (shot,)."""
+    """Return the ratio of rebound to incoming speed between the gates, (shot,)."""
     into, back = _ways(gates)
     return np.asarray(into / back)
 
 
 def _ways(gates: Record) -> tuple[Array, Array]:
-    """Return the times from the first gate to the last, and back, (shot,) each [s]."""
+    """Return the times from the first gate to the last and back, each (shot,) [s]."""
     assert isinstance(gates, GateRecord | BoardRecord)
     middle = gates.times.mean(axis=-1)
     if isinstance(gates, BoardRecord):
-        with warnings.catch_warnings():  # a board that did not see the ball has no mean
+        with warnings.catch_warnings():  # a board that missed the ball has no mean
             warnings.simplefilter("ignore", RuntimeWarning)
             middle = np.nanmean(middle, axis=-1)
     return middle[:, 0, -1] - middle[:, 0, 0], middle[:, 1, 0] - middle[:, 1, -1]
@@ -142,7 +142,7 @@ def _plan(first: int, hits: int, *, place: float) -> ShotPlan:
 
 
 def _standing(laboratory: Laboratory) -> Laboratory:
-    """Return a laboratory with its check standards on the rigs; no fault of a lot befalls them."""
+    """Return a laboratory with its check standards on the rigs, without faults of the lot."""
     faults = tuple(fault for fault in laboratory.setup.faults.faults if not fault.specimen)
     ball = catalog.load("balls", "check-ball", BallSpec).spec
     cylinder = catalog.load_bat("check-cylinder").spec

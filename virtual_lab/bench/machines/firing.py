@@ -1,4 +1,4 @@
-"""Firing: what a shot hangs on, and what machines and balls make of it."""
+"""Firing of shots at the wall and at the bat, and the conditions that they depend on."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, othe
 from virtual_lab.simulation.rig import FilmingStation, RigOutput, ShotPlan, Specimen, Stage, Station
 from virtual_lab.simulation.truth import TrueBalls
 
-AGAIN = 2_000_000  # beyond the hits of any test of the lot, and of the check ball
+AGAIN = 2_000_000  # number of the first repeated hit, above those of lot and check ball
 
 
 class ShotConditions(NamedTuple):
-    """All that a shot hangs on beside the laboratory."""
+    """Conditions of a shot besides the laboratory."""
 
     shot: int
     ball: int
@@ -31,8 +31,8 @@ class ShotConditions(NamedTuple):
     ready: frozenset[str]
     scrap: int
     shift: tuple[tuple[float, float], ...]
-    warm: int  # hits of the ball within its rest
-    wall: int  # how often the lot was fired at the wall
+    warm: int  # number of hits of the ball within its rest time
+    wall: int  # number of wall tests of the lot
 
 
 @dataclass(frozen=True)
@@ -40,26 +40,28 @@ class Firing:
     """The machines that fire balls at the wall and at the bat."""
 
     laboratory: Laboratory
-    shots: dict[ShotConditions, RigOutput] = field(default_factory=dict)  # played already
-    sketches: dict[ShotConditions, dict[str, Any]] = field(default_factory=dict)  # drawn already
-    after_walls: dict[int, Laboratory] = field(default_factory=dict)  # by their number
+    shots: dict[ShotConditions, RigOutput] = field(default_factory=dict)  # cache of shots
+    sketches: dict[ShotConditions, dict[str, Any]] = field(
+        default_factory=dict
+    )  # cache of sketches
+    after_walls: dict[int, Laboratory] = field(default_factory=dict)  # by number of wall tests
 
     def wall(self, earlier: int) -> RigOutput:
-        """Fire the lot at the wall, the balls as `earlier` such tests left them."""
+        """Fire the lot at the wall, with the balls as left by `earlier` such tests."""
         laboratory = self._found(earlier)
         rules = laboratory.rules.spec
         hits = rules.balls * rules.wall_hits * len(rules.wall_speeds)
         return _at_the_wall(laboratory, rules.balls, hits * earlier)
 
     def wall_again(self, day: Day, balls: int, earlier: int) -> RigOutput:
-        """Fire the first balls that lie at the rig at the wall, `earlier` times done before."""
+        """Fire the first balls of the rig at the wall, after `earlier` such repeats."""
         laboratory = self._found(day.times("hit-wall"))
         own = replace(laboratory.specimen, balls=specimen_at(Stage.IMPACT, laboratory).balls)
         laboratory = replace(laboratory, specimen=own)
         return _at_the_wall(laboratory, balls, AGAIN * (earlier + 1))
 
     def _found(self, walls: int) -> Laboratory:
-        """Return the laboratory whose balls are as so many wall tests found them."""
+        """Return the laboratory with its balls aged by `walls` wall tests."""
         if walls < 1:
             return self.laboratory
         if walls not in self.after_walls:
@@ -72,11 +74,11 @@ class Firing:
         return self.after_walls[walls]
 
     def balls(self, day: Day) -> TrueBalls:
-        """Return the lot as the day has left it."""
+        """Return the lot in its condition after the day so far."""
         return self._found(day.times("hit-wall")).specimen.balls
 
     def aimed(self, shift: tuple[tuple[float, float], ...]) -> Station:
-        """Return the rig with its cannon moved, each time by about as much as was asked."""
+        """Return the rig with its cannon moved, each time by about the requested amount."""
         station = self.laboratory.stations[Stage.IMPACT]
         if not shift:
             return station
@@ -92,7 +94,7 @@ class Firing:
         )
 
     def conditions(self, day: Day) -> ShotConditions:
-        """Return what the next shot of a day hangs on."""
+        """Return the conditions of the next shot of a day."""
         if day.ball is None or day.place is None:
             raise InputError("fire", "cannon", None, "no ball, or no place: decide() comes first")
         rest = action_table().consequences.ball_rest
@@ -110,14 +112,14 @@ class Firing:
         )
 
     def shot(self, shot: ShotConditions) -> tuple[ShotPlan, RigOutput]:
-        """Fire a ball: what was asked, and what came of it."""
+        """Fire a ball. Return the plan and the output."""
         asked = self._plan(shot, self.laboratory.rules.spec.ball_speed)
         if shot not in self.shots:
             self.shots[shot] = self._played(asked, shot)
         return asked, self.shots[shot]
 
     def as_it_stands(self, shot: ShotConditions) -> tuple[Laboratory, ShotPlan]:
-        """Return the laboratory that a shot finds, and the plan that it is fired to."""
+        """Return the laboratory and the plan of a shot under its conditions."""
         table, speed = action_table().consequences, self.laboratory.rules.spec.ball_speed
         laboratory = self._found(shot.wall)
         balls = laboratory.specimen.balls
@@ -150,7 +152,7 @@ class Firing:
         tripping = float(draws.uniform("rehearsal.scrap", slots=asked.slot)[0]) + 0.5
         laboratory, plan = self.as_it_stands(shot)
         station: Any = laboratory.stations[Stage.IMPACT]
-        if isinstance(station, FilmingStation):  # its frames are made when they are looked at
+        if isinstance(station, FilmingStation):  # frames are made when they are viewed
             station = station.unfilmed()
             stations = {**laboratory.stations, Stage.IMPACT: station}
             laboratory = replace(laboratory, stations=stations)
@@ -168,7 +170,7 @@ class Firing:
     def _counted(
         self, record: EncoderRecord, encoder: Any, shot: ShotConditions, asked: ShotPlan
     ) -> EncoderRecord:
-        """Return what an encoder shows that was not zeroed, of a bat that was not at rest."""
+        """Return the record of an encoder that was not zeroed, with a bat that was not at rest."""
         draws, turn = self.laboratory.draws, encoder.spec.counts_per_turn
         counts = record.counts
         if "wait-rest" not in shot.ready:
@@ -182,7 +184,7 @@ class Firing:
 
 
 def _at_the_wall(laboratory: Laboratory, balls: int, first: int) -> RigOutput:
-    """Fire the first balls of a lot at the wall, their hits numbered from `first` on."""
+    """Fire the first balls of a lot at the wall, with hits numbered from `first`."""
     rules = laboratory.rules.spec
     each = np.tile(rules.wall_speeds, rules.wall_hits)
     ball = np.arange(balls).repeat(each.size)
@@ -197,17 +199,17 @@ def _at_the_wall(laboratory: Laboratory, balls: int, first: int) -> RigOutput:
 
 
 def _tripping(shot: ShotConditions) -> float:
-    """Return the chance that scrap trips the first gate ahead of the ball."""
+    """Return the probability that scrap trips the first gate ahead of the ball."""
     return 1 - (1 - action_table().consequences.scrap) ** shot.scrap
 
 
 def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
-    """Return bat and balls as they really are at a stage."""
+    """Return the true bat and balls at a stage, with faults."""
     nothing, first = np.zeros(1), np.zeros(1, dtype=int)
     plan = ShotPlan(slot=first, ball=first, speed=nothing, place=nothing)
     return laboratory.setup.faults.done(stage, plan, laboratory.specimen)[1]
 
 
 def altered(station: Station, part: str, **true: float) -> Station:
-    """Return a station with some true constants of one of its instruments changed."""
+    """Return a station with other true constants of the instrument `part`."""
     return fitted_with(station, part, instrument_of(station, part).altered(**true))

@@ -1,7 +1,7 @@
-"""A rehearsal: a day on disk and the apparatus behind it, action by action.
+"""A rehearsal: a day on disk with its apparatus, action by action.
 
-The log, which any page may read, lies in one file; seed, salt and faults in another, which only
-this module opens and only its owner may read.
+One file holds the log, which any page may read. Another file holds seed, salt and faults; only this
+module opens it, and only its owner may read it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SECRET = "sealed.json"
 
 
 def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
-    """Return the laboratory of a scenario's day; `InputError` as `Laboratory.open`."""
+    """Return the laboratory of a scenario's day. Raises `InputError` as `Laboratory.open` does."""
     setup = TestSetup.of(
         scenario.bat,
         procedure=_rules(scenario),
@@ -55,7 +55,7 @@ def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
 
 
 def _rules(scenario: Scenario) -> Entry[Procedure]:
-    """Return the rules of a day, with the limit of the scenario where it has one."""
+    """Return the rules of a day, with the limit of the scenario if it has one."""
     rules = catalog.load("procedures", scenario.procedure, Procedure)
     if scenario.limit is None:
         return rules
@@ -71,9 +71,9 @@ class KeptDay:
     """A day in a folder."""
 
     def __init__(self, folder: Path) -> None:
-        """Take a day up again, wherever it was left.
+        """Continue the day in a folder.
 
-        Raises `InputError` where the folder holds none, or its files cannot be used.
+        Raises `InputError` if the folder has no day or its files cannot be used.
         """
         self.folder = folder
         self.log = DayLog(folder / LOG)
@@ -89,9 +89,9 @@ class KeptDay:
 
     @classmethod
     def begin(cls, folder: Path, scenario: Entry[Scenario], seed: int | None = None) -> Self:
-        """Begin a day in a folder that holds none; a seed is drawn where none is given.
+        """Begin a day in a folder without a day. Without a seed one is drawn.
 
-        Its files take their place together or not at all: a crash leaves a folder to begin in.
+        Its files are written together or not at all, so the folder is usable after a crash.
         """
         drawn = secrets.randbits(SEED_BITS) if seed is None else seed
         salt = secrets.token_bytes(16)
@@ -127,11 +127,10 @@ class KeptDay:
 
     @classmethod
     def branch(cls, source: Path, entry: int, folder: Path) -> Self:
-        """Begin a day in a new folder as another that was handed in stood after an entry.
+        """Begin a day in a new folder that continues a handed-in day from an entry.
 
-        It draws as that one does, and is marked as practice: its truth is known.
-
-        Raises `InputError` where the other is not handed in or has no such entry.
+        The new day has the same random numbers and is marked as practice, since its truth is known.
+        Raises `InputError` if the other day is not handed in or has no such entry.
         """
         log = DayLog(source / LOG)
         events = log.events()
@@ -152,7 +151,7 @@ class KeptDay:
 
     @property
     def seal(self) -> str:
-        """What the seal says at the reveal."""
+        """Statement of the seal when the truth is revealed."""
         shown = self.log.morning["briefing"]["commitment"]
         content = read_bytes(self.folder / SECRET)
         if _digest(content) != shown:
@@ -168,20 +167,20 @@ class KeptDay:
         return self.desk.day
 
     def taken(self, operator: Operator) -> Day:
-        """Let an operator take the day to its end; `InputError` where what it asks cannot be."""
+        """Let an operator complete the day. Raises `InputError` for an impossible action."""
         for action in operator(lambda: self.desk):
             self.do(action)
         return self.day
 
     def do(self, action: Action, number: int | None = None) -> DayEvent:
-        """Do an action: its event is on disk before it is returned.
+        """Do an action, and return its event after writing it to disk.
 
         Raises
         ------
         SequenceError
-            `number`, of the entry this is meant to be, is not the next one.
+            `number` is not the number of the next entry.
         InputError
-            It cannot be done now, or what it needs is missing; nothing is written.
+            The action is impossible now, or a requirement is missing; nothing is written.
         """
         due = len(self.day.events) + 1
         if number is not None and number != due:
@@ -194,7 +193,7 @@ class KeptDay:
 
 
 def done(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
-    """Return the event of an action on a day; `InputError` where it cannot be done."""
+    """Return the event of an action on a day. Raises `InputError` if it is impossible."""
     price = decide(day, action)
     event = replace(apparatus.play(day, action), seconds=price)
     said = remarks(evolve(day, event)) if day.remarks else ()
@@ -202,7 +201,7 @@ def done(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
 
 
 def played(apparatus: Apparatus, actions: Iterable[Action]) -> Day:
-    """Return the day of some actions, taken in turn, that no log holds."""
+    """Return the day after a series of actions, without a log."""
     return taken(apparatus, lambda _: iter(actions))
 
 
@@ -212,9 +211,9 @@ def taken(
     morning: Day | None = None,
     listed: Mapping[str, float] = MappingProxyType({}),
 ) -> Day:
-    """Return the day as an operator takes it, that no log holds; it begins with `morning`.
+    """Return the day that an operator carries out from `morning` on, without a log.
 
-    `listed` is what may go wrong, and how often.
+    `listed` holds the possible faults and their probabilities.
     """
     laboratory = apparatus.laboratory
     untouched = Day(morning=laboratory.session, balls=laboratory.rules.spec.balls, listed=listed)
@@ -226,7 +225,7 @@ def taken(
 
 
 def _records_of(scenario: Scenario, laboratory: Laboratory, seed: int) -> tuple[DayEvent, ...]:
-    """Return what another laboratory did on the day, up to its own result."""
+    """Return the events of another laboratory on the day, up to its result."""
     if not scenario.records_of:
         return ()
     events = taken(Apparatus(laboratory), operator_of(scenario.records_of, seed)).events
@@ -235,7 +234,7 @@ def _records_of(scenario: Scenario, laboratory: Laboratory, seed: int) -> tuple[
 
 
 def _individuals(laboratory: Laboratory) -> dict[str, Any]:
-    """Return what was drawn of bat and balls, in the form of JSON."""
+    """Return the drawn properties of bat and balls, in the form of JSON."""
     bat, balls = laboratory.specimen.bat.body.material, laboratory.specimen.balls
     return {
         "bat_youngs_modulus": bat.youngs_modulus,

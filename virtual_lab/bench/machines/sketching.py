@@ -1,11 +1,11 @@
-"""What is handed over of a shot as seen from above: what happened in kind, its numbers blurred.
+"""The top view of a shot that a trainee may see: true events with blurred numbers.
 
-An animation drawn to 5 mm would give e_A to 0.0003. So the rebound is off by a draw of the day
-and one of the shot, which no number of shots averages out, and the bat's turn by another. After
-the day is handed in, `scene_of_shot` gives the shot as it was.
+An animation drawn to 5 mm would reveal e_A to 0.0003. The rebound therefore has a random error of
+the day, which no number of shots averages out, and one of the shot; the rotation of the bat has
+another. After the hand-in `scene_of_shot` gives the true shot.
 
-So it is with a camera's frames: before the day is handed in they are those of nominal machines, a
-nominal bat and ball whose e_A is the sketch's, so no fit of them finds more than the sketch has.
+A camera's frames are treated in the same way: before the hand-in they show nominal machines, and a
+nominal bat and ball with the e_A of the sketch, so no fit of them finds more than the sketch.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Quiet
 from virtual_lab.units import Array
 
-FRAMES = 6  # of a camera's film of a shot
+FRAMES = 6  # number of frames in a film of a shot
 
 
 def sketch_of(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
     """Return the sketch of a shot, in the form of JSON.
 
-    `struck`, what was struck in turn, nothing by a ball that never came; and of one that met the
-    bat `way` and `side`, to which it then flew, `rebound`, e_A, and `turn`, the rate that the blow
-    gave the bat [rad/s], both blurred.
+    `struck` lists the objects in the order in which they were struck. For a ball that met the bat,
+    `way` and `side` state its direction afterward, and `rebound` (e_A) and `turn` (rate of the bat
+    [rad/s]) are blurred.
     """
     if shot not in firing.sketches:
         firing.sketches[shot] = _sketched(firing, shot)
@@ -58,7 +58,7 @@ def _sketched(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
     struck = struck or ["bat"] * met
     if not met:
         return {"struck": struck}
-    straight = abs(across) < 0.008  # m off the axis: no eye sees it go aside
+    straight = abs(across) < 0.008  # largest offset from the axis without visible deflection [m]
     side = "straight" if straight else "up" if across > 0 else "down"
     way = "back" if truth["rebound_speed"][0] > 0 else "on"
     rebound, turn = blurred(firing, shot, efficiency)
@@ -66,13 +66,13 @@ def _sketched(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
 
 
 def blurred(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[float, float]:
-    """Return e_A and the rate of the bat [rad/s] as an eye would have them."""
+    """Return blurred values of e_A and of the rate of the bat [rad/s]."""
     draws = firing.laboratory.draws
     day = draws.normal("rehearsal.sketch-day", 2)
     own = draws.normal("rehearsal.sketch", 2, np.array([shot.shot]))[0]
-    # standard deviations of a day and of a shot
-    off = 0.03 * day[0] + 0.03 * own[0]  # of e_A
-    share = 0.1 * day[1] + 0.1 * own[1]  # of the bat's turn
+    # with standard deviations of a day and of a shot
+    off = 0.03 * day[0] + 0.03 * own[0]  # error of e_A
+    share = 0.1 * day[1] + 0.1 * own[1]  # relative error of the bat's rate
     specimen, rules = firing.laboratory.specimen, firing.laboratory.rules.spec
     body = specimen.bat.body
     axis = body.length - rules.pivot_from_knob
@@ -84,7 +84,7 @@ def blurred(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[fl
 
 
 def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, PlayedShots] | None:
-    """Return a shot at a bat at rest as it was; None at other rigs, or where no scene plays it."""
+    """Return the true scene of a shot at a bat at rest, None for other rigs or without a scene."""
     laboratory, asked = firing.as_it_stands(shot)
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, RestingBatStation):
@@ -99,7 +99,7 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
 
 
 def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
-    """Return how a shot of a day, from 1, really went; None where no scene plays it."""
+    """Return the true motion of a shot of a day, from 1, None without a scene."""
     found = scene_of_shot(firing, firing.conditions(before_shot(day, shot)))
     if found is None:
         return None
@@ -119,7 +119,7 @@ def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
 
 @dataclass(frozen=True)
 class FixedRebound(Ladder):
-    """Collisions that all have the e_A that an eye had."""
+    """Collision models that all return the e_A of the sketch."""
 
     rebound: float = 0.0
 
@@ -128,14 +128,14 @@ class FixedRebound(Ladder):
 
 
 def has_camera(laboratory: Laboratory) -> bool:
-    """Return whether a camera hangs over the bat."""
+    """Return whether the rig has a camera."""
     return isinstance(laboratory.stations[Stage.IMPACT], FilmingStation)
 
 
 def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
-    """Return frames of a shot as its sketch has it, as one PNG; nothing where none met the bat.
+    """Return frames of a shot according to its sketch, as one PNG, or no bytes without a hit.
 
-    Made of the sketch, the place set and data sheets alone.
+    They use only the sketch, the set impact position and data sheets.
     """
     station = find_rig(setup.rig, Stage.IMPACT).commission(Quiet(), ideal=True)
     if "rebound" not in event.sketch or not isinstance(station, FilmingStation):
@@ -164,7 +164,7 @@ def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
 
 
 def true_film(firing: Firing, day: Day, shot: int) -> bytes:
-    """Return frames of a shot of a day, from 1, as it really went."""
+    """Return true frames of a shot of a day, from 1."""
     laboratory, asked = firing.as_it_stands(firing.conditions(before_shot(day, shot)))
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, FilmingStation):
@@ -174,13 +174,13 @@ def true_film(firing: Firing, day: Day, shot: int) -> bytes:
 
 
 def before_shot(day: Day, shot: int) -> Day:
-    """Return a day as it was before a shot, from 1."""
+    """Return the day before a shot, from 1."""
     fired = [event.number for event in day.events if event.action == "fire"]
     return day.until(fired[shot - 1] - 1)
 
 
 def _strip(frames: Array) -> bytes:
-    """Return frames in rows as one small PNG, in tones as an eye has them."""
+    """Return frames in rows as one small PNG, with a square-root tone curve."""
     import cv2
 
     width, abreast = 320, 3

@@ -1,1 +1,1 @@
-"""The scores and the debrief: the truth opened once the day is handed in."""
+"""The scores and the debrief, which use the truth after the hand-in."""

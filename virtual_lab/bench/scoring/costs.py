@@ -1,4 +1,4 @@
-"""The cost of decisions: the day played again with one of them mended, and the same draws."""
+"""The cost of decisions: the day replayed with one decision corrected and the same draws."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.keeping import played
 from virtual_lab.errors import InputError
 
-SLIPS = {  # argument: why its default is right
+SLIPS = {  # argument: reason why its default is right
     "entered_as": "in the unit of the display",
     "end": "from the tip",
     "clock": "by the photogate",
@@ -30,11 +30,11 @@ SLIPS = {  # argument: why its default is right
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CostlyDecision:
-    """A decision, and by how much the result is farther from the truth for it."""
+    """A decision, and the increase of the error of the result that it caused."""
 
-    entry: int  # of the notebook; 0: something left out
+    entry: int  # entry of the notebook; 0: an omission
     what: str
-    cost: float | None  # of the metric; None: without it there is a result, or there is none
+    cost: float | None  # increase of the error of the metric; None: one day has no result
     u: float  # standard uncertainty of the cost, from the scatter of the hits
     word: str  # cost, luck, or no result
 
@@ -42,7 +42,7 @@ class CostlyDecision:
 def costly(
     apparatus: Apparatus, desk: Desk, truth: float | None, own: tuple[OwnResult, ...], odd: set[int]
 ) -> tuple[CostlyDecision, ...]:
-    """Return the decisions that cost most, each mended alone; an `odd` hit was rejected rightly."""
+    """Return the most costly decisions, each corrected alone. `odd` hits were rightly rejected."""
     found: list[CostlyDecision] = []
     value = desk.result[0] if desk.result else None
     entered = desk.last("enter-result")
@@ -64,7 +64,7 @@ def costly(
 def _cost(
     entry: int, what: str, value: float | None, other: float | None, truth: float | None, u: float
 ) -> Iterator[CostlyDecision]:
-    """Yield what a decision cost that gave `value` where its mend gives `other`, if anything."""
+    """Yield the cost of a decision that gave `value` instead of `other`, if there is one."""
     if value is None and other is None:
         return
     if value is None or other is None or truth is None:
@@ -80,7 +80,7 @@ def _cost(
 
 
 def _scatter(one: Desk, other: Desk) -> float:
-    """Return the standard uncertainty of the difference of two results from other hits counted."""
+    """Return the standard uncertainty of the difference of two results from different hits."""
     first, second = (desk.reduced for desk in (one, other))
     differ = first.outcome.weights - second.outcome.weights
     metric = first.shot_metric[first.judgement.valid]
@@ -90,7 +90,7 @@ def _scatter(one: Desk, other: Desk) -> float:
 
 
 def played_again(apparatus: Apparatus, actions: list[Action], by_windows: set[int]) -> Desk:
-    """Return the desk of a day of other actions, some hits decided by the windows."""
+    """Return the desk of a day with other actions; hits `by_windows` are decided by the windows."""
     result = ("reduce", "enter-result", "give-verdict", "hand-in", "dispute-score")
     until = [a for a in actions if a.name not in result]
     day = played(apparatus, until)
@@ -102,9 +102,9 @@ def played_again(apparatus: Apparatus, actions: list[Action], by_windows: set[in
 
 
 def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action], set[int]]]:
-    """Yield days with one decision mended: its entry, what it was, and the day's actions.
+    """Yield days with one decision corrected: its entry, its description, and the actions.
 
-    With them the hits that are decided by the windows there: those that were so on the day.
+    The last element holds the hits that were decided by the windows on the day.
     """
     day = desk.day
     actions = [Action(name=event.action, arguments=event.arguments) for event in day.events]
@@ -117,7 +117,7 @@ def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action],
     }
     by_step: dict[str, list[int]] = {}
     for each in left_out(day):
-        if each.step != "load-ball":  # which ball it would have been nobody knows
+        if each.step != "load-ball":  # the right ball is unknown
             by_step.setdefault(each.step, []).append(each.before)
     for step, places in by_step.items():
         with_step = list(actions)

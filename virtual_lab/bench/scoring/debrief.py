@@ -1,7 +1,7 @@
-"""The debrief: the truth opened, five scores, and the decisions that cost most.
+"""The debrief: the truth, five scores, and the most costly decisions.
 
-What a decision cost is the day played again with that one mended and the same draws: by how much
-nearer to the truth its result comes.
+The cost of a decision is found by replaying the day with that decision corrected and the same
+draws: it is the decrease of the error of the result.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from virtual_lab.errors import InputError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DayScore:
-    """One score of 0 to 1, and what it rests on."""
+    """One score of 0 to 1, and its explanation."""
 
     name: str
     value: float
@@ -56,7 +56,7 @@ class DayScore:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """When on a day something came to be: entry, minute, shots fired by then."""
+    """A time of the day: entry, minute, and number of shots fired by then."""
 
     entry: int
     minute: float
@@ -65,7 +65,7 @@ class Moment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeLine:
-    """When a fault could be seen, was named, and was put right; None: never."""
+    """Times at which a fault became visible, was named, and was repaired; None: never."""
 
     seen: Moment | None
     named: Moment | None
@@ -73,7 +73,7 @@ class TimeLine:
 
     @property
     def between(self) -> str:
-        """Minutes and shots from when it could be seen to when it was named."""
+        """Minutes and shots between the first visible sign of a fault and its naming."""
         if self.seen is None or self.named is None:
             return ""
         minutes = self.named.minute - self.seen.minute
@@ -82,23 +82,23 @@ class TimeLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultReview:
-    """A fault of the day: when it could be seen and was named, and what it did."""
+    """A fault of the day: its time line, its detection and its effect."""
 
     name: str
-    checks: tuple[str, ...]  # actions that find it
-    moved: float | None  # the result, from what it is without this fault; None: one is missing
+    checks: tuple[str, ...]  # actions that detect it
+    moved: float | None  # change of the result by the fault; None: a result is missing
     yours: TimeLine
     expert: TimeLine
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepReview:
-    """A step of the procedure: what was expected, and what was done."""
+    """A step of the procedure: expected and actual number of times."""
 
     title: str
     expected: str
     done: str
-    excuse: str  # the deviation noted for it
+    excuse: str  # noted deviation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,8 +111,8 @@ class ExpertDay:
     minutes: float
     shots: int
     doubts: tuple[str, ...]
-    checks: tuple[str, ...]  # actions that the trainee did not take
-    apart: str  # why its verdict is not the one that is right of the trainee's day; empty: it is
+    checks: tuple[str, ...]  # actions that the trainee did not carry out
+    apart: str  # reason why its verdict differs from the right one of the trainee's day, or empty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,19 +120,19 @@ class Debrief:
     """The debrief: scores, faults, decisions and truth at the end of a day."""
 
     title: str
-    units: str  # in print, of UNITS; numbers here are SI
+    units: str  # printed units, a key of UNITS; numbers here are SI
     seal: str
     verdict: str
-    confidence: float  # 0 to 1, in the verdict
-    brier: float  # of that confidence: 0 is best, 1 worst
-    worst_doubt: str  # as logged with the verdict
+    confidence: float  # confidence in the verdict, 0 to 1
+    brier: float  # Brier score of that confidence: 0 is best, 1 worst
+    worst_doubt: str  # largest doubt, logged with the verdict
     metric: str
     value: float | None
     u: float | None
     truth: float | None
     limit: float | None
     right_verdict: str
-    right_because: str  # what the bat does not meet, or why the day cannot be judged; or empty
+    right_because: str  # rule that the bat does not meet, or reason for no judgement, or empty
     faults: tuple[str, ...]
     found: tuple[str, ...]
     missed: tuple[str, ...]
@@ -148,7 +148,7 @@ class Debrief:
     hits: tuple[tuple[DecidedHit | None, DecidedHit | None], ...]  # the trainee's, the expert's
     expert: ExpertDay
     disputes: tuple[tuple[str, str], ...]  # score, the trainee's note
-    practice: int  # the entry it was taken again from; 0: a day of its own
+    practice: int  # entry from which the day was repeated; 0: a day of its own
     chart: str  # SVG of the shots, speed and e_A with their limits
     minutes: float
     shots: int
@@ -156,13 +156,13 @@ class Debrief:
 
     @property
     def nothing_wrong(self) -> bool:
-        """Whether neither laboratory nor trainee did anything wrong."""
+        """Whether neither the laboratory nor the trainee made an error."""
         scored = {score.name: score.value for score in self.scores}
         kept = scored["protocol"] == scored["record"] == 1
         return kept and not (self.faults or self.costly or self.false_alarms)
 
     def document(self) -> dict[str, Any]:
-        """Return it in the form of JSON."""
+        """Return the debrief in the form of JSON."""
         return {name: value for name, value in asdict(self).items() if name != "chart"}
 
 
@@ -175,10 +175,10 @@ def debrief(
     expert: Day | None = None,
     scores_only: bool = False,
 ) -> Debrief:
-    """Open the truth of a day that was handed in; `InputError` of one that was not.
+    """Return the debrief of a day. Raises `InputError` if it was not handed in.
 
-    What a desk has reduced is not reduced again, and an `expert` is not let play again. For
-    `scores_only` no fault and no decision is looked into.
+    Reductions of a desk and the day of an `expert` are used instead of being repeated. With
+    `scores_only` faults and decisions are not analysed.
     """
     desk = Desk(taken_day) if isinstance(taken_day, Day) else taken_day
     day = desk.day
@@ -269,17 +269,17 @@ def debrief(
 
 
 def debriefed(kept: KeptDay, expert: Day | None = None) -> Debrief:
-    """Return the debrief of a day in a folder, its seal checked; `InputError` as `debrief`."""
+    """Return the debrief of a day in a folder after a check of its seal. Raises as `debrief`."""
     return debrief(kept.apparatus, kept.desk, kept.scenario, kept.seal, expert=expert)
 
 
 def expert_day(apparatus: Apparatus, day: Day) -> Day:
-    """Return an expert's day with the machines, bat and balls of another."""
+    """Return an expert's day with the machines, bat and balls of a trainee's day."""
     return taken(apparatus, operator_of("expert"), day.until(day.came_with))
 
 
 def _result(desk: Desk, own: Iterable[OwnResult]) -> tuple[float | None, float | None]:
-    """Return the metric that stands on the report, and its standard uncertainty."""
+    """Return the reported metric and its standard uncertainty."""
     if desk.result is None:
         return None, None
     entered = [e.entered for e in own if OWN_RESULTS[e.name] == desk.rules.spec.metric]
@@ -287,8 +287,8 @@ def _result(desk: Desk, own: Iterable[OwnResult]) -> tuple[float | None, float |
 
 
 def _named(day: Day, worst: str) -> dict[str, float]:
-    """Return the faults that were named, and how sure the trainee was of each."""
-    named = {worst: 0.5} if worst in known_doubts() else {}  # with the verdict, not before
+    """Return the named faults with the probability that the trainee gave to each."""
+    named = {worst: 0.5} if worst in known_doubts() else {}  # named with the verdict
     for event in day.events:
         if event.action == "note-doubt" and event.number not in day.struck:
             named[str(event.arguments["doubt"])] = float(event.arguments["confidence"]) / 100
@@ -296,7 +296,7 @@ def _named(day: Day, worst: str) -> dict[str, float]:
 
 
 def _visible(day: Day) -> dict[str, int]:
-    """Return the faults that the day's records showed, each with the entry that did so first."""
+    """Return the faults visible in the day's records, each with its first entry."""
     visible: dict[str, int] = {}
     desk = Desk(day.until(0))
     for event in day.events:
@@ -310,7 +310,7 @@ def _visible(day: Day) -> dict[str, int]:
 def _fault_reviews(
     apparatus: Apparatus, scenario: Scenario, desks: tuple[Desk, Desk], visible: Mapping[str, int]
 ) -> Iterator[FaultReview]:
-    """Yield each fault: what showed it when, what was done, and what it moved the result by."""
+    """Yield each fault with its signs, the response, and its effect on the result."""
     (desk, beside), sheets = desks, action_table().actions
     theirs = _visible(beside.day) if scenario.faults else {}
     for name in scenario.faults or ():
@@ -324,7 +324,7 @@ def _fault_reviews(
 
 
 def _time_line(day: Day, fault: str, visible: Mapping[str, int]) -> TimeLine:
-    """Return when a fault could be seen on a day, was named and put right."""
+    """Return the times at which a fault became visible, was named and was repaired."""
     remedy = remedy_of(fault)
     minutes = shots = 0.0
     found: dict[str, Moment] = {}
@@ -341,7 +341,7 @@ def _time_line(day: Day, fault: str, visible: Mapping[str, int]) -> TimeLine:
 
 
 def _moved(apparatus: Apparatus, scenario: Scenario, desk: Desk, fault: str) -> float | None:
-    """Return by how much a fault moved the result: the same day, same draws, without it."""
+    """Return the change of the result by a fault, from the same day and draws without it."""
     if desk.result is None:
         return None
     left = tuple(name for name in scenario.faults or () if name != fault)
@@ -356,7 +356,7 @@ def _moved(apparatus: Apparatus, scenario: Scenario, desk: Desk, fault: str) -> 
 
 
 def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
-    """Return one thing to keep, one to change."""
+    """Return one sentence on the best score and one on the worst."""
     best = max(scores, key=lambda score: (score.value, score.weight))
     worst = max(scores, key=lambda score: (1 - score.value) * score.weight)
     lost = (1 - worst.value) * worst.weight
@@ -365,7 +365,7 @@ def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
 
 
 def _steps(day: Day) -> Iterator[StepReview]:
-    """Yield each step that was due: before what, and how often it was done."""
+    """Yield each step that was due, with the number of times it was due and done."""
     sheets, notes = action_table().actions, excused(day)
     due: dict[str, list[StepDue]] = {}
     for each in steps_due(day):
@@ -415,9 +415,9 @@ def _expert(
 
 
 def _apart(right: str, own: str, beside: Desk, desk: Desk) -> str:
-    """Return why an expert gives another verdict than is right of the trainee's day.
+    """Return the reason why the expert's verdict differs from the right one of the trainee's day.
 
-    `own` is the verdict that is right of the expert's day: the same laboratory, another day's work.
+    `own` is the right verdict of the expert's day in the same laboratory.
     """
     given = beside.day.verdict
     if given == "INVALID":

@@ -1,7 +1,7 @@
-"""Departures from the procedure that the records bear out: a step left out, a hit, a check more.
+"""Departures from the procedure and their reasons: omitted steps, rejected hits, extra checks.
 
-What counts is what the trainee could see when it was done or noted. Where the records say nothing
-either way a reason is the trainer's to judge, and nothing is marked down for it.
+A departure is judged by what the trainee could see at that time. If the records neither support
+nor contradict a reason, the trainer must judge it, and no points are lost.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ SEEN = {
     "stop": "the bat hit its stop",
     "frame": "the ball hit the frame of a gate",
 }
-Evidence = tuple[bool | None, str]  # whether there was a reason; None: nothing was to be seen
+Evidence = tuple[bool | None, str]  # whether there was a reason, or None if nothing was visible
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deviation:
-    """A departure from the procedure, and how it is judged."""
+    """A departure from the procedure, and its judgement."""
 
     entry: int
     what: str
-    because: str  # as the trainee has it
+    because: str  # reason given by the trainee
     judged: str  # JUSTIFIED, DENIED or OPEN
-    why: str  # what the records showed
-    step: str = ""  # left out
+    why: str  # evidence of the records
+    step: str = ""  # omitted step
 
 
 def deviations(desk: Desk) -> Iterator[Deviation]:
-    """Yield how each step left out, hit rejected and check added was judged, by entry."""
+    """Yield the judgement of each omitted step, rejected hit and extra check, by entry."""
     before = Desk(desk.day.until(0))
     for event in desk.day.events:
         if event.number not in desk.day.struck and event.number > desk.day.came_with:
@@ -51,7 +51,7 @@ def deviations(desk: Desk) -> Iterator[Deviation]:
 
 
 def needless_seconds(found: list[Deviation], desk: Desk) -> float:
-    """Return the laboratory time of checks that a sign asked for: not held against a day."""
+    """Return the time [s] of checks that a visible sign justified, which costs no points."""
     asked = {each.entry for each in found if each.judged == JUSTIFIED}
     return sum(
         event.seconds
@@ -61,7 +61,7 @@ def needless_seconds(found: list[Deviation], desk: Desk) -> float:
 
 
 def oddity(desk: Desk, shot: int) -> str:
-    """Return what is odd about a shot, from 0, beside its windows; empty: nothing."""
+    """Return the anomaly of a shot, from 0, apart from its windows, or empty."""
     fired = [event for event in desk.day.events if event.action == "fire"][shot]
     for struck in fired.sketch.get("struck", ()):
         if struck in SEEN:
@@ -79,7 +79,7 @@ def oddity(desk: Desk, shot: int) -> str:
 
 
 def _noted(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
-    """Yield a deviation that was noted, held against what was there to be seen."""
+    """Yield a noted deviation, compared with the visible evidence."""
     step, day = str(event.arguments["step"]), desk.day
     left = [each for each in left_out(day) if each.step == step]
     shots = [each.shot for each in left if each.shot is not None]
@@ -108,7 +108,7 @@ def _noted(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
 
 
 def _rejected(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
-    """Yield a hit rejected that is within the windows."""
+    """Yield a rejected hit that was within the windows."""
     shot = int(event.arguments["shot"]) - 1
     if desk.missing or desk.reasons[shot]:
         return
@@ -123,7 +123,7 @@ def _rejected(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
 
 
 def _added(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
-    """Yield a check that something seen before it asked for."""
+    """Yield a check that an earlier visible sign justified."""
     sheet = action_table().actions[event.action]
     checks = {name for known in detectable().values() for name in known.actions}
     if sheet.in_book or event.action not in checks:
@@ -141,7 +141,7 @@ def _added(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
 
 
 def _again(desk: Desk, step: str) -> bool:
-    """Return whether a step came after all, and after it again what it is for."""
+    """Return whether a step was done later, and the action that needs it was then repeated."""
     done = [event.action for event in desk.day.events]
     return step in done and PREPARING[step] in done[done.index(step) :]
 
@@ -155,7 +155,7 @@ def _zero(desk: Desk) -> Evidence:
 
 
 def _edges(desk: Desk, shot: int) -> list[CheckRow]:
-    """Return what the gates' edges of one shot show, from 0; nothing where one is not seen."""
+    """Return the rows of the gates' edges of one shot, from 0, none if an edge is missing."""
     fired = [event for event in desk.day.events if event.action == "fire"][shot]
     record = desk.session.records["impact"]["gates"]
     if not isinstance(record, GateRecord | BoardRecord):
@@ -203,8 +203,8 @@ def _cold(desk: Desk, shot: int) -> Evidence:
     return rested * 60 >= rest, why if earlier else f"it was the first hit of ball {ball + 1}"
 
 
-BY_SHOT: Mapping[str, Callable[[Desk, int], Evidence]] = {  # step: what its shot showed
-    "zero-encoder": _at_rest,  # a count to begin with is taken off where the bat was at rest
+BY_SHOT: Mapping[str, Callable[[Desk, int], Evidence]] = {  # step: evidence of its shot
+    "zero-encoder": _at_rest,  # an initial count is subtracted if the bat was at rest
     "wait-rest": _at_rest,
     "wait-pressure": _fast,
     "clear-scrap": _clear,

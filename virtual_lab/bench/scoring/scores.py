@@ -1,4 +1,4 @@
-"""The five scores: result, detection, protocol, record, economy, each of what a day shows."""
+"""The five scores of a day: result, detection, protocol, record and economy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from virtual_lab.bench.scoring.deviations import (
 )
 from virtual_lab.measurement.procedure import not_met, verdict
 
-MENDABLE = 0.6  # the result of a day that was rightly refused, and could have been put right
+MENDABLE = 0.6  # score of a day that was rightly refused although it could have been repaired
 
 
 class ScoredResult(NamedTuple):
@@ -27,12 +27,12 @@ class ScoredResult(NamedTuple):
     u: float | None
     right: RightVerdict
     verdict: str
-    reason: bool  # whether the records bear a reason out to refuse the day
-    mendable: bool  # whether everything that was wrong has a remedy
+    reason: bool  # whether the records support a reason to refuse the day
+    mendable: bool  # whether every fault has a remedy
 
 
 class RightVerdict(NamedTuple):
-    """The verdict of who knows the truth."""
+    """The correct verdict, given the truth."""
 
     word: str
     because: str
@@ -42,7 +42,7 @@ class RightVerdict(NamedTuple):
 def right_verdict(
     apparatus: Apparatus, desk: Desk, value: float | None, u: float | None, *, spoilt: bool
 ) -> RightVerdict:
-    """Return the verdict by the truth: INVALID where a fault put x beyond U."""
+    """Return the correct verdict, which is INVALID if a fault moved the result by more than U."""
     truth = None
     if value is not None:
         truth = apparatus.finish(desk).sealed.measurand.get("metric")
@@ -59,8 +59,8 @@ def right_verdict(
 def result_score(day: ScoredResult) -> tuple[float, str]:
     """Score |x - truth| / U with U = 2 u, and nothing for a false pass or a false fail.
 
-    Who has a reason that the records bear out may refuse to judge; where the day could have been
-    put right that is worth less than a right verdict. Without a reason it is worth nothing.
+    A trainee with a reason that the records support may refuse to judge. If the day could have been
+    repaired, this scores less than a right verdict. Without a reason a refusal scores 0.
     """
     right = day.right.word
     if {day.verdict, right} == {"PASS", "FAIL"}:
@@ -106,14 +106,14 @@ def detection_score(
 
 
 def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
-    """Tell if the probability given to a fault is above its rate on any day."""
+    """Return whether the probability given to a fault exceeds its rate on any day."""
     return named.get(fault, 0.0) > rates.get(fault, 0.0)
 
 
 def protocol_score(day: Day, departed: list[Deviation]) -> tuple[float, str]:
-    """Score the share of the steps of the book that were done in time, or left out with reason.
+    """Score the share of the steps of the book that were done in time or omitted with a reason.
 
-    A reason counts unless what was to be seen speaks against it; of each step the last one noted.
+    A reason counts unless visible evidence contradicts it; for a step the last one noted counts.
     """
     due = len(list(steps_due(day)))
     reasons = {each.step: each.judged != DENIED for each in departed if each.step}
@@ -126,7 +126,7 @@ def protocol_score(day: Day, departed: list[Deviation]) -> tuple[float, str]:
 
 
 def justly_rejected(day: Day, departed: list[Deviation]) -> set[int]:
-    """Return the shots rejected for what was odd about them, though the windows have nothing."""
+    """Return the shots that were rightly rejected for an anomaly although within the windows."""
     just = {each.entry for each in departed if each.judged == JUSTIFIED}
     shots = {
         int(event.arguments["shot"]) - 1
@@ -137,9 +137,9 @@ def justly_rejected(day: Day, departed: list[Deviation]) -> set[int]:
 
 
 def record_score(desk: Desk, own: tuple[OwnResult, ...], odd: set[int]) -> tuple[float, str]:
-    """Score the share of hits decided as the windows have it, and of own results that agree.
+    """Score the share of hits decided by the windows, and of entered results that agree.
 
-    An odd hit may be rejected though it is within them.
+    An `odd` hit may be rejected although it is within the windows.
     """
     reasons = desk.reasons if not desk.missing else ()
     if not reasons:
@@ -158,7 +158,7 @@ def record_score(desk: Desk, own: tuple[OwnResult, ...], odd: set[int]) -> tuple
 
 
 def economy_score(day: Day, expert: Day, needless: float, result: float) -> tuple[float, str]:
-    """Score the expert's minutes and shots on this day over the trainee's, times the result."""
+    """Score the ratio of the expert's to the trainee's time and shots, times the result score."""
     minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
     theirs, fired = expert.seconds / 60, max(len(expert.fired), 1)
     share = min(1.0, theirs / minutes) * min(1.0, fired / shots)
@@ -170,7 +170,7 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
 
 
 def before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:
-    """Return the shots that were fired before a repair that mended something."""
+    """Return the shots that were fired before a repair that removed a fault."""
     fired = before = 0
     for event in day.events:
         fired += event.action == "fire"

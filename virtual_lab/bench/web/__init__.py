@@ -1,1 +1,1 @@
-"""The server of the pages: who may come in, what a form does."""
+"""The server of the pages: access control, and the actions of forms."""

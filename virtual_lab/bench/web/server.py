@@ -1,8 +1,8 @@
-"""The server of the page: what is asked for by forms is done on a day that is handed in.
+"""The server of the pages, which carries out the actions of forms on a day.
 
-It is given each day as a `Room` and opens no file: it can show nothing that the day does not. Who
-may ask is settled before anything else: a one-time token in the opened address, then a cookie;
-names that are served; requests that come from the page itself.
+The server receives each day as a `Room` and opens no file, so it can show only what the day shows.
+Access is checked first: a one-time token in the opened address, then a cookie; the served host
+names; and the origin of the request, which must be the page itself.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ if TYPE_CHECKING:
     from virtual_lab.bench.day.desk import Desk
     from virtual_lab.bench.day.exam import Hall
 
-PATIENCE = 1.0  # s, until a page says that a debrief is being made
-LARGEST_BODY = 64 * 1024  # B
-MOST_A_SECOND = 20  # requests of a session
-KEPT = {"Cache-Control": "private, max-age=600"}  # what does not change
+PATIENCE = 1.0  # time until a page says that a debrief is being made [s]
+LARGEST_BODY = 64 * 1024  # largest request [B]
+MOST_A_SECOND = 20  # largest rate of requests per session [1/s]
+KEPT = {"Cache-Control": "private, max-age=600"}  # header of responses that do not change
 STATES = {"not begun": "has not begun yet", "begun": "has begun", "over": "is over"}
 OPEN_TO_ALL = {"/bench.css", "/icon.svg"}
 HEADERS = {
@@ -64,7 +64,7 @@ HEADERS = {
 
 
 class Room(Protocol):
-    """A day that can be looked at and gone on with."""
+    """A day that can be viewed and continued."""
 
     @property
     def desk(self) -> Desk: ...
@@ -72,48 +72,48 @@ class Room(Protocol):
     def briefing(self) -> Mapping[str, Any]: ...
     @property
     def open_book(self) -> bool:
-        """Whether what happened may be looked at: handed in, and no exam but its trainer's."""
+        """Whether the truth may be shown: after the hand-in, and in an exam only to the trainer."""
         ...
 
     def do(self, action: Action, number: int | None = None) -> DayEvent: ...
     def motion(self, shot: int) -> Motion | None:
-        """Return how a shot, from 1, really went; None before the day is handed in."""
+        """Return the true motion of a shot, from 1, None before the day is handed in."""
         ...
 
     def film(self, shot: int, *, true: bool) -> bytes:
-        """Return a camera's frames of a shot, from 1, as one PNG; nothing where there are none."""
+        """Return a camera's frames of a shot, from 1, as one PNG, or no bytes without frames."""
         ...
 
     @property
     def others(self) -> Mapping[str, Scenario]:
-        """The days that may be begun in place of this one, by name."""
+        """Days that can be begun instead of this one, by name."""
         ...
 
     def begin(self, name: str) -> Room:
-        """Return another day that begins in its place; `InputError` where it is not offered."""
+        """Return another day begun instead. Raises `InputError` if it is not offered."""
         ...
 
     def branch(self, entry: int) -> Room:
-        """Return a day of practice that goes on from an entry; `InputError` where it is none."""
+        """Return a day of practice that continues from an entry. Raises `InputError` if none."""
         ...
 
     def certificate(self) -> str:
-        """Return the certificate's page; `InputError` before there is one."""
+        """Return the certificate's page. Raises `InputError` before there is one."""
         ...
 
     def debrief(self, patience: float | None = None) -> str:
-        """Return the debrief's page; `InputError` before the day is handed in.
+        """Return the debrief's page. Raises `InputError` before the day is handed in.
 
-        `TimeoutError` where it is not made within `patience` [s].
+        Raises `TimeoutError` if it is not ready within `patience` [s].
         """
         ...
 
 
 @dataclass(kw_only=True)
 class Seat:
-    """A trainee's: the day, one thing done on it at a time, and when it was asked for."""
+    """The seat of a trainee: the day, a lock for one action at a time, and times of requests."""
 
-    room: Room | None  # None: a trainer's
+    room: Room | None  # None for a trainer
     lock: threading.Lock = field(default_factory=threading.Lock)
     asked: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_A_SECOND))
 
@@ -130,11 +130,11 @@ def application(
     Parameters
     ----------
     rooms
-        The days, each by the token that its first address must carry, once.
+        The days, by the one-time token of their first address.
     hosts
-        Names with port that are served, such as ``127.0.0.1:8000``.
+        Served names with port, such as ``127.0.0.1:8000``.
     secure
-        Whether it is served by TLS.
+        Whether TLS is used.
     exam
         The trainer's token, and the hall that opens and closes the days.
     """
@@ -145,7 +145,7 @@ def application(
     def acted(seat: Seat, given: dict[str, str]) -> Response:
         name, number = given.pop("do", ""), given.pop("entry_number", "")
         room = seat.room
-        assert room is not None  # the door sends a trainer elsewhere
+        assert room is not None  # the door redirects a trainer
         with seat.lock:
             try:
                 _do(room, name, number, given)
@@ -157,7 +157,7 @@ def application(
         return RedirectResponse("/", status_code=303)
 
     def moving(to: Callable[[Room, dict[str, str]], Room]) -> Callable[[Request], Any]:
-        """Return the part of the page that leads a trainee from one day to another."""
+        """Return the handler that moves a trainee from one day to another."""
 
         def moved(seat: Seat, given: dict[str, str]) -> Response:
             with seat.lock:
@@ -225,7 +225,7 @@ def _branched(room: Room, given: Mapping[str, str]) -> Room:
 
 
 def _locked(answer: Callable[[Room, Request], Response | str]) -> Callable[[Request], Response]:
-    """Return what answers from a trainee's room, one request at a time."""
+    """Return a handler that answers from a trainee's room, one request at a time."""
 
     def locked(request: Request) -> Response:
         seat = request.scope["seat"]
@@ -246,7 +246,7 @@ async def _sent(request: Request) -> dict[str, str]:
 
 
 def _query(request: Request, name: str) -> int:
-    """Return a number that stands in an address; -1 where there is none."""
+    """Return a number in an address, or -1."""
     asked = request.query_params.get(name, "")
     return int(asked) if asked.isdecimal() and len(asked) < 7 else -1
 
@@ -273,12 +273,12 @@ def _replayed(room: Room, request: Request) -> Response | str:
 
 
 def _progress(request: Request) -> Response:
-    """Answer with the shots so far; it waits for no salvo that is being fired."""
+    """Answer with the shots so far, without waiting for a salvo in progress."""
     return Response(str(len(request.scope["seat"].room.desk.day.fired)), media_type="text/plain")
 
 
 def _film(request: Request) -> Response:
-    """Answer with frames; no other request waits until they are made."""
+    """Answer with frames, without blocking other requests."""
     true = request.query_params.get("as") == "it-was"
     picture = request.scope["seat"].room.film(_query(request, "shot"), true=true)
     if not picture:
@@ -287,7 +287,7 @@ def _film(request: Request) -> Response:
 
 
 def _debriefed(room: Room, _: Request) -> Response:
-    """Answer with the debrief; while it is being made with a page that looks again by itself."""
+    """Answer with the debrief or, while it is being made, with a page that reloads itself."""
     try:
         return _sandboxed(partial(room.debrief, PATIENCE))
     except TimeoutError as late:
@@ -299,7 +299,7 @@ def _debriefed(room: Room, _: Request) -> Response:
 
 def _sandboxed(page: Callable[[], str]) -> Response:
     policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; "
-    policy += "sandbox allow-same-origin"  # without it a link back has no cookie
+    policy += "sandbox allow-same-origin"  # otherwise a link back has no cookie
     try:
         return HTMLResponse(page(), headers={"Content-Security-Policy": policy})
     except InputError as fault:
@@ -307,7 +307,7 @@ def _sandboxed(page: Callable[[], str]) -> Response:
 
 
 def _hall_routes(hall: Hall) -> list[Route]:
-    """Return what a trainer may ask for."""
+    """Return the routes of a trainer."""
 
     async def turn(request: Request) -> Response:
         try:
@@ -323,7 +323,7 @@ def _hall_routes(hall: Hall) -> list[Route]:
 
 
 def _do(room: Room, name: str, number: str, given: dict[str, str]) -> None:
-    """Do one action, or what a button of several does; each is an entry of its own."""
+    """Do one action, or the several actions of a button, each of which is one entry."""
     due = len(room.desk.day.events) + 1
     if number != str(due):
         allowed = f"entry {due} is next: this page was out of date, so nothing was done"
@@ -339,10 +339,10 @@ def _do(room: Room, name: str, number: str, given: dict[str, str]) -> None:
 
 
 def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
-    """Load, make ready and fire up to twelve balls.
+    """Load, prepare and fire up to twelve balls.
 
-    If asked, accept each hit that is within the windows and go to the next place; stop at the
-    first that is not.
+    If requested, accept each hit within the windows and move to the next impact position. Stop at
+    the first hit outside them.
     """
     try:
         shots = int(given.get("shots", "1"))
@@ -371,7 +371,7 @@ def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
 
 
 class Door:
-    """Who may come in, and what goes out with every answer."""
+    """Access control, and the headers of every response."""
 
     def __init__(
         self, inside: ASGIApp, rooms: Mapping[str, Room], *, hosts: frozenset[str], secure: bool
@@ -379,9 +379,9 @@ class Door:
         self.inside, self.hosts, self.secure = inside, hosts, secure
         self.codes = {token: Seat(room=room) for token, room in rooms.items()}
         self.hall: Hall | None = None
-        self.hall_inside = inside  # of a trainer
+        self.hall_inside = inside  # application for a trainer
         self.seats: dict[str, Seat] = {}  # by cookie
-        self.cookie = "bench-" + min(hosts).rpartition(":")[2]  # cookies know no ports
+        self.cookie = "bench-" + min(hosts).rpartition(":")[2]  # cookies do not depend on the port
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -406,13 +406,13 @@ class Door:
         if refused is None:
             trainer = request.scope["seat"].room is None
             inside = self.hall_inside if trainer else self.inside
-            with suppress(ClientDisconnect):  # nobody waits for the answer
+            with suppress(ClientDisconnect):  # the client no longer waits
                 await inside(scope, receive, guarded)
         else:
             await refused(scope, receive, guarded)
 
     def _misdirected(self, request: Request) -> Response | None:
-        """Return the answer to another host, another page, or too long a request."""
+        """Return the refusal of another host, another origin, or too long a request, else None."""
         if request.headers.get("host", "") not in self.hosts:
             return _says(403, "This address is not served here.")
         if request.method == "POST":
@@ -420,14 +420,14 @@ class Door:
             if request.headers.get("origin") not in {f"{scheme}://{name}" for name in self.hosts}:
                 return _says(403, "A request must come from a page of this server.")
             length = request.headers.get("content-length", "")
-            if "transfer-encoding" in request.headers:  # whose length is known at its end alone
+            if "transfer-encoding" in request.headers:  # its length is unknown before its end
                 return _says(411, "A request must state its length, and come whole.")
             if not length.isdigit() or int(length) > LARGEST_BODY:
                 return _says(413, f"A request may have at most {LARGEST_BODY} bytes.")
         return None
 
     def _entering(self, request: Request) -> Response | None:
-        """Return the answer to a token: it opens a door once, a trainee's of an exam again."""
+        """Return the answer to a token, which is valid once, or again for a trainee of an exam."""
         token = _known(self.codes, request.query_params.get("token", ""))
         if token is None:
             return None
@@ -435,7 +435,7 @@ class Door:
         if self.hall is None or seat.room is None:
             del self.codes[token]
         for earlier in [session for session, taken in self.seats.items() if taken is seat]:
-            del self.seats[earlier]  # the lost browser, or whoever has it now
+            del self.seats[earlier]  # the lost browser must not continue
             if self.hall is not None:
                 self.hall.join_again(seat.room)
         session = secrets.token_urlsafe(32)
@@ -448,7 +448,7 @@ class Door:
         return answer
 
     def _unknown(self, request: Request) -> Response | None:
-        """Return the answer to who has no cookie, or asks too often; seat who may come in."""
+        """Return the refusal of a request without cookie or too many requests, else None."""
         session = _known(self.seats, request.cookies.get(self.cookie, ""))
         if session is None:
             request.scope["seat"] = Seat(room=None)
@@ -471,7 +471,7 @@ class Door:
         return _says(403, sentence, title=self.hall.title, by_code=True)
 
     def _too_early(self, request: Request) -> Response | None:
-        """Return the answer to a trainee of an exam that is not begun, or is over."""
+        """Return the answer to a trainee before the exam begins or after it ends, else None."""
         trainer = request.scope["seat"].room is None
         free = trainer or request.url.path in OPEN_TO_ALL
         if free or self.hall is None or self.hall.is_open:
@@ -480,7 +480,7 @@ class Door:
 
 
 def _known(keys: Mapping[str, object], given: str) -> str | None:
-    """Return the key that was given, compared in a time that tells nothing of it."""
+    """Return the matching key, compared in constant time, or None."""
     found = [key for key in keys if secrets.compare_digest(key.encode(), given.encode())]
     return found[0] if found else None
 
