@@ -19,7 +19,7 @@ from virtual_lab.output.tables import column
 
 TOLERANCE = 1e-9  # relative difference of two numbers that other processors cause
 NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")  # a cell of a table
-State = Literal["altered", "differs"]
+RowState = Literal["altered", "differs"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class Mismatch:
     key: str = column("key", form="")
     stated: str = column("stated", form="")
     found: str = column("by the rest, or here", form="")
-    state: State = "altered"  # differs: another program made the folder, and it may be right
+    state: RowState = "altered"  # differs: another program made the folder, and it may be right
 
 
 class Unchecked(NamedTuple):

@@ -20,7 +20,7 @@ from virtual_lab.certificate.comparing import (
     FolderFinding,
     Mismatch,
     Remark,
-    State,
+    RowState,
     Unchecked,
     at,
     compared_json,
@@ -370,7 +370,7 @@ def _forms(
         for name in (PAGE, *pdfs):
             yield Unchecked(f"{name}: {why if elsewhere else 'the records give no certificate'}")
         return
-    state: State = "differs" if elsewhere else "altered"  # another program words it otherwise
+    state: RowState = "differs" if elsewhere else "altered"  # another program words it otherwise
     if (folder / PAGE).is_file():
         yield from (replace(row, state=state) for row in _page(folder / PAGE, document))
     for name in pdfs:
