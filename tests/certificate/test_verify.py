@@ -58,6 +58,8 @@ def test_an_honest_copy_is_whole(result: Path) -> None:
     honest(verify(result.parent / "again"))
     shutil.rmtree(result / "truth")
     honest(verify(result), NO_TRUTH)
+    sums_again(result)  # though no list names it
+    honest(verify(result), NO_TRUTH)
 
 
 def test_reductions_of_records_are_whole(made: Path, tmp_path: Path) -> None:
