@@ -30,6 +30,7 @@ class IncompleteError(Exception):
     """A result that was saved without some of its forms; the text is one line."""
 
     def __init__(self, where: str, missing: list[str]) -> None:
+        self.missing = missing
         super().__init__(f"{where} was saved without {'; '.join(missing)}")
 
 

@@ -207,7 +207,8 @@ def test_a_form_that_fails_costs_nothing_else(
     monkeypatch.setattr(pdf_module, "certificate_pdf", fails)
     code, out, err = run("certify", "r161", "--pdf", "--out", str(tmp_path / "sealed"))
     assert code == 4
-    (said,) = err.splitlines()
+    *progress, said = err.splitlines()
+    assert all(line.startswith("… ") for line in progress)  # of a machine under load
     assert json.loads((tmp_path / "sealed" / "certificate.json").read_text())["session_digest"]
     assert re.search(
         r"sealed was saved without certificate-\S+-SIMULATED\.pdf \(Panic: index out of bounds\)$",
@@ -217,6 +218,13 @@ def test_a_form_that_fails_costs_nothing_else(
     assert not list((tmp_path / "sealed").glob("*.pdf"))
     assert alterations(tmp_path / "sealed") == []
     assert run("verify", str(tmp_path / "sealed"))[0] == 0
+
+    monkeypatch.setattr(Certificate, "plot", fails)
+    code, out, err = run("certify", "r161", "--plot", "hits.png", "--out", str(tmp_path / "drawn"))
+    assert code == 4
+    assert err.endswith("drawn was saved without hits.png (Panic: index out of bounds)\n")
+    assert out.splitlines()[-1] == str(tmp_path / "drawn")
+    assert not Path("hits.png").exists()
 
     test = Certificate(certification=certified().certification, film=fails)
     monkeypatch.setattr(html_module, "certificate_page", fails)

@@ -70,6 +70,7 @@ __all__ = [
     "Calibration",
     "Campaign",
     "Certificate",
+    "IncompleteError",
     "Input",
     "InputError",
     "Sheet",

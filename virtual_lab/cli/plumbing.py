@@ -11,7 +11,7 @@ import inspect
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import wraps
 from pathlib import Path
@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 
 import click
 
-from virtual_lab.errors import IncompleteError, InputError
+from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.files import check_new_folder, first_free, new_files
 from virtual_lab.output.progress import shown
 from virtual_lab.output.tables import write_csv
@@ -107,7 +107,12 @@ def command(
             for path, endings in ((csv, TABLES), (plot, PICTURES)):
                 if path is not None:
                     _check_new_file(path, endings)
-            missing = None
+            missing: list[str] = []
+
+            def form(path: Path) -> AbstractContextManager[None]:
+                """Return where a form is made: one that fails costs no folder that was saved."""
+                return without_if_it_fails(str(path), missing) if target else nullcontext()
+
             with shown() if takes_progress else nullcontext() as progress:
                 found = function(**asked, **({"progress": progress} if takes_progress else {}))
                 if target is not None:
@@ -116,17 +121,17 @@ def command(
                     try:
                         found.save(target)
                     except IncompleteError as fault:
-                        missing = fault
+                        missing += fault.missing
                 if csv is not None:
-                    with new_files(csv.parent) as draft:
+                    with form(csv), new_files(csv.parent) as draft:
                         write_csv(found.table, draft / csv.name)
                 if plot is not None:
-                    with new_files(plot.parent) as draft:
+                    with form(plot), new_files(plot.parent) as draft:
                         found.plot(draft / plot.name)
-            files = [path for path in (csv, plot) if path]
+            files = [path for path in (csv, plot) if path and path.exists()]
             _print(found, target, "" if missing else page, files, as_json=as_json)
             if missing:
-                raise missing
+                raise IncompleteError(str(target), missing)
             return int(getattr(found, "code", 0))
 
         shared = _shared_options(folder, keeps=keeps, table=table, picture=picture)
