@@ -173,3 +173,19 @@ def test_a_hand_that_goes_with_the_ball_does_not_begin_a_flight() -> None:
     (flight,) = flights_in(found)
     assert flight.frames[0] == 3
     assert flight.frames[-1] == 29
+
+
+@pytest.mark.parametrize("angle", [0.6, 0.8, 1.0, 1.2])
+def test_a_pendulum_that_starts_slowly_does_not_fly(angle: float) -> None:
+    """Each quarter of its swing is nearly a parabola, whose acceleration points to the side."""
+    length, pull = 300.0, 1.1  # px, px/frame²
+    turns, rate = [angle], 0.0
+    for _ in range(79):  # the angle's equation by small steps
+        for _ in range(100):
+            rate -= pull / length * np.sin(turns[-1]) / 100
+            turns[-1] += rate / 100
+        turns.append(turns[-1])
+    turn = np.array(turns)
+    found = blobs_of(np.stack([480 + length * np.sin(turn), 80 + length * np.cos(turn)], axis=1))
+    assert pieces(found, np.arange(80.0))
+    assert flights_in(found, 0.0) == []

@@ -55,7 +55,15 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
         flights = [each for each in flights if len(each.t) >= least]
         if not flights:
             return [], None
-    return flights, fit_of(flights)
+    fit = fit_of(flights)
+    return (flights, fit) if _upright(fit) else ([], None)
+
+
+def _upright(fit: Fit) -> bool:
+    """Whether g of all flights points down the picture, as far as they show: a pendulum's not."""
+    right, down = fit.pull[0]
+    u = np.sqrt(np.trace(fit.covariance[:2, :2])) / np.hypot(right, down)
+    return bool(np.arctan2(abs(right), down) - u < FLIGHTS.upright)
 
 
 @dataclass(frozen=True, kw_only=True)
