@@ -148,14 +148,13 @@ def measure(
     step, where = step_of(known, scene, ways), str(clip.source.path)
     drift = 0.0 if known.stands else watched.still.unseen_drift(step)
     model = FittedFlights.of(scene, ways, drift) if ways else None
-    lost = scene.lost(ways)
     if sharp and model:
         rulers = [Ruler.of_plane(sharp.plane, known.rate_u)]
         notes += sharp.notes
         model = replace(model, rest=[*model.rest, *sharp.aside(model.fit)])
     else:
         ball = watched.found[[k for each in ways or found for k in each.blobs]]
-        rulers = rulers_of(known, ball, model, ways, step, where, bool(lost))
+        rulers = rulers_of(known, ball, model, ways, step, where)
     scale = rulers[0] if rulers else None
     shared, flights = None, []
     contacts: list[Contact] = []

@@ -102,7 +102,6 @@ def rulers_of(
     ways: Sequence[Piece],
     step: float,
     where: str,
-    mended: bool,
 ) -> list[Ruler]:
     """Rulers that there are, first the one to be used.
 
@@ -116,9 +115,6 @@ def rulers_of(
         Seconds of a frame.
     where
         The clip, for an `InputError`: gravity was asked for, and shows nowhere.
-    mended
-        Whether lost frames were found by the motion itself: gravity, in which time enters squared,
-        then comes after the ball's size.
     """
     found = []
     if known.ball and len(blobs):
@@ -134,7 +130,7 @@ def rulers_of(
             "give --ball or --scale"
         )
         raise InputError(where, "--ruler", GRAVITY, allowed)
-    found.sort(key=lambda each: (mended and each.source == GRAVITY, each.relative_u))
+    found.sort(key=lambda each: each.relative_u)
     found.sort(key=lambda each: each.source != known.ruler)
     if known.metres_per_pixel:
         relative = known.metres_per_pixel_u / known.metres_per_pixel
