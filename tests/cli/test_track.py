@@ -274,6 +274,8 @@ FRAMES = np.zeros((3, 20, 20), np.uint8)
         (FRAMES, {"ball": "73mm", "ruler": "moon"}, "ruler = 'moon'; expected gravity or ball"),
         (FRAMES, {"ruler": "ball", "fps": 9}, "no length is known"),
         (FRAMES, {"ball": "73mm"}, "give --fps"),
+        (FRAMES, {"mass": "145", "fps": 9}, "mass = '145'; expected a mass with its unit"),
+        (FRAMES, {"mass": "145g", "ruler": "gravity", "fps": 9}, "--mass = '145g'; drag needs"),
         (FRAMES / 255, {"ball": "73mm", "fps": 240}, "expected 8 or 16 bits"),
         (FRAMES[0], {"ball": "73mm", "fps": 240}, "expected (frame, row, column)"),
         (list(FRAMES), {"ball": "73mm", "fps": 240}, "a numpy array (frame, row, column)"),

@@ -934,8 +934,8 @@ def track(
     progress
         Called with what goes on.
     known
-        fps, gravity as numbers; exposure, frames, region, ball_at, scale, readout, ruler as on
-        the command line; global_shutter, tripod, phone.
+        fps, gravity as numbers; mass, exposure, frames, region, ball_at, scale, readout, ruler as
+        on the command line; global_shutter, tripod, level, phone.
 
     Raises
     ------

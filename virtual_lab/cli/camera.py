@@ -39,6 +39,7 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     "frames_per_second, exposure_s, lens_blur_px, timestamps, …",
 )
 @click.option("--ball", metavar="73mm±0.5mm", help="Ball diameter, in mm, cm, m or in.")
+@click.option("--mass", metavar="145g", help="Mass of the ball, in g, kg or oz: gives its drag.")
 @click.option(
     "--fps",
     type=float,
@@ -82,6 +83,12 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     "size is known to 1 %. Nothing more is then said of these.",
 )
 @click.option("--tripod", is_flag=True, help="The camera stands still.")
+@click.option(
+    "--level",
+    is_flag=True,
+    help="The camera is level and square to the flight to 1 deg, as on a levelled stand  "
+    "[default: to 5 deg]",
+)
 @click.option(
     "--track",
     "corrected",

@@ -30,6 +30,7 @@ def fit(
         exposure=0.0,
         pull=np.array(pull, float),
         drag=(drag, 0.0),
+        in_radii=False,
     )
     numbers = np.arange(count)
     flight = Piece(

@@ -10,7 +10,7 @@ import numpy as np
 
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, Array
-from virtual_lab.video.follow.flights import FLIGHTS, meetings
+from virtual_lab.video.follow.flights import bends, meetings
 from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.known import Note
 from virtual_lab.video.follow.models import FittedFlights
@@ -25,7 +25,7 @@ class ContactSettings:
     """What is a contact, with what, and when its restitution is stated."""
 
     off_normal: float = 35 * DEGREE  # that a change of velocity may be, to be along it
-    slant_u: float = 0.5 * DEGREE  # of a floor or a wall off g, and of g as the camera sees it
+    slant_u: float = 0.2 * DEGREE  # of a floor or a wall off g: 4 mm in a metre are allowed
     turned_back: float = 0.2  # of the speed into it, along a floor or wall: it was struck twice
     least_u: float = 0.001  # of a restitution: no places of a hull show more
     coverage: float = 2.0  # u: what lies beyond is no chance
@@ -62,6 +62,9 @@ def contacts_of(
     notes: list[Note] = []
     found = []
     fit, others = model.fit, [*model.parabolas, *model.rest, *model.near]
+    # a tilt that is fitted, and one of a few degrees, change restitutions less than speeds
+    by = model.level or model
+    beside = [*by.parabolas, *by.rest, *by.near]
     for k, near in meetings(ways, fit):
         t, into, out = _closest(fit, k, near)
         one, other = ways[k], ways[k + 1]
@@ -72,11 +75,11 @@ def contacts_of(
         if not one.t[-1] + late - room <= t <= other.t[0] + late + room:
             notes.append(_outside(ways, k, t, step))
             continue
-        normal, kind = _normal(scene, fit.pull[0], out - into, ways)
+        normal, kind = _normal(scene, by.fit, out - into, ways)
         frame, ratio = _frame(scene, one, other, t), None
         shown = min(len(one.t), len(other.t)) >= (3 if sharp else GROWTH.least_places)
         if shown and kind != "other":
-            ratio, flag, why = _restitution(fit, others, k, t, normal, kind, sharp is not None)
+            ratio, flag, why = _restitution(by.fit, beside, k, t, normal, kind, sharp is not None)
             if flag:
                 notes.append((flag, f"contact at frame {frame:.1f}: {why}"))
         if sharp:
@@ -133,15 +136,13 @@ def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
 
 
 def _normal(
-    scene: FlightScene, pull: Array, change: Array, ways: list[Piece]
+    scene: FlightScene, fit: Fit, change: Array, ways: list[Piece]
 ) -> tuple[Array | None, str]:
     """Find the normal (2,) of what was struck, None where speeds are all there is, and its kind."""
-    along, size = change / np.hypot(*change), float(np.hypot(*pull))
-    longest = max(float(np.ptp(each.t)) for each in ways)
-    bends = size * longest**2 / 8 >= FLIGHTS.sag * ways[0].radius
-    if size == 0 or not (bends or scene.pull is not None):
+    along, size = change / np.hypot(*change), float(np.hypot(*fit.pull[0]))
+    if size == 0 or not (bends(ways, fit) or scene.pull is not None):
         return None, "struck"
-    up = -pull / size
+    up = -fit.pull[0] / size
     side = np.array([-up[1], up[0]])
     for normal, kind in ((up, "floor"), (side, "wall"), (-side, "wall")):
         if along @ normal > np.cos(CONTACTS.off_normal):
@@ -173,13 +174,22 @@ def _restitution(
 ) -> tuple[Estimate | None, str, str]:
     """Restitution, or None with a flag and why."""
 
-    def ratio_of(some: Fit) -> float:
+    def ratio_of(turn: complex, some: Fit) -> float:
         _, before, after = _closest(some, first, t)
         if normal is None:
             return float(np.hypot(*after) / np.hypot(*before))
-        return float(-(after @ normal) / (before @ normal))
+        across = complex(*normal) * turn
+        before, after = (each @ [across.real, across.imag] for each in (before, after))
+        return float(-after / before)
 
-    ratio = estimate_of(ratio_of, fit, others, relative_u=0.0 if sharp else CONTACTS.least_u)
+    ratio = estimate_of(partial(ratio_of, 1), fit, relative_u=0.0 if sharp else CONTACTS.least_u)
+    # a floor lies across g, a wall along it, as each fit has that
+    down = [complex(*each.pull.mean(axis=0)) for each in (fit, *(other for other, _ in others))]
+    beside = [
+        share * (ratio.value - ratio_of(pull / (down[0] or 1), other))
+        for pull, (other, share) in zip(down[1:], others, strict=True)
+    ]
+    ratio = replace(ratio, u=float(np.linalg.norm([ratio.u, *beside])))
     if normal is not None:  # a floor is level, a wall upright, but for so much
         _, before, after = _closest(fit, first, t)
         side = np.array([-normal[1], normal[0]])

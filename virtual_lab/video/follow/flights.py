@@ -56,14 +56,18 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
         if not flights:
             return [], None
     fit = fit_of(flights)
-    return (flights, fit) if _upright(fit) else ([], None)
-
-
-def _upright(fit: Fit) -> bool:
-    """Whether g of all flights points down the picture, as far as they show: a pendulum's not."""
     right, down = fit.pull[0]
-    u = np.sqrt(np.trace(fit.covariance[:2, :2])) / np.hypot(right, down)
-    return bool(np.arctan2(abs(right), down) - u < FLIGHTS.upright)
+    u = np.sqrt(np.trace(fit.covariance[:2, :2])) / max(np.hypot(right, down), 1e-12)
+    aside = np.arctan2(abs(right), down) - u > FLIGHTS.upright  # a pendulum's
+    shown = bends(flights, fit, FLIGHTS.shown_sag)
+    return ([], None) if aside and shown else (flights, fit)
+
+
+def bends(flights: Sequence[Piece], fit: Fit, radii: float = FLIGHTS.sag) -> bool:
+    """Return whether g bends the longest flight off its chord by so many radii of the ball."""
+    longest = max(float(np.ptp(each.t)) for each in flights)
+    sag = float(np.hypot(*fit.pull[0])) * longest**2 / 8
+    return sag >= radii * flights[0].radius
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -164,7 +164,7 @@ def measure(
         contacts, against = contacts_of(scene, ways, model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)
         alone: list[Estimate | None] = [None] * len(ways)
-        if size and not sharp:
+        if size and not sharp and scene.pull is None:
             shared, alone[:] = _falls(scene, ways, model, size, step)
             falls = Falls(known=known, shared=shared, scale=size)
             off = falls.against()
@@ -176,7 +176,7 @@ def measure(
         flights = _flights(scene, ways, model, alone, contacts, scale, step)
         notes += against
         if known.readout is None and not model.fit.readout:
-            rolled = replace(model, fit=refit(scene, ways, model.fit, readout=0.5))
+            rolled = replace(model, fit=refit(scene, ways, model.fit, readout=0.5), level=None)
             others, _ = contacts_of(scene, ways, rolled, step, scale, None)
             notes.append(of_readout(contacts, others))
     notes += against_size(rulers)
@@ -268,9 +268,9 @@ def _falls(
     step: float,
 ) -> tuple[Estimate, list[Estimate]]:
     """Acceleration by a ruler that flights share, and that of each alone [m/s²]."""
-    own, longest = refit(scene, ways, model.fit, shared=False, tilt_u=0.0), []
+    own, longest = refit(scene, ways, model.fit, shared=False, tilted=False), []
     if scene.readout is None:
-        other = refit(scene, ways, model.fit, readout=1.0, shared=False, tilt_u=0.0)
+        other = refit(scene, ways, model.fit, readout=1.0, shared=False, tilted=False)
         longest.append((other, EVEN_SHARE))
     known = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
     shared = estimate_of(partial(_pull, 0), model.fit, model.longest, **known)

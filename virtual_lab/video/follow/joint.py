@@ -35,9 +35,7 @@ class FlightFit:
 
     drag: float = 0.003  # k r before the clip says anything
     drag_u: float = 0.008
-    # of a perspective over the picture's longer side: tan(tilt) over the focal length by that side,
-    # 0.8 of a phone, of a camera level to 5 degrees; flights before a tilted one show more
-    level_u: float = 0.109
+    focal: float = 0.8  # focal length of a phone [longer sides of the picture]
     runge_kutta_steps: int = 2  # from a flight's middle to a place: 1e-6 of the way
     rounds: int = 12
     settled_u: float = 0.02  # standard uncertainties that a parameter still moves by at the end
@@ -122,7 +120,7 @@ def fit_flights(
     readout: float | None = None,
     drag: bool = True,
     shared: bool = True,
-    tilt_u: float = FLIGHT_FIT.level_u,
+    tilted: bool = True,
 ) -> Fit:
     """Joint fit of flights of four places or more each, of three where g is known.
 
@@ -132,9 +130,8 @@ def fit_flights(
         From the first row to the last [frames]; None: the scene's, 0 where that is unknown.
     drag, shared
         Whether there is drag, and one g for all.
-    tilt_u
-        Of the perspective before, over the picture's longer side; 0, and for places of a calibrated
-        camera: there is none.
+    tilted
+        Whether there is a perspective; there is none for places of a calibrated camera.
     """
     readout = (scene.readout or 0.0) if readout is None else readout
     times = [each.t + readout * scene.late(each.blobs) for each in flights]
@@ -156,13 +153,20 @@ def fit_flights(
     u = np.full(len(before), np.inf)
     if scene.pull is not None:
         before[:k], u[:k] = np.tile(scene.pull, k // 2), 0.0
-    said = scene.drag or (FLIGHT_FIT.drag / radius, FLIGHT_FIT.drag_u / radius)
-    before[k], u[k] = said if drag else (0.0, 0.0)
-    u[k + 1 : k + 3] = tilt_u / max(scene.size)
+    if drag:
+        length = radius if scene.in_radii or scene.drag is None else 1.0
+        said = scene.drag or (FLIGHT_FIT.drag, FLIGHT_FIT.drag_u)
+        before[k], u[k] = np.array(said) / length
+    else:
+        u[k] = 0.0
+    u[k + 1 : k + 3] = tilted * np.tan(scene.level_u) / FLIGHT_FIT.focal / max(scene.size)
     if model.sharp:  # a pattern would pass for drag, and the plane is known
         u[k : k + 3] = 0.0
-    vector, inverse, room = _solve(model, before, u, k)
-    left = model.xy - model.places(vector)
+    alike = 1.0
+    for _ in range(1 if model.sharp else 2):  # errors that are alike in neighbours count for less
+        vector, inverse, room = _solve(model, before, u, k, alike)
+        left = model.xy - model.places(vector)
+        alike = _alike(left, of)
     off = np.hypot(*left.T) / model.own
     clipped = np.minimum(off, room) ** 2
     free = np.flatnonzero(u > 0)
@@ -178,7 +182,7 @@ def fit_flights(
                 at = k + 3 + 4 * n + np.array([axis, 2 + axis])
                 covariance[np.ix_(at, at)] += added
     else:
-        covariance *= scatter**2 * _alike(left, of)
+        covariance *= scatter**2
         # a flight whose places scatter more than all do knows less of itself
         wide = [float(np.median(off[of == n])) / 1.1774 / scatter for n in range(len(flights))]
         grown = np.concatenate([np.ones(k + 3), np.repeat(np.maximum(wide, 1.0), 4)])
@@ -196,7 +200,9 @@ def fit_flights(
     )
 
 
-def _solve(model: _FlightModel, before: Array, u: Array, k: int) -> tuple[Array, Array, float]:
+def _solve(
+    model: _FlightModel, before: Array, u: Array, k: int, alike: float
+) -> tuple[Array, Array, float]:
     """Solve by Gauss and Newton: parameters, covariance by a scatter of 1, and room of a place.
 
     Parameters
@@ -205,6 +211,8 @@ def _solve(model: _FlightModel, before: Array, u: Array, k: int) -> tuple[Array,
         What is known of parameters, inf: nothing, 0: they stay.
     k
         The drag's place among them.
+    alike
+        Places whose errors count for one.
     """
     free, vector, dragless = np.flatnonzero(u > 0), before.copy(), False
     for n in range(model.of[-1] + 1):
@@ -223,8 +231,9 @@ def _solve(model: _FlightModel, before: Array, u: Array, k: int) -> tuple[Array,
             room = max(FAR_U * spread, room)
         jacobian = model.jacobian(vector, steps)[..., free] / model.own[:, None, None]
         weighted = jacobian * (1 / np.sqrt(1 + (off / room) ** 2))[:, None, None]
-        normal = np.einsum("rci,rcj->ij", weighted, jacobian) / spread**2
-        right = np.einsum("rci,rc->i", weighted, left) / spread**2
+        power = alike * spread**2
+        normal = np.einsum("rci,rcj->ij", weighted, jacobian) / power
+        right = np.einsum("rci,rc->i", weighted, left) / power
         normal[np.diag_indices_from(normal)] += 1 / u[free] ** 2
         right += (before - vector)[free] / u[free] ** 2
         scale = np.sqrt(np.diagonal(normal)) + 1e-12

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from virtual_lab.units import STANDARD_GRAVITY
+from virtual_lab.units import DEGREE, STANDARD_GRAVITY
 from virtual_lab.video.calibration.plane import distance_of
 from virtual_lab.video.clips.calibration_file import EXACT, ClipCalibration
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import usual_step
 
 GIVEN, BALL, GRAVITY, FILE = "given", "ball", "gravity", "file"  # what sets a scale or a rate
+LEVEL_U = 2.5 * DEGREE  # u of a camera off level, and off square to the flight: 5 degrees are two
 Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and a sentence
 
 
@@ -30,6 +31,9 @@ class ClipKnowledge:
     exposure: float | None = None  # [s]
     gravity: float = STANDARD_GRAVITY
     gravity_u: float = 0.025 / 3**0.5  # over the Earth: 9.78 to 9.83
+    drag: tuple[float, float] | None = None  # deceleration over speed², with its u [1/m]
+    pull: tuple[float, float] | None = None  # g along the picture's x and y [m/s²]
+    level_u: float = LEVEL_U  # of the camera, off level and off square to the flight [rad]
     ruler: str | None = None  # GRAVITY | BALL, None: the one of smaller u; a length given is first
     stands: bool = False  # the camera is known to
     readout: float | None = None  # [s]; None: unknown, up to a frame
@@ -49,8 +53,11 @@ def known_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
     said = calibration.exposure_s
     if camera and (far := distance_of(camera)):
         scale = far / camera.matrix[0][0]
+    pull, drag = calibration.gravity_mps2, calibration.drag_per_m
     return ClipKnowledge(
         rate=1 / usual_step(clip.times),
+        drag=(drag, calibration.drag_per_m_u) if drag else None,
+        pull=pull if any(pull) and not camera else None,  # a lens bends a straight line
         ball=calibration.ball_diameter_m,
         ball_u=calibration.ball_diameter_m_u,
         metres_per_pixel=scale,

@@ -8,13 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from virtual_lab.units import DEGREE
 from virtual_lab.video.follow.flights import FLIGHTS, readout_of
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, fit_flights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 
 EVEN_SHARE = 1 / np.sqrt(3)  # of a difference is u, where anything up to it is as likely
-STEEPEST = 2.0  # FLIGHT_FIT.level_u: a perspective that is larger is no level camera's
+STEEPEST = (
+    10 * DEGREE
+)  # angle off level, or off square to the flight, beyond which a clip is flagged
 DRAG_SHARE = 0.35  # of the difference between fits with and without drag
 
 Others = Sequence[tuple[Fit, float]]  # fits, with the share of the difference to each that is u
@@ -31,6 +34,8 @@ class FittedFlights:
     fit: Fit
     rest: Others
     tilted: bool = False  # the camera looks up or down by more than a level one does
+    # the same by a level camera, for restitutions; None: the camera is tilted, or calibrated
+    level: FittedFlights | None = None
     dragless: Others = ()  # with one g
     parabolas: Others = ()  # each flight with its own
     longest: Others = ()  # readout
@@ -45,23 +50,35 @@ class FittedFlights:
             more = fit_flights(replace(scene, drag=(drag + u, 0.0)), ways)
             return cls(fit=fit, rest=[(more, 1.0)])
         fit = fit_flights(scene, ways, readout=readout_of(scene, ways))
+        tilt = float(np.hypot(*fit.tilt)) * max(scene.size) * FLIGHT_FIT.focal
+        flat = refit(scene, ways, fit, tilted=False)
+        if tilt > np.tan(STEEPEST):
+            found = cls._beside(scene, ways, fit, drift)
+            return replace(found, tilted=True, rest=[*found.rest, (flat, 1.0)])
+        level = cls._beside(replace(scene, level_u=0.0), ways, flat, drift)
+        level = replace(level, rest=[*level.rest, (fit, 1.0)])
+        return replace(cls._beside(scene, ways, fit, drift), level=level)
+
+    @classmethod
+    def _beside(
+        cls, scene: FlightScene, ways: Sequence[Piece], fit: Fit, drift: float
+    ) -> FittedFlights:
+        """Fits beside one of a scene."""
         longest, near = [], []
         if scene.readout is None:
             longest = [(refit(scene, ways, fit, readout=1.0), EVEN_SHARE)]
             if fit.readout:
                 next_to = fit.readout - FLIGHTS.readouts[0]
                 near = [(refit(scene, ways, fit, readout=next_to), EVEN_SHARE)]
-        tilt = float(np.hypot(*fit.tilt)) * max(scene.size)
-        tilted = tilt > STEEPEST * FLIGHT_FIT.level_u
+        dragless, parabolas = [], []
+        if scene.drag is None:
+            dragless = [(refit(scene, ways, fit, drag=False), DRAG_SHARE)]
+            parabolas = [(refit(scene, ways, fit, drag=False, shared=False), DRAG_SHARE)]
         return cls(
             fit=fit,
-            tilted=tilted,
-            rest=[
-                *([(refit(scene, ways, fit, tilt_u=0.0), 1.0)] if tilted else []),
-                *((fit.with_drift(each), 1.0) for each in drift * np.eye(2) if drift),
-            ],
-            dragless=[(refit(scene, ways, fit, drag=False), DRAG_SHARE)],
-            parabolas=[(refit(scene, ways, fit, drag=False, shared=False), DRAG_SHARE)],
+            rest=[(fit.with_drift(each), 1.0) for each in drift * np.eye(2) if drift],
+            dragless=dragless,
+            parabolas=parabolas,
             longest=longest,
             near=near,
         )

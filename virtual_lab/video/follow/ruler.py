@@ -8,13 +8,13 @@ width, and the shade on it.
 
 **Gravity** pulls by g T²/a metres a pixel, where a [px/frame²] is fitted to all flights together
 with drag and a perspective, and T is the time of a frame. It rests on a camera that is level, and
-square to the flight, to θ = 5° (`LEVEL_U`), on air and on the place:
+square to the flight, to θ = 2.5° (`known.LEVEL_U`; .5° with `--level`), on air and on the place:
 
 * The perspective of a camera that looks up or down by θ, tan θ/f by its focal length, bends a
   flight as more or less g would: by 2 tan θ/f (v²/a + y) of it, some per cent at 5°. So the fit
   has the perspective as a parameter, known to that before (`follow.joint`).
 * Lengths along the tilt look shorter by cos θ, and so does g: a length across reads 1/cos θ - 1
-  too long by it, .4 % at 5°. All of it is u.
+  too long by it, .1 % at 2.5°. All of it is u.
 * Air bears the ball and is moved by it: it falls with g (1 - 3/2 ρ/ρ_b). Drag takes k v² with
   k = 3/8 C_d ρ/(ρ_b r), so that the fitted k shows ρ/ρ_b: a baseball's g lacks .2 %, a tennis
   ball's .5 %. All of it is a limit, u its share.
@@ -29,7 +29,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.units import DEGREE
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.joint import Fit, estimate_of
@@ -43,7 +42,6 @@ SAID = {
     GRAVITY: "gravity",
     "camera": "the calibrated camera",
 }
-LEVEL_U = 5 * DEGREE  # of the camera, off level and off square to the flight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +51,8 @@ class RulerSettings:
     roundest: float = 0.34  # of the places: those with the least blur show the ball's size
     # of the edge's width, and of what the axes differ by, as in a ball lit from the side: made-up
     # clips in even, soft and hard light read 1 to 4, 5 to 7 and 30 to 40 % too small
-    edge_u: float = 0.12
-    oval_u: float = 0.6
+    edge_u: float = 0.14
+    oval_u: float = 1.0
     # pixels of radius, its ratio to the sixth power: half of the contrast that blur leaves of a
     # small ball lies outside it; in H.264 such of 5 read 10 to 28 % too large, of 8.5 not
     small: float = 4.6
@@ -122,7 +120,7 @@ def rulers_of(
         found.append(_with_rate(ball, known))
     if model and not model.tilted and known.rate_of != GRAVITY:
         radius = float(np.median([each.radius for each in ways]))
-        by_gravity = _by_gravity(model, radius, known.gravity, known.gravity_u, step)
+        by_gravity = _by_gravity(model, radius, known, step)
         found += [by_gravity] if by_gravity else []
     if known.ruler == GRAVITY and not any(each.source == GRAVITY for each in found):
         allowed = (
@@ -176,15 +174,16 @@ def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) 
 
 
 def _by_gravity(
-    model: FittedFlights, radius: float, gravity: float, gravity_u: float, step: float
+    model: FittedFlights, radius: float, known: ClipKnowledge, step: float
 ) -> Ruler | None:
-    """Ruler by gravity, None where flights show too little of it; `radius` in pixels."""
-    if not model.fit.pull.any():
+    """Ruler by gravity, None where it is not fitted or hardly shows; `radius` in pixels."""
+    if not model.fit.covariance[0, 0]:
         return None
     air = 8 / 3 / RULER.drag_coefficient * model.fit.drag * radius  # its density over the ball's
-    rest = [gravity_u / gravity, 1 / np.cos(LEVEL_U) - 1, 1.5 * air * EVEN_SHARE]
+    tilt = 1 / np.cos(known.level_u) - 1
+    rest = [known.gravity_u / known.gravity, tilt, 1.5 * air * EVEN_SHARE]
     rest_u = float(np.linalg.norm(rest))
-    fall = gravity * step**2
+    fall = known.gravity * step**2
     found = estimate_of(
         lambda f: fall / float(np.hypot(*f.pull[0])),
         model.fit,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.units import Array
 from virtual_lab.video.find.blobs import Blobs
+from virtual_lab.video.follow.known import LEVEL_U
 from virtual_lab.video.follow.pieces import Piece
 
 
@@ -22,16 +23,17 @@ class FlightScene:
     stamped: Array  # the same by the time stamps, repeats counted
     size: tuple[int, int]  # columns, rows
     exposure: float | None  # [frames]
-    fall: float | None = None  # g, in radii a frame² by the ball's size or in px/frame²
-    fall_in_radii: bool = True
+    fall: float | None = None  # g [lengths/frame²]
+    drag: tuple[float, float] | None = None  # drag where it is known, with its u [1/length]
+    in_radii: bool = True  # the length of these two is the ball's radius, else a pixel
     readout: float | None = 0.0  # [frames]; None: unknown, up to one
     pull: Array | None = None  # (2,) g where it is known [px/frame²]
-    drag: tuple[float, float] | None = None  # the same of drag, with its u [1/px]
+    level_u: float = LEVEL_U
     readout_axis: tuple[int, int] = (1, 1)  # axis of the picture (0: x), and its sense
 
     def expected(self, radius: float) -> float | None:
         """Gravity [px/frame²] where scale and rate are known, for a ball of a radius [pixels]."""
-        return self.fall and self.fall * (radius if self.fall_in_radii else 1.0)
+        return self.fall and self.fall * (radius if self.in_radii else 1.0)
 
     def lost(self, flights: Sequence[Piece]) -> dict[int, int]:
         """Count of frames left out, by the number of the frame of a flight that follows them."""

@@ -13,7 +13,7 @@ from virtual_lab.video.clips.timing import uneven, usual_step
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import flights_of
 from virtual_lab.video.follow.joint import Fit
-from virtual_lab.video.follow.known import ClipKnowledge
+from virtual_lab.video.follow.known import GRAVITY, ClipKnowledge
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
@@ -59,6 +59,9 @@ def clip_scene(
         stamped = (clip.times - clip.times[0]) / usual_step(clip.times)
     doubled = float(same.mean()) > TIME.every_other
     length = known.metres_per_pixel or (known.ball and known.ball / 2)
+    drag, pull = known.drag, None
+    if known.pull and known.metres_per_pixel and known.ruler != GRAVITY:
+        pull = np.array(known.pull) / known.metres_per_pixel / known.rate**2
     # pictures that a step of time takes, about
     step = 1 / (1 - same.mean()) if squeezed else 1.0
     return FlightScene(
@@ -69,7 +72,10 @@ def clip_scene(
         exposure=known.exposure and known.exposure * known.rate,
         # of a clip stored twice nobody knows whether it is played at the rate it was filmed with
         fall=known.gravity / length * (step / known.rate) ** 2 if length and not doubled else None,
-        fall_in_radii=known.metres_per_pixel is None,
+        drag=(drag[0] * length, drag[1] * length) if drag and length else None,
+        in_radii=known.metres_per_pixel is None,
+        pull=pull,
+        level_u=known.level_u,
         readout=known.readout and known.readout * known.rate,
         readout_axis=known.readout_axis,
     )

@@ -196,6 +196,7 @@ def settle(
         scene,
         pull=np.array(calibration.gravity_mps2) * [1, plane.sense] * step**2 / scale,
         drag=(calibration.drag_per_m * scale, calibration.drag_per_m_u * scale),
+        in_radii=False,
         readout=0.0,
         exposure=known.exposure / step,
     )

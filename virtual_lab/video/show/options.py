@@ -11,7 +11,7 @@ from typing import Any
 
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.relations.board import length_of
-from virtual_lab.units import to_si
+from virtual_lab.units import DEGREE, to_si
 from virtual_lab.video.follow.known import BALL, GRAVITY
 
 Said = dict[str, Any]  # by keys of a calibration file and names of what is known of a clip, SI
@@ -85,6 +85,13 @@ def _seconds(name: str, text: str) -> Said:
     return {name: _within(value, 0, 1)}
 
 
+def _mass(text: str) -> Said:
+    found = re.fullmatch(r"\s*([\d.e-]+)\s*([a-z]+)\s*", text)
+    if not found:
+        raise ValueError(text)
+    return {"mass": _within(to_si(float(found[1]), found[2], "mass"), 1e-4, 10)}
+
+
 def _frames(text: str) -> Said:
     first, last = map(int, text.split(":"))
     return {"frames": (int(_within(first, 0, last - 1)), last)}
@@ -130,6 +137,7 @@ OPTIONS: dict[str, tuple[str, Callable[[Any], Said]]] = {
     "calibration": (FILE, lambda path: {"file": Path(path)}),
     "ball": ('a diameter with its unit, e.g. "73mm±0.5mm"', _ball),
     "fps": ("1 to 1e7 frames a second, e.g. 240", _rate),
+    "mass": ('a mass with its unit, e.g. "145g"', _mass),
     "exposure": (f'{TIME}, e.g. "8ms" or "1/120"', partial(_seconds, "exposure")),
     "gravity": ("0.1 to 100 m/s², e.g. 9.81", _gravity),
     "frames": ('first:last, e.g. "17:52"', _frames),
@@ -144,5 +152,6 @@ OPTIONS: dict[str, tuple[str, Callable[[Any], Said]]] = {
     "global_shutter": (YES, partial(_yes, "readout", 0.0)),
     "phone": (YES, partial(_yes, "phone", True)),
     "tripod": (YES, partial(_yes, "stands", True)),
+    "level": (YES, partial(_yes, "level_u", 0.5 * DEGREE)),  # a degree is two u
     "corrected": (FILE, lambda path: {"corrected": Path(path)}),
 }

@@ -14,6 +14,7 @@ from typing import Any
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
+from virtual_lab.relations.flight import drag_rate
 from virtual_lab.video.clips.calibration_file import ClipCalibration, read_calibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.clips.reading import open_source
@@ -30,6 +31,7 @@ from virtual_lab.video.follow.known import (
     Note,
     known_of,
 )
+from virtual_lab.video.follow.ruler import RULER
 from virtual_lab.video.show.course import course_rows
 from virtual_lab.video.show.options import Said, key_of, said_of
 from virtual_lab.video.show.track_text import (
@@ -98,6 +100,11 @@ def _knowledge(
     rolls = not calibrated and clip.source.path.is_file() and rate is not None and rate <= 480
     unsure = "phone" not in said and any(UNSURE_RATE in each for each in clip.warnings)
     more = {each.name: said[each.name] for each in fields(ClipKnowledge) if each.name in said}
+    if "mass" in said:
+        if not (diameter := calibration.ball_diameter_m):
+            raise InputError("", "--mass", asked["mass"], "drag needs the ball's size too: --ball")
+        drag = float(drag_rate(1.2, RULER.drag_coefficient, diameter / 2, said["mass"]))
+        more["drag"] = (drag, drag / 5)  # seams, roughness and speed move C_d by a fifth
     known = replace(
         known_of(clip, calibration),
         **{
