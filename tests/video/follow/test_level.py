@@ -20,7 +20,7 @@ def hop(yaw: float, seed: int) -> FittedFlights:
     """Return fits of a bounce of .7 before a camera turned to a side, exact but for .3 px."""
     t = np.arange(-40.0, 55.0)
     place = np.stack([5.0 * t, np.where(t < 0, 9.0, -6.3) * t + PULL * t**2 / 2], axis=1)
-    off = place + [0.0, 150.0]  # from the middle; the floor lies low in the picture
+    off = place + np.array([0.0, 150.0])  # from the middle; the floor lies low in the picture
     off /= 1 + off[:, :1] * np.tan(yaw) / (0.8 * SIZE[0])
     found = blobs_of(off + (np.array(SIZE) - 1) / 2, noise=0.0)
     noise = np.random.default_rng(seed).normal(0, 0.3, (2, len(t)))

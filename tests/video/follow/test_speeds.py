@@ -111,3 +111,17 @@ def test_a_flight_that_scatters_more_than_the_others_knows_less_of_itself() -> N
         along = estimate_of(lambda some: float(some.states[2, 2]), fit)
         off.append((along.value - 2.0) / along.u)
     assert 0.2 < np.std(off) < 1.5
+
+
+def test_a_ball_that_moves_most_of_the_time_without_flying_is_flagged() -> None:
+    """It rolls for 100 frames before it falls off a table, or for 8."""
+    for before, flagged in ((100, True), (8, False)):
+        late = np.arange(-before, 86.0)
+        fallen = np.where(late > 0, 0.07 * late**2 / 2, 0.0)
+        found = blobs_of(np.stack([200 + 1.9 * late, 100 + fallen], axis=1), noise=0.2)
+        clip = followed(found)
+        (flight,) = clip.flights
+        assert ("UNEXPLAINED" in clip.flags) == flagged
+        share = (flight.last_frame - flight.first_frame + 1) / len(late)
+        if flagged:
+            assert f"flights explain {100 * share:.0f} %" in " ".join(clip.warnings)

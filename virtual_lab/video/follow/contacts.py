@@ -27,7 +27,6 @@ class ContactSettings:
     off_normal: float = 35 * DEGREE  # that a change of velocity may be, to be along it
     slant_u: float = 0.2 * DEGREE  # of a floor or a wall off g: 4 mm in a metre are allowed
     turned_back: float = 0.2  # of the speed into it, along a floor or wall: it was struck twice
-    least_u: float = 0.001  # of a restitution: no places of a hull show more
     coverage: float = 2.0  # u: what lies beyond is no chance
 
 
@@ -182,7 +181,7 @@ def _restitution(
         before, after = (each @ [across.real, across.imag] for each in (before, after))
         return float(-after / before)
 
-    ratio = estimate_of(partial(ratio_of, 1), fit, relative_u=0.0 if sharp else CONTACTS.least_u)
+    ratio = estimate_of(partial(ratio_of, 1), fit)
     # a floor lies across g, a wall along it, as each fit has that
     down = [complex(*each.pull.mean(axis=0)) for each in (fit, *(other for other, _ in others))]
     beside = [

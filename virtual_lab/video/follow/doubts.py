@@ -12,7 +12,7 @@ from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.contacts import Contact
-from virtual_lab.video.follow.flights import beside
+from virtual_lab.video.follow.flights import beside, explained
 from virtual_lab.video.follow.known import BALL, GIVEN, GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import FittedFlights
 from virtual_lab.video.follow.pieces import Piece
@@ -28,6 +28,7 @@ class DoubtSettings:
     drift_matters: float = 0.002  # of a flight's speed
     # u of g, or of one ruler off another, and a share of it
     apart: tuple[float, float] = (3.0, 0.04)
+    explained: float = 0.9  # share of a moving ball's frames that flights span, at least
     absurd: float = 3.0  # times g: no ball's size is so far off, the frame rate is
 
 
@@ -120,6 +121,13 @@ def against_flights(
             "which is meant; where they are alike flights may be mixed up"
         )
         notes.append(("SECOND_BALL", words))
+    share = explained(scene, ways, found)
+    if share < FALLS.explained:
+        words = (
+            f"flights explain {100 * share:.0f} % of the frames in which the ball is seen to move: "
+            "in the others it is carried, rolls or is struck, or a flight was missed"
+        )
+        notes.append(("UNEXPLAINED", words))
     frames = np.concatenate([way.frames for way in ways])
     leaps = {k: by for k, by in watched.leaps.items() if frames.min() < k <= frames.max()}
     if leaps:

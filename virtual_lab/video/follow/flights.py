@@ -348,6 +348,23 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     return found
 
 
+def explained(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
+    """Return the share of the frames with a moving ball of the flights' look that flights span."""
+    blobs = np.concatenate([each.blobs for each in flights])
+    radius, colour = (np.median(scene.found[key][blobs], axis=0) for key in ("radius", "colour"))
+    spans = [np.arange(each.frames[0], each.frames[-1] + 1) for each in flights]
+    flown = np.unique(np.concatenate(spans))
+    seen = [
+        each.frames
+        for each in pieces
+        if 1 / GROWTH.size_ratio < each.radius / radius < GROWTH.size_ratio
+        and np.abs(np.median(scene.found["colour"][each.blobs], axis=0) - colour).max()
+        < GROWTH.colour
+        and np.ptp(each.xy, axis=0).max() > 2 * each.radius
+    ]
+    return len(flown) / len(np.union1d(flown, np.concatenate([*seen, flown])))
+
+
 def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
     """Flights without places whose exposure spans a contact."""
     if len(flights) < 2:
