@@ -52,7 +52,7 @@ class RulerSettings:
     # of the edge's width, and of what the axes differ by, as in a ball lit from the side: made-up
     # clips in even, soft and hard light read 1 to 4, 5 to 7 and 30 to 40 % too small
     edge_u: float = 0.14
-    oval_u: float = 1.0
+    oval_u: float = 0.6
     # pixels of radius, its ratio to the sixth power: half of the contrast that blur leaves of a
     # small ball lies outside it; in H.264 such of 5 read 10 to 28 % too large, of 8.5 not
     small: float = 4.6
