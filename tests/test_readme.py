@@ -18,6 +18,7 @@ README = (ROOT / "README.md").read_text("utf-8")
 STUDIES = (ROOT / "virtual_lab" / "studies" / "README.md").read_text("utf-8")
 FIDELITY = (ROOT / "virtual_lab" / "fidelity" / "README.md").read_text("utf-8")
 BENCHMARKS = (ROOT / "tests" / "benchmarks" / "README.md").read_text("utf-8")
+WAYS = ("first", "draws")  # to evaluate a test
 PAGES = sorted(
     path for path in (ROOT / name for name in ("README.md", "CONTRIBUTING.md")) if path.exists()
 ) + sorted(path for top in ("virtual_lab", "data", "tests") for path in (ROOT / top).rglob("*.md"))
@@ -161,6 +162,20 @@ def test_the_table_of_clips_is_the_one_on_file() -> None:
         assert float(row["high"]) >= 0.94, row
         start = f"| {row['quantity']} | {row['clips']} | {held} % ({low} to {high}) |"
         assert start in STUDIES, start
+
+
+def test_the_table_of_draws_is_the_one_on_file() -> None:
+    (path,) = (ROOT / "tests" / "studies").glob("distributions-*.csv")
+    assert f"`tests/studies/{path.name}`" in STUDIES
+    with path.open() as lines:
+        rows = list(csv.DictReader(lines))
+    for row in rows:
+        ends = ([float(row[f"{way}_{x}"]) for x in ("held", "low", "high")] for way in WAYS)
+        held = " | ".join(f"{100 * a:.1f} % ({100 * b:.1f} to {100 * c:.1f})" for a, b, c in ends)
+        apart = f"{row['only_first']}, {row['only_draws']} | {row['not_drawn']}"
+        length = f"{float(row['length_ratio']):.2f}"
+        line = f"| {row['procedure']} | {row['tests']} | {held} | {apart} | {length} |"
+        assert line in STUDIES, line
 
 
 def test_the_chart_table_is_the_one_on_file() -> None:

@@ -79,7 +79,9 @@ def table(ends: Path, path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file)
         ways = [f"{way}_{what}" for way in ("first", "draws") for what in ("held", "low", "high")]
-        out.writerow(["procedure", "tests", *ways, "only_first", "only_draws", "length_ratio"])
+        out.writerow(
+            ["procedure", "tests", *ways, "only_first", "only_draws", "not_drawn", "length_ratio"]
+        )
         for procedure in dict.fromkeys(row["procedure"] for row in every):
             own = [row for row in every if row["procedure"] == procedure]
             numbers = [[float(row[key]) for key in ENDS] for row in own]
@@ -95,7 +97,8 @@ def counted(rows: list[list[float]]) -> list[Any]:
         row += [f"{x:.4f}" for x in (each.mean(), band.low, band.high)]
     first, draws = held
     ratio = float(np.median((ends[3] - ends[2]) / (ends[1] - ends[0])))
-    return [*row, int((first & ~draws).sum()), int((draws & ~first).sum()), f"{ratio:.4f}"]
+    apart = [int(mask.sum()) for mask in (first & ~draws, draws & ~first, ends[0] == ends[2])]
+    return [*row, *apart, f"{ratio:.4f}"]
 
 
 if __name__ == "__main__":
