@@ -192,6 +192,24 @@ def test_the_hits_stand_where_the_document_has_them(
         rows = [row for row in scan.shots if row.used == used and not row.reason]
         stands(along, along.discs[fill], [(row.place_in, row.metric) for row in rows])
     assert [*hits.across.values()] == [str(row.shot + 1) for row in document.shots]
+    unseen = replace(document.shots[2], metric=None)
+    gap = replace(document, shots=(*document.shots[:2], unseen, *document.shots[3:]))
+    (hits, _) = plots(hits_figure(gap))
+    assert len(hits.discs["black"]) == len(document.shots) - 1
+    ((x, y, words),) = hits.words
+    assert (words.strip(), y) == ("no value", pytest.approx(hits.bottom, abs=0.1))
+    assert hits.x(x) == pytest.approx(3.12, abs=0.1)
+
+
+def test_an_invalid_test_shows_its_hits_against_the_limit(document: CertificateDocument) -> None:
+    drawn = hits_figure(replace(document, verdict="INVALID", reasons=("x",), risk=None))
+    (hits,) = plots(drawn)
+    (limit,) = styled(hits, LIMIT)
+    assert limit[:, 1] == pytest.approx(1.2, abs=hits.near()[1])
+    assert description_of(drawn).endswith("6 shots, 6 valid; limit 1.200")
+    ((x, y, words),) = hits.words
+    assert words == "limit 1.200"
+    stands(hits, hits.points([(x, y)]), [(hits.x(hits.right), 1.2)])
 
 
 @pytest.mark.parametrize("dof", [4.0, None])
@@ -205,26 +223,28 @@ def test_the_result_stands_against_its_limit_with_students_density(
         document.metric,
         value=value,
         u=u,
-        interval_95=(value - half, value + half),
+        interval_95=(value - 0.9 * half, value + half),  # draws may be lopsided
         degrees_of_freedom=dof,
         limit=value + u,
     )
     risk = risk_of(metric, "PASS", eligible=True)
     near = replace(document, metric=metric, risk=risk)
     (hits, against) = plots(hits_figure(near))
-    stands(hits, hits.shapes[0][1][:, 1], (value + half, value - half))
+    stands(hits, hits.shapes[0][1][:, 1], (value + half, value - 0.9 * half))
     (level,) = styled(hits, SOLID)
     assert level[:, 1] == pytest.approx(value, abs=hits.near()[1])
     ((_, low, high),) = against.whiskers
     rows = [*against.discs["black"], (0.0, low), (0.0, high)]
     assert [row[1] for row in rows] == pytest.approx(
-        [value, value - half, value + half], abs=against.near()[1]
+        [value, value - 0.9 * half, value + half], abs=against.near()[1]
     )
     (limit,) = styled(against, LIMIT)
     assert limit[:, 1] == pytest.approx(value + u, abs=against.near()[1])
     (curve,) = styled(against, 'width="0.7"')
     law = stats.t(dof, value, u) if dof else stats.norm(value, u)
     across, heights = curve[:, 0], curve[:, 1]
+    assert heights.min() < value - 0.9 * half
+    assert heights.max() > value + half
     base = across.max() - np.ptp(across) / (1 - law.pdf(heights).min() / law.pdf(value))
     share = (across - base) / (across.max() - base)
     assert share == pytest.approx(law.pdf(heights) / law.pdf(value), abs=2e-3)
@@ -238,8 +258,12 @@ def test_the_result_stands_against_its_limit_with_students_density(
     assert plots(hits_figure(document))[1].shapes == []  # far from its limit
 
 
-def test_bars_along_the_barrel_are_one_u_to_either_side(scan: CertificateDocument) -> None:
+@pytest.mark.parametrize("rules", ["scan", "swung"])
+def test_bars_along_the_barrel_are_one_u_to_either_side(
+    rules: str, request: pytest.FixtureRequest
+) -> None:
     """And curves, means and places are the document's, each in the unit of its title."""
+    scan: CertificateDocument = request.getfixturevalue(rules)
     along = scan.along
     assert along is not None
     places = [row.place_in for row in scan.places]
@@ -256,7 +280,7 @@ def test_bars_along_the_barrel_are_one_u_to_either_side(scan: CertificateDocumen
         stands(plot, curve, np.transpose([along.curve_in, np.array(each.curve) / size]))
         if each.name == scan.metric.name:
             (read,) = styled(plot, READ)
-            stands(plot, read, np.transpose([along.read_in, along.read]))
+            stands(plot, read, np.transpose([along.read_in, np.array(along.read) / size]))
         else:
             assert styled(plot, READ) == []
 
@@ -292,16 +316,22 @@ def test_the_bars_of_the_budget_are_the_shares_of_the_words_beside_them(
 
 def test_recoil_and_rebound_stand_against_each_other(document: CertificateDocument) -> None:
     """Left against right on equal scales; their difference hit by hit, with its mean ± u."""
+    *_, last = (row.shot for row in document.shots if row.rebound_efficiency is not None)
+    spoilt = (replace(row, reason="x" if row.shot == last else "") for row in document.shots)
+    document = replace(document, shots=tuple(spoilt))
     (both, apart) = plots(rebound_figure(document))
     seen = [
         (row.shot + 1, row.recoil_efficiency, row.rebound_efficiency)
         for row in document.shots
         if row.rebound_efficiency is not None and row.recoil_efficiency is not None
     ]
-    stands(both, both.discs["black"], [row[1:] for row in seen])
+    stands(both, both.discs["black"], [row[1:] for row in seen[:-1]])
+    stands(both, both.discs["cross"], [seen[-1][1:]])
     (equal,) = styled(both, "dasharray")
     assert equal[:, 0] == pytest.approx(equal[:, 1], abs=2 * sum(both.near()))
-    stands(apart, apart.discs["black"], [(shot, after - by) for shot, by, after in seen])
+    gaps = [(shot, after - by) for shot, by, after in seen]
+    stands(apart, apart.discs["black"], gaps[:-1])
+    stands(apart, apart.discs["cross"], gaps[-1:])
     check = document.rebound_check
     assert check is not None
     assert check.difference is not None
@@ -348,3 +378,46 @@ def test_the_contact_sheet_has_its_shots_from_left_to_right(document: Certificat
         x = plot.left + time / 20 * (plot.right - plot.left)
         y = level[0, 1] - np.array(each.angle_deg) / most * (plot.bottom - plot.top) / 2
         assert np.abs(record - np.transpose([x, y])).max() < 0.02
+
+
+def test_axes_say_what_they_show_and_in_which_unit(
+    document: CertificateDocument, scan: CertificateDocument, swung: CertificateDocument
+) -> None:
+    """Titles and labels, each as often as it is to be read."""
+    place, shot = "place from the tip, in", "shot"
+    for made, name, labels in (
+        (document, "hits_figure", ["hit by hit", shot, "BPF", "against the limit"]),
+        (scan, "hits_figure", ["along the barrel", place, "BESR", "against the limit"]),
+        (swung, "hits_figure", ["along the barrel", place, "vf, mph", "no limit is set"]),
+        (scan, "along_figure", ["eA", "e", "vf, mph", "BESR", *[place] * 4]),
+        (swung, "along_figure", ["eA", "e", "vf, mph", *[place] * 3]),
+        (swung, "swings_figure", ["exponent n of the swing law", "vf, mph"]),
+        (document, "budget_figure", ["share of the variance, %"]),
+        (document, "rebound_figure", ["eA by the recoil", "eA by the rebound", shot]),
+        (document, "encoder_figure", ["the whole record", *["time after contact, ms"] * 2]),
+    ):
+        drawn = certificate_figures(made)[name]
+        assert drawn is not None
+        texts = re.findall(r"<text[^>]*>(.*?)</text>", drawn)
+        words = [re.sub(r"<[^>]+>|&#8203;", "", text) for text in texts]
+        for label in labels:
+            assert words.count(label) == labels.count(label), (name, label)
+
+
+def test_a_legend_has_the_sign_of_what_it_names(
+    document: CertificateDocument, swung: CertificateDocument
+) -> None:
+    """A band is grey, the result's line solid, an invalid hit a cross; the rule's n is dotted."""
+    last = replace(document.shots[-1], reason="x", used=False)
+    spoilt = hits_figure(replace(document, shots=(*document.shots[:-1], last)))
+    swings = str(certificate_figures(swung)["swings_figure"])
+    for drawn, label, sign in (
+        (spoilt, "95 % interval", 'V3H0Z" fill="#d9d9d9"'),
+        (spoilt, "mean", 'd="M0 0H14" stroke="black" stroke-width="0.9"/>'),
+        (spoilt, "valid hit", '<circle r="2.4" fill="black"'),
+        (spoilt, "invalid hit", '<path d="M-2.4 -2.4L2.4 2.4M-2.4 2.4L2.4 -2.4"'),
+        (swings, "judged by this n", 'stroke-dasharray="1 1.6"'),
+        (swings, "95 % interval", 'V3H0Z" fill="#d9d9d9"'),
+    ):
+        before = drawn[: drawn.index(f">{label}</text>")]
+        assert sign in before[before.rindex('<g transform="translate(') - 60 :], label
