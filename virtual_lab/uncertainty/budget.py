@@ -25,7 +25,7 @@ from virtual_lab.uncertainty.estimate import Estimate, Known
 from virtual_lab.uncertainty.scatter import HitVariance, Scatter
 from virtual_lab.units import Array
 
-HITS = "hits"  # the line of their scatter
+HITS = "hits"  # name of the component for the scatter of the hits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,11 +37,11 @@ class Component:
     u: float
     evaluation: str
     dof: float
-    sensitivity: float  # of the result, per unit of the component
+    sensitivity: float  # change of the result per unit of the component
     contribution: float  # |sensitivity| u, in units of the result
-    shift: float = 0.0  # of the result's mean by curvature, u² f''/2 (GUM F.2.4.4, note 2)
-    pool: str = ""  # that of its estimate
-    parts: tuple[Component, ...] = ()  # of a pool's line, what it sums up
+    shift: float = 0.0  # shift of the result's mean by curvature, u² f''/2 (GUM F.2.4.4, note 2)
+    pool: str = ""  # pool of its estimate
+    parts: tuple[Component, ...] = ()  # components summed up in the line of a pool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,8 +54,8 @@ class Components:
     value: Array
     u: Array
     dof: Array
-    effect: Array  # of one standard uncertainty on the result, with its sign
-    shift: Array  # of the result's mean by curvature
+    effect: Array  # signed effect of one standard uncertainty on the result
+    shift: Array  # shift of the result's mean by curvature
 
     @classmethod
     def listed(cls, components: Sequence[Component]) -> Self:
@@ -114,12 +114,12 @@ class Components:
 
     @property
     def sensitivity(self) -> Array:
-        """Of the result, per unit of the source; 0 of a source without uncertainty."""
+        """Change of the result per unit of each source, 0 for a source without uncertainty."""
         known = self.u > 0
         return np.where(known, self.effect / np.where(known, self.u, 1.0), 0.0)
 
     def of(self, laboratory: int) -> list[Component]:
-        """Return the components of one laboratory; of those certain there the hits alone."""
+        """Return the components of one laboratory, without certain ones except the hits."""
         sensitivity, uncertain = self.sensitivity, self.u[laboratory] > 0
         return [
             Component(
@@ -139,12 +139,12 @@ class Components:
 
     @property
     def line_names(self) -> tuple[str, ...]:
-        """The names of `lines`: the sources that stand alone, then the pools."""
+        """Names of `lines`: single sources first, then the pools."""
         alone = [name for name, pool in zip(self.names, self.pools, strict=True) if not pool]
         return (*alone, *dict.fromkeys(pool for pool in self.pools if pool))
 
     def lines(self) -> tuple[Array, Array]:
-        """Return variance and degrees of freedom of lines, (laboratory, line): a pool is one."""
+        """Return variance and degrees of freedom of each line, (laboratory, line), one per pool."""
         from virtual_lab.uncertainty.budget_kernel import add_lines
 
         alone, pools = count(), dict.fromkeys(pool for pool in self.pools if pool)
@@ -167,7 +167,7 @@ class Budget:
     u_type_b: float
     dof: float
     interval_95: tuple[float, float]
-    shift: float  # of the mean by the curvature of all components; no correction is made
+    shift: float  # shift of the mean by the curvature of all components, not corrected
     components: tuple[Component, ...]
 
 
@@ -179,7 +179,7 @@ class Budgets:
     u: Array
     dof: Array
     components: Components
-    scatter: Scatter | None = None  # of the hits of this test alone
+    scatter: Scatter | None = None  # scatter of the hits of this test alone
 
     @classmethod
     def joined(cls, blocks: Sequence[Budgets]) -> Self:
@@ -218,9 +218,9 @@ class Variants:
     """
 
     constants: Mapping[str, Estimate] | Mapping[str, Known]
-    uncertain: tuple[str, ...]  # the names of those that are shifted
-    value: Array  # of the uncertain ones, (laboratory, constant)
-    stated: Array  # their u
+    uncertain: tuple[str, ...]  # names of the shifted constants
+    value: Array  # values of the shifted constants, (laboratory, constant)
+    stated: Array  # their stated u
     dof: Array
 
     @classmethod
@@ -250,7 +250,7 @@ class Variants:
 
     @property
     def columns(self) -> dict[str, Array]:
-        """The constants as columns (..., k, 1), the estimates first, made anew at each call."""
+        """Columns of the constants, (..., k, 1), with the estimates first; new at each call."""
         found = {}
         for name, known in self.constants.items():
             best = np.asarray(known.value, float)[..., None, None]
@@ -273,7 +273,7 @@ class Variants:
         )
 
     def components(self, values: Array) -> Components:
-        """Return what each constant contributes to an output of shape (..., k)."""
+        """Return the contribution of each constant to an output of shape (..., k)."""
         values = np.reshape(values, (-1, values.shape[-1]))
         up, down = self._moved(values[..., None])
         known = [self.constants[name] for name in self.uncertain]
@@ -293,7 +293,7 @@ class Variants:
         return np.asarray(np.sqrt(np.sum(self.effects(values) ** 2, axis=-2)))
 
     def effects(self, values: Array) -> Array:
-        """Return what one standard uncertainty of each constant does, (..., constant, n).
+        """Return the effect of one standard uncertainty of each constant, (..., constant, n).
 
         `values` are the outputs of the columns, (..., k, n).
         """
@@ -309,7 +309,7 @@ def propagate(
     model: Callable[[Mapping[str, Array]], Mapping[str, Array]],
     constants: Mapping[str, Estimate],
 ) -> dict[str, list[Component]]:
-    """Return, for every output of `model`, the components its constants contribute.
+    """Return the components that the constants contribute to each output of `model`.
 
     Parameters
     ----------
@@ -372,9 +372,9 @@ def means_of_hits(
     variants, hits
         Constants, and the outputs of a model for their columns, (laboratory, k, hit).
     weights, places, effects
-        Of each hit, (laboratory, hit); a hit of weight and effect 0 is none.
+        Values for each hit, (laboratory, hit); weight and effect are 0 for a missing hit.
     earlier
-        Variance of a hit in the laboratories' earlier tests, which counts too.
+        Variance of a hit in the laboratories' earlier tests, which is used as well.
     """
     value = weighed(hits[:, :1], weights)[:, 0]
     constants = variants.components(weighed(hits, effects))
@@ -479,7 +479,7 @@ def interval_95(value: float, u: float, dof: float) -> tuple[float, float]:
 
 def coverage_factors(dof: Array, probability: float = 0.95) -> Array:
     """Return t of Student with `dof` degrees of freedom, of any shape, for a probability."""
-    from scipy.special import stdtrit  # half a second to load, that a page must not wait for
+    from scipy.special import stdtrit  # takes half a second to load, too long for a page
 
     return np.asarray(stdtrit(np.minimum(dof, 1e9), (1 + probability) / 2))
 

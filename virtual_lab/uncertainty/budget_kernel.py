@@ -1,7 +1,7 @@
-"""Weighted sums of hits, their scatter, and sums of budgets, a laboratory in turn; compiled.
+"""Compiled weighted sums of hits, their scatter, and sums of budgets, for each laboratory.
 
-A sum goes over the hits of one laboratory in turn, so its bits do not depend on those of others
-beside it. A hit of weight 0 is left out, whatever its value.
+A sum covers the hits of one laboratory in order, so its bits do not depend on other laboratories. A
+hit of weight 0 is left out, whatever its value.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Whole = NDArray[np.int64]
 
 @njit(cache=True, error_model="numpy")
 def weigh(hits: Array, weights: Array, out: Array) -> None:
-    """Fill in sums over the hits, (laboratory, k), of (laboratory, k, hit) by (laboratory, hit)."""
+    """Fill `out` with the sums of `hits` (laboratory, k, hit) by `weights` (laboratory, hit)."""
     for laboratory in range(len(hits)):
         for k in range(hits.shape[1]):
             total = 0.0
@@ -32,18 +32,20 @@ def weigh(hits: Array, weights: Array, out: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, found: Array) -> None:
-    """Fill in the scatter of weighted sums of hits, (6, laboratory), see `scatter`.
+    """Fill `found` with the scatter of weighted sums of hits, (6, laboratory), as in `scatter`.
 
-    In turn: u and its degrees of freedom; the sum of squared weights; the mean variance of a hit,
-    weighed by these, and that less what constants explain, which may be below 0; the degrees of
-    freedom of the former.
+    The rows are: u and its degrees of freedom; the sum of squared weights; the mean variance of a
+    hit with these weights; that variance minus the part explained by constants, which can be
+    negative; the degrees of freedom of the variance.
 
     Parameters
     ----------
     hits, weights, places
-        (laboratory, hit).
+        Values, weights and impact positions, (laboratory, hit).
     effects
-        Of one standard uncertainty of each constant, (laboratory, constant, hit).
+        Effect of one standard uncertainty of each constant, (laboratory, constant, hit).
+    found
+        Result, (6, laboratory).
     """
     count = hits.shape[1]
     used, begin = np.empty(count, np.int64), np.empty(count + 1, np.int64)
@@ -65,7 +67,7 @@ def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, found:
             weighing += square
             all_seen += square * seen[at]
             left += square * (seen[at] - explained[at])
-            # a variance is as uncertain as before when a known part of it is taken off
+            # subtraction of a known part does not change the uncertainty of a variance
             freedom = begin[at + 1] - begin[at] - 1
             hits_free += freedom
             if freedom > 0:
@@ -80,9 +82,9 @@ def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, found:
 
 @njit(cache=True, error_model="numpy")
 def _grouped(weight: Array, places: Array, used: Whole, begin: Whole) -> int:
-    """Fill in the hits that are any, place after place, and where in them each place begins.
+    """Fill in the indices of the used hits, sorted by position, and the start of each position.
 
-    Return how many places there are.
+    Return the number of positions.
     """
     found, hits = 0, 0
     for hit in range(weight.size):
@@ -103,9 +105,9 @@ def _grouped(weight: Array, places: Array, used: Whole, begin: Whole) -> int:
 
 @njit(cache=True, error_model="numpy")
 def _add_variance(values: Array, used: Whole, begin: Whole, squares: Array, out: Array) -> None:
-    """Add the variance of values within each place; of a single one that of the others.
+    """Add the variance of the values within each position, or the pooled one for a single hit.
 
-    `squares` are overwritten.
+    `squares` is overwritten.
     """
     pooled, freedom = 0.0, 0
     for at in range(begin.size - 1):
@@ -126,9 +128,10 @@ def _add_variance(values: Array, used: Whole, begin: Whole, squares: Array, out:
 
 @njit(cache=True, error_model="numpy")
 def add_lines(effect: Array, dof: Array, line: Whole, square: Array, freedom: Array) -> None:
-    """Add up the variances of the sources of each line, (laboratory, line); ν is the first's.
+    """Fill in the variance of each line, (laboratory, line), and the ν of its first source.
 
-    `effect` and `dof` are those of sources, (laboratory, source), `line` whose each is, (source,).
+    `effect` and `dof` are those of the sources, (laboratory, source); `line` is the line of each
+    source, (source,).
     """
     for laboratory in range(len(effect)):
         for source in range(line.size - 1, -1, -1):
@@ -139,7 +142,7 @@ def add_lines(effect: Array, dof: Array, line: Whole, square: Array, freedom: Ar
 
 @njit(cache=True, error_model="numpy")
 def welch_satterthwaite(square: Array, freedom: Array, u: Array, dof: Array) -> None:
-    """Fill in u and degrees of freedom (GUM G.2b) of the sums of lines, (laboratory, line)."""
+    """Fill in u and degrees of freedom (GUM G.2b) of the sum of lines, (laboratory, line)."""
     for laboratory in range(len(square)):
         variance, fourth = 0.0, 0.0
         for line in range(square.shape[1]):

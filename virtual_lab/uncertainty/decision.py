@@ -19,7 +19,7 @@ from virtual_lab.uncertainty.inputs import Input, InputSource, source_of
 from virtual_lab.uncertainty.laws import LAWS
 from virtual_lab.units import Array
 
-TURN = np.array([-8, -4, -2, -1, 0, 1, 2, 4, 8])  # in u, about an acceptance limit
+TURN = np.array([-8, -4, -2, -1, 0, 1, 2, 4, 8])  # panel limits about an acceptance limit [u]
 TAILS = np.array([0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-2])
 CONSUMER = "P(accepted and not conforming): joint, of all items"
 PRODUCER = "P(rejected and conforming): joint, of all items"
@@ -36,7 +36,7 @@ class Tolerance:
 
     @classmethod
     def read(cls, lower: float | None, upper: float | None) -> Tolerance:
-        """Return the limits; `InputError` for none, or the wrong way round."""
+        """Return the limits. Raises `InputError` without a limit or in the wrong order."""
         found = cls(-inf if lower is None else lower, inf if upper is None else upper)
         if lower is None and upper is None:
             raise InputError("", "limits", None, "allowed: lower, upper, or both")
@@ -45,7 +45,7 @@ class Tolerance:
         return found
 
     def guarded(self, w: float) -> Tolerance:
-        """Return acceptance limits; `InputError` where the guard bands leave nothing."""
+        """Return the acceptance limits. Raises `InputError` if nothing remains between them."""
         if not isfinite(w):
             raise InputError("", "guard band", w, "allowed: a finite number")
         found = Tolerance(self.lower + w, self.upper - w)
@@ -64,9 +64,9 @@ class Tolerance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Risks:
-    """Global risks of a rule of acceptance: of all items that a process makes."""
+    """Global risks of a decision rule, for all items that a process makes."""
 
-    prior: str  # what the process makes
+    prior: str  # description of the process
     acceptance: tuple[float, float]
     consumer: float
     producer: float
@@ -125,18 +125,20 @@ def global_risk(
     guard: float = 0.0,
     dof: float = inf,
 ) -> Risks:
-    """Return maker's and customer's risks of a process whose items are as `prior` (JCGM 106, 9).
+    """Return the risks of maker and customer for a process with the distribution `prior`.
+
+    See JCGM 106, clause 9.
 
     Parameters
     ----------
     prior
-        What is known of Y before an item is measured: an `Input` of any distribution.
+        Distribution of the true values of the items before measurement, an `Input`.
     u, dof
-        Of a measured value about Y.
+        Standard uncertainty of a measured value, and its degrees of freedom.
     lower, upper
         Tolerance limits, in the unit of the prior.
     guard
-        Guard band w of each limit; above 0 moves it inward.
+        Guard band w of each limit; a positive one moves the limit inward.
     """
     _require_u(u, dof)
     limits, source = Tolerance.read(lower, upper), source_of("prior", prior)
@@ -199,7 +201,7 @@ def _risk_with(
     accepted = limits.guarded(w)
     if prior:
         return _risks(prior, limits, accepted, u, dof).consumer
-    # at either end the same, by symmetry
+    # the same at both ends, by symmetry
     end = accepted.upper if isfinite(accepted.upper) else accepted.lower
     return float(1 - limits.chance(np.array(end), u, dof))
 

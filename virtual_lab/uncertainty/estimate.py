@@ -102,7 +102,7 @@ def means_of_readings(
 ) -> Known:
     """Return the means of a block, as `mean_of_readings` of each row (laboratory, n).
 
-    `used`, of the same shape, tells which readings count; None: all do.
+    `used`, of the same shape, is the mask of the readings to use; None uses all.
     """
     counted = np.ones(readings.shape, dtype=bool) if used is None else used
     number = counted.sum(axis=1)

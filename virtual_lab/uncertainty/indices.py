@@ -1,4 +1,4 @@
-"""Sobol's indices: which input's uncertainty the variance of a model comes from, by scipy."""
+"""Sobol's indices: shares of the inputs in the variance of a model, by scipy."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from virtual_lab.units import Array
 if TYPE_CHECKING:
     import pandas as pd
 
-MOST_NUMBERS = 2**27  # that a computation holds at once
+MOST_NUMBERS = 2**27  # largest number of values that a computation holds at once
 
 
 @dataclass(frozen=True, slots=True)
 class _Quantiles:
-    """A source as scipy asks for a distribution."""
+    """A source with the interface of a scipy distribution."""
 
     source: InputSource
 
@@ -50,9 +50,9 @@ def sobol_indices(
     model, inputs
         As for `propagate`.
     points
-        A power of 2; the model is called for (inputs + 2) times as many.
+        A power of 2. The model is evaluated at (inputs + 2) times as many points.
     seed
-        Of the scrambling of Sobol's sequence.
+        Seed of the scrambling of Sobol's sequence.
 
     Raises
     ------

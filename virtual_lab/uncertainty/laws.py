@@ -1,8 +1,8 @@
-"""Distributions that an input of a model may have, all symmetric about its value (JCGM 101, 6.4).
+"""Distributions of the inputs of a model, all symmetric about the value (JCGM 101, 6.4).
 
-Each is a row of `LAWS`, in multiples of a scale: of the standard uncertainty for normal and t, of
-half the distance of the limits for the others. Its shape is the degrees of freedom of a t, or how
-inexact the limits of a trapezoid are, as a part of half their distance.
+Each is a row of `LAWS`, in multiples of a scale: the standard uncertainty for normal and t, half
+the distance of the limits for the others. The shape parameter is the degrees of freedom of a t, or
+the inexactness of the limits of a trapezoid relative to half their distance.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def _normal(q: Array, _shape: float) -> Array:
 def _student(q: Array, dof: float) -> Array:
     from scipy.special import stdtrit
 
-    ends = np.where(q <= 0, -inf, inf)  # where scipy says otherwise
+    ends = np.where(q <= 0, -inf, inf)  # scipy returns other values
     return np.asarray(np.where((q > 0) & (q < 1), stdtrit(dof, q), ends))
 
 
@@ -106,5 +106,5 @@ LAWS = {
 
 
 def inexactness(dof: float) -> float:
-    """Return how inexact limits are whose u has `dof` degrees of freedom, 0 to 1 (GUM G.4.2)."""
+    """Return the inexactness of limits, 0 to 1, for `dof` degrees of freedom (GUM G.4.2)."""
     return 0.0 if dof == inf else 1 / sqrt(2 * dof)

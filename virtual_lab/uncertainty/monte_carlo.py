@@ -1,7 +1,8 @@
 """Propagation of distributions (JCGM 101 and 102): counted draws, adaptive stopping, intervals.
 
-A draw belongs to (seed, input, block of 65 536), so it does not hang on the other inputs, their
-order, or when the run stops; and it can be made again. Memory is flat in the number of draws.
+A draw belongs to (seed, input, block of 65 536), so it does not depend on the other inputs, their
+order or the end of the run, and it can be repeated. The memory does not grow with the number of
+draws.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ from virtual_lab.units import Array
 MONTE_CARLO = "monte-carlo"
 BLOCK, BATCH = 65_536, 16_384  # a batch has the 10 000 draws that JCGM 101, 7.9.4 asks for
 FIRST_STAGE = 16  # batches
-CONFIDENCE = 0.95  # that every number stated is within its tolerance
+CONFIDENCE = 0.95  # probability that all stated numbers are within their tolerances
 MOST_DRAWS = 2**36  # draws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
-    """How many draws: a fixed number, or until `digits` of u and the interval's ends are right."""
+    """Number of draws: a fixed one, or until `digits` of u and of the interval are right."""
 
     probability: float
     digits: int = 2
@@ -70,7 +71,7 @@ def drawn_block(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
 
 
 class Batches:
-    """What has been drawn of every output: numbers of each batch, and sketches of all."""
+    """Draws of every output so far: statistics of each batch, and a sketch of all draws."""
 
     def __init__(self, model: Model, drawing: Drawing) -> None:
         self.model, self.drawing = model, drawing
@@ -90,7 +91,7 @@ class Batches:
         return len(self.found)
 
     def draw_to(self, count: int) -> None:
-        """Draw until there are so many batches."""
+        """Draw until there are `count` batches."""
         if not self.sketches:
             first = next(self._blocks)
             p = self.drawing.probability
@@ -137,7 +138,7 @@ class Batches:
 
 
 def tolerance(u: float, digits: int) -> float:
-    """Return half of the last of so many digits of u (JCGM 101, 7.9.2)."""
+    """Return half a unit of the last of the `digits` digits of u (JCGM 101, 7.9.2)."""
     return float(0.5 * 10.0 ** (floor(log10(u)) - digits + 1)) if 0 < u < inf else inf
 
 
@@ -155,10 +156,11 @@ def _goals(batches: Batches, infinite: bool) -> Array:
 
 
 def stein(batches: Batches, infinite: bool) -> Array:
-    """Draw in two stages: the scatter of the first tells how many the second must have.
+    """Draw in two stages, the second as large as the scatter of the first requires.
 
-    Stein (1945), as Wübbeler et al. (Metrologia 47, 2010, 317) take it to JCGM 101. All numbers
-    of all outputs meet their tolerance with 95 % (Bonferroni). Returns the tolerances.
+    This is the method of Stein (1945) as applied to JCGM 101 by Wübbeler et al. (Metrologia 47,
+    2010, 317). All numbers of all outputs meet their tolerances with a probability of 95 %
+    (Bonferroni). Return the tolerances.
     """
     from scipy.special import stdtrit
 
@@ -190,7 +192,7 @@ RULES: dict[str, Callable[[Batches, bool], Array]] = {"stein": stein, "7.9": sta
 
 
 def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagated:
-    """Return outputs by draws; `linear` is the first order, which they are to judge."""
+    """Return the outputs by draws. `linear` is the first-order result to be validated."""
     _require_drawable(model.inputs)
     few = min(_draw_dof(model.inputs), default=inf)
     infinite = few <= 2
@@ -255,7 +257,7 @@ def _draw_notes(few: float, drawing: Drawing) -> tuple[str, ...]:
 
 
 def _ends(values: Array, tail: float) -> tuple[Array, Array]:
-    """Return the quantiles of both tails of a block, and how steep they are."""
+    """Return the quantiles of both tails of a block, and the slopes of the quantile function."""
     q = np.array([[tail / 2, tail, tail * 3 / 2], [1 - tail * 3 / 2, 1 - tail, 1 - tail / 2]])
     found = np.quantile(values, q)
     return found[:, 1], (found[:, 2] - found[:, 0]) / tail
@@ -287,7 +289,7 @@ def _verdict(
 
 
 def _region(model: Model, batches: Batches) -> Region:
-    """Return coverage regions of all outputs together (JCGM 102, 7.7): the draws made once more."""
+    """Return coverage regions of all outputs (JCGM 102, 7.7), with the draws repeated."""
     drawing, mean, covariance = batches.drawing, batches.mean, batches.covariance()
     inverse = np.linalg.pinv(covariance, hermitian=True)
     u = np.where(batches.u > 0, batches.u, inf)

@@ -1,4 +1,4 @@
-"""What a method finds of a model's outputs: numbers, budget and text."""
+"""Result of a method of propagation for the outputs of a model: numbers, budget and text."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ LAST_BITS = 2.0**-44  # share of a value below which differences are those of it
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Convergence:
-    """Of numbers that come from draws: how many, and how well the numbers are known."""
+    """Convergence of numbers from draws: number of draws, and errors of the numbers."""
 
     draws: int
-    standard_errors: tuple[float, ...]  # of value, u, and the interval's ends
-    tolerance: float | None  # that all are within by 95 %; None of a fixed number of draws
+    standard_errors: tuple[float, ...]  # standard errors of value, u, and ends of the interval
+    tolerance: float | None  # tolerance met with 95 %; None for a fixed number of draws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Region:
-    """Where all outputs lie together, about their mean, by the probability (JCGM 102, 7.7)."""
+    """Joint coverage region of all outputs about their mean (JCGM 102, 7.7)."""
 
     mean: Array
     covariance: Array
@@ -41,30 +41,30 @@ class Region:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """An output of a model with its uncertainty, and what each input contributes (first order)."""
+    """An output of a model with its uncertainty and the first-order contribution of each input."""
 
     name: str
     value: float
     u: float
     dof: float
     interval: tuple[float, float]
-    shift: float  # of the mean by curvature, all inputs
+    shift: float  # shift of the mean by the curvature of all inputs
     components: tuple[Component, ...]
-    shortest: tuple[float, float] | None = None  # interval, by draws
+    shortest: tuple[float, float] | None = None  # shortest interval, by draws
     convergence: Convergence | None = None
-    verdict: str = ""  # of JCGM 101, clause 8, on the first order
+    verdict: str = ""  # judgement of the first order by JCGM 101, clause 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Propagated:
-    """The outputs of a model, by one method, which it names."""
+    """The outputs of a model by one method."""
 
     method: str
     probability: float
     outcomes: Mapping[str, Outcome]
-    correlation: Array | None  # of the outputs, (n, n)
+    correlation: Array | None  # correlation of the outputs, (n, n)
     notes: tuple[str, ...]
-    region: Region | None = None  # of several outputs by draws
+    region: Region | None = None  # joint region of several outputs, by draws
 
     def __getitem__(self, name: str) -> Outcome:
         if name not in self.outcomes:
@@ -97,7 +97,7 @@ class Propagated:
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row an output."""
+        """One row per output."""
         import pandas as pd
 
         def row(one: Outcome) -> dict[str, Any]:
@@ -109,7 +109,7 @@ class Propagated:
 
     @property
     def budget(self) -> pd.DataFrame:
-        """A row an input and output, largest first: share of the sum of their squares."""
+        """One row per pair of input and output, sorted by its share of the variance."""
         import pandas as pd
 
         rows = []
@@ -125,7 +125,7 @@ class Propagated:
 
     @property
     def text(self) -> str:
-        """Outputs, method and notes, a line each."""
+        """Outputs, method and notes, one per line."""
         lines = []
         for one in self.outcomes.values():
             value, low, high = (_rounded(each, one.u) for each in (one.value, *one.interval))
@@ -150,7 +150,7 @@ def beyond_rounding(u: float, value: float) -> float:
 
 
 def correlation_of(covariance: Array) -> Array:
-    """Return correlations by a covariance, (n, n); 0 with what has no variance."""
+    """Return the correlations of a covariance, (n, n), 0 for an output without variance."""
     u = np.sqrt(np.diag(covariance))
     scale = np.outer(u, u)
     return np.asarray(np.divide(covariance, scale, out=np.eye(u.size), where=scale > 0))

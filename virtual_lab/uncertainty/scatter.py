@@ -1,8 +1,8 @@
-"""Scatter of hits: as this test shows it, joined with that of the laboratory's earlier tests.
+"""Scatter of the hits of a test, combined with that of the laboratory's earlier tests.
 
-Six hits know their own scatter badly: a test whose hits agree by chance states too small a u. The
-variance of a hit, less what the constants of the budget explain of it, is that of earlier tests by
-the same procedure too, so the variances join by their degrees of freedom.
+Six hits estimate their scatter poorly: a test whose hits agree by chance states too small a u. The
+variance of a hit, minus the part that the constants of the budget explain, is the same in earlier
+tests by the same procedure, so the variances are pooled by their degrees of freedom.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ import numpy as np
 from virtual_lab.uncertainty.estimate import Estimate, Known
 from virtual_lab.units import Array, Mask
 
-LARGER_BY_CHANCE = 0.01  # of today's variance over that of earlier tests, one-sided F
-LEAST_LEFT = 1e-3  # of a variance seen: what constants explain whole keeps its degrees of freedom
+LARGER_BY_CHANCE = 0.01  # significance of the one-sided F test against earlier tests
+LEAST_LEFT = 1e-3  # smallest unexplained variance, which keeps the degrees of freedom [variance]
 
 
 class HitVariance(NamedTuple):
-    """Variance of a hit within its place, (laboratory,)."""
+    """Variance of a hit within its impact position, (laboratory,)."""
 
-    left: Array  # less what constants explain; below 0 where they explain more than was seen
+    left: Array  # variance minus the part explained by constants, which can be negative
     seen: Array
-    dof: Array  # 0: too few hits to tell
+    dof: Array  # degrees of freedom, 0 with too few hits
 
     @classmethod
     def of(cls, known: Known) -> Self:
-        """Return a variance stated as a value with its u, √(2/ν) of the variance seen."""
+        """Return the variance from a value with its u, which is √(2/ν) times the variance."""
         return cls(known.value, known.u * np.sqrt(known.dof / 2), known.dof)
 
     def known(self, source: str = "") -> Known:
-        """Return the same as a value with its u."""
+        """Return the variance as a value with its u."""
         u = np.where(self.dof > 0, self.seen * np.sqrt(2 / np.maximum(self.dof, 1e-300)), 0.0)
         return Known(value=self.left, u=u, dof=self.dof, evaluation="A", source=source)
 
@@ -68,7 +68,7 @@ class Scatter(NamedTuple):
 
     @classmethod
     def seen(cls, hits: Array, weights: Array, groups: Array, effects: Array) -> Self:
-        """Return that of a block's hits, as `budget.scatter`, each with a laboratory axis."""
+        """Return the scatter of the hits of a block, as `budget.scatter` for each laboratory."""
         from virtual_lab.uncertainty.budget_kernel import scatter_u
 
         found = np.empty((6, len(hits)))
@@ -79,20 +79,20 @@ class Scatter(NamedTuple):
 
     @classmethod
     def beside(cls, blocks: Sequence[Scatter]) -> Self:
-        """Return that of the laboratories of some blocks as one."""
+        """Return the scatter of the laboratories of several blocks as one block."""
         u, dof, weighing, variances = zip(*blocks, strict=True)
         of_all = HitVariance(*map(np.concatenate, zip(*variances, strict=True)))
         return cls(np.concatenate(u), np.concatenate(dof), np.concatenate(weighing), of_all)
 
     def joined(self, earlier: HitVariance) -> Self:
-        """Return it joined with earlier tests', today's alone where it is larger beyond chance."""
+        """Return the scatter pooled with earlier tests, unless today's is significantly larger."""
         both = HitVariance.pooled([self.variance, earlier])
         left = np.maximum(both.left, LEAST_LEFT * both.seen)
         alone = self.variance.larger(earlier) | ~(left > 0)
         left = np.where(alone, 1.0, left)
         return self._replace(
             u=np.where(alone, self.u, np.sqrt(self.weighing * left)),
-            # a variance is as uncertain as before when a known part of it is taken off
+            # subtraction of a known part does not change the uncertainty of a variance
             dof=np.where(alone, self.dof, both.dof * (left / np.where(alone, 1.0, both.seen)) ** 2),
         )
 

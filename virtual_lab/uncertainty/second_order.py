@@ -48,7 +48,7 @@ class SecondOrder:
     def moments(self, values: Array) -> tuple[float, float]:
         """Return mean and standard uncertainty of an output (k,) at the points.
 
-        `InputError` where the series gives a variance below 0: its terms do not fall.
+        Raises `InputError` if the series gives a negative variance, because it does not converge.
         """
         n = self.kurtosis.size
         middle = values[0]

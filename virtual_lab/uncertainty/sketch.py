@@ -1,8 +1,8 @@
-"""Quantiles of any number of draws in flat memory: counts in bins whose merge is exact.
+"""Quantiles of any number of draws in constant memory: counts in bins that can be added.
 
-Bins are equal in asinh((x - middle) / width): fine where the ends of an interval lie, coarse far
-out, and none is outside. With `width` half of an interval, a bin at its end is 1.3e-4 of it wide,
-and quantiles are interpolated within bins.
+The bins have equal widths in asinh((x - middle) / width). They are fine near the ends of an
+interval and coarse far outside, and the last ones are unlimited. If `width` is half an interval, a
+bin at its end is 1.3e-4 of it wide. Quantiles are interpolated within bins.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from virtual_lab.units import Array
 
-BINS = 2**18  # 2 MB: as fast as the cache is
-REACH = 12.0  # in asinh: 80 000 widths on either side
+BINS = 2**18  # number of bins (2 MB), limited by the size of the cache
+REACH = 12.0  # range in asinh, 80 000 widths on each side
 
 
 @dataclass(frozen=True, slots=True)
 class Sketch:
-    """Counts of numbers; `add` fills them, a sum of two of one place is that of both."""
+    """Counts of numbers in bins. Sketches with equal bins can be added."""
 
     middle: float
     width: float
@@ -29,14 +29,14 @@ class Sketch:
 
     @classmethod
     def placed(cls, values: Array, probability: float) -> Self:
-        """Return an empty sketch for numbers like these, and their interval of a probability."""
+        """Return an empty sketch for numbers similar to `values`, and their coverage interval."""
         tail = (1 - probability) / 2
         low, middle, high = np.quantile(values, [tail, 0.5, 1 - tail])
         size = float(high - low) / 2 or float(np.ptp(values)) or 1e-6 * abs(float(middle)) or 1.0
         return cls(float(middle), size, np.zeros(BINS, np.int64))
 
     def add(self, values: Array) -> None:
-        """Count the numbers in."""
+        """Count the numbers."""
         at = np.arcsinh((values - self.middle) / self.width)
         at *= BINS / (2 * REACH)
         at += BINS / 2
@@ -49,7 +49,7 @@ class Sketch:
         return Sketch(self.middle, self.width, self.counts + other.counts)
 
     def distribution(self) -> tuple[Array, Array]:
-        """Return the distribution function at both edges of the bins that hold numbers, and these.
+        """Return the distribution function at both edges of the occupied bins, and these edges.
 
         A quantile is ``np.interp(q, below, edges)``, linear within a bin.
         """
