@@ -6,6 +6,7 @@ import csv
 import re
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -27,8 +28,14 @@ PAGES = sorted(
 def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
     (block,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    exec(compile(block, "README.md", "exec"), {})
+    names: dict[str, Any] = {}
+    exec(compile(block, "README.md", "exec"), names)
     assert (tmp_path / "out" / "mine" / "certificate.html").exists()
+    # the picture at the top is of the same certificate
+    metric = names["certificate"].certification.metric
+    half = (metric.interval_95[1] - metric.interval_95[0]) / 2
+    assert names["certificate"].verdict == "PASS"
+    assert f"verdict PASS, BPF {metric.value:.3f} ± {half:.3f}" in README
 
 
 def test_the_first_command_and_the_common_jobs_run_in_turn(
