@@ -1,0 +1,93 @@
+"""What the u and the time of a contact contain, on a bounce of exactly known speeds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.video.follow.test_pieces import RADIUS, blobs_of
+from virtual_lab.video.calibration.plane import PixelScale
+from virtual_lab.video.follow.contacts import Contact, contacts_of
+from virtual_lab.video.follow.flights import flights_of
+from virtual_lab.video.follow.joint import fit_flights
+from virtual_lab.video.follow.models import FittedFlights
+from virtual_lab.video.follow.pieces import Piece, pieces
+from virtual_lab.video.follow.ruler import Ruler
+from virtual_lab.video.follow.scene import FlightScene
+
+PULL = 0.2  # px/frame²
+SIZE = (2400, 700)
+MET = 40.3  # frames
+FLOOR = 600.0  # px
+SCALE = PixelScale(metres_per_pixel=1e-3, relative_u=0.0, source="given")
+
+
+def bounce(across: float, readout: float = 0.0) -> tuple[FlightScene, list[Piece], FittedFlights]:
+    """Return a bounce of .7; each frame shows the ball when its row is read."""
+    frames = np.arange(95.0)
+    late = np.zeros(95)
+    for _ in range(20):  # the row depends on the place, the place on the row
+        t = frames + readout * late - MET
+        y = FLOOR + np.where(t < 0, 9.0, -6.3) * t + PULL * t**2 / 2
+        late = np.clip(y / (SIZE[1] - 1), 0, 1)
+    found = blobs_of(np.stack([100 + across * (t + MET), y], axis=1), noise=0.02)
+    scene = FlightScene(
+        found=found,
+        time=frames,
+        stamped=frames,
+        size=SIZE,
+        exposure=0.2,
+        readout=readout,
+        fall=PULL / RADIUS,
+    )
+    ways, _ = flights_of(scene, pieces(found, frames))
+    assert len(ways) == 2
+    return scene, ways, FittedFlights.of(scene, ways)
+
+
+def contact(scene: FlightScene, ways: list[Piece], model: FittedFlights) -> Contact:
+    (found,), _ = contacts_of(scene, ways, model, 1.0, Ruler.of_plane(SCALE, 0.0), None)
+    return found
+
+
+def test_time_and_frame_of_a_contact_are_freed_of_the_readout() -> None:
+    """The row of the floor is read .86 of a frame after the first one."""
+    found = contact(*bounce(5.0, readout=1.0))
+    shown = MET - FLOOR / (SIZE[1] - 1)
+    assert found.frame == pytest.approx(shown, abs=0.05)
+    assert found.time.value == pytest.approx(shown, abs=0.05)
+
+
+def test_the_u_of_a_contact_s_time_has_what_other_fits_leave_open() -> None:
+    scene, ways, model = bounce(5.0)
+    vector = model.fit.vector.copy()
+    vector[-3] += 3.0  # second flight 3 px lower: met .2 frames later
+    late = 3.0 / (9.0 + 6.3)
+    beside = replace(model, rest=[*model.rest, (model.fit.with_vector(vector), 1.0)])
+    apart = contact(scene, ways, beside).time.u ** 2 - contact(scene, ways, model).time.u ** 2
+    assert np.sqrt(apart) == pytest.approx(late, rel=0.1)
+
+
+def test_a_floor_off_level_adds_to_the_u_of_a_slanting_bounce() -> None:
+    """Turned by .2 degrees, a floor takes tan(.2 deg) of the speed along it for one across it."""
+    found = contact(*bounce(20.0))
+    assert found.restitution is not None
+    least = np.radians(0.2) * (20.0 + 0.7 * 20.0) / 9.0
+    assert least < found.restitution.u < 2 * least
+
+
+def test_residuals_alike_in_neighbours_widen_the_u_of_a_speed() -> None:
+    """Errors of an autoregression of .6: (1 + .6)/(1 - .6) = 4 of them count for one."""
+    draw = np.random.default_rng(7)
+    noise = np.zeros((2, 800))
+    for k in range(1, 800):
+        noise[:, k] = 0.6 * noise[:, k - 1] + 0.8 * draw.normal(0, 0.5, 2)
+    t = np.arange(800.0)
+    places = np.stack([3.0 * t, 0.001 * t**2], axis=1)
+    speeds_u = []
+    for errors in (draw.normal(0, 0.5, (2, 800)), noise):
+        found = blobs_of(places + errors.T, noise=0.0)
+        scene = FlightScene(found=found, time=t, stamped=t, size=SIZE, exposure=0.2)
+        fit = fit_flights(scene, [Piece.of(found, np.arange(800), t)], drag=False, tilted=False)
+        speeds_u.append(float(np.sqrt(fit.covariance[-2, -2])))
+    assert speeds_u[1] / speeds_u[0] == pytest.approx(2.0, rel=0.15)
