@@ -60,10 +60,10 @@ def contacts_of(
     """Contacts, and what speaks against them; `step`: seconds of a step of time."""
     notes: list[Note] = []
     found = []
-    fit, others = model.fit, [*model.parabolas, *model.rest, *model.near]
+    fit, others = model.fit, [*model.parabolas, *model.rest]
     # a tilt that is fitted, and one of a few degrees, change restitutions less than speeds
     by = model.level or model
-    beside = [*by.parabolas, *by.rest, *by.near]
+    beside = [*by.parabolas, *by.rest]
     for k, near in meetings(ways, fit):
         t, into, out = _closest(fit, k, near)
         one, other = ways[k], ways[k + 1]

@@ -25,7 +25,7 @@ from virtual_lab.video.follow.doubts import (
 )
 from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.known import FILE, GRAVITY, ClipKnowledge, Note
-from virtual_lab.video.follow.models import EVEN_SHARE, FittedFlights, refit
+from virtual_lab.video.follow.models import FittedFlights, refit
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import Ruler, rulers_of
 from virtual_lab.video.follow.scene import FlightScene
@@ -268,13 +268,10 @@ def _falls(
     step: float,
 ) -> tuple[Estimate, list[Estimate]]:
     """Acceleration by a ruler that flights share, and that of each alone [m/s²]."""
-    own, longest = refit(scene, ways, model.fit, shared=False, tilted=False), []
-    if scene.readout is None:
-        other = refit(scene, ways, model.fit, readout=1.0, shared=False, tilted=False)
-        longest.append((other, EVEN_SHARE))
+    own = refit(scene, ways, model.fit, shared=False, tilted=False)
     known = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
-    shared = estimate_of(partial(_pull, 0), model.fit, model.longest, **known)
-    alone = [estimate_of(partial(_pull, k), own, longest, **known) for k in range(len(ways))]
+    shared = estimate_of(partial(_pull, 0), model.fit, (), **known)
+    alone = [estimate_of(partial(_pull, k), own, (), **known) for k in range(len(ways))]
     return shared, alone
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.units import DEGREE
-from virtual_lab.video.follow.flights import FLIGHTS, readout_of
+from virtual_lab.video.follow.flights import readout_of
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, fit_flights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
@@ -27,8 +27,7 @@ Others = Sequence[tuple[Fit, float]]  # fits, with the share of the difference t
 class FittedFlights:
     """A fit of flights, and fits by other models.
 
-    A readout that nobody knows is tried at its longest for speeds, and next to the one that was
-    found for restitutions.
+    A readout that nobody knows is tried at its longest for speeds.
     """
 
     fit: Fit
@@ -39,7 +38,6 @@ class FittedFlights:
     dragless: Others = ()  # with one g
     parabolas: Others = ()  # each flight with its own
     longest: Others = ()  # readout
-    near: Others = ()  # readout
 
     @classmethod
     def of(cls, scene: FlightScene, ways: Sequence[Piece], drift: float = 0.0) -> FittedFlights:
@@ -64,12 +62,9 @@ class FittedFlights:
         cls, scene: FlightScene, ways: Sequence[Piece], fit: Fit, drift: float
     ) -> FittedFlights:
         """Fits beside one of a scene."""
-        longest, near = [], []
+        longest = []
         if scene.readout is None:
             longest = [(refit(scene, ways, fit, readout=1.0), EVEN_SHARE)]
-            if fit.readout:
-                next_to = fit.readout - FLIGHTS.readouts[0]
-                near = [(refit(scene, ways, fit, readout=next_to), EVEN_SHARE)]
         dragless, parabolas = [], []
         if scene.drag is None:
             dragless = [(refit(scene, ways, fit, drag=False), DRAG_SHARE)]
@@ -80,7 +75,6 @@ class FittedFlights:
             dragless=dragless,
             parabolas=parabolas,
             longest=longest,
-            near=near,
         )
 
 
