@@ -20,6 +20,7 @@ from pypdf import PdfReader
 import virtual_lab as vl
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from tests.laboratories import certified
+from virtual_lab.certificate.document import FlagRaised
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.errors import InputError
 from virtual_lab.studies.report import REPEATS, CertificateReport, ComparedCertificate
@@ -125,6 +126,22 @@ def test_the_scatter_is_told_in_root_mean_squares_of_u() -> None:
     assert said == (
         "e 0.2000 on average of 2, standard deviation 0.14, 0.28 times their root mean square u."
     )
+
+
+def test_a_row_has_the_certificates_numbers_in_the_unit_of_its_metric() -> None:
+    """The ASA's limit is 85 mph; risk and flags stand beside it."""
+    document = certificate(certified("softball-34", procedure="asa", seed=7).certification)
+    flag = FlagRaised(name="balls-mixed", sentence="x", invalidates=False)
+    row = ComparedCertificate.of(replace(document, flags=(flag,)), "f")
+    metric = document.metric
+    assert metric.interval_95 is not None
+    stated = (metric.value, metric.u, *metric.interval_95)
+    shown = (row.value, row.u, row.low, row.high)
+    assert [each and each * 0.44704 for each in shown] == pytest.approx(stated)
+    assert (row.limit, row.unit, row.metric) == (pytest.approx(85), "mph", "v_f")
+    assert document.risk is not None
+    assert row.risk == document.risk.probability
+    assert (row.flags, row.valid_hits) == ("balls-mixed", document.valid_hits)
 
 
 def test_an_invalid_test_states_no_value() -> None:
