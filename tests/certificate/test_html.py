@@ -18,6 +18,7 @@ from virtual_lab.api import Certificate
 from virtual_lab.certificate.document import (
     CameraWord,
     ComparedResult,
+    FlagRaised,
     Stated,
     document_of,
     json_schema,
@@ -636,3 +637,25 @@ def test_the_slope_at_the_aim_is_in_the_budget() -> None:
     level = again(("place_slope = { value = 0.006", "place_slope = { value = 0.0"))
     plain = {part.name: part for part in level.metric.components}["impact.cannon.along"]
     assert plain.sensitivity - along.sensitivity == pytest.approx(per_e_a * slope, rel=0.02)
+
+
+def test_the_text_has_every_word_that_a_verdict_hangs_on() -> None:
+    """People count shots and balls from 1; the risk of a FAIL is that of a good bat."""
+    flag = FlagRaised(name="balls-mixed", sentence="two balls", invalidates=False)
+    for name in ("pass", "fail", "marginal", "no valid hit"):
+        document = dataclasses.replace(certificate(case(name)), flags=(flag,))
+        text = certificate_text(document)
+        assert ("marginal: the limit lies within" in text) == document.marginal
+        assert "FLAG balls-mixed: two balls" in text
+        for hit in document.rejected_hits:
+            assert f"    shot {hit.shot + 1}: {hit.reason}" in text
+        for ball in document.ball.set_aside:
+            assert f"  ball {ball.ball + 1} set aside: {ball.reason}" in text
+        for reason in document.reasons:
+            assert reason in text
+        if document.risk:
+            side = "exceeds" if document.verdict == "PASS" else "does not exceed"
+            assert f"that its true value {side} the limit" in words(certificate_page(document))
+    pitches = certificate(quick()).ring.frequencies_hz
+    assert len(pitches) > 1
+    assert f"at {', '.join(f'{pitch:.0f}' for pitch in pitches)} Hz" in words(page("pass"))
