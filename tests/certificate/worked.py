@@ -325,7 +325,7 @@ class Test:
         slope = x["ball.restitution_slope"]
         if self.sloped:
             off = self._steepness()
-            slope = ratio @ off / (off @ off) + x["balls.slope_repeatability"]
+            slope = ratio @ off / (flown["in"] @ off) + x["balls.slope_repeatability"]
         hits = ratio - slope * (flown["in"] - middle)
         e0 = [
             hits[self.wall_ball == ball].mean() + x[f"wall.ball {ball}"]

@@ -2,14 +2,16 @@
 
     python -m tests.studies.verdicts sound PROCEDURE FIRST NUMBER FILE.csv
     python -m tests.studies.verdicts table FILE.csv ...
+    python -m tests.studies.verdicts blocks PROCEDURE SEED NUMBER FILE.csv
     python -m tests.studies.verdicts injected PROCEDURE FIRST NUMBER FILE.csv
     python -m tests.studies.verdicts faults PROCEDURE FIRST NUMBER FILE.csv
     python -m tests.studies.verdicts stop FIRST NUMBER FILE.csv
 
 `sound` plays full laboratories, one a seed, and adds a row each to the file; seeds that are there
 already are left out, so that it can be stopped and resumed and cut into ranges. `table` sums such
-files up. `injected` changes one record of a sound session, writes the session to disk, reads it
-back, reduces it and compares the result with the truth; `faults` compares that of each fault of the
+files up. `blocks` plays sound laboratories side by side, whose recorders sum up, and adds a row a
+check. `injected` changes one record of a sound session, writes the session to disk, reads it back,
+reduces it and compares the result with the truth; `faults` compares that of each fault of the
 catalog, whose records are written with it, and `stop` that of faster balls, whose bats meet their
 stop. Each adds a row a case.
 """

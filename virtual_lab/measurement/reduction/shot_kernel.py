@@ -158,8 +158,10 @@ def balls_of_sets(
 ) -> None:
     """Fill in the mean e0 of each ball over its wall hits and how much faster these were.
 
-    Beside them the mean nominal speed of all hits [m/s], and the slope of e0 over it [s/m] by
-    least squares within each ball. A hit whose ball is below 0 is none.
+    Beside them the mean nominal speed of all hits [m/s], and the slope of e0 over the speed [s/m]
+    within each ball. The nominal speed is its instrument, because the error of a measured speed is
+    in e0, too: the rise of e0 with it, over the rise of the speed. A hit whose ball is below 0 is
+    none.
     """
     many, middle = np.zeros(masses.size), np.zeros(masses.size)
     restitution[:], faster[:], speed[0] = 0.0, 0.0, 0.0
@@ -181,5 +183,5 @@ def balls_of_sets(
             faster[own] += (speed_in[i] - speed[0]) / many[own]
             off = nominal[i] - middle[own]
             rise += speed_out[i] / speed_in[i] * off
-            width += off**2
+            width += speed_in[i] * off
     slope[0] = rise / width
