@@ -27,6 +27,8 @@ from virtual_lab import catalog
 from virtual_lab.simulation.instruments import RecordDetail
 
 HERE = Path(__file__).parent
+BLOCKS = HERE / "verdicts-blocks-2026-11-26.csv"
+WALL = HERE.parent / "foreign_laboratory" / "wall-2026-11-26.csv"
 SOUND, CASES = (HERE / f"verdicts-{name}-2026-11-25.csv" for name in ("sound", "cases"))
 
 
@@ -49,6 +51,26 @@ def test_sound_laboratories_are_as_rarely_contradicted_as_chance_says() -> None:
             assert int(each[f"below {chance:.2g}".replace("0.", ".")]) <= binom.ppf(
                 ENOUGH, n, chance
             )
+
+
+def test_blocks_of_sound_laboratories_are_invalid_no_more_often_than_one_of_ten_thousand() -> None:
+    """All checks together, at most as often as a fair coin of that chance in 999 studies of 1000.
+
+    And a flag of any kind in less than one of a hundred.
+    """
+    table = [each for each in rows(BLOCKS) if each["check"] == "any"]
+    assert {each["procedure"] for each in table} == BATS.keys()
+    laboratories, flagged, invalid = (
+        sum(int(each[name]) for each in table) for name in ("laboratories", "flagged", "INVALID")
+    )
+    assert invalid <= binom.ppf(ENOUGH, laboratories, 1e-4)
+    assert flagged < 0.01 * laboratories
+
+
+def test_another_laboratorys_wall_gives_the_e0_of_its_balls() -> None:
+    """Of 95 % intervals no fewer hold the truth than in 999 studies of 1000."""
+    for each in rows(WALL):
+        assert int(each["held"]) >= binom.ppf(1 - ENOUGH, int(each["laboratories"]), 0.95)
 
 
 def test_no_verdict_stands_against_its_own_records() -> None:
