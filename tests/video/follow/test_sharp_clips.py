@@ -354,3 +354,11 @@ def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
     assert seen.angle_out.value == pytest.approx(flat.angle_out.value, abs=1e-6)
     true = np.arctan2(-film.velocity_in[1], film.velocity_in[0])
     assert seen.angle_in.value == pytest.approx(true, abs=5 * seen.angle_in.u)
+    # half a degree off the plane, v_z reads as X/Z v_z along the picture
+    places = np.stack(film.places())[:, tracked.frames]
+    into = tracked.frames < film.before
+    off = (places[:, into].mean(axis=1) - [120.0, 80.0]) / 1000.0
+    along = off @ film.velocity_in / np.hypot(*film.velocity_in)
+    more = abs(np.tan(np.radians(0.5)) * along * seen.speed_in.value)
+    added = np.sqrt(seen.speed_in.u**2 - flat.speed_in.u**2)
+    assert added == pytest.approx(more, rel=0.1)

@@ -93,6 +93,11 @@ def distance_of(camera: CameraModel) -> float:
     return abs(float(_pose(camera)[1][2]) - camera.plane_height_m)
 
 
+def slopes_of(camera: CameraModel, places: Array) -> Array:
+    """Return X/Z and Y/Z of places of the plane (…, 2) [m], from the foot of the camera."""
+    return np.asarray((places - _pose(camera)[1][:2]) / distance_of(camera))
+
+
 def _pose(camera: CameraModel) -> tuple[Array, Array]:
     """Turn of axes from the plane's to the camera's, and where the camera is [m]."""
     rotation = np.asarray(cv2.Rodrigues(np.array(camera.rotation))[0], np.float64)

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array
-from virtual_lab.video.calibration.plane import RIM, Plane, plane_of
+from virtual_lab.video.calibration.plane import RIM, Plane, plane_of, slopes_of
+from virtual_lab.video.clips.calibration_file import CameraModel
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.clips.timing import usual_step
@@ -61,14 +62,20 @@ class SharpBall:
     plane: Plane
     off_plane: Array  # (flight, 2) velocity that a ball seems to have as it comes nearer [px/frame]
     notes: tuple[Note, ...] = ()
+    slants: Array | None = None  # (flight, 2) change of a velocity that is half a degree off it
 
     def aside(self, fit: Fit) -> list[tuple[Fit, float]]:
-        """Fits of flights that stay in the plane, where they seem to leave it."""
-        if not self.off_plane.any():
-            return []
-        states = fit.states.copy()
-        states[:, 2:] -= self.off_plane
-        return [(fit.with_vector(np.r_[fit.vector[: -states.size], states.ravel()]), 1.0)]
+        """Return fits of flights that stay in the plane or leave it unseen, with their shares."""
+        moves = [self.off_plane] if self.off_plane.any() else []
+        if self.slants is not None:  # each flight by itself
+            moves += [*(np.eye(len(self.slants))[..., None] * self.slants)]
+        found = []
+        for move in moves:
+            states = fit.states.copy()
+            states[:, 2:] -= move
+            vector = np.r_[fit.vector[: -states.size], states.ravel()]
+            found.append((fit.with_vector(vector), 1.0))
+        return found
 
     def metres(self, place: Array) -> Array:
         """Place (2,) [m] in the plane of one by the fit [pixels]."""
@@ -207,6 +214,9 @@ def settle(
     flags[good & left_out] |= np.uint16(PlaceFlag.OFF_WAY)
     ball = replace(ball, located=replace(located, flags=flags))
     ball = replace(ball, off_plane=np.array([_approach(scene, way, ball) for way in flown]))
+    if calibration.camera:
+        fit = fit_flights(scene, flown)
+        ball = replace(ball, slants=_slants(calibration.camera, fit, flown, plane))
     return scene, flown, replace(ball, notes=tuple(_against(scene, flown, ball, known)))
 
 
@@ -232,6 +242,17 @@ def _agreed(scene: FlightScene, way: Piece) -> Piece:
             break
         way = way.part(np.arange(len(chance)) != np.argmin(chance))
     return way
+
+
+def _slants(camera: CameraModel, fit: Fit, flights: Sequence[Piece], plane: Plane) -> Array:
+    """Return the velocity (flight, 2) that a flight half a degree off the plane seems to have more.
+
+    At X off the camera's foot and Z from the camera, v_z reads as X/Z v_z along the plane.
+    """
+    flip = [1, plane.sense]
+    middles = np.array([flight.xy.mean(axis=0) * flip for flight in flights])
+    slopes = slopes_of(camera, middles * plane.metres_per_pixel) * flip
+    return np.asarray(np.tan(np.radians(0.5)) * np.hypot(*fit.states[:, 2:].T)[:, None] * slopes)
 
 
 def _approach(scene: FlightScene, way: Piece, ball: SharpBall) -> Array:
