@@ -22,6 +22,7 @@ MPH = 0.44704  # m/s
 STANDARD_GRAVITY = 9.80665  # m/s^2
 OZ_IN2 = OUNCE * INCH**2  # kg m^2
 DEGREE = pi / 180  # rad
+MILLISECOND = 1e-3  # s
 
 DIMENSIONS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": INCH, "um": 1e-6},

@@ -8,7 +8,6 @@ from pathlib import Path
 BOXES = b"ftyp moov mdat moof mfra free skip wide pnot styp sidx uuid meta udta".split()
 EBML, SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"  # parts of MKV and WebM files
 ENDS = {b"GIF8": b";", b"\x89PNG": b"IEND\xaeB`\x82"}  # last bytes of a file, by its first
-SPARE = 8  # bytes: some AVI writers count the header of the file as a part of its content
 
 
 def is_cut_short(path: Path) -> bool:
@@ -23,7 +22,7 @@ def is_cut_short(path: Path) -> bool:
             at += length
             file.seek(at)
             head = file.read(16)
-    return at > size + SPARE
+    return at > size + 8  # some AVI writers count the 8 bytes of the header as content
 
 
 def _length_of_part(head: bytes) -> int:

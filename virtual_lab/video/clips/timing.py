@@ -9,15 +9,13 @@ import numpy as np
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import parse_table, read_text
-from virtual_lab.units import Array
+from virtual_lab.units import MILLISECOND, Array
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.columns import numbers_in
 from virtual_lab.video.clips.highspeed import HIGHSPEED
 from virtual_lab.video.clips.source import Source
 
 UNSURE_RATE = "the frame rate is the file's own"
-ROUNDED = 1e-3  # unit to which MKV, WebM, FLV and some MP4 files round time stamps [s]
-REPEATED = 0.25  # largest share of time stamps that repeat in a clip whose stamps are used
 
 
 def frame_times(
@@ -32,7 +30,7 @@ def frame_times(
     """
     count, given = len(stamps), calibration.frames_per_second
     kind, fastest = source.path.suffix.lower(), max(given or 0.0, source.rate or 0.0)
-    rounding = ROUNDED if _are_rounded(stamps) else 0.0
+    rounding = MILLISECOND if _are_rounded(stamps) else 0.0
     warnings = []
     if kind == ".avi" and fastest >= 2000:  # as was seen
         warnings.append("AVI loses frames without a word at 2000 a second and above")
@@ -92,12 +90,13 @@ def _own_times(source: Source, stamps: Array, rounding: float) -> tuple[Array, l
 
 
 def _are_rounded(stamps: Array) -> bool:
-    """Whether all time stamps [s] are whole milliseconds."""
-    return bool((np.abs(np.rint(stamps / ROUNDED) - stamps / ROUNDED) < 1e-3).all())
+    """Whether all time stamps [s] are whole milliseconds, as in MKV, WebM, FLV and some MP4."""
+    count = stamps / MILLISECOND
+    return bool((np.abs(np.rint(count) - count) < 1e-3).all())
 
 
 def _rising(stamps: Array) -> Array | None:
-    """Time stamps (frame,) [s] that rise, None where too many do not.
+    """Time stamps (frame,) [s] that rise, None where fewer than half of them can be used.
 
     Of two stamps in a row that do not rise either may be wrong: both frames lie evenly between
     their neighbours.
@@ -106,7 +105,7 @@ def _rising(stamps: Array) -> Array | None:
     number = np.arange(len(stamps))
     good = np.setdiff1d(number, np.union1d(falls, falls + 1))
     steps = np.diff(stamps[good])
-    if len(falls) > REPEATED * len(stamps) or len(good) < 2 or steps.min() <= 0:
+    if 2 * len(good) < len(stamps) or not steps.size or steps.min() <= 0:
         return None
     outside = number - np.clip(number, good[0], good[-1])
     return np.asarray(np.interp(number, good, stamps[good]) + outside * np.median(steps))
