@@ -107,3 +107,35 @@ def test_files_appear_together_and_replace_none(tmp_path: Path) -> None:
         (draft / "a.toml").write_text("another")
     assert (tmp_path / "a.toml").read_text() == "a"
     assert hidden(tmp_path) == set()
+
+
+COMPILING = """
+import sys, time
+from virtual_lab.files.caches import one_process_at_a_time
+
+def compiled(function):
+    with open(sys.argv[1], "a") as log:
+        for word in ("begins", "ends"):
+            print(word, file=log, flush=True)
+            time.sleep(0.3)
+    return function
+
+one_process_at_a_time(compiled)(lambda: None)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files are not locked")
+def test_two_processes_never_compile_one_function_at_the_same_time(tmp_path: Path) -> None:
+    code, log = tmp_path / "code.py", tmp_path / "log"
+    code.write_text(COMPILING)
+    code.chmod(0o444)
+    both = [subprocess.Popen([sys.executable, str(code), str(log)]) for _ in range(2)]
+    assert [each.wait() for each in both] == [0, 0]
+    assert log.read_text().split() == ["begins", "ends"] * 2
+
+
+def test_every_generalised_function_is_compiled_so() -> None:
+    for file in (Path(__file__).parents[1] / "virtual_lab").rglob("*.py"):
+        text = file.read_text("utf-8")
+        alone = text.count("@one_process_at_a_time(\n    guvectorize(")
+        assert text.count("guvectorize(") + text.count("vectorize(") == 2 * alone, file

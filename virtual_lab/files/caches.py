@@ -1,12 +1,17 @@
-"""The folder in which numba keeps compiled code, for an account without a folder of its own."""
+"""Numba's cache of compiled code: its folder, and who may write to it at one time."""
 
 from __future__ import annotations
 
 import os
 import stat
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import gettempdir, mkdtemp
+from typing import Any
+
+Decorator = Callable[[Callable[..., None]], Any]
 
 CACHE = "NUMBA_CACHE_DIR"
 
@@ -31,6 +36,33 @@ def provide_cache(package: Path) -> None:
         words = f"no writable home: compiled code is kept in {folder} ({CACHE} names another)"
         print(f"virtual-lab: {words}", file=sys.stderr)
     os.environ[CACHE] = str(folder)
+
+
+def one_process_at_a_time(compiled: Decorator) -> Decorator:
+    """Return the decorator `compiled`, which compiles a function, such that other processes wait.
+
+    Numba keeps a generalised function in two files, its loop and what calls it. If two processes
+    compile it at the same time, the files may come from different processes, and every later
+    call ends in a segmentation fault. On Windows, and where a file system has no locks, nobody
+    waits.
+    """
+
+    def decorated(function: Callable[..., None]) -> Any:
+        with _locked(Path(function.__code__.co_filename)):
+            return compiled(function)
+
+    return decorated
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Lock a file, which may be read-only, while the code in the context runs."""
+    with path.open("rb") as file:
+        with suppress(ImportError, OSError):
+            from fcntl import LOCK_EX, flock
+
+            flock(file, LOCK_EX)
+        yield
 
 
 def _writable(folder: Path) -> bool:

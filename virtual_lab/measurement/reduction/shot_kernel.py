@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numba import guvectorize
 
+from virtual_lab.files.caches import one_process_at_a_time
+
 RESULTS = (  # fields of `ShotResults`
     *("ball_mass", "bat_speed", "relative_speed", "recoil_rate", "place", "recoil_factor"),
     *("ball_restitution", "collision_efficiency", "restitution", "bat_performance_factor"),
@@ -25,11 +27,13 @@ TYPES = ["boolean"] * 3 + ["float64"] * 15 + [ROW] * 2 + ["boolean[:]", "int64[:
 AXES = ["()"] * 18 + ["(ball)"] * 3 + ["(shot)"] * 9
 
 
-@guvectorize(  # type: ignore[no-untyped-call]
-    [f"void({','.join([*TYPES, *[ROW] * len(RESULTS)])})"],
-    f"{','.join(AXES)}->{','.join(['(shot)'] * len(RESULTS))}",
-    nopython=True,
-    cache=True,
+@one_process_at_a_time(
+    guvectorize(  # type: ignore[no-untyped-call]
+        [f"void({','.join([*TYPES, *[ROW] * len(RESULTS)])})"],
+        f"{','.join(AXES)}->{','.join(['(shot)'] * len(RESULTS))}",
+        nopython=True,
+        cache=True,
+    )
 )
 def shots_of_sets(
     carried: Any,
@@ -139,11 +143,13 @@ def shots_of_sets(
         rebound[i], recoiled[i] = by_ball, by_bat
 
 
-@guvectorize(  # type: ignore[no-untyped-call]
-    [f"void({ROW}, int64[:], {','.join([ROW] * 7)})"],
-    "(ball),(hit),(hit),(hit),(hit)->(ball),(ball),(),()",
-    nopython=True,
-    cache=True,
+@one_process_at_a_time(
+    guvectorize(  # type: ignore[no-untyped-call]
+        [f"void({ROW}, int64[:], {','.join([ROW] * 7)})"],
+        "(ball),(hit),(hit),(hit),(hit)->(ball),(ball),(),()",
+        nopython=True,
+        cache=True,
+    )
 )
 def balls_of_sets(
     masses: Any,
