@@ -227,7 +227,9 @@ def test_the_records_say_whether_the_truth_is_sealed() -> None:
 
 def test_a_negative_seed_is_refused() -> None:
     """One line: key, value, what is allowed."""
-    with pytest.raises(InputError, match=r"^seed = -1; allowed: whole numbers from 0$"):
+    with pytest.raises(
+        InputError, match=r"^seed = -1; allowed: whole numbers from 0 to 2\^128 - 1$"
+    ):
         certify("r161", procedure=PROCEDURE, seed=-1)
 
 
