@@ -22,7 +22,7 @@ class InputError(ValueError):
         super().__init__(f"{': '.join(parts)}; {allowed}")
 
     def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:
-        """Return how another process makes it again: from its parts, not from its text."""
+        """Return the error's type and parts, from which another process makes it again."""
         return type(self), (self.where, self.key, self.value, self.allowed)
 
 

@@ -28,7 +28,7 @@ Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
 
 @dataclass(frozen=True, slots=True)
 class ArgumentRule:
-    """What an argument may be: its reader, and the words for an error.
+    """A rule for the values of an argument: the function that reads it, and the words for an error.
 
     `read` returns the value in the form that the function takes, and puts sheets into the store.
     It raises `TypeError` or `ValueError` for a value that is not allowed.

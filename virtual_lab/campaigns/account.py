@@ -1,4 +1,4 @@
-"""What became of the blocks of a campaign, in words and as JSON."""
+"""A campaign's parts by their state (made, made again, missing), in words and as JSON."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ INCOMPLETE = 4  # the program's exit code
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Account:
-    """What became of some parts of a campaign; they are named by the tests in them."""
+    """The state of some parts of a campaign; they are named by the tests in them."""
 
     parts: int
     tests: int  # in them

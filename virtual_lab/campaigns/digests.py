@@ -72,7 +72,7 @@ def _divided(file: bytes) -> tuple[bytes, bytes, bytes]:
 
 
 def _place(footer: bytes, key: str) -> tuple[int, int]:
-    """Return where in a footer a digest begins and ends."""
+    """Return the first byte of a digest in a footer, and the first byte after it."""
     digest = rb'"%b": "([0-9a-f]{64})"' % key.encode()
     places = [match.span(1) for match in re.finditer(digest, footer)]
     if len(places) != 1:

@@ -117,7 +117,7 @@ class Campaign:
 
     @property
     def blocks(self) -> int:
-        """How many blocks the study has."""
+        """The number of blocks of the study."""
         return len(self.cases) * self._of_case * self.study.repeats
 
     @property
@@ -146,10 +146,10 @@ class Campaign:
         return {name: (type_, unit) for name, (type_, unit) in layout.items()}
 
     def tests(self, numbers: range) -> int:
-        """Return how many tests there are in blocks."""
+        """Return the number of tests in blocks."""
 
         def before(number: int) -> int:
-            """Return how many tests there are in all blocks before one."""
+            """Return the number of tests in all blocks before one."""
             places, days = divmod(number, self.study.repeats)
             cases, place = divmod(places, self._of_case)
             rows = min(ROWS, self.study.laboratories - place * ROWS)

@@ -121,7 +121,7 @@ def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
 
 
 def _kind(value: Value) -> Any:
-    """Return what the columns may depend on of a changed key's value: its text, or if it is 0."""
+    """Return the part of a changed value on which the columns may depend: text, or if it is 0."""
     if isinstance(value, tuple):
         return tuple(map(_kind, value))
     number = str(value).split(" ", maxsplit=1)[0]  # of "0.1 mm"
@@ -153,7 +153,7 @@ def _made(block: Block, seed: int) -> dict[tuple[str, str], pa.Array]:
 
 
 def _columns(tested: BlockTest) -> Columns:
-    """Return what the tests of some laboratories gave."""
+    """Return the results of the tests of some laboratories as columns."""
     found, true = tested.certified, dict(tested.measurands)
     metric, unit = found.results["metric"], METRICS[found.procedure.metric].si_unit or "1"
     reach = coverage_factors(metric.dof) * metric.u
@@ -191,7 +191,7 @@ def write_part(table: pa.Table, folder: Path, block: Block) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What there is of a block."""
+    """The part of a campaign that one block fills, and its faults."""
 
     block: Block
     wrong: str  # with its file; '' if nothing

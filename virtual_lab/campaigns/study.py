@@ -1,4 +1,4 @@
-"""What a campaign asks for: its study file, its cases, and the sheets that a case changes."""
+"""The study file of a campaign, its cases, and the sheets that a case changes."""
 
 from __future__ import annotations
 

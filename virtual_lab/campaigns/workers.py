@@ -1,4 +1,4 @@
-"""Who makes the blocks of a campaign: processes of this machine, or the workers of Dask."""
+"""Workers that make the blocks of a campaign: processes of this machine, or workers of Dask."""
 
 from __future__ import annotations
 

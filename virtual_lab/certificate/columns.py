@@ -1,4 +1,4 @@
-"""What is told of each shot: one row of a table for each column.
+"""The columns of the table of shots, one row for each.
 
 ``readings.csv``, the certificate's document, its page and PDF, and the dictionary of a result
 folder read the columns from here.

@@ -504,7 +504,7 @@ def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated
 
 
 def statement_of(laboratory: str | None) -> str:
-    """Return what a result is worth: simulated (None), or from the records of a laboratory."""
+    """Return the sentence on a result's origin: simulated (None), or a laboratory's records."""
     return SIMULATED if laboratory is None else SUPPLIED.format(laboratory)
 
 
@@ -520,7 +520,7 @@ def document_of(parsed: dict[str, Any], where: str) -> CertificateDocument:
 
 
 def _contradictions(document: CertificateDocument) -> Iterator[tuple[str, Any, str]]:
-    """Yield what of a certificate contradicts the rest of it: key, value, what is allowed."""
+    """Yield contradictions within a certificate, each as key, value and allowed values."""
     metric = document.metric
     if metric.name not in METRICS:
         allowed = f"{nearest(metric.name, METRICS)}allowed: {', '.join(METRICS)}"
@@ -578,7 +578,7 @@ def _verdict(document: CertificateDocument, met: bool) -> str:
 
 
 def _foreign_words(document: CertificateDocument) -> Iterator[tuple[str, Any, str]]:
-    """Yield what does not belong to the origin of a certificate."""
+    """Yield words that contradict the origin of a certificate."""
     simulated = document.origin == "simulated"
     if simulated != (document.simulation is not None):
         yield "simulation", None, f"is for the origin 'simulated', here it is {document.origin!r}"

@@ -209,7 +209,7 @@ def certificate(
 
 
 def _particulars(session: Session) -> Particulars:
-    """Return what is stated; the laboratory that supplied the records is one of its own form."""
+    """Return the stated particulars; supplied records name their laboratory in its own form."""
     found, origin = session.particulars, session.origin
     if isinstance(origin, Supplied):
         laboratory = replace(found.laboratory, name=found.laboratory.name or origin.laboratory)
@@ -486,7 +486,7 @@ def _known(value: float) -> float | None:
 
 
 def _hall_conditions(hall: SessionBlock) -> Iterator[HallCondition]:
-    """Yield what thermometer, hygrometer and barometer showed at start and end, corrected."""
+    """Yield the corrected readings of thermometer, hygrometer and barometer at start and end."""
     if record := climate_readings(hall):
         for name, (values, u) in climate(hall, record).items():
             start, end = values[0, [0, -1]].tolist()

@@ -119,7 +119,7 @@ def source_of_pdf() -> bytes:
 
 
 def inputs_of_pdf(document: CertificateDocument, paper: str = "a4") -> dict[str, str]:
-    """Return what the template is given, for a document whose characters all have glyphs."""
+    """Return the template's inputs, for a document whose characters all have glyphs."""
     shown = _shown(_view(document), set())
     return {"view": shown, "document": document.text, "paper": PAPERS[paper]}
 

@@ -133,7 +133,7 @@ def _not_checked(document: CertificateDocument) -> list[str]:
 
 
 def _about_flags(document: CertificateDocument) -> str:
-    """Return what the flags of a test mean; "" without flags."""
+    """Return a sentence on the meaning of a test's flags; "" without flags."""
     names = {flag.name for flag in document.flags}
     said = []
     if names - {CALIBRATION_DUE}:
@@ -226,7 +226,7 @@ def _instruments(stated: Mapping[str, InstrumentIdentity]) -> dict[str, object] 
 
 
 def _other_recoil(other: OtherRecoil | None) -> dict[str, str] | None:
-    """Return what the same e_A gives with the recoil factor of the other support."""
+    """Return the results of the same e_A with the recoil factor of the other support."""
     if other is None:
         return None
     return {

@@ -99,7 +99,7 @@ WAYS = ("gates", "video", "joined")
 
 
 def _particulars_lines(particulars: Particulars, *, simulated: bool) -> list[str]:
-    """Return what is stated, and what is not; none where nothing is."""
+    """Return lines on the particulars that are stated and those that are not; none if none is."""
     lines = [f"  {words}: {value}" for words, value in particulars.printed(simulated=simulated)]
     if lines and particulars.not_stated:
         lines.append(f"  Not stated: {', '.join(particulars.not_stated)}")

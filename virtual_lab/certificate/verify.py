@@ -77,7 +77,7 @@ STATES = {"whole": 0, "altered": 3, "differs": 4, "not all checked": 4}  # codes
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Verification(StudyResult):
-    """What of a result folder contradicts the rest of it, or differs from this program."""
+    """Contradictions within a result folder, and its differences from this program's results."""
 
     folder: str
     rows: tuple[Mismatch, ...]
@@ -122,7 +122,7 @@ class Verification(StudyResult):
 
     @property
     def text(self) -> str:
-        """What was altered or differs as tables, what was not checked, and who signed."""
+        """Tables of alterations and differences, lines on unchecked parts, and the signer."""
         lines = [self.state]
         if altered := self._of("altered"):
             lines.append(table_text(altered))
@@ -214,7 +214,7 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
 
 
 def made_elsewhere(stated: Mapping[str, Any]) -> str:
-    """Return which other program made a certificate, "" if this one did."""
+    """Return the name of the other program that made a certificate, "" if this one did."""
     here = program.commit()
     of_here = (SCHEMA, program.versions()["virtual-lab"], here and asdict(here))
     of_there = (stated["schema"], at(stated, "versions", "virtual-lab"), stated.get("commit"))
@@ -246,7 +246,7 @@ def _certified(
 
 
 def _refused(file: str, fault: InputError) -> Mismatch:
-    """Return what cannot be read, or contradicts the rest of its file."""
+    """Return the finding for a file that cannot be read or contradicts itself."""
     value = "" if fault.value is None else str(fault.value)
     return Mismatch(file=file, key=fault.key, stated=value, found=fault.allowed)
 
@@ -306,7 +306,7 @@ def _tables(
     certification: Certification,
     elsewhere: bool,
 ) -> Iterator[FolderFinding]:
-    """Yield what of the table of shots and of the descriptors the records do not give."""
+    """Yield differences of the table of shots and of the descriptors from the records."""
     shots = shot_table(certification)
     rows = list(compared_table(folder / READINGS, csv_text(shots)))
     if document:
@@ -332,7 +332,7 @@ def _truth(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
 def _control(
     folder: Path, certification: Certification, elsewhere: bool
 ) -> Iterator[FolderFinding]:
-    """Yield what of the control bat's test is not that of which the records tell."""
+    """Yield differences between the control bat's test and the one that the records name."""
     session, there = certification.session, folder / CONTROL
     ratio, wanted = session.calibration.get(RATIO), session.control_sha256
     if not there.exists():
@@ -361,7 +361,7 @@ def _control(
 def _forms(
     folder: Path, document: CertificateDocument | None, elsewhere: bool
 ) -> Iterator[FolderFinding]:
-    """Yield what of page and PDF the document does not give, and what could not be compared."""
+    """Yield differences of page and PDF from the document, and parts that cannot be compared."""
     pdfs = sorted(path.name for path in folder.glob("*.pdf"))
     if not (folder / PAGE).is_file():
         yield Mismatch(file=PAGE, key="", stated="", found=MISSING)
@@ -411,7 +411,7 @@ def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
 
 
 def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
-    """Yield what the forms of another program do not state, though its document does."""
+    """Yield values of the document that the page and PDF of another program do not state."""
     number = number_of(stated)
     for path in sorted(folder.glob("*.pdf")):
         if number not in path.name:
@@ -437,7 +437,7 @@ def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
 
 
 def _replaced(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
-    """Yield what of the chain of replaced reports was altered, and what it says of the first.
+    """Yield alterations in the chain of replaced reports, and remarks on it.
 
     A report lies beside the one that replaces it, in a folder of the name that this one states.
     """

@@ -110,7 +110,7 @@ def command(
             missing: list[str] = []
 
             def form(path: Path) -> AbstractContextManager[None]:
-                """Return where a form is made: one that fails costs no folder that was saved."""
+                """Return a context in which a form is made: if it fails, the folder stays saved."""
                 return without_if_it_fails(str(path), missing) if target else nullcontext()
 
             with shown() if takes_progress else nullcontext() as progress:

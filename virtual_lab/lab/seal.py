@@ -90,7 +90,7 @@ def _content(folder: Path, name: str) -> str | dict[str, str]:
 def _altered(
     folder: Path, name: str, sealed: str | dict[str, str], kind: str | None
 ) -> Iterator[Alteration]:
-    """Yield what was altered of a sealed file, of which there is now one of `kind`, or none."""
+    """Yield alterations of a sealed file, of which there is now one of `kind`, or none."""
     if kind != "file":
         yield Alteration(name, "", f"replaced by a {kind}" if kind else "removed")
         return

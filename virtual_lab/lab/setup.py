@@ -174,7 +174,7 @@ class TestSetup:
 
     @property
     def rigs(self) -> dict[Stage, str]:
-        """Which rig stands at each stage."""
+        """The name of the rig at each stage."""
         return _rigs(self.rig)
 
     @property

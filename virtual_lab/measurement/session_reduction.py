@@ -105,7 +105,7 @@ class BlockPreparation:
         )
 
     def of(self, laboratory: int) -> Preparation:
-        """Return what one laboratory has."""
+        """Return the preparation of one laboratory."""
         constants = {name: known.of(laboratory) for name, known in self.constants.items()}
         lot = self.lot.part((laboratory, 0))
         return Preparation(
@@ -173,7 +173,7 @@ class BlockReduction:
 
     @property
     def outcome(self) -> BlockOutcome:
-        """What the hits weigh by the procedure."""
+        """The outcome of the hits by the procedure's rules."""
         return outcomes_of(
             self.procedure,
             self.preparation.laboratories,
@@ -185,7 +185,7 @@ class BlockReduction:
         )
 
     def next_shots(self) -> NextShots:
-        """Return what the procedure asks for next; nothing where a test is complete."""
+        """Return the shots that the procedure asks for next; none where a test is complete."""
         asking = np.zeros(self.preparation.laboratories, dtype=bool)
         asking[... if self.latest is None else self.latest] = True
         own, turn = asking[self.owner], np.cumsum(asking) - 1
@@ -229,7 +229,7 @@ class BlockReduction:
         return replace(chosen, valid=valid)
 
     def of(self, laboratory: int, readings: ImpactReadings) -> SessionReduction:
-        """Return what one laboratory has.
+        """Return the reduction of one laboratory.
 
         `readings` are those of all shots, as fired, (shot,).
         """

@@ -1,4 +1,4 @@
-"""Who tested which bat for whom, where and when: what a report states beside its results.
+"""Particulars of a report: laboratory, customer, bat, place, dates, and who authorised it.
 
 The common requirements for reports of ISO/IEC 17025:2017, 7.8.2.1. All of it may be left out: a
 certificate says in one line what is not stated.
@@ -93,7 +93,7 @@ class TestCourse(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Authoriser(Spec):
-    """Who authorises the report."""
+    """The person who authorises the report."""
 
     name: Title
     role: Title
@@ -121,7 +121,7 @@ class ReplacedReport(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentIdentity(Spec):
-    """Which instrument it was, and who calibrated it."""
+    """Identity of an instrument, and its calibration."""
 
     identity: Title
     certificate: Title = ""
@@ -144,7 +144,7 @@ class Particulars(Spec):
 
     @property
     def stated(self) -> dict[str, Any]:
-        """What is stated, as tables of JSON."""
+        """The stated particulars, as tables of JSON."""
         return _filled(asdict(self))
 
     def printed(self, *, simulated: bool) -> Iterator[tuple[str, str]]:
@@ -159,7 +159,7 @@ class Particulars(Spec):
 
     @property
     def not_stated(self) -> list[str]:
-        """What is not, in words."""
+        """Names of the particulars that are not stated, in words."""
         rows = (row for row in PRINTED if row.key != "replaces")  # most replace none
         return [row.words.lower() for row in rows if not row.of(self)]
 

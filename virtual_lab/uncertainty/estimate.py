@@ -65,7 +65,7 @@ class Known:
         return cls(value=value, u=u, dof=dof, evaluation=evaluation, source=source, pool=pool)
 
     def of(self, laboratory: int) -> Estimate:
-        """Return what one laboratory of the block knows; `ValueError` where it is nothing."""
+        """Return the estimate of one laboratory of the block; `ValueError` where it has none."""
         return Estimate(
             value=float(self.value[laboratory]),
             u=float(self.u[laboratory]),

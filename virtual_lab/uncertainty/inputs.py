@@ -105,7 +105,7 @@ class Inputs:
     groups: Mapping[str, tuple[Array, tuple[str, ...], NDArray[np.int_]]]  # base, sources, which
 
     def arguments(self, columns: Mapping[str, Array]) -> dict[str, Array]:
-        """Return what the model is called with, (k,) or (k, n), from columns (k,) of sources."""
+        """Return the model's arguments, (k,) or (k, n), from columns (k,) of sources."""
         k = next(iter(columns.values())).size if columns else 1
         found = {name: np.full(k, value) for name, value in self.certain.items()}
         apart = {part for _, parts, _ in self.groups.values() for part in parts}

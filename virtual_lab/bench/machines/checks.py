@@ -76,7 +76,7 @@ class CheckStandards:
 
     @cached_property
     def _sound(self) -> Laboratory:
-        """The same laboratory on earlier mornings without faults."""
+        """The laboratory on earlier mornings, without faults."""
         return opened_again(self.laboratory, FaultSet())
 
     def _against_chart(
@@ -97,7 +97,7 @@ class CheckStandards:
 
 
 def opened_again(mine: Laboratory, faults: FaultSet) -> Laboratory:
-    """Return the same laboratory with other faults but the same certificates."""
+    """Return the laboratory with other faults but the same certificates."""
     setup = replace(mine.setup, faults=faults, seed=mine.seed, collision=mine.collision)
     papers = {name: getattr(mine, name) for name in ("salt", "sealing", "date", "calibration")}
     return replace(Laboratory.open(setup), **papers)

@@ -20,7 +20,7 @@ Constants = Mapping[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """How a ball is found in the windows of a shot, and which of them are used."""
+    """Settings of the search for a ball in the windows of a shot, and of the choice of windows."""
 
     near_bat: float = 8e-3  # m, from the farthest the ball comes: nearer it may be on the bat
     least: int = 4  # frames of a way

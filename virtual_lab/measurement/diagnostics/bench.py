@@ -330,7 +330,7 @@ def lot_rules(evidence: Evidence) -> Iterator[Raised]:
 
 
 def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str:
-    """Return what is wrong with the first ball that is."""
+    """Return a sentence on the first ball that is wrong."""
     lot = lot_of(evidence.procedure, evidence.measured_balls.part((laboratory, 0)))
     each = next(one for one in lot.set_aside if bad[one.ball])
     if fired[each.ball]:

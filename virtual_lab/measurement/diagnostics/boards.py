@@ -67,7 +67,7 @@ def _board_said(
 
 
 def _between(known: Mapping[str, Known], board: int, last: int, part: Array) -> Components:
-    """Return what the survey makes of the deviation of a board from its place."""
+    """Return the components of a board's deviation from its place that the survey contributes."""
     variants = Variants.of({_distance(k): known[_distance(k)] for k in (0, board, last)})
     first, here, end = (column[..., 0] for column in variants.columns.values())
     return variants.components(here - first - part[:, None] * (end - first))
@@ -139,7 +139,7 @@ class Heights:
         return mean, survey + types_a("scatter", mean, u, number - 1), number
 
     def growth(self, values: Array) -> tuple[Array, Array, Array]:
-        """Return how much values of shots grow over their height at the target, u, and ν."""
+        """Return the growth of the shots' values over their height at the target, its u, and ν."""
         evidence, at = self.evidence, self.each(self.at_target)
         mean, _, number = evidence.mean_of(at, self.used)
         centre, _, _ = evidence.mean_of(values, self.used)

@@ -81,7 +81,7 @@ class Evidence:
         return dict(zip(parts.names, parts.sensitivity.T / u, strict=True))
 
     def moves(self, components: Components) -> Array:
-        """Return what a unit of a difference does to the result if one constant is its cause.
+        """Return the shift of the result per unit of a difference that one constant causes.
 
         `components` are those of the difference; in the result's u, of the worst constant; infinite
         where nothing is known of that, (laboratory,).

@@ -49,7 +49,7 @@ class Raised:
 
     @property
     def voids(self) -> Mask:
-        """Where nothing can be said of the bat, (laboratory,)."""
+        """True where nothing can be said of the bat, (laboratory,)."""
         return self.where & self.invalidates
 
     def of(self, laboratory: int) -> Flag | None:
@@ -86,12 +86,12 @@ class Pairs:
 
     @property
     def where(self) -> Mask:
-        """Where chance does not explain the difference."""
+        """True where chance does not explain the difference."""
         return self.compared & (self.likely < REMARKED)
 
     @property
     def voids(self) -> Mask:
-        """Where no verdict stands."""
+        """True where there can be no verdict."""
         return self.where & (self.harmful < CONTRADICTS)
 
     def difference(self, laboratory: int) -> Discrepancy | None:

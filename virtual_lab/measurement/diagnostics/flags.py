@@ -70,7 +70,7 @@ OF_READINGS: Mapping[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checked:
-    """What the checks of one session found."""
+    """Findings of the checks of one session."""
 
     flags: tuple[Flag, ...]  # at most one a check: the most serious one
     pairs: tuple[Discrepancy, ...]  # the differences compared with their uncertainties
@@ -79,13 +79,13 @@ class Checked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlockChecked:
-    """What the checks of a block found."""
+    """Findings of the checks of a block."""
 
     answers: tuple[tuple[Answer, ...], ...]  # a check's, in the order of the day
     left_out: tuple[str, ...]
 
     def of(self, laboratory: int) -> Checked:
-        """Return what they found in one laboratory."""
+        """Return the findings in one laboratory."""
         flags, differences = [], []
         for own in self.answers:
             raised = [flag for each in own if (flag := each.of(laboratory))]
@@ -97,7 +97,7 @@ class BlockChecked:
 
     @property
     def voids(self) -> Mapping[str, Mask]:
-        """Where a check leaves no verdict, (laboratory,), by its name."""
+        """True where a check leaves no verdict, (laboratory,), by the check's name."""
         return {
             name: np.logical_or.reduce([each.voids for each in own])
             for name, own in zip(CHECKS, self.answers, strict=True)
@@ -106,7 +106,7 @@ class BlockChecked:
 
     @property
     def flagged(self) -> Mapping[str, Mask]:
-        """Where a check raises a flag, (laboratory,), by its name."""
+        """True where a check raises a flag, (laboratory,), by the check's name."""
         return {
             name: np.logical_or.reduce([each.where for each in own])
             for name, own in zip(CHECKS, self.answers, strict=True)
@@ -115,7 +115,7 @@ class BlockChecked:
 
 
 def check(evidence: Evidence) -> BlockChecked:
-    """Return what the checks find in the sessions of a block."""
+    """Return the findings of all checks in the sessions of a block."""
     kinds: set[type[Record]] = {type(record) for record in evidence.block.impact.values()}
     unweighed = REFERENCE_MASS not in evidence.block.records["bench"]
     return BlockChecked(

@@ -41,7 +41,7 @@ def records_repeated(evidence: Evidence) -> Iterator[Raised]:
 
 
 def _rows(record: Record) -> Array | None:
-    """Return what a record holds of each shot, (shot, ...); None: nothing that tells shots."""
+    """Return a record's values by shot, (shot, ...); None if they cannot tell shots apart."""
     if isinstance(record, EncoderRecord):
         return record.counts
     if isinstance(record, GateRecord | BoardRecord):
@@ -50,7 +50,7 @@ def _rows(record: Record) -> Array | None:
 
 
 def _traces(record: Record) -> tuple[Mask, Mask]:
-    """Return which shots left a whole trace, and which at least half of one, (shot,).
+    """Return masks of the shots with a whole trace, and with at least half of one, (shot,).
 
     A bat that was not hit stands, and a ball may not come back.
     """

@@ -1,4 +1,4 @@
-"""Which hits count: every shot is compared with the windows; the first violation is named."""
+"""Hits that count: every shot is compared with the windows; the first violation is named."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Judgement:
 
     @property
     def valid(self) -> Mask:
-        """Which shots count, (shot,)."""
+        """Mask of the shots that count, (shot,)."""
         return np.array([not reason for reason in self.reasons], dtype=bool)
 
 
@@ -74,7 +74,7 @@ def accepted(
     percussion: Array,
     turn_rate: Array,
 ) -> Mask:
-    """Return which shots meet all the windows, of any shape; the last two broadcast to it."""
+    """Return a mask of the shots that meet all windows; the last two arguments broadcast."""
     valid = np.ones(np.shape(results.speed), dtype=bool)
     for met, _, _ in _criteria(procedure, results, readings, percussion, turn_rate):
         valid &= met
@@ -99,7 +99,7 @@ def _criteria(
 
 
 def _within(text: str, low: float, high: float, places: int) -> Callable[[float], str]:
-    """Return what says of a value that it is outside its limits, see `beyond`."""
+    """Return a function that writes the sentence on a value outside its limits, see `beyond`."""
     return lambda value: beyond(text, value, low, high, places)
 
 
@@ -165,7 +165,7 @@ def _place(
 
 
 def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:
-    """Return how far the edges of a shot are off one flight, in or back, (..., shot) [m]."""
+    """Return the distance of a shot's edges from one flight, in or back, (..., shot) [m]."""
     speeds = np.stack([results.speed, np.abs(results.rebound_speed)], axis=-1)
     misfit = readings.flights.raw.misfit * speeds
     return np.asarray(np.where(np.isfinite(misfit), misfit, 0.0).max(axis=-1))

@@ -1,4 +1,4 @@
-"""Which balls of a lot are admissible; the others are set aside before the first hit."""
+"""Admissible balls of a lot; the others are set aside before the first hit."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Lot:
 
 
 def admitted(procedure: Procedure, balls: MeasuredBalls) -> Mask:
-    """Return which balls define the lot, (..., ball): those admissible, all where none is."""
+    """Return a mask of the balls that define the lot, (..., ball): all where none is admissible."""
     light, e0 = _misfits(procedure, balls)
     fit = ~(light | e0)
     return np.asarray(fit | ~fit.any(axis=-1, keepdims=True))
@@ -64,7 +64,7 @@ def _restitution(procedure: Procedure, balls: MeasuredBalls) -> Array:
 
 
 def _misfits(procedure: Procedure, balls: MeasuredBalls) -> tuple[Mask, Mask]:
-    """Return which balls miss the window of the mass, and which that of e0, (..., ball)."""
+    """Return masks of the balls outside the window of the mass, and that of e0, (..., ball)."""
     windows, e0 = procedure.windows, _restitution(procedure, balls)
     of_mass = (windows.ball_mass_low <= balls.mass) & (balls.mass <= windows.ball_mass_high)
     of_e0 = (windows.ball_restitution_low <= e0) & (e0 <= windows.ball_restitution_high)

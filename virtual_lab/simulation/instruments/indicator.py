@@ -1,4 +1,4 @@
-"""What all indicating instruments share: offset, repeatability, and a scale of finite steps."""
+"""Indicating instruments: offset, repeatability, and a scale of finite steps."""
 
 from __future__ import annotations
 

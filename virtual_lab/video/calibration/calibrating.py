@@ -30,7 +30,7 @@ from virtual_lab.video.clips.calibration_file import CameraFit, CameraModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Demands:
-    """What pictures must show for a calibration, and what is warned of."""
+    """Demands on the pictures of a calibration, and thresholds of its warnings."""
 
     least_views: int = 3  # with a board
     greatest_focal_u: float = 0.02  # relative, no calibration: parallel views do not show it
@@ -44,7 +44,7 @@ DEMANDS = Demands()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """What is known of the board and of the plane."""
+    """The board, the u of its squares, and the height of the plane in which the ball flies."""
 
     board: Board
     square_u: float  # of every square's side alike [m]

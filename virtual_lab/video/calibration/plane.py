@@ -26,7 +26,7 @@ class PixelScale:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plane(PixelScale):
-    """What a picture measures."""
+    """Places of a ball in a plane [m], and the plane's scale."""
 
     places: Array  # (frame, 2) [m]
     sizes: Array  # how large a ball in the plane looks in each frame, by its place, (frame,)

@@ -1,4 +1,4 @@
-"""What a user knows of a clip's camera, from a TOML file: scale, frame rate, exposure, ball."""
+"""The calibration file of a clip (TOML): scale, frame rate, exposure and ball."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Triple = tuple[Real, Real, Real]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraFit(Spec):
-    """How a camera was calibrated; standard uncertainties of each number on its own."""
+    """A camera's calibration: board, views, residuals, and the u of each number on its own."""
 
     board: str
     views: Annotated[Whole, Gt(0)]

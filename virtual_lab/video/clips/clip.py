@@ -23,7 +23,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Memory:
-    """What of a clip stays in memory."""
+    """Limits for the parts of a clip that stay in memory."""
 
     samples: int = 25  # frames to learn the background from
     least_samples: int = 9
@@ -51,7 +51,7 @@ class Clip:
 
     @property
     def count(self) -> int:
-        """How many frames there are."""
+        """The number of frames."""
         return len(self.times)
 
     def grey_samples(self, every: int = 1) -> Frame:

@@ -1,4 +1,4 @@
-"""Where a clip's frames come from: one at a time, each of one size and depth, as stored.
+"""Sources of a clip's frames: one at a time, all of one size and depth, as stored.
 
 Frames are read in order and never kept, so a clip may be longer than the memory.
 """
@@ -23,7 +23,7 @@ Wanted = Callable[[int], bool]  # whether a frame need be decoded, by its number
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
-    """Where a clip's frames come from."""
+    """A source of a clip's frames: a file, a folder or an array."""
 
     path: Path
     declared: int  # frames the file says it holds

@@ -1,1 +1,1 @@
-"""What moves before a still background: drift of the picture, differences, outlines of blobs."""
+"""Motion before a still background: drift of the picture, differences, outlines of blobs."""

@@ -43,7 +43,7 @@ BLOB = np.dtype(
 
 @dataclass(frozen=True, kw_only=True)
 class _Search:
-    """What may be a ball; differences from the background in DN of 8 bits."""
+    """Thresholds for a blob that may be a ball; differences from the background in DN of 8 bits."""
 
     thresholds: tuple[int, ...] = (10, 40)
     faint: float = 5.0

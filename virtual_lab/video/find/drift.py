@@ -26,7 +26,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, kw_only=True)
 class _Alignment:
-    """How two pictures are laid upon one another."""
+    """Settings of the alignment of two pictures."""
 
     cell: int = 5  # pixels each way, of which the steepest takes part
     pixels: int = 3000  # at most

@@ -35,7 +35,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, kw_only=True)
 class _StillSettings:
-    """How the still frame is found."""
+    """Settings of the search for the still frame."""
 
     searched: float = 4e5  # pixels of the picture that is searched: larger ones are made smaller
     no_drift: float = 0.15  # pixels over a clip: a camera on a stand

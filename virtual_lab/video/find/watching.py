@@ -23,7 +23,7 @@ COMB_RATIO, COMB_BLOBS = 1.25, 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watched:
-    """What moves in a clip."""
+    """Moving blobs of a clip, and the drift of its picture."""
 
     still: Still
     found: Blobs  # (blob,) of `find.blobs.BLOB`, frame by frame

@@ -22,7 +22,7 @@ from virtual_lab.video.follow.sharpening import SharpBall
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactSettings:
-    """What is a contact, with what, and when its restitution is stated."""
+    """Thresholds for a contact, for its kind, and for stating its restitution."""
 
     off_normal: float = 35 * DEGREE  # that a change of velocity may be, to be along it
     slant_u: float = 0.2 * DEGREE  # of a floor or a wall off g: 4 mm in a metre are allowed

@@ -1,4 +1,4 @@
-"""What speaks against a clip's flights: its rulers, frames, camera, and what else moves."""
+"""Doubts about a clip's flights: by its rulers, frames, camera, and other moving things."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ FALLS = DoubtSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Falls:
-    """How the flights fall by a ruler other than gravity."""
+    """Fall of the flights, measured by a ruler other than gravity."""
 
     known: ClipKnowledge
     shared: Estimate  # acceleration of all [m/s²]

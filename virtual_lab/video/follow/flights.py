@@ -258,7 +258,7 @@ def _nearest(
 
 
 def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
-    """Where neighbouring flights meet: the number of the one in, and the time [frames]."""
+    """Meetings of neighbouring flights: the number of the first, and the time [frames]."""
     found = []
     for k, (one, other) in enumerate(pairwise(flights)):
         start, end = one.t[-1], other.t[0]

@@ -49,7 +49,7 @@ class Flight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowedClip:
-    """What was followed through a clip."""
+    """A ball that was followed through a clip: its flights, contacts, scale and doubts."""
 
     clip: Clip
     watched: Watched
@@ -75,12 +75,12 @@ class FollowedClip:
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """What speaks against the result, in capitals."""
+        """Flags: doubts about the result, in capitals."""
         return tuple(dict.fromkeys(flag for flag, _ in self.notes if flag))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """The same in sentences, and what only need be known."""
+        """Flags in sentences, and remarks that raise no flag."""
         return tuple(dict.fromkeys(words for _, words in self.notes if words))
 
 

@@ -31,7 +31,7 @@ Ints = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightFit:
-    """What the fit takes for granted, and when it ends."""
+    """Assumptions of the joint fit of flights, and its criteria for the end."""
 
     drag: float = 0.003  # k r before the clip says anything
     drag_u: float = 0.008

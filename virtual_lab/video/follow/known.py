@@ -1,4 +1,4 @@
-"""What a person knows of a clip, SI."""
+"""Knowledge of a clip that its user gives, SI."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClipKnowledge:
-    """What a person knows of a clip, SI."""
+    """Knowledge of a clip that its user gives, SI."""
 
     rate: float  # pictures stored in a true second, repeats counted
     rate_u: float = EXACT  # relative

@@ -25,7 +25,7 @@ FAR_U = 4.0  # standard uncertainties: what lies farther off is no chance
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PieceGrowth:
-    """Which blobs make a piece."""
+    """Thresholds for the blobs that make a piece."""
 
     gap_frames: int = 4  # in a row that need not show the ball
     lost_frames: int = 3  # that may have been left out at one place

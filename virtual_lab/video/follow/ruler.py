@@ -46,7 +46,7 @@ SAID = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RulerSettings:
-    """What u a ruler has beside its pictures', and when it is none."""
+    """Uncertainties of a ruler beside its pictures', and thresholds beyond which it is none."""
 
     roundest: float = 0.34  # of the places: those with the least blur show the ball's size
     # of the edge's width, and of what the axes differ by, as in a ball lit from the side: made-up

@@ -1,4 +1,4 @@
-"""What is known of a clip before its flights are, in pixels and frames."""
+"""Knowledge of a clip before its flights are found, in pixels and frames."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from virtual_lab.video.follow.scene import FlightScene
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeSettings:
-    """How a clip's time is read."""
+    """Settings for readings of a clip's time."""
 
     least_repeats: int = 2  # among the frames of flights, to ask whether they stand for time
     every_other: float = 0.4  # of the frames that are repeats: every frame was stored twice
@@ -31,7 +31,7 @@ TIME = TimeSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightsFound:
-    """What was found by one reading of the clip's time."""
+    """Flights found by one reading of the clip's time."""
 
     scene: FlightScene
     pieces: list[Piece] = field(default_factory=list)

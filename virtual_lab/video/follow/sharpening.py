@@ -33,7 +33,7 @@ from virtual_lab.video.locate.sharp import sharp_places
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharpnessSettings:
-    """Which frames are of a flight, and what speaks against it."""
+    """Thresholds for the frames of a flight, and for doubts about it."""
 
     least_frames: int = 3  # of a flight
     # of a ball's radius to the one expected: what is farther off is another thing; the hull of a

@@ -1,1 +1,1 @@
-"""Where the ball is in each region, by the fit of its outline."""
+"""Places of the ball in regions of frames, by the fit of its outline."""

@@ -19,7 +19,7 @@ for _n in range(1, len(NODES)):
 
 
 class Summing(NamedTuple):
-    """Which pixels about an outline are summed, and how they weigh."""
+    """Settings of the sums over pixels near an outline, and of their weights."""
 
     coarse_rows: int = 3  # from one to the next until the fit settles
     outside_px: float = 4.0  # of background beyond the edge

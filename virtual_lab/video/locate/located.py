@@ -1,4 +1,4 @@
-"""Where the ball is in each region or frame of a clip: what every way of locating it returns."""
+"""Places of the ball in regions or frames of a clip, as every way of locating it returns them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MARGIN = 16.0  # pixels of background about the ball
 
 
 class PlaceFlag(IntFlag):
-    """What is wrong with the ball in a frame."""
+    """A fault of the ball's picture in a frame."""
 
     NOT_FOUND = 1
     SATURATED = 2  # pixels at full scale within the ball or at its edge
@@ -50,7 +50,7 @@ class Located:
 
     @classmethod
     def start(cls, places: Array, radius: float, blur: Array) -> Located:
-        """Where a fit starts: places (region, 2), a radius, a blur (region, 2) or less [pixels]."""
+        """Return the start of a fit: places (region, 2), a radius, blurs (region, 2) [pixels]."""
         count = len(places)
         names = ("x_u", "y_u", "chi_square", "pattern_u")
         moved = np.broadcast_to(blur, (count, 2))

@@ -20,7 +20,7 @@ ROUNDING = 1 / 12  # DN^2, of whole grey values
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """What a camera adds to a picture; every grey value in DN.
+    """Noise and defects that a camera adds to a picture; every grey value in DN.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How a ball's rim looks through lens and pixel: tables over the depth, and the fit's parameters.
+"""A ball's rim, seen through lens and pixel: tables over the depth, and the fit's parameters.
 
 The surface of a sphere is seen at a slant: what lies an angle a from the rim lies R (1 - cos a)
 inside the outline. So brightness near the rim is given over sin a, the surface's facing: shading
@@ -32,7 +32,7 @@ SHADES = len(("level", "way to the side", "facing"))
 
 
 class Table(NamedTuple):
-    """How the tables are laid out, and what is believed of a pattern."""
+    """Layout of the tables, and assumptions about a pattern."""
 
     widths: float = 5.0  # beyond the edge a pixel is all ball or all background: they begin there
     per_width: int = 32  # entries

@@ -15,7 +15,7 @@ from virtual_lab.video.locate.noise import Noise
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharpSettings:
-    """How often a ball is fitted, and from where."""
+    """Settings of a ball's fit: its rounds and starting points."""
 
     noise_sample_px: float = 5e5  # of the frames sampled: their noise to 1 %
     lit_share: float = 0.93  # of the ball's radius: less of it is light, the rest in the dark

@@ -1,4 +1,4 @@
-"""What a person says of a clip, as on the command line: `73mm±0.5mm`, `17:52`, `x,y@frame`."""
+"""Values that a user gives for a clip on the command line: `73mm±0.5mm`, `17:52`, `x,y@frame`."""
 
 from __future__ import annotations
 

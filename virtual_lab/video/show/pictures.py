@@ -28,7 +28,7 @@ NONE = "#ff00ff"  # of places outside of them: seen before any wall
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """How large pictures are, and how many."""
+    """Sizes and number of the pictures."""
 
     tile_px: float = 1e5  # a picture of sheet, film and plot, at most
     tiles: int = 12  # of the sheet, beside those about contacts; about so many balls in the plot

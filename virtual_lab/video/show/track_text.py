@@ -1,4 +1,4 @@
-"""What `virtual-lab track` says of a clip: one table of flights, as text, JSON and CSV."""
+"""Results of `virtual-lab track`: one table of flights, as text, JSON and CSV."""
 
 from __future__ import annotations
 
