@@ -460,7 +460,8 @@ def by_hand(session: Session, reduced: SessionReduction) -> dict[str, Array]:  #
     nominal = log.nominal_speed.mean()
     slope = x["ball.restitution_slope"]
     if np.ptp(log.nominal_speed):
-        slope = np.polyfit(log.nominal_speed, ratio, 1)[0]
+        slope = np.polyfit(log.nominal_speed, ratio, 1)[0]  # rise over nominal speed
+        slope /= np.polyfit(log.nominal_speed, v_in, 1)[0]  # rise of the measured speed
     hits = ratio - slope * (v_in - nominal)
     e0 = np.array([hits[ball == each].mean() for each in range(len(ball_mass))])
     # shots at the bat
