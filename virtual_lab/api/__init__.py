@@ -130,7 +130,7 @@ ALONE = (
     "show",
     "template",
     "verify",
-)  # test nothing: they take no `instruments`
+)  # functions that test no bat and therefore take no `instruments`
 ELSEWHERE = {  # name: module, name there
     "BatComparison": (f"{STUDIES}.bats.compare", "BatComparison"),
     "BatProfile": (f"{STUDIES}.bats.profile", "BatProfile"),
@@ -277,13 +277,14 @@ class Certificate:
 
     certification: Certification
     sealed: SealedTruth | None = None
-    control: Certificate | None = None  # of the control bat
-    film: Callable[[Path], None] | None = None  # of the first shot, where it was asked for
-    seed: int | None = None  # as given by the user, None if random
-    pdf: bool = False  # whether `save` writes it as PDF, too
-    paper: str = "a4"  # of page and PDF
-    key: Path | None = None  # private, with which `save` signs all files
-    stated: CertificateDocument | None = None  # as it was read from a folder
+    control: Certificate | None = None  # certificate of the control bat
+    # function that films the first shot into a folder, if requested
+    film: Callable[[Path], None] | None = None
+    seed: int | None = None  # seed given by the user; None if random
+    pdf: bool = False  # whether `save` also writes a PDF
+    paper: str = "a4"  # paper size of page and PDF
+    key: Path | None = None  # private key with which `save` signs all files
+    stated: CertificateDocument | None = None  # document read from a folder
 
     @cached_property
     def printed(self) -> CertificateDocument:
@@ -439,7 +440,7 @@ class Certificate:
         target = Path(folder)
         pdf, paper = self.pdf if pdf is None else pdf, paper or self.paper
         require_paper(paper)
-        if pdf and not self.pdf:  # else required before the test
+        if pdf and not self.pdf:  # otherwise checked before the test
             require_pdf(paper)
         if key:
             require_key(Path(key), private=True)
@@ -853,7 +854,7 @@ class Track:
 
     found: FollowedClip
     progress: Progress = quiet
-    film: bool = False  # `save` writes a film
+    film: bool = False  # whether `save` writes a film
 
     @cached_property
     def document(self) -> dict[str, Any]:

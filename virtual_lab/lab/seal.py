@@ -81,7 +81,7 @@ def _content(folder: Path, name: str) -> str | dict[str, str]:
     """Return the digest of a file, or of each of its keys; `InputError` where it has none."""
     path = folder / name
     readers = {} if "truth" in name.split("/") else {".json": read_json, ".toml": read_toml}
-    if reader := readers.get(path.suffix):  # 16 digits do against a slip of the hand
+    if reader := readers.get(path.suffix):  # 16 digits suffice against an accidental change
         return {key: _digest(value)[:16] for key, value in _values(reader(path))}
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
@@ -96,7 +96,7 @@ def _altered(
         return
     try:
         found = _content(folder, name)
-    except (ValueError, RecursionError):  # cut short, say
+    except (ValueError, RecursionError):  # for example, a truncated file
         found = ""
     if not (isinstance(found, dict) and isinstance(sealed, dict)):
         if found != sealed:
@@ -115,7 +115,7 @@ def _values(document: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the values of a document with keys such as ``budget[3].u``."""
     if isinstance(document, dict) and document:
         for name, value in document.items():
-            # unquoted one could pass for a path of two
+            # an unquoted name with a dot could be mistaken for two keys
             plain = name if re.fullmatch(r"[\w /-]+", name) else json.dumps(name)
             yield from _values(value, f"{key}.{plain}" if key else plain)
     elif isinstance(document, list) and document:

@@ -25,7 +25,7 @@ from virtual_lab.streams import LABORATORIES, Draws, Slots, require_seed
 from virtual_lab.uncertainty.estimate import Known
 
 NO_FAULTS = FaultSet()
-METHODS = ("ratio", "trampoline")  # of converting a result to a standard ball
+METHODS = ("ratio", "trampoline")  # methods that convert a result to a standard ball
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,21 +37,24 @@ class TestSetup:
     rules: Entry[Procedure]
     rig: str
     doubtful_rigs: Mapping[str, str]  # unverified numbers behind the rigs, by sheet
-    seed: int | None = None  # None draws one, which stands in the sealed truth alone
-    number: int | Slots = 0  # of the laboratory in the study of this seed; (n,): of a block
+    seed: int | None = None  # None draws a seed that only the sealed truth contains
+    # number of the laboratory in the study of this seed; shape (n,) for a block
+    number: int | Slots = 0
     reality: Reality = Reality.REAL
-    rung: str | None = None  # of the collision; None takes the cheapest that is good enough
+    # collision model; None selects the cheapest one that is accurate enough
+    rung: str | None = None
     motion: MotionRung = MotionRung.CLOSED_FORM
     faults: FaultSet = NO_FAULTS
     test: int | None = None
     control_bat: Entry[BatSpec] | None = None
     detail: RecordDetail = RecordDetail.FULL
-    film: bool = False  # of the first shot
-    made: bool = True  # False: the nominal bat
-    same_bat: bool = False  # in all tests of a laboratory
-    collision: Ladder | None = None  # that many laboratories share
-    particulars: Particulars = NOTHING_STATED  # what the certificate states beside the results
-    history: Mapping[str, Known] = field(default_factory=dict)  # of hits, as of `SessionBlock`
+    film: bool = False  # whether the first shot is filmed
+    made: bool = True  # whether the bat is drawn at random; False: the nominal bat
+    same_bat: bool = False  # whether all tests of a laboratory use the same bat
+    collision: Ladder | None = None  # collision models shared by many laboratories
+    particulars: Particulars = NOTHING_STATED  # statements of the certificate beside the results
+    # variances of hits in earlier tests, see `SessionBlock`
+    history: Mapping[str, Known] = field(default_factory=dict)
     uncertainty: UncertaintyMethod = "first-order"
 
     @classmethod

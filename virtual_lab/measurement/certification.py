@@ -68,7 +68,7 @@ from virtual_lab.uncertainty.propagating import FIRST
 from virtual_lab.uncertainty.scatter import HitVariance
 from virtual_lab.units import Array, Mask
 
-CACHED = 80_000  # numbers of an array that stays in the cache
+CACHED = 80_000  # largest number of values of an array that stays in the processor's cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,20 +84,22 @@ class Certification:
     readings: ImpactReadings
     judgement: Judgement
     outcome: HitWeights
-    metric: Budget | None  # None where too few hits were valid to give one
-    quantities: Mapping[str, Budget]  # by the keys of QUANTITIES; {} without a metric
-    variances: Mapping[str, Estimate]  # of a hit in each result, by this test; {} of an INVALID one
-    refined: Propagated | None  # where u and interval are not of first order
-    width: Width | None  # None too where the rules ask for none
-    swings: tuple[SwingResult, ...]  # where the rules name several swing laws
+    metric: Budget | None  # budget of the metric; None if too few hits were valid
+    quantities: Mapping[str, Budget]  # budgets by the keys of QUANTITIES; {} without a metric
+    # variance of one hit in each result, from this test alone; {} if the test is INVALID
+    variances: Mapping[str, Estimate]
+    refined: Propagated | None  # result of second order or Monte Carlo; None: first order only
+    width: Width | None  # peak width; None without a metric, a width rule or enough positions
+    swings: tuple[SwingResult, ...]  # results by each swing law, if the rules name several
     other: OtherSupport | None
-    camera: CameraComparison | None  # where a camera watched the hits
+    camera: CameraComparison | None  # comparison with the camera, if it filmed the hits
     set_aside: tuple[SetAside, ...]  # balls that the rules do not admit
-    findings: tuple[Finding, ...]  # what the rules ask of a bat before it is hit
-    flags: tuple[Flag, ...]  # what does not hang together in the records
-    pairs: tuple[Discrepancy, ...]  # by which two measurements of one thing differ
+    # requirements of the rules for a bat before it is hit, met or not
+    findings: tuple[Finding, ...]
+    flags: tuple[Flag, ...]  # contradictions in the records
+    pairs: tuple[Discrepancy, ...]  # differences between two measurements of one quantity
     not_checked: tuple[str, ...]  # checks of readings that the records do not hold
-    reasons: tuple[str, ...]  # why the verdict is INVALID or FAIL
+    reasons: tuple[str, ...]  # reasons of a verdict INVALID or FAIL
     verdict: Verdict
 
     @property
@@ -134,16 +136,16 @@ class BlockCertification:
 
     procedure: Procedure
     outcome: BlockOutcome
-    some: Mask  # which laboratories have a result, (laboratory,)
-    results: Mapping[str, Budgets]  # ``metric``, and by the keys of QUANTITIES
+    some: Mask  # mask of the laboratories with a result, (laboratory,)
+    results: Mapping[str, Budgets]  # keys: ``metric``, and those of QUANTITIES
     checked: BlockChecked
     bat: BatProperties  # (laboratory, 1, 1)
     invalid: Mask  # (laboratory,)
-    met: Mask  # every rule that the bat must meet, (laboratory,)
+    met: Mask  # whether the bat meets every rule, (laboratory,)
 
     @property
     def variances(self) -> dict[str, HitVariance]:
-        """Variance of a hit in each result, in a test that is INVALID with no freedom."""
+        """Variance of a hit in each result. An INVALID test has 0 degrees of freedom."""
         sound = self.some & ~self.invalid
         found = {}
         for name, budgets in self.results.items():
@@ -290,15 +292,15 @@ def evaluate_block(
 
 
 class Weighing(NamedTuple):
-    """The hits that the results of a block rest on, arrays (laboratory, hit)."""
+    """The hits from which the results of a block are computed, arrays (laboratory, hit)."""
 
-    hits: NDArray[np.intp]  # their numbers, below 0: none
+    hits: NDArray[np.intp]  # numbers of the shots; negative: no hit
     weights: Array
-    effects: Array  # of their metric on the result
-    places: Array  # set [m]
+    effects: Array  # effect of each hit's metric on the result
+    places: Array  # set impact positions [m]
 
     def some(self, chosen: slice) -> Weighing:
-        """Return those of some laboratories."""
+        """Return the hits of the chosen laboratories."""
         return Weighing(
             self.hits[chosen], self.weights[chosen], self.effects[chosen], self.places[chosen]
         )

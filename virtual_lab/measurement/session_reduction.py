@@ -71,9 +71,9 @@ class BlockPreparation:
     procedure: Entry[Procedure]
     constants: Mapping[str, Known]
     balls: BallReadings
-    lot: MeasuredBalls  # by the best values, (laboratory, 1, ball)
+    lot: MeasuredBalls  # measured balls for the best values of the constants, (laboratory, 1, ball)
     used: Mask  # balls that define the lot, (laboratory, 1, ball)
-    bat: BatProperties  # by the best values, (laboratory, 1, 1)
+    bat: BatProperties  # measured bats for the best values of the constants, (laboratory, 1, 1)
 
     @property
     def laboratories(self) -> int:
@@ -126,30 +126,31 @@ class Preparation:
     """Reduced values of bat, balls and rigs of one laboratory before its bat is hit."""
 
     block: BlockPreparation
-    laboratory: int  # of the block
+    laboratory: int  # number of the laboratory in the block
     procedure: Entry[Procedure]
     constants: Mapping[str, Estimate]
     balls: BallReadings
     lot: Lot
     bat: Mapping[str, Budget]  # mass, length, z_cm, inertia_cm [SI]
-    percussion: float  # where the procedure aims, for the measured bat [m]
-    turn_rate: float  # that it requires for the measured bat [rad/s]
+    percussion: float  # position at which the procedure aims on the measured bat [m]
+    turn_rate: float  # angular speed that the procedure requires for this bat [rad/s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlockReduction:
-    """Reduced and judged shots of a block, as fired, (shot,); their readings are left behind."""
+    """Reduced and judged shots of a block as fired, (shot,), without their readings."""
 
     preparation: BlockPreparation
-    constants: Mapping[str, Known]  # those of the preparation and of the hits
-    owner: NDArray[np.intp]  # whose shot it is
-    place: Array  # aimed at, from the barrel tip [m]
+    constants: Mapping[str, Known]  # constants of the preparation and of the hits
+    owner: NDArray[np.intp]  # laboratory of each shot
+    place: Array  # aimed position, from the barrel tip [m]
     results: ShotResults
     metric: Array
-    sought: Sought  # by a scan
+    sought: Sought  # quantity that a scan maximises
     valid: Mask
-    acceptance: Acceptance = judge  # by which they are valid
-    latest: NDArray[np.intp] | None = None  # owners of the last round: others are done
+    acceptance: Acceptance = judge  # function that judges which hits are valid
+    # owners of the shots of the last round; None: all laboratories still ask
+    latest: NDArray[np.intp] | None = None
 
     @classmethod
     def alone(cls, reduced: SessionReduction) -> BlockReduction:
@@ -259,12 +260,12 @@ class SessionReduction:
     """Reduced and judged records of one laboratory, before the evaluation of uncertainty."""
 
     preparation: Preparation
-    constants: Mapping[str, Estimate]  # those of the preparation and of the hits
+    constants: Mapping[str, Estimate]  # constants of the preparation and of the hits
     model: MeasurementModel
     bat: BatProperties
     shots: ShotResults
     shot_metric: Array  # (shot,)
-    sought: Sought  # by a scan, (shot,)
+    sought: Sought  # quantity that a scan maximises, (shot,)
     judgement: Judgement
     outcome: HitWeights
 
@@ -309,7 +310,7 @@ def prepare_block(block: SessionBlock) -> BlockPreparation:
     procedure = read(block.procedure_text, "procedure.toml", Procedure)
     asked = procedure.spec.pivot_from_knob
     for axis in block.calibration["impact.pivot.from_knob"].value:
-        if abs(axis - asked) > 5e-3:  # m: another rig
+        if abs(axis - asked) > 5e-3:  # tolerance [m]; a larger difference means another rig
             allowed = f"the rig's axis is at {axis:g} m"
             raise InputError("procedure.toml", "pivot_from_knob", f"{asked:g} m", allowed)
     balls = observe_balls(block)
@@ -430,8 +431,8 @@ def _place_constants(rules: Procedure, along: Known | None) -> dict[str, Known]:
 def _constants(block: SessionBlock) -> dict[str, Known]:
     """Return the constants of calibrations and readings that a result may depend on.
 
-    The air's density is that of the readings. The climate's logger is spent on it, and the
-    thickness of a beam on a check.
+    The air's density is that of the readings, if there are any. The constants of the climate logger
+    are used only for this density, and the thickness of a beam only for a check: they are left out.
     """
     positive = {"span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch"}
     for name, known in block.calibration.items():

@@ -17,7 +17,7 @@ class SwingResult:
     """The metric for one exponent of the swing law."""
 
     exponent: float
-    place: float  # position of its maximum, from the tip [m]
+    place: float  # position of the maximum, from the tip [m]
     budget: Budget
 
 

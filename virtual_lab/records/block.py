@@ -18,9 +18,10 @@ from virtual_lab.uncertainty.estimate import Estimate, Known
 class SessionBlock:
     """The records and calibrations of laboratories that test by one procedure.
 
-    Records of bench and wall, and the aim marks, have as many rows of each laboratory, one
-    laboratory after another; those of shots at the bat come as fired, and `owner` says whose they
-    are. Raises `ValueError` for encoder counts of several laboratories: a fit is of one bat.
+    Records of bench and wall, and the aim marks, have the same number of rows for each laboratory,
+    one laboratory after another. Records of shots at the bat are in the order of firing, and
+    `owner` holds the laboratory of each shot. Raises `ValueError` for encoder counts of several
+    laboratories, because they are fitted for one bat.
     """
 
     procedure_text: str
@@ -28,10 +29,10 @@ class SessionBlock:
     records: Mapping[str, Mapping[str, Record]]  # stage: channel: record
     owner: NDArray[np.intp]  # laboratory of each shot at the bat, (shot,)
     laboratories: int
-    bat: str = ""  # by name
-    bat_sport: str = ""  # what it is marked for; "": not known
+    bat: str = ""  # name of the bat
+    bat_sport: str = ""  # sport for which the bat is marked; "": not known
     ball_sport: str = ""
-    # of each result, the variance of a hit in earlier tests, (laboratory,)
+    # variance of one hit in earlier tests, by the name of the result, (laboratory,)
     history: Mapping[str, Known] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -61,13 +62,13 @@ class SessionBlock:
 
     @property
     def counted(self) -> bool:
-        """Whether an encoder counted: one fit is of all shots, which share their vibrations."""
+        """Whether there are encoder counts, fitted together as all shots share their vibrations."""
         return any(isinstance(each, EncoderRecord) for each in self.impact.values())
 
     def part(self, laboratory: int) -> SessionBlock:
         """Return the block of one of its laboratories."""
         if self.laboratories == 1:
-            return self  # with what may lie beside its tables
+            return self  # including arrays stored beside the tables
         own = self.owner == laboratory
 
         def one(known: Mapping[str, Known]) -> dict[str, Known]:

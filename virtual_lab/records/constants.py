@@ -9,9 +9,9 @@ from virtual_lab.errors import InputError
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DIMENSIONS
 
-GREATEST = 1e18  # of any constant, SI: products of such numbers stay finite
+GREATEST = 1e18  # largest value of any constant [SI], so that products stay finite
 
-PER_SI = {  # units in print: how many of them are the SI unit
+PER_SI = {  # printed unit: number of them in one SI unit
     "": 1.0,
     "g": 1e3,
     "g m": 1e3,
@@ -34,14 +34,14 @@ class Constant(NamedTuple):
     """Description, unit and plausible range of a constant."""
 
     dimension: str
-    meaning: str  # of its value, in a form to fill in
-    words: str  # in a budget
-    printed: str  # unit there, of PER_SI
-    low: float = 0.0  # SI; beyond this range no such thing is made, nor known as badly
+    meaning: str  # meaning of the value, for a form to fill in
+    words: str  # name of the constant in a budget
+    printed: str  # unit in a budget, a key of PER_SI
+    low: float = 0.0  # limits of a plausible value [SI]; u is at most the width of this range
     high: float = GREATEST
 
 
-CONSTANTS = {  # by "instrument.constant"
+CONSTANTS = {  # key: "instrument.constant"
     "scale.zero": Constant("mass", "what the scale shows of nothing", "scale, zero", "g", -1, 1),
     "scale.span": Constant(
         "number", "mass shown, less the zero, over true mass", "scale, span", "ppm", 0.5, 2

@@ -11,7 +11,7 @@ from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
 
 
 class ColumnUnit(NamedTuple):
-    """A unit as names of columns end in it: its UCUM code, and its size in SI."""
+    """A unit at the end of a column's name: its UCUM code, and its size in SI."""
 
     ucum: str
     si: float = 1.0
@@ -39,7 +39,7 @@ UNITS = {
     "m": ColumnUnit("m"),
 }
 PURE = ColumnUnit("1")
-MEANINGS = {  # of the columns of records
+MEANINGS = {  # meaning of each column of a record
     "item": "number of the piece on the scale or rule",
     "repeat": "number of the reading",
     "release": "number of the release of the pendulum",
@@ -84,7 +84,7 @@ MEANINGS = {  # of the columns of records
 
 
 def unit_of(name: str) -> ColumnUnit:
-    """Return the unit that a column's name ends in; that of numbers if in none."""
+    """Return the unit at the end of a column's name; without one, that of pure numbers."""
     parts = name.split("_")
     endings = ("_".join(parts[at:]) for at in range(len(parts)))
     return next((UNITS[ending] for ending in endings if ending in UNITS), PURE)

@@ -14,7 +14,8 @@ from virtual_lab.records.clip import ClipRecord, TrackRecord
 from virtual_lab.records.record import Order, Record, RecordColumn, rising
 from virtual_lab.units import Array
 
-REFERENCE_MASS = "reference-mass"  # channel of the bench: one mass, before and after the others
+# channel of the bench: one mass, weighed before and after the others
+REFERENCE_MASS = "reference-mass"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,7 +244,8 @@ def record_types() -> Mapping[str, type[Record]]:
     A package adds one by an entry point in the group ``virtual_lab.records``.
     """
     others = {point.name: point.load() for point in entry_points(group="virtual_lab.records")}
-    return {**RECORD_TYPES, **others, **RECORD_TYPES}  # ours first, and none replaced
+    # our kinds come first, and a package cannot replace them
+    return {**RECORD_TYPES, **others, **RECORD_TYPES}
 
 
 def record_name(record: Record) -> str:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler
     from pydantic_core import CoreSchema
 
-MOST = 200_000  # bytes
+MOST = 200_000  # largest size of a file [bytes]
 MOST_PIXELS = 4_000_000
 SVG = "http://www.w3.org/2000/svg"
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -31,8 +31,8 @@ DRAWN = re.compile(
     "svg|g|path|rect|circle|ellipse|line|polyline|polygon|text|tspan|defs|linearGradient|"
     "radialGradient|stop|clipPath|mask|symbol|use|title|desc|style"
 )
-MOST_DRAWN = 10_000  # shapes, each as often as it is used
-LARGEST_SIDE = 1e6  # of a drawing, in whatever unit
+MOST_DRAWN = 10_000  # largest number of shapes, each counted as often as it is used
+LARGEST_SIDE = 1e6  # largest side of a drawing, in any unit
 SIDE = re.compile(r"\s*\+?((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?:[a-z]{2}|%)?\s*")
 REFERENCE = re.compile(r"url\(\s*['\"]?#([^'\")]+)")
 LOADING = re.compile(r"url\(\s*['\"]?(?!['\"#\s])|@|\\|expression|script|data:|//", re.IGNORECASE)
@@ -172,7 +172,7 @@ def _require_few(root: ElementTree.Element) -> None:
 
     def count(element: ElementTree.Element) -> float:
         if element not in counts:
-            counts[element] = inf  # of one that uses itself
+            counts[element] = inf  # count of a shape that uses itself
             used = [element.get("href", "")[1:]]
             used += [name for each in element.attrib.values() for name in REFERENCE.findall(each)]
             parts = [*element, *(by_id[name] for name in used if name in by_id)]

@@ -160,7 +160,7 @@ class Particulars(Spec):
     @property
     def not_stated(self) -> list[str]:
         """Names of the particulars that are not stated, in words."""
-        rows = (row for row in PRINTED if row.key != "replaces")  # most replace none
+        rows = (row for row in PRINTED if row.key != "replaces")  # most reports replace no other
         return [row.words.lower() for row in rows if not row.of(self)]
 
 
@@ -206,7 +206,7 @@ PRINTED = (
     Particular("authorised_by", "Authorised by"),
     Particular("replaces", "Replaces"),
 )
-IN_TURN = ("bat.received", "test.begun", "test.ended", "test.issued")  # days, none before another
+IN_TURN = ("bat.received", "test.begun", "test.ended", "test.issued")  # days in the order of time
 
 
 def read_particulars(

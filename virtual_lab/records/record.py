@@ -16,8 +16,8 @@ from virtual_lab.units import Array
 if TYPE_CHECKING:
     import pandas as pd
 
-LARGEST = 1e18  # that a recorder shows: products of such numbers stay finite
-PAIRS = {"way": "in and back", "edge": "broke and cleared"}  # axes that are two by nature
+LARGEST = 1e18  # largest value that a recorder shows, so that products stay finite
+PAIRS = {"way": "in and back", "edge": "broke and cleared"}  # axes of length two
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class RecordColumn:
     name: str
     axes: tuple[str, ...]
     may_be_missing: bool = False
-    is_index: bool = False  # the number of an item, counted as axes are
+    is_index: bool = False  # whether it holds the number of an item, counted like axes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,8 +38,8 @@ class Order:
     values: Array
     axes: tuple[str, ...]
     along: str
-    fault: str  # said where they do
-    sign: float | Array = 1.0  # -1: that may not rise
+    fault: str  # message for values out of order
+    sign: float | Array = 1.0  # -1 for values that may not increase
     strictly: bool = False
 
     def first_fault(self) -> tuple[int, ...] | None:
@@ -71,7 +71,7 @@ class Record:
     """
 
     columns: ClassVar[Mapping[str, RecordColumn]]
-    # fields too large for a table, arrays beside it, and their axes
+    # fields too large for a table, which are stored as arrays beside it, and their axes
     attached: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 
     def __post_init__(self) -> None:

@@ -92,7 +92,7 @@ class Joint:
     dof: float
     draw_factor: Array
     draw_dof: float
-    drawn: str = ""  # why it cannot be drawn
+    drawn: str = ""  # names of the inputs if no draws of them are possible, otherwise empty
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,7 +278,7 @@ def _grouped(
         except (TypeError, ValueError) as fault:
             allowed = f"allowed: a number, or {len(labels)} of them, one a label"
             raise InputError(name, "value", given.value, allowed) from fault
-    # the value lies in the base, an error about it in the sources
+    # the base holds the values, the sources hold the errors about them
     source = source_of(name, replace(given, value=None if given.low is not None else 0.0))
     parts = tuple(f"{name}[{'/'.join(map(str, label))}]" for label in order)
     own = replace(source, estimate=replace(source.estimate, pool=name))
@@ -352,7 +352,7 @@ def _joint(
     law, _ = next(iter(shapes))
     drawn = "" if len(shapes) == 1 and not law.limited else ", ".join(block)
     factor = _factor(tuple(block), matrix * np.outer(u, u))
-    # of terms that are not independent no effective number is defined: the smallest is safe
+    # effective degrees of freedom are not defined for correlated terms; the smallest is safe
     dof = min(dofs)
     return Joint(tuple(block), factor, dof, factor, dof if law is LAWS["t"] else inf, drawn)
 

@@ -76,8 +76,9 @@ class Batches:
     def __init__(self, model: Model, drawing: Drawing) -> None:
         self.model, self.drawing = model, drawing
         self.sketches: dict[str, Sketch] = {}
-        self.ends: dict[str, tuple[Array, Array]] = {}  # of the first block, and dx/dF there
-        # of each batch: mean, u, low, high of each output, and the outputs' covariance
+        # ends of the interval from the first block, and dx/dF there, by output
+        self.ends: dict[str, tuple[Array, Array]] = {}
+        # statistics of each batch: mean, u, low, high of each output, and the outputs' covariance
         self.found: list[Array] = []
         self.covariances: list[Array] = []
         self._blocks = self.answers()
@@ -110,7 +111,8 @@ class Batches:
         for name, values in answers.items():
             self.sketches[name].add(values)
             (low, high), slope = self.ends[name]
-            # a quantile's error is that of the distribution function there (Bahadur): no sorting
+            # the error of a quantile follows from that of the distribution function there
+            # (Bahadur), without sorting
             off = np.array([np.mean(values <= low) - tail, np.mean(values <= high) - 1 + tail])
             rows.append([values.mean(), values.std(ddof=1), *([low, high] - off * slope)])
         self.found.append(np.array(rows))

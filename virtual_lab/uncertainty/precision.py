@@ -17,7 +17,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.units import Array
 
 POOLED_ABOVE = 0.25  # significance of an interaction that counts as repeatability (AIAG MSA)
-DISTINCT = 1.41  # of the number of distinct categories
+DISTINCT = 1.41  # factor of the number of distinct categories (AIAG MSA)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,7 +23,7 @@ from virtual_lab.units import Array
 class SecondOrder:
     """Independent errors shifted by one and by two u, and by one u in pairs."""
 
-    columns: dict[str, Array]  # of the sources, (1 + 4 n + 2 n (n - 1),), estimates first
+    columns: dict[str, Array]  # values of each source, (1 + 4 n + 2 n (n - 1),), estimates first
     kurtosis: Array
 
     @classmethod

@@ -22,7 +22,7 @@ from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits, scatter
 from virtual_lab.units import Array
 
-COMPARED: Mapping[str, str] = {  # name in a certificate: the shots' field it is the mean of
+COMPARED: Mapping[str, str] = {  # name in a certificate: field of the shots that is averaged
     "collision_efficiency": "lot_collision_efficiency",
     "restitution": "lot_restitution",
     "bat_performance_factor": "bat_performance_factor",
@@ -37,7 +37,7 @@ class ComparedQuantity:
     video: Budget
     joined: Budget
     difference: Budget  # video less gates
-    share: float  # of the video in what is joined
+    share: float  # weight of the video in the combined result
 
     @property
     def agree(self) -> bool:
@@ -50,13 +50,14 @@ class ComparedQuantity:
 class CameraComparison:
     """Results of the camera in a test."""
 
-    # by the keys of COMPARED; {} where no hit that counts was filmed
+    # results by the keys of COMPARED; {} if no hit of the result was measured by both
     quantities: Mapping[str, ComparedQuantity]
-    hits: int  # that count and both saw
-    missed: int  # that count, and the camera did not see well
+    hits: int  # number of hits of the result that both gates and camera measured
+    missed: int  # number of hits of the result that were not measured by both
     filmed: CameraResults
     shots: ShotResults
-    u: Mapping[str, Array]  # of each shot's speed_in, speed_out, efficiency, place and angle
+    # standard uncertainty of each shot's speed_in, speed_out, efficiency, place and angle
+    u: Mapping[str, Array]
 
 
 @constants_known()
@@ -69,7 +70,7 @@ def compare_camera(session: Session, reduced: SessionReduction) -> CameraCompari
         The camera's record or its calibration cannot be used.
     """
     record, gates = session.records["impact"].get("camera"), reduced.readings.flights
-    # gates show how high a ball flies, so how far away
+    # the gates give a ball's height, from which its distance from the camera follows
     if not isinstance(record, ClipRecord | TrackRecord) or not isinstance(gates, GateReadings):
         return None
     best, variants = best_values(reduced.constants), Variants.of(reduced.constants)
@@ -147,7 +148,7 @@ def _compared(
     """
 
     def mixed(of_gates: float, of_video: float) -> Budget:
-        # what is new in every shot, as noise of frames and of heights, is in the hits' own scatter
+        # noise that differs from shot to shot (frames, heights) is part of the scatter of the hits
         return mean_of_hits(variants, of_gates * gates + of_video * video, weights, places)
 
     own, other = (variants.components(hits @ weights).effect[0] for hits in (gates, video))

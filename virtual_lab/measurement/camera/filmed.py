@@ -25,10 +25,10 @@ Constants = Mapping[str, Array]
 class CameraResults:
     """Camera results of each shot, (..., shot); NaN: not seen."""
 
-    flights: Flights  # heights are those of the gates
-    place: Array  # of contact, from the barrel tip [m]
-    angle_in: Array  # of the flight in from the line of fire, toward the tip [rad]
-    met: Array  # when, from the first frame that counts, by the camera's clock [s]
+    flights: Flights  # flights by the camera, with the heights from the gates
+    place: Array  # impact position, from the barrel tip [m]
+    angle_in: Array  # angle of the incoming flight to the line of fire, toward the tip [rad]
+    met: Array  # time of contact after the first frame that counts, by the camera's clock [s]
 
 
 def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flights) -> CameraResults:
@@ -45,7 +45,8 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
     timed
         Flights from the gates, of which heights and slopes are used.
     """
-    # heights change slowly along the way: how far a ball is comes from the first set of constants
+    # the height changes slowly along the flight, so the ball's distance from the target is
+    # computed with the first set of constants
     used = {name for name in x if name.startswith(f"{stage}.camera.")} | {"ball.radius"}
     first = {name: np.ravel(x[name])[:1, None] for name in used}
     level = np.asarray(timed.offset).reshape(-1, len(seen.times))[:1, :, None]
@@ -109,7 +110,8 @@ def _u(seen: Sightings, parts: Array) -> Array:
     apart = times[:, :, None] - times[:, None, :]
     span = np.ptp(np.where(used, times, times.mean(axis=1)[:, None]), axis=1)
     worst = np.zeros(len(times))
-    for lag in np.geomspace(0.02, 3.0, 16):  # of the time a flight is seen: how slow a pattern is
+    # correlation time of the pattern [share of the flight's duration]
+    for lag in np.geomspace(0.02, 3.0, 16):
         like = np.exp(-0.5 * (apart / (lag * span[:, None, None])) ** 2)
         worst = np.fmax(worst, np.einsum("si,sij,sj->s", shifted, like, shifted))
     return np.asarray(np.sqrt(noise + worst))
@@ -128,7 +130,7 @@ def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[A
     several = np.ndim(x[f"{stage}.camera.tilt_x"]) > 0
     turn = looking_down(tilt)[:, None, None] if several else looking_down(tilt[0])
     below = of("place_z") - of("plane") - height
-    # a sphere is seen somewhat farther out than its centre, by 1 / (1 - R²/Z²)
+    # the image of a sphere lies farther out than that of its centre, by 1 / (1 - R²/Z²)
     shrink = 1 - (np.asarray(x["ball.radius"])[..., None] / below) ** 2 * bent
     u, v = u * shrink, v * shrink
     way = [

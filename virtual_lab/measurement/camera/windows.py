@@ -22,10 +22,14 @@ Constants = Mapping[str, Array]
 class Search:
     """Settings of the search for a ball in the windows of a shot, and of the choice of windows."""
 
-    near_bat: float = 8e-3  # m, from the farthest the ball comes: nearer it may be on the bat
-    least: int = 4  # frames of a way
-    most: int = 24  # that are refined: more add little that is new, as the ball's pattern is slow
-    oval_u: float = 1e-3  # of outlines off the axis, as far as lens and pose are known
+    # distance from the ball's farthest position within which it may touch the bat [m]
+    near_bat: float = 8e-3
+    least: int = 4  # smallest number of frames of a flight, inbound or outbound
+    # largest number of frames used per flight; more add little, because the error from the ball's
+    # pattern changes slowly
+    most: int = 24
+    # uncertainty of an outline's ovality off the axis, from lens and pose [share of the radius]
+    oval_u: float = 1e-3
 
 
 SEARCH = Search()
@@ -41,8 +45,8 @@ class Sightings:
     times: Array
     x: Array
     y: Array
-    u: Array  # of x and y each, from noise, new in every frame
-    pattern_u: Array  # the same from the ball's own pattern, alike in neighbouring frames
+    u: Array  # standard uncertainty of x and of y from noise, independent in every frame [px]
+    pattern_u: Array  # the same from the ball's pattern, similar in neighbouring frames [px]
     out: Mask  # whether the ball flies out
 
 
@@ -96,7 +100,7 @@ def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightin
             noise=_noise(of),
             lens=of["blur"],
             middle=(of["centre_x"], of["centre_y"]),
-            # a sphere seen under the angle b from the axis is longer by 1 / cos b
+            # the image of a sphere at the angle b from the axis is longer by the factor 1 / cos b
             oval=(1 / (2 * of["focal"]) ** 2, SEARCH.oval_u),
         )
         useful = found.usable & ((found.flags & PlaceFlag.SATURATED) == 0)

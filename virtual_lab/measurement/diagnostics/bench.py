@@ -24,11 +24,13 @@ from virtual_lab.records import REFERENCE_MASS, PendulumRecord
 from virtual_lab.uncertainty.budget import types_a
 from virtual_lab.units import Array, Mask
 
-EVEN_U = 2e-5  # relative, of a period: what swings shorten by unevenly as they decay
-FEWEST_RELEASES = 3  # that have a scatter
-ROUNDING = 1e-9  # of masses by the computer's own arithmetic [kg]
-DENSITY_U = 5e-4  # of the air [kg/m³], by the digits in which it is stated
-DECAY_U = 0.4  # relative, of the loss of amplitude: two readings a few of their steps apart
+# uncertainty of a mean swing less the median, as swings shorten unevenly [share of the period]
+EVEN_U = 2e-5
+FEWEST_RELEASES = 3  # smallest number of releases that gives a scatter
+ROUNDING = 1e-9  # rounding error of masses in floating-point arithmetic [kg]
+DENSITY_U = 5e-4  # uncertainty of the air density from its stated digits [kg/m³]
+# relative uncertainty of the loss of amplitude, whose two readings differ by only a few steps
+DECAY_U = 0.4
 
 
 def sports(evidence: Evidence) -> Iterator[Raised]:
@@ -64,7 +66,7 @@ def bat_shape(evidence: Evidence) -> Iterator[Raised]:
     """Compare density, balance, mass and radius of gyration with limits valid for any bat."""
     bat = evidence.reduced.preparation.bat.part((slice(None), 0, 0))
     length, mass = bat.length, bat.mass
-    light, heavy = 100.0, 12000.0  # kg/m³, solid balsa and solid lead
+    light, heavy = 100.0, 12000.0  # densities of solid balsa and solid lead [kg/m³]
     density = mass / (pi * bat.barrel_radius**2 * length)
     yield Raised(
         name="bat-shape",
@@ -79,7 +81,7 @@ def bat_shape(evidence: Evidence) -> Iterator[Raised]:
         invalidates=True,
     )
     gyration = np.sqrt(np.maximum(bat.inertia_cm / mass / length**2, 0.0))
-    # of any bat, a child's too, and of the plain steel cylinder of a morning's check
+    # limits for any bat, including a child's, and for the plain steel cylinder of the daily check
     yield _band("balance point", bat.z_cm / length, 0.25, 0.55, " of the length from the tip")
     yield _band("radius of gyration", gyration, 0.20, 0.36, " of the length")
     yield _band("mass", mass, 0.4, 20.0, " kg")
@@ -102,7 +104,8 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
     found = swing_slowing(record, evidence.laboratories)
     if found is None:
         return
-    # the period is that of small swings times 1 + θ²/16, and θ² would be so many times as large
+    # the period is that of small swings times 1 + θ²/16; `times` is the factor by which θ² is
+    # larger than read
     square = (record.first_amplitude * record.last_amplitude).reshape(evidence.laboratories, -1)
     unknown = np.full(evidence.laboratories, np.inf)
     period = (
@@ -198,7 +201,8 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
     """
     usual = np.median(swings, axis=(1, 2))
     irregular: Mask = np.asarray(odd.any(axis=2))
-    kept: Mask = np.asarray((irregular & counted).any(axis=1))  # as the others are too few
+    # odd releases are used if too few others remain
+    kept: Mask = np.asarray((irregular & counted).any(axis=1))
     out: Mask = np.asarray((irregular & ~counted).any(axis=1))
 
     def said(i: int) -> str:
@@ -219,9 +223,9 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
 class Slowing(NamedTuple):
     """Change of a pendulum's period over that from the amplitudes read, (laboratory,)."""
 
-    times: Array  # NaN of a swing that did not decay
+    times: Array  # observed change over expected change; NaN if the swing did not decay
     u: Array
-    releases: Array  # number of those counted
+    releases: Array  # number of counted releases
     dof: Array
 
 
@@ -243,7 +247,7 @@ def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | No
     )
     middle = first * (last / first) ** ((np.arange(swings) + 0.5) / swings)
     longer = np.concatenate([np.zeros_like(first), np.cumsum(middle**2 / 16, axis=1)], axis=1)
-    # least squares on orthogonal columns: a start, a period, and what of `longer` is neither
+    # least squares on orthogonal columns: start, period, and the rest of `longer`
     even = np.arange(passages) - swings / 2
     width = np.sum(even**2)
     longer -= longer.mean(axis=1, keepdims=True)
@@ -318,7 +322,7 @@ def lot_rules(evidence: Evidence) -> Iterator[Raised]:
     low, high = windows.ball_restitution_low, windows.ball_restitution_high
     fired = np.zeros(at.shape, dtype=bool)
     fired[evidence.owner, evidence.readings.ball] = True
-    # no sound lot scatters as much
+    # margin that the balls of a sound lot do not exceed
     far = ~((low - 5e-3 <= at) & (at <= high + 5e-3))
     fit = (windows.ball_mass_low <= balls.mass) & (balls.mass <= windows.ball_mass_high)
     bad = ~(fit & (low <= at) & (at <= high)) & (fired | far)
@@ -343,7 +347,7 @@ def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
     e0, readings = evidence.measured_balls.restitution[:, 0], evidence.reduced.preparation.balls
     if e0.shape[1] < 4:
         return
-    number = np.cumsum(readings.ball[:, 0] >= 0, axis=1) - 1.0  # of the hits that are any
+    number = np.cumsum(readings.ball[:, 0] >= 0, axis=1) - 1.0  # order of each measured hit, from 0
     order = (number[:, None] @ readings.share[:, 0])[:, 0]
     along, length = order - order.mean(axis=1, keepdims=True), np.ptp(order, axis=1)
     width = np.sum(along**2, axis=1)
@@ -352,7 +356,7 @@ def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
     dof = e0.shape[1] - 2
     change = slope * length
     scatter = np.sqrt(np.sum(rest**2, axis=1) / dof / width) * length
-    # as the trend goes on or began there, the mean is off by half the change
+    # whether the trend continues or began at the wall, the mean e0 is off by half the change
     known = evidence.sensitivities
     shared = sum(
         (known[name] for name in restitution_names(e0.shape[1]) if name in known),

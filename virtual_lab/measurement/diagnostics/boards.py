@@ -21,8 +21,8 @@ from virtual_lab.uncertainty.estimate import Known
 from virtual_lab.units import Array, Mask
 
 WAYS = {INBOUND: "", OUTBOUND: " back"}
-DROP_U = 2e-5  # m, of a ball's drop, by the drag that its parabola leaves out
-SCALE_U = 0.01  # of a height: what the beams of two boards may differ in without harm
+DROP_U = 2e-5  # uncertainty of a ball's drop, because its parabola neglects drag [m]
+SCALE_U = 0.01  # harmless relative difference between the height scales of two boards
 
 
 def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
@@ -77,19 +77,20 @@ def _between(known: Mapping[str, Known], board: int, last: int, part: Array) -> 
 class Heights:
     """Heights at which balls pass the boards on the way in.
 
-    What gravity takes until a ball is at the target is added to its heights, so that they lie on a
-    line.
+    Each height is corrected by g t²/2, with the time t left until contact, so that the heights of a
+    ball lie on a line.
     """
 
     evidence: Evidence
-    distances: Array  # of the boards, (laboratory, board) [m]
-    level: Array  # above the line of fire, (shot, board) [m]
-    level_u: Array  # by the thresholds of the beams, alike in all shots
+    distances: Array  # distances of the boards from the target, (laboratory, board) [m]
+    level: Array  # heights above the line of fire, corrected for the drop, (shot, board) [m]
+    # uncertainty of `level` from the thresholds of the beams, the same in all shots [m]
+    level_u: Array
     used: Mask  # (shot,)
 
     @classmethod
     def of(cls, evidence: Evidence, gates: GateReadings) -> Self:
-        """Return those of a block."""
+        """Return the heights of a block."""
         zeros, distances = (
             np.concatenate([evidence.best[name(k)][:, 0] for k in _boards(gates)], axis=1)
             for name in (_height, _distance)

@@ -17,7 +17,7 @@ from virtual_lab.units import Array, Mask
 
 Numbers = NDArray[np.intp]
 
-SIZE = 0.02  # relative, of the diameter; the rules' own 9 to 9 1/4 in are 0.014 either way
+SIZE = 0.02  # relative tolerance of the diameter; the rules allow ±0.014 (9 to 9 1/4 in around)
 
 
 def chords(evidence: Evidence) -> Iterator[Raised]:
@@ -38,7 +38,7 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
         ),
     }
     if isinstance(bat, BoardRecord):
-        # the window on the edges has already thrown out what scraps of the sabot spoil
+        # the window on the edges has already excluded shots spoilt by scraps of the sabot
         owner, diameters = found["bat"]
         found["bat"] = owner[~evidence.off_flight], diameters[~evidence.off_flight]
     nominal = 2 * evidence.best["ball.radius"][:, 0, 0]
@@ -50,7 +50,7 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
         longest = np.where(known, flat, 0.0).max(axis=1, initial=0.0)
         wide = longest > nominal[owner] * (1 + SIZE)
         yield _too_wide(evidence, where, owner, longest, wide, nominal)
-        # a single beam sees most balls off their centre, and shorter
+        # a single beam meets most balls off their centre and shows less than the diameter
         size = nominal.copy()
         for one in range(evidence.laboratories):
             own = flat[owner == one]
@@ -92,7 +92,7 @@ def _diameters(
     if not isinstance(readings, GateReadings) or not isinstance(record, GateRecord | BoardRecord):
         return np.full((ball.size, 2, 1), np.nan)
     x, mass = evidence.best, evidence.measured_balls.mass
-    if stage == "impact":  # (shot, 1, 1), each with the constants of its laboratory
+    if stage == "impact":  # each shot with the constants of its laboratory, (shot, 1, 1)
         x = {name: value[evidence.owner] for name, value in x.items()}
         mass, ball = mass[evidence.owner], ball[:, None, None]
         readings = readings.part(np.arange(ball.size)[:, None, None])
@@ -117,7 +117,8 @@ def _diameters(
         chords_shown = np.diff(record.times, axis=-1)[..., 0]
         along = chords_shown * speed / constant("clock")[:, None, None]
         return np.asarray(along - through[:, None, None])
-    # a beam off the centre's height sees a shorter chord; a steep way back is left out
+    # a beam above or below the ball's centre shows a shorter chord; rebounds are left out because
+    # they may be steep
     pitch, lowest = constant("pitch"), constant("lowest")
     beams = lowest[:, None] + pitch[:, None] * np.arange(record.times.shape[3])
     along = np.diff(record.times[:, INBOUND], axis=-1)[..., 0] * speed[:, INBOUND, :, None]

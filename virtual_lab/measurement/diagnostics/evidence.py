@@ -18,7 +18,7 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.uncertainty.budget import Budgets, Components, Variants
 from virtual_lab.units import Array, Mask
 
-FEWEST_SHOTS = 3  # that a mean and its scatter may rest on
+FEWEST_SHOTS = 3  # smallest number of shots for a mean and its scatter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,11 +29,12 @@ class Evidence:
     reduced: BlockReduction
     readings: ImpactReadings
     outcome: BlockOutcome
-    metric: Budgets  # the results
-    some: Mask  # which laboratories have one, (laboratory,)
-    variants: Variants  # of the constants
-    hits: NDArray[np.intp]  # numbers of the shots a result rests on, below 0: none
-    apart: Array  # e_A of these by recoil less by rebound for the variants, (laboratory, k, hit)
+    metric: Budgets  # budgets of the results
+    some: Mask  # mask of the laboratories with a result, (laboratory,)
+    variants: Variants  # constants, each shifted up and down by its u
+    hits: NDArray[np.intp]  # numbers of the shots in a result, (laboratory, hit); negative: none
+    # e_A from recoil minus e_A from rebound of these hits, for all variants, (laboratory, k, hit)
+    apart: Array
 
     @property
     def procedure(self) -> Procedure:
@@ -71,7 +72,7 @@ class Evidence:
 
     @cached_property
     def sensitivities(self) -> dict[str, Array]:
-        """The results' sensitivities to the constants, in their u a unit, (laboratory,).
+        """Shift of each result per unit of a constant [u of the result], (laboratory,).
 
         NaN without a result.
         """
@@ -81,10 +82,10 @@ class Evidence:
         return dict(zip(parts.names, parts.sensitivity.T / u, strict=True))
 
     def moves(self, components: Components) -> Array:
-        """Return the shift of the result per unit of a difference that one constant causes.
+        """Return the largest shift of the result per unit of a difference that one constant causes.
 
-        `components` are those of the difference; in the result's u, of the worst constant; infinite
-        where nothing is known of that, (laboratory,).
+        `components` are those of the difference. The shift is in units of the result's u,
+        (laboratory,), and infinite if the effect of no such constant on the result is known.
         """
         worst = np.full(self.laboratories, np.nan)
         for name, own in zip(components.names, components.sensitivity.T, strict=True):
@@ -95,7 +96,7 @@ class Evidence:
         return np.where(np.isfinite(worst), worst, np.inf)
 
     def per_laboratory(self, values: Array | Mask) -> Array:
-        """Return the sum of values of shots, (shot,), over each laboratory's."""
+        """Return the sum of values (shot,) over the shots of each laboratory, (laboratory,)."""
         return np.asarray(np.bincount(self.owner, values, self.laboratories))
 
     def shots_of(self, used: Mask, laboratory: int) -> str:
@@ -104,9 +105,9 @@ class Evidence:
         return f"shots {', '.join(map(str, shots))}" if shots.size <= 6 else f"{shots.size} shots"
 
     def mean_of(self, values: Array, used: Mask) -> tuple[Array, Array, Array]:
-        """Return means over the used shots of each laboratory, their scatter's u, and the numbers.
+        """Return the mean over the used shots of each laboratory, its u, and the number of shots.
 
-        (laboratory,) each; NaN where too few are used.
+        Each has shape (laboratory,). The u is that of the scatter. NaN: too few shots.
         """
         number = self.per_laboratory(used)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -25,8 +25,8 @@ from virtual_lab.uncertainty.budget import Component, Components, combined, type
 from virtual_lab.units import Array, Mask
 
 REMARKED = 5e-4  # chance of a difference as large in a sound laboratory, below which it is flagged
-CONTRADICTS = 1e-5  # and below which no verdict stands
-HARMLESS = 0.05  # standard uncertainties of the result, that a difference may move it
+CONTRADICTS = 1e-5  # the same chance, below which there is no verdict
+HARMLESS = 0.05  # shift of the result that is harmless [standard uncertainty of the result]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,21 +35,21 @@ class Flag:
 
     name: str
     sentence: str
-    invalidates: bool = False  # nothing can be said of the bat; else a remark
+    invalidates: bool = False  # True: no verdict is possible; False: a remark
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Raised:
     """A flag in the laboratories of a block in which it is raised."""
 
-    name: str  # of the check
-    where: Mask  # (laboratory,)
-    sentence: Callable[[int], str]  # of a laboratory in which it is raised
+    name: str  # name of the check
+    where: Mask  # mask of the laboratories in which it is raised, (laboratory,)
+    sentence: Callable[[int], str]  # sentence for a laboratory in which it is raised
     invalidates: bool = False
 
     @property
     def voids(self) -> Mask:
-        """True where nothing can be said of the bat, (laboratory,)."""
+        """True where no verdict on the bat is possible, (laboratory,)."""
         return self.where & self.invalidates
 
     def of(self, laboratory: int) -> Flag | None:
@@ -64,12 +64,13 @@ class Raised:
 class Discrepancy:
     """The difference of two measurements of one thing."""
 
-    name: str  # of the check
-    of: str  # which of its pairs
+    name: str  # name of the check
+    of: str  # name of the pair within the check
     sentence: str
-    sigmas: float  # the difference in its standard uncertainties
-    likely: float  # chance of one as large in a sound laboratory
-    harmful: float  # the same, where what would not move the result counts as noise
+    sigmas: float  # difference in units of its standard uncertainty
+    likely: float  # chance of a difference as large in a sound laboratory
+    # the same chance, if a difference that does not affect the result counts as noise
+    harmful: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +80,7 @@ class Pairs:
     name: str
     which: str
     said: Callable[[int], str]  # sentence without the size in standard uncertainties
-    compared: Mask  # where there are two measurements
+    compared: Mask  # mask of the laboratories with both measurements
     sigmas: Array
     likely: Array
     harmful: Array
@@ -140,20 +141,21 @@ def pairs(
     said
         Gives the sentence of a laboratory, without the size in standard uncertainties.
     components
-        Of the uncertainty of `value`; `least` is a lower bound of it.
+        Components of the uncertainty of `value`, of which `least` is a lower bound.
     moves
-        What a unit of `value` may do to the result, in the result's standard uncertainties.
+        Largest shift of the result per unit of `value`, in the result's standard uncertainties.
     among
         Number of like differences of which this is the least likely.
     compared
-        Where there are two measurements; None: everywhere.
+        Mask of the laboratories with both measurements; None: all.
     """
     u, likely = chances(value, components, least=least)
     moves = np.broadcast_to(np.asarray(moves, dtype=float), value.shape)
     harms = moves > 0
     spared = np.where(harms, HARMLESS / np.where(harms, moves, 1.0), 0.0)
     _, harmful = chances(value, components, least=np.maximum(least, spared))
-    # what counts as noise has endless degrees of freedom, which a scatter of few has not
+    # noise has infinite degrees of freedom here, a scatter of few shots does not; the larger chance
+    # is the safe one
     harmful = np.maximum(harmful, likely)
     everywhere = np.ones(value.shape, dtype=bool)
     return Pairs(
@@ -177,7 +179,7 @@ def chance(value: float, components: Sequence[Component], *, least: float) -> tu
 
 
 def chances(value: Array, components: Components, *, least: Array | float) -> tuple[Array, Array]:
-    """Return uncertainties and chances of a block, as `chance` of each laboratory."""
+    """Return the standard uncertainty and the chance of each laboratory, see `chance`."""
     floor = types_a("scatter", np.zeros(value.shape), np.broadcast_to(least, value.shape))
     budget = combined(value, components + floor)
     likely = 2 * stdtr(np.minimum(budget.dof, 1e9), -np.abs(value) / budget.u)
@@ -186,5 +188,5 @@ def chances(value: Array, components: Components, *, least: Array | float) -> tu
 
 def _of_any(likely: Array, among: NDArray[Any] | int) -> Array:
     """Return the chance that the least likely of several is as unlikely as this."""
-    with np.errstate(divide="ignore"):  # of a chance of 1
+    with np.errstate(divide="ignore"):  # logarithm of 0 for a chance of 1
         return np.asarray(-np.expm1(among * np.log1p(-np.minimum(likely, 1.0))))

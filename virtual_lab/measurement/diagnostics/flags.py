@@ -62,7 +62,7 @@ CHECKS: Mapping[str, Callable[[Evidence], Iterator[Answer]]] = {
 
 OF_READINGS: Mapping[
     type[Record], tuple[str, ...]
-] = {  # checks of what a recorder that sums up does not keep
+] = {  # checks of readings that a recorder does not keep if it stores only results
     PassageRecord: ("chords", "edges", "records-repeated"),
     RateRecord: ("encoder-fit", "encoder-halves", "records-repeated"),
 }
@@ -72,7 +72,7 @@ OF_READINGS: Mapping[
 class Checked:
     """Findings of the checks of one session."""
 
-    flags: tuple[Flag, ...]  # at most one a check: the most serious one
+    flags: tuple[Flag, ...]  # at most one flag per check: the most serious one
     pairs: tuple[Discrepancy, ...]  # the differences compared with their uncertainties
     left_out: tuple[str, ...]  # checks of readings that the records do not hold
 
@@ -81,7 +81,7 @@ class Checked:
 class BlockChecked:
     """Findings of the checks of a block."""
 
-    answers: tuple[tuple[Answer, ...], ...]  # a check's, in the order of the day
+    answers: tuple[tuple[Answer, ...], ...]  # answers of each check, in the order of the test day
     left_out: tuple[str, ...]
 
     def of(self, laboratory: int) -> Checked:

@@ -20,7 +20,7 @@ from virtual_lab.uncertainty.estimate import Known
 from virtual_lab.units import Array, Mask
 
 AIM_ALONG = "impact.cannon.along"
-RATE_ROUNDING = 1e-5  # relative, of a rate: what its extrapolation to contact is good for
+RATE_ROUNDING = 1e-5  # relative accuracy of the extrapolation of a rate to contact
 
 
 def ball_seen(evidence: Evidence) -> Iterator[Raised]:
@@ -52,7 +52,7 @@ def edges(evidence: Evidence) -> Iterator[Raised]:
     fired = evidence.per_laboratory(np.ones(evidence.owner.size))
     yield Raised(
         name="edges",
-        where=off > 0.1 * fired,  # no scrap of a sabot explains so many
+        where=off > 0.1 * fired,  # scraps of a sabot do not explain so many
         sentence=lambda i: (
             f"edges off one flight in {off[i]:.0f} of {fired[i]:.0f} shots: "
             "more than scraps of sabots explain"
@@ -120,8 +120,8 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
 def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
     """Compare the rate by the half of a record nearest contact with that by the whole record.
 
-    Twice: the result by halves with the result, and the worst shot. Both in units of the result,
-    which a shot moves by its weight.
+    There are two comparisons: the result by halves with the result, and the worst shot alone. Both
+    are in units of the result, which a shot moves by its weight.
     """
     for channel, which in (("encoder", "recoil"), ("swing", "swing")):
         fit = getattr(evidence.readings, which)
@@ -129,7 +129,7 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
             continue
         lever = evidence.outcome.effects * _by_rate(
             evidence, which
-        )  # 0 where the ball alone gives it
+        )  # 0 if the result uses the ball alone
         used = (lever != 0) & np.isfinite(lever) & np.isfinite(fit.by_half)
         known = evidence.some & (evidence.metric.u > 0) & (evidence.per_laboratory(used) > 0)
         if not known.any():

@@ -36,7 +36,8 @@ def records_repeated(evidence: Evidence) -> Iterator[Raised]:
             whole, some = _traces(channels[channel])
             others = [each for name, each in rows.items() if name != channel]
             twice = _filed_twice(own, some, others)
-            if sum(2 if whole[shot] else 1 for _, shot in twice) > 1:  # chance repeats a part once
+            # one part may repeat by chance
+            if sum(2 if whole[shot] else 1 for _, shot in twice) > 1:
                 yield _repeated(evidence, f"{stage}/{channel}", *twice[0])
 
 
@@ -80,9 +81,7 @@ def _filed_twice(own: Array, some: Mask, others: list[Array]) -> list[tuple[int,
 def _repeated(evidence: Evidence, record: str, first: int, second: int) -> Raised:
     return Raised(
         name="records-repeated",
-        where=np.ones(
-            evidence.laboratories, dtype=bool
-        ),  # full records are those of one laboratory
+        where=np.ones(evidence.laboratories, dtype=bool),  # full records come from one laboratory
         sentence=lambda _: (
             f"shots {first + 1} and {second + 1} have one and the same record in {record}, "
             "and other ones elsewhere"

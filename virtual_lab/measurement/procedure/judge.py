@@ -16,7 +16,8 @@ from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.output.rounding import beyond
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE, Array, Mask
 
-# met, what says of a value why it is not, and the values; arrays (..., shot)
+# whether the criterion is met, function that writes the reason for a value, and the values;
+# arrays (..., shot)
 Criterion = tuple[Mask, Callable[[float], str], Array]
 
 

@@ -91,7 +91,7 @@ class BlockOutcome:
     reasons: tuple[str, ...]  # (laboratory,)
 
     def of(self, laboratory: int, shots: Mask) -> HitWeights:
-        """Return those of one laboratory; `shots` are its own."""
+        """Return the weights of one laboratory, whose shots are marked in `shots`, (shot,)."""
         return HitWeights(
             weights=self.weights[shots],
             effects=self.effects[shots],

@@ -191,7 +191,8 @@ class Procedure(Spec):
     speed_limit: Annotated[float | None, Dimension("speed")] = None  # limit of the batted ball
     # largest standard uncertainty of the metric with which a result decides
     largest_u: Annotated[float | None, Dimension("number")] = None
-    largest_speed_u: Annotated[float | None, Dimension("speed")] = None  # that of a batted ball
+    # the same for the speed of a batted ball
+    largest_speed_u: Annotated[float | None, Dimension("speed")] = None
     # slope of e_A along the barrel for tests at one position: mean and spread over suitable bats
     place_slope: Annotated[float, Dimension("slope of length")] = 0.0
     place_slope_u: Annotated[float, Ge(0), Dimension("slope of length")] = 0.0

@@ -35,7 +35,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
 INBOUND, OUTBOUND = 0, 1
-THICKNESS = ".gates.thickness"  # constant of a stage: of its beams, along the flight [m]
+THICKNESS = ".gates.thickness"  # ending of a constant's name: thickness of a stage's beams [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +43,9 @@ class Passages:
     """Uncorrected times and heights of the centre, (..., shot, way, gate); NaN: not seen."""
 
     times: Array  # [s]
-    heights: Array  # above the gates' own zeros [m]
-    heights_u: Array  # of each height, by the scatter of its edges; 0 where there are none [m]
+    heights: Array  # heights above the zeros of the gates [m]
+    # standard uncertainty of each height, from the scatter of its edges; 0 without edges [m]
+    heights_u: Array
     misfit: Array  # rms of the edges about the parabola and the line, (..., shot, way) [s]
 
     def part(self, chosen: Shots) -> Passages:
@@ -101,7 +102,7 @@ class GateReadings:
 
     stage: str
     passages: Passages
-    distances: Array  # surveyed, of each gate from the target, (..., gate) [m]
+    distances: Array  # surveyed distances of the gates from the target, (..., gate) [m]
     shows_height: bool
 
     @classmethod
@@ -143,7 +144,7 @@ class GateReadings:
         span = first - near
         into = times[..., INBOUND, -1] - times[..., INBOUND, 0]
         back = times[..., OUTBOUND, 0] - times[..., OUTBOUND, -1]
-        with np.errstate(divide="ignore"):  # a clock too slow shows two gates at one tick
+        with np.errstate(divide="ignore"):  # a slow clock may show two gates at the same tick
             speed_in, speed_out = span / into, span / back
         return RawFlights(
             speed_in=speed_in,
@@ -155,7 +156,7 @@ class GateReadings:
 
     @property
     def raw_u(self) -> RawFlightsU:
-        """Their standard uncertainties, by the scatter of the gates between about the flight."""
+        """Standard uncertainties of the raw flights, from the scatter of the gates about a line."""
         raw = self.raw
         slope_in, level = self._line_u(INBOUND)
         slope_out, _ = self._line_u(OUTBOUND)
@@ -168,7 +169,7 @@ class GateReadings:
     def _line_u(self, way: int) -> tuple[Array, Array]:
         """Return the u of slope [s/m] and zero [s] of a line through a ball's times, (..., 1).
 
-        Gates off their surveyed places move all balls alike, which is no matter of the readings:
+        An error of a surveyed distance shifts all balls alike and is no error of the readings, so
         the scatter is that about the mean ball. NaN with fewer than three gates or two balls.
         """
         times = self.passages.times[..., way, :]
@@ -235,10 +236,10 @@ def flights(x: Constants, stage: str, seen: Passages, drag: Array) -> Flights:
         names += ["hall.gravity", *(f"{stage}.gates.height_{index}" for index in gates)]
     known = np.stack(np.broadcast_arrays(*(x[name] for name in names)), axis=-1)
     *own, shots, _, _ = seen.times.shape
-    # a set of constants is a row; the shots of some rows are the same ones
+    # each set of constants is a row; several rows may have the same shots
     rows = np.broadcast_shapes(known.shape[:-2], np.shape(drag)[:-1], tuple(own))
     many = prod(rows)
-    # arrays of one kind: a compiled function is compiled anew for views and what is not written to
+    # copies, because the functions would be compiled again for views and read-only arrays
     batch = np.array(np.broadcast_to(np.arange(prod(own)).reshape(own), rows)).reshape(many)
     if known.ndim == 1:
         known = known[None]

@@ -43,7 +43,8 @@ from virtual_lab.units import Array, Mask
 
 REPEATABILITY = "balls.repeatability"
 SLOPE_REPEATABILITY = "balls.slope_repeatability"
-UNEVEN = 0.25  # relative difference of a swing from the usual one; that of a lost passage is 1
+# smallest relative difference of an odd swing from the usual one; a lost passage gives 1
+UNEVEN = 0.25
 READ_WITH = (  # property, channel, instrument
     ("mass", "bat-mass", "scale"),
     ("length", "length", "rule"),
@@ -56,17 +57,17 @@ READ_WITH = (  # property, channel, instrument
 class BallReadings:
     """Readings of the balls on the scale and at the wall, of one laboratory or of a block.
 
-    A block has leading axes (laboratory, 1). A hit that was not seen both ways is none, its ball
-    below 0.
+    A block has leading axes (laboratory, 1). A hit that was not seen in both directions does not
+    count, and its ball is negative.
     """
 
-    mass: Array  # mean scale reading a ball [kg], (..., ball)
-    ball: NDArray[np.intp]  # which ball, a wall hit, (..., hit)
-    nominal_speed: Array  # [m/s], (..., hit)
+    mass: Array  # mean scale reading of each ball [kg], (..., ball)
+    ball: NDArray[np.intp]  # ball of each wall hit, (..., hit)
+    nominal_speed: Array  # nominal speed of each wall hit [m/s], (..., hit)
     flights: FlightReadings
 
     def of(self, laboratory: int) -> BallReadings:
-        """Return the readings of one laboratory of a block, with the hits that are any."""
+        """Return the readings of one laboratory of a block, with its measured hits alone."""
         here, first = np.array(laboratory), np.array(0)
         ball = self.ball[laboratory, 0]
         hits = ball >= 0
@@ -98,14 +99,14 @@ class ImpactReadings:
     """The shots at the bat, arrays (..., shot)."""
 
     ball: NDArray[np.intp]
-    place: Array  # aimed at: as set, with what the cannon is off, from the barrel tip [m]
+    place: Array  # aimed position, from the tip: set position plus offset of the cannon [m]
     flights: FlightReadings
-    recoil: RateFit | None  # of a bat that was at rest, where an encoder watched it
-    swing: RateFit | None  # of a bat that was swung
-    along: Array | float = 0.0  # what the cannon is off, as `place` takes it [m]
+    recoil: RateFit | None  # rotation of a bat that was at rest; None without an encoder
+    swing: RateFit | None  # rotation of a bat that was swung; None without an encoder
+    along: Array | float = 0.0  # offset of the cannon along the bat, included in `place` [m]
 
     def part(self, chosen: Shots) -> ImpactReadings:
-        """Return some of the shots, see `some_of`; one that is none is of ball 0."""
+        """Return some of the shots, see `some_of`; a missing shot gets ball 0."""
         return ImpactReadings(
             ball=np.maximum(some_of(self.ball, chosen, none=0), 0),
             place=some_of(self.place, chosen),
@@ -198,7 +199,7 @@ def observe_balls(block: SessionBlock) -> BallReadings:
     mass = _table(block, "ball-mass").mean(axis=-1)
     raw = flights.raw
     both = np.isfinite(raw.speed_in) & np.isfinite(raw.speed_out)
-    # a hit not seen both ways is no measurement of e0
+    # a hit that was not seen in both directions does not measure e0
     ball = _by_laboratory(block, np.where(both, log.ball, -1).astype(np.intp))
     hits = (ball[..., None] == np.arange(mass.shape[1])).sum(axis=1)
     if hits.min() < 2:
@@ -347,7 +348,8 @@ def _rates(
         raise InputError(where, "times", None, "must rise in even steps")
     if not np.isfinite(contact).any():
         return unseen(len(contact))
-    turn = block.calibration[f"impact.{channel}.counts_per_turn"].value[0]  # counts are of one
+    # counts come from one laboratory
+    turn = block.calibration[f"impact.{channel}.counts_per_turn"].value[0]
     try:
         return fit(unwrapped(record, turn, contact), contact)
     except ValueError as fault:

@@ -12,25 +12,26 @@ from virtual_lab.measurement.reduction.flights import Shots, some_of
 from virtual_lab.records import EncoderRecord, RateRecord
 from virtual_lab.units import Array
 
-WIDTHS = range(8, 33)  # of a counter that starts again [bit]
-MOST_MISFIT = 1.5  # of a fit that holds, over what counting and noise at rest leave
+WIDTHS = range(8, 33)  # widths of counters that start again [bit]
+MOST_MISFIT = 1.5  # largest misfit of a good fit [rms of counting and noise at rest]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateFit:
     """Encoder results of a batch of shots, in counts and uncorrected seconds."""
 
-    rate: Array  # at contact: its end for a struck bat, its beginning for a swung one, (shot,)
-    rate_u: Array  # its standard uncertainty from the fit, (shot,)
-    by_half: Array  # rate by the half of the record nearest contact, NaN: not recorded, (shot,)
-    by_half_u: Array  # standard uncertainty of its difference from `rate`, (shot,)
-    span: Array  # of the record that was fitted, NaN: not recorded, (shot,) [s]
-    before: Array  # rate before contact, of a bat that should be at rest, (shot,)
-    angle: Array  # at contact, of a bat that is swung, from square to the ball, (shot,) [counts]
+    # rate at the end of contact of a struck bat, at the beginning for a swung one, (shot,)
+    rate: Array
+    rate_u: Array  # standard uncertainty of `rate` from the fit, (shot,)
+    by_half: Array  # rate from the half of the record nearest contact, NaN: not recorded, (shot,)
+    by_half_u: Array  # standard uncertainty of `by_half` minus `rate`, (shot,)
+    span: Array  # duration of the fitted record, NaN: not recorded, (shot,) [s]
+    before: Array  # rate before contact of a bat that should be at rest, (shot,)
+    angle: Array  # angle of a swung bat at contact, from square to the ball, (shot,) [counts]
     ring_frequency: Array  # (ring,) [Hz]
     ring_decay: Array  # (ring,) [1/s]
-    rest: Array  # rms noise at rest, before contact, NaN: it was not recorded, (shot,) [counts]
-    residual: Array  # rms, NaN: not recorded, (shot,) [counts]
+    rest: Array  # rms noise at rest before contact, NaN: not recorded, (shot,) [counts]
+    residual: Array  # rms residual of the fit, NaN: not recorded, (shot,) [counts]
     counting: float  # rms error of whole counts [counts]
 
     def part(self, chosen: Shots) -> RateFit:
@@ -45,12 +46,12 @@ class RateFit:
 
     @property
     def misfit(self) -> Array:
-        """Residual over what counting and noise at rest leave, NaN: not recorded, (shot,)."""
+        """Residual divided by the noise of counting and at rest, NaN: not recorded, (shot,)."""
         return np.asarray(self.residual / self.noise)
 
     @property
     def noise(self) -> Array:
-        """Rms that counting and noise at rest leave, (shot,) [counts]."""
+        """Rms noise of counting and at rest together, (shot,) [counts]."""
         return np.hypot(self.counting, np.nan_to_num(self.rest))
 
 
@@ -69,7 +70,7 @@ def unwrapped(record: EncoderRecord, counts_per_turn: float, contact: Array) -> 
         if extent < period and again.any():
             usual = size[~again].max(initial=1.0)
             if (np.abs(size[again] - period) > 2 * usual).any():
-                continue  # a fault, which the fit shows
+                continue  # a fault, which increases the misfit of the fit
             counts = counts.copy()
             counts[:, 1:] -= period * np.cumsum(np.sign(steps) * again, axis=1)
             at = np.searchsorted(record.times, contact).clip(max=record.times.size - 1)

@@ -31,12 +31,14 @@ from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_f
 from virtual_lab.units import Array, Mask
 
 Constants = Mapping[str, Array]
-FLIGHT = ("bench.scale.", "hall.", "ball.radius")  # constants of which a ball in flight knows
-AT_WALL, AT_BAT = (*FLIGHT, "balls."), (*FLIGHT, "impact.")  # and what times it
-ADDED = ("balls.restitution_", "balls.slope_")  # errors of what is made of its flight
+# beginnings of the names of constants that the flight of a ball depends on
+FLIGHT = ("bench.scale.", "hall.", "ball.radius")
+# the same with the constants of the instruments that time the flight
+AT_WALL, AT_BAT = (*FLIGHT, "balls."), (*FLIGHT, "impact.")
+ADDED = ("balls.restitution_", "balls.slope_")  # errors added to results of the flights
 HELD = tuple(f"impact.{name}." for name in ("pivot", "encoder", "swing", "cannon", "aim"))
-PLACE_SLOPE = "procedure.place_slope"  # de_A/dz [1/m]
-SLOPE_ERROR = "procedure.place_slope_error"  # what the slope's own error makes of e_A
+PLACE_SLOPE = "procedure.place_slope"  # slope de_A/dz of e_A along the barrel [1/m]
+SLOPE_ERROR = "procedure.place_slope_error"  # error of e_A caused by the error of the slope
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,12 +60,12 @@ class BatProperties:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredBalls:
-    """Measured balls, shape (..., ball); e0 is that at the mean speed of the wall hits."""
+    """Measured balls, shape (..., ball). `restitution` is e0 at `speed`."""
 
     mass: Array
     restitution: Array
-    speed: Array  # mean nominal one of the wall hits, (..., 1) [m/s]
-    slope: Array  # of e0 over the speed, (..., 1) [s/m]
+    speed: Array  # mean nominal speed of the wall hits, (..., 1) [m/s]
+    slope: Array  # slope of e0 over speed, (..., 1) [s/m]
 
     def part(self, chosen: Any) -> MeasuredBalls:
         """Return the balls of some laboratories."""
@@ -76,28 +78,31 @@ class MeasuredBalls:
 class ShotResults:
     """Results of each shot, shape (..., shot)."""
 
-    speed: Array  # of the ball at the bat [m/s]
-    bat_speed: Array  # at the place struck, against the ball; 0 of a bat at rest [m/s]
+    speed: Array  # speed of the ball at the bat [m/s]
+    bat_speed: Array  # speed of the struck point toward the ball; 0 for a bat at rest [m/s]
     relative_speed: Array  # [m/s]
-    recoil_rate: Array  # of a bat at rest, about the pivot, at the end of contact [rad/s]
-    swing_rate: Array  # of a swung bat, at contact; 0 of a bat at rest [rad/s]
-    rebound_speed: Array  # of the ball, along the line of fire [m/s]
-    rebound_slope: Array  # height the ball gains a metre as it comes back
-    ball_mass: Array  # [kg]
-    place: Array  # that e_A is of, as far as is known, from the barrel tip [m]
-    recoil_factor: Array  # of the support the procedure names
-    ball_restitution: Array  # of the ball, at the shot's own relative speed
-    collision_efficiency: Array  # freed of the offset across the bat, at the place asked for
+    recoil_rate: Array  # angular rate of a bat that was at rest, at the end of contact [rad/s]
+    swing_rate: Array  # angular rate of a swung bat at contact; 0 for a bat at rest [rad/s]
+    rebound_speed: Array  # rebound speed of the ball along the line of fire [m/s]
+    rebound_slope: Array  # height gained per metre of distance in the rebound [m/m]
+    ball_mass: Array  # mass of the ball [kg]
+    place: Array  # impact position to which e_A refers, from the barrel tip [m]
+    recoil_factor: Array  # recoil factor r with the support named by the procedure
+    ball_restitution: Array  # e0 of the ball at the relative speed of the shot
+    collision_efficiency: Array  # e_A at `place`, corrected for the offset across the bat
     restitution: Array
     bat_performance_factor: Array
-    window_ball_restitution: Array  # of the ball, at the speed the procedure judges balls at
-    lot_ball_restitution: Array  # these four: with the lot's mean ball at the nominal speed
+    # e0 of the ball at the speed at which the procedure judges balls
+    window_ball_restitution: Array
+    # e0 of the lot's mean ball at the nominal relative speed; the next three fields
+    # refer to the same ball and speed
+    lot_ball_restitution: Array
     lot_recoil_factor: Array
     lot_restitution: Array
     lot_collision_efficiency: Array
-    asked_recoil_factor: Array  # lot_recoil_factor where the ball was asked to strike
-    rebound_efficiency: Array  # e_A from the ball's own rebound, NaN: the gates did not see it
-    recoil_efficiency: Array  # e_A from the bat's recoil, NaN: nothing watched it
+    asked_recoil_factor: Array  # lot_recoil_factor at the aimed position
+    rebound_efficiency: Array  # e_A from the ball's rebound; NaN: the gates did not see it
+    recoil_efficiency: Array  # e_A from the bat's recoil; NaN: not recorded
 
     def part(self, chosen: Any) -> ShotResults:
         """Return some of the shots."""
@@ -115,12 +120,13 @@ class ShotResults:
 class ReductionSettings:
     """Settings of the reduction for a procedure."""
 
-    reads: Literal["recoil", "rebound"]  # what e_A is taken from
-    recoil: Literal["pivoted", "free"]  # whose recoil factor Eq. (6) gets
-    pivot_from_knob: float  # [m]
-    ball_speed: float  # nominal [m/s]
-    turn_rate: Callable[[Array], Array]  # nominal, of the bat, from its length [m], [rad/s]
-    window_speed: float  # at which balls are judged [m/s]
+    reads: Literal["recoil", "rebound"]  # reading from which e_A is computed
+    recoil: Literal["pivoted", "free"]  # support whose r is used in Eq. (6)
+    pivot_from_knob: float  # distance of the pivot from the knob [m]
+    ball_speed: float  # nominal speed of the ball [m/s]
+    # nominal angular rate [rad/s] as a function of the bat's length [m]
+    turn_rate: Callable[[Array], Array]
+    window_speed: float  # speed at which balls are judged [m/s]
 
 
 def bat_properties(x: Constants) -> BatProperties:
@@ -157,8 +163,8 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     """Return the balls' masses and their mean e0 over the wall hits, at the hits' mean speed.
 
-    Most sets of constants differ in what no hit at the wall knows of, so the hits are reduced for
-    those sets alone that differ in what one does.
+    Most sets differ only in constants that a hit at the wall does not depend on, so the hits are
+    reduced only for the sets that differ in one that matters.
     """
     from virtual_lab.measurement.reduction.shot_kernel import balls_of_sets
 
@@ -191,9 +197,9 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
 
 
 class Sets(NamedTuple):
-    """Some of the sets of constants (..., k, 1), and which of them stands for each."""
+    """Selected sets of constants (..., k, 1), and the selected set that represents each set."""
 
-    rows: NDArray[np.intp] | None  # None: all
+    rows: NDArray[np.intp] | None  # indices of the selected sets; None: all
     back: NDArray[np.intp]
 
     def chosen(self, values: Array) -> Array:
@@ -215,7 +221,7 @@ def is_certain(values: Array) -> bool:
 
 
 def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> Sets:
-    """Return the sets that differ in a constant with one of these beginnings, not of `others`."""
+    """Return the sets that differ in a constant whose name begins with `names`, not `others`."""
     every = np.zeros(0, dtype=np.intp)
     known = [
         value
@@ -257,7 +263,7 @@ def shot_results(
 ) -> ShotResults:
     """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5).
 
-    `flown` gives the flights by an instrument beside that of the readings. `used` are the
+    `flown` returns the flights by another instrument than that of the readings. `used` are the
     balls that define the mean of the lot, (..., ball); None: all.
     """
     from virtual_lab.measurement.reduction.shot_kernel import RESULTS, shots_of_sets
@@ -311,7 +317,7 @@ def shot_results(
 
 
 def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Flights:
-    """Return the flights, computed for those sets alone that differ in what a flight knows of."""
+    """Return the flights, computed only for sets that differ in a constant of the flight."""
     sets = _sets_of(x, AT_BAT, HELD)
     own = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_BAT)}
     mass = of_ball(sets.chosen(balls.mass), readings.ball)

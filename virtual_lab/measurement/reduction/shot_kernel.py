@@ -105,14 +105,15 @@ def shots_of_sets(
     for i in range(ball.size):
         own_mass, own = masses[ball[i]], restitutions[ball[i]]
         hit = place[i] + aim - along[i]
-        # the ball flies abreast of the axis at a set distance and meets a slanting bat farther out
+        # the line of fire passes the axis at the distance `abreast`; a bat that is not square to it
+        # is struck farther out
         abreast = axis - hit
         lever = abreast / cosine[i]
         swung = lever * swing_rate[i]
         relative = speed_in[i] * cosine[i] + swung
         rate = encoder * counts[i]
-        # a hit across the bat always lowers the measured value; along it a smooth ball keeps its
-        # speed, across it comes back
+        # a smooth ball keeps its velocity along the bat and rebounds at right angles to it;
+        # a hit off the bat's axis always lowers the measured e_A
         back = (speed_out[i] + speed_in[i] * (1 - cosine[i] ** 2)) / cosine[i]
         by_ball = ((back - swung) / relative + sine[i]) / (1 - sine[i])
         momentum = turning * rate / (own_mass * lever) - speed_in[i]
@@ -120,8 +121,8 @@ def shots_of_sets(
         off = hit - place[i]
         e_A = (by_bat if by_recoil else by_ball) - (place_slope * off + slope_error)
         at = place[i] if carried else place[i] + off
-        # r of 1 kg, about the axis asked for: e_A hardly knows where it is, so what a misplaced
-        # one spoils is the angular momentum above and nothing here
+        # r of a ball of 1 kg about the axis that the procedure requires: e_A hardly depends on the
+        # axis, so a misplaced axis changes only the angular momentum above
         if free:
             recoil = 1 / bat_mass + (at - z_cm) ** 2 / inertia_cm
             asked = 1 / bat_mass + (place[i] - z_cm) ** 2 / inertia_cm

@@ -20,7 +20,7 @@ from virtual_lab.records.particulars import particulars_of
 from virtual_lab.records.session import Session, require_channel
 
 FORM = "laboratory.toml"
-BLANK = "?"  # what stands in a form where something is to be filled in
+BLANK = "?"  # placeholder in a form for a value to fill in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

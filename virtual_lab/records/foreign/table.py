@@ -63,7 +63,8 @@ def column_names(column: str) -> dict[str, float]:
         for unit, factor in units.items()
         if factor == 1
         and column.endswith(ending := f"_{suffix(unit)}")
-        and not column.removesuffix(ending).endswith("_per")  # a rate is no time
+        # the ending of a rate is not that of a time
+        and not column.removesuffix(ending).endswith("_per")
     ]
     if not fitting:
         return {column: 1.0}
@@ -110,7 +111,8 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
         raise InputError(str(path), ", ".join(values), None, "hold no number yet")
     record = table[list(found.values())].set_axis(list(found), axis="columns")
     for column in kind.columns.values():
-        if column.axes != tuple(_axes(kind)):  # need stand only once
+        # values that are constant along an axis need to be entered only once
+        if column.axes != tuple(_axes(kind)):
             once = record.groupby(list(column.axes))[column.name].transform("first")
             record = record.assign(**{column.name: record[column.name].fillna(once)})
     factors = {column: meanings[name].factor for column, name in found.items()}

@@ -51,9 +51,9 @@ class Probing:
     # the many modes, times 1.25 for an individual bat two standard deviations softer than the
     # nominal one (measured: 1.24)
     margin: float = 1.875
-    # factor for bats that the ball meets more than once, because e_A varies there within a tenth
-    # of an inch and jumps when a contact appears or disappears; the largest of 24 000 scenes on
-    # five bats, apart from one jump of 0.08
+    # factor for bats that the ball meets more than once, because e_A then varies within a tenth of
+    # an inch and jumps when a contact appears or disappears; the largest factor of 24 000 scenes
+    # on five bats, apart from one jump of 0.08
     meeting_margin: float = 20.0
     stepping_error: float = 2e-6  # error of e_A from the stepping tolerance and shape splines
     surrogate_tolerance: float = 1.1e-5
@@ -246,9 +246,9 @@ class Ladder:
     """
 
     nominal: BatBody
-    support: Support  # of the nominal bat
+    support: Support  # support of the nominal bat
     probe: Scenes
-    standard_uncertainty: float | None  # that of e_A in the test; None selects the modal rung
+    standard_uncertainty: float | None  # u of e_A in the test; None selects the modal rung
     rung: str | None = None
     box: Box | None = None  # range of the scenes if a surrogate is worth building
     chosen: list[Choice] = field(default_factory=list)  # the choice, empty until first used

@@ -26,8 +26,8 @@ from virtual_lab.units import Array
 Counts = NDArray[np.int64]
 # time after first touch within which a contact must begin to count [s]. Ball and vibrating barrel
 # separate for good within 6 ms: e_A of free and pinned bats is the same for windows up to 40 ms.
-# A bat clamped at its handle swings back after 11 ms and hits a slow ball again, which changes e_A
-# by up to 0.7; that is another collision.
+# A bat clamped at its handle swings back after 11 ms and hits a slow ball again. This is another
+# collision, which changes e_A by up to 0.7.
 WINDOW = 0.01
 STAYS = 1e-6  # tolerance of a settled e_A, and of the energy balance [share of the energy]
 

@@ -186,7 +186,7 @@ class LightGates(BallGates[LightGateSpec]):
             half_height=spec.half_height,
         )
         jitter = sqrt((spec.edge_jitter**2 + spec.tick**2 / 12) / 2)
-        # what starts as noise ends as times
+        # array of noise, which the kernel replaces by the times
         times = draws.normal(f"{name}.sums", (2, len(spec.distances)), slots)
         for way, start in enumerate((contact, leaving)):
             sum_up_gates(times[:, way], passage.way(out=bool(way)), start, bool(way), gates, jitter)

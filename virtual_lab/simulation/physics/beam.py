@@ -151,8 +151,8 @@ class RigidBat(Generic[Values]):
 
     length: float  # [m]
     mass: Values  # [kg]
-    first_moment: Values  # of the mass about the tip [kg m]
-    second_moment: Values  # [kg m^2]
+    first_moment: Values  # first moment of the mass about the tip [kg m]
+    second_moment: Values  # second moment of the mass about the tip [kg m^2]
 
     @property
     def z_cm(self) -> Values:
