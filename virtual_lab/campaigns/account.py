@@ -6,19 +6,19 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-INCOMPLETE = 4  # the program's exit code
+INCOMPLETE = 4  # exit code of the program
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Account:
-    """The state of some parts of a campaign; they are named by the tests in them."""
+    """The state of the parts of a campaign; a part is named by its tests."""
 
     parts: int
-    tests: int  # in them
-    made: int = 0  # parts, by this run
-    again: Mapping[str, str] = field(default_factory=dict)  # made again, and what was wrong
-    missing: Mapping[str, str] = field(default_factory=dict)  # and why
-    processors: tuple[str, ...] = ()  # families of those that made the parts
+    tests: int  # number of tests in the parts
+    made: int = 0  # number of parts made by this run
+    again: Mapping[str, str] = field(default_factory=dict)  # faults of parts made again
+    missing: Mapping[str, str] = field(default_factory=dict)  # reasons for missing parts
+    processors: tuple[str, ...] = ()  # families of the processors that made the parts
 
     @property
     def code(self) -> int:

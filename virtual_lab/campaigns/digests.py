@@ -1,9 +1,9 @@
 """Two digests in the footer of a Parquet file: of the data before it, and of the footer itself.
 
-A Parquet file ends with its footer (what the columns are and where their data lie), the footer's
+A Parquet file ends with its footer (the columns and the positions of their data), the footer's
 length in four bytes, and a mark. The footer's own digest is that of its bytes with zeros in the
-place of this digest. So a footer shows alone whether it was changed, whoever wrote the file on
-whichever machine, and with the data the file shows it of all its bytes.
+place of this digest. So the footer alone shows whether it was changed, and footer and
+data together show it for every byte of the file, on whatever machine the file was written.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from pathlib import Path
 from virtual_lab.files import read_bytes
 
 PARQUET_MARK = b"PAR1"  # first and last bytes of a Parquet file
-TAIL_BYTES = 4 + len(PARQUET_MARK)  # bytes: the length of the footer, and the mark
-LARGEST_PART = 2e8  # bytes; of 8192 tests a part has 3e6
-FIRST_LOOK = 65536  # bytes, in which a footer mostly fits
-NO_DIGEST = "0" * 64  # in the place of a digest that is not yet known
+TAIL_BYTES = 4 + len(PARQUET_MARK)  # size of the footer's length and the mark [B]
+LARGEST_PART = 2e8  # largest size of a part [B]; with 8192 tests a part has 3e6
+FIRST_LOOK = 65536  # size of the first read [B]; most footers fit into it
+NO_DIGEST = "0" * 64  # placeholder of a digest
 DATA, FOOTER = "data", "footer"  # keys of the digests
 CHANGED_LATER = "it was changed after it was made"
 
 
 class ChangedPartError(Exception):
-    """A file that is not what was made; the text says in what."""
+    """A part's file is changed or unreadable; the text gives the reason."""
 
 
 def with_digests(file: bytes) -> bytes:
-    """Return a Parquet file with its digests in the place of the blanks in its footer."""
+    """Return a Parquet file with its digests in place of the zeros in its footer."""
     data, footer, tail = _divided(file)
     footer = _with_digest(footer, DATA, sha256(data).hexdigest())
     return data + _with_digest(footer, FOOTER, sha256(footer).hexdigest()) + tail
 
 
 def checked_file(path: Path) -> bytes:
-    """Return the bytes of a Parquet file; `ChangedPartError` unless all are as they were made."""
+    """Return the bytes of a Parquet file; `ChangedPartError` if one was changed."""
     file = read_bytes(path, most=LARGEST_PART)
     data, footer, _ = _divided(file)
     _require_unchanged(footer)
@@ -45,7 +45,7 @@ def checked_file(path: Path) -> bytes:
 
 
 def checked_footer(path: Path) -> bytes:
-    """Return a file of the footer alone; `ChangedPartError` unless it is as it was made."""
+    """Return a file with only the footer; `ChangedPartError` if the footer was changed."""
     end = read_bytes(path, most=LARGEST_PART, last=FIRST_LOOK)
     if len(end) == FIRST_LOOK and _length(end) + TAIL_BYTES > FIRST_LOOK:
         end = read_bytes(path, most=LARGEST_PART)

@@ -42,9 +42,9 @@ STUDY, STAMP, PARTS = "study.toml", "campaign.json", "parts"
 class Campaign:
     """A study with its parts in a folder.
 
-    `sheets` are the texts of all data sheets that its tests read, by ``kind/name``; they stand in
-    the folder, so the catalog may change under a campaign. `layouts` are the columns of its parts,
-    by procedure.
+    `sheets` are the texts of all data sheets that its tests read, by ``kind/name``; they are
+    kept in the folder, so that the catalog may change during a campaign. `layouts` are the
+    columns of its parts, by procedure.
     """
 
     folder: Path
@@ -73,7 +73,7 @@ class Campaign:
 
     @classmethod
     def begin(cls, study: Study, text: str, folder: Path, progress: Progress = quiet) -> Campaign:
-        """Return the campaign of a study in its folder, which is made where missing.
+        """Return the campaign of a study in its folder, which is created if missing.
 
         `text` is the study's file. `InputError` for what its tests cannot use, and for the folder
         of another study.
@@ -87,7 +87,7 @@ class Campaign:
                     (draft / STUDY).write_text(text, encoding="utf-8")
                     (draft / STAMP).write_text(json.dumps(stamp, indent=1), encoding="utf-8")
                     (draft / PARTS).mkdir()
-            except InputError:  # of two that begin at the same time one comes second
+            except InputError:  # another process may have just begun it
                 if not (folder / STAMP).is_file():
                     raise
         found = cls.open(folder)
@@ -97,7 +97,7 @@ class Campaign:
         return found
 
     def sheets_today(self) -> dict[str, str]:
-        """Return the texts that its sheets have in the catalog now; `InputError` for one lost."""
+        """Return the present texts of its sheets in the catalog; `InputError` if one is missing."""
         return {key: catalog.text(*key.split("/", 1)) for key in self.sheets}
 
     @cached_property
@@ -125,7 +125,7 @@ class Campaign:
         return -(-self.study.laboratories // ROWS)
 
     def block(self, number: int) -> Block:
-        """Return a block by its number: by case, laboratories and day, the last the fastest."""
+        """Return a block by its number. Blocks are ordered by case, laboratories and day."""
         rest, repeat = divmod(number, self.study.repeats)
         case, place = divmod(rest, self._of_case)
         first, name = place * ROWS, f"{number:07}-{_hash([self.digest, number])[:16]}.parquet"
@@ -161,7 +161,7 @@ class Campaign:
     def numbers_there(self) -> list[int]:
         """Return the numbers of all blocks that have a file, in order.
 
-        `InputError` for a file among the parts that is none of this campaign.
+        `InputError` for a file among the parts that does not belong to this campaign.
         """
         numbers = []
         for name in sorted(path.name for path in self.parts.iterdir()):
@@ -169,7 +169,7 @@ class Campaign:
             number = int(digits[0]) if digits else self.blocks
             if number < self.blocks and self.block(number).name == name:
                 numbers.append(number)
-            elif not name.startswith("."):  # a draft
+            elif not name.startswith("."):  # hidden files are drafts
                 raise InputError(
                     str(self.parts), name, None, "is no part of this campaign; move it"
                 )
@@ -197,7 +197,7 @@ class Campaign:
     def account(
         self, numbers: range, faults: Mapping[int, str], progress: Progress, *, whole: bool
     ) -> Account:
-        """Account for blocks, as `states`; `faults` are why some are missing, where known."""
+        """Account for blocks, as `states`; `faults` has the known reasons for missing parts."""
         missing, processors = {}, set()
         for done, part in enumerate(self.states(numbers, whole=whole)):
             processors.add(part.processor)
@@ -208,7 +208,7 @@ class Campaign:
         return Account(parts=len(numbers), tests=tests, missing=missing, processors=families)
 
     def summary(self) -> Rows[dict[str, Any]]:
-        """Return a row for each bat, procedure and change: verdicts, means, errors, coverage; SI.
+        """Return verdicts, means, errors and coverage [SI], one row per bat, procedure and change.
 
         `InputError` as `states`.
         """
@@ -221,7 +221,7 @@ class Campaign:
 
     @property
     def table(self) -> pd.DataFrame:
-        """All tests made so far, a row each."""
+        """All tests made so far, one row per test."""
         import pandas as pd
         import pyarrow as pa
 

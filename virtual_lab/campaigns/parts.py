@@ -36,28 +36,28 @@ from virtual_lab.uncertainty.budget import coverage_factors
 if TYPE_CHECKING:
     import pyarrow as pa
 
-ROWS = 8192  # laboratories of a part: a second's work and more, as whoever hands it out needs
-PROGRAM = {"program": VERSION, "schema": 2}  # of the columns
-FIRST = 4  # laboratories whose tests show which columns a study has
+ROWS = 8192  # largest number of laboratories per part: at least a second of work for a worker
+PROGRAM = {"program": VERSION, "schema": 2}  # version of program and columns
+FIRST = 4  # number of laboratories whose tests show the columns of a study
 FORM = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
-ABOUT = b"virtual-lab"  # the key of a part's words about itself
+ABOUT = b"virtual-lab"  # metadata key of a part's description
 NOT_MADE = "not made"
-LONGEST_REASON = 100  # characters of what is wrong with a part
-CONTRIBUTION = "contribution."  # begins the name of the column of a source of uncertainty
-Columns = dict[tuple[str, str], NDArray[Any]]  # by name and unit, (laboratory,)
+LONGEST_REASON = 100  # length of the reason why a part is faulty [characters]
+CONTRIBUTION = "contribution."  # prefix of the columns of the sources of uncertainty
+Columns = dict[tuple[str, str], NDArray[Any]]  # values, (laboratory,), by name and unit
 PartColumns = Mapping[str, tuple[str, str]]  # type and unit of a part's columns, by name
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """The laboratories of one part: consecutive ones of a case on one day."""
+    """A block of consecutive laboratories of one case on one day; it fills one part."""
 
-    number: int  # in the campaign
+    number: int  # number in the campaign, from 0
     case: StudyCase
     repeat: int
     first: int
     rows: int
-    name: str  # of its file
+    name: str  # name of its file
 
     def __str__(self) -> str:
         last, case = self.first + self.rows - 1, self.case
@@ -74,7 +74,7 @@ def parquet() -> Any:
 def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
     """Return the tests of a block as a table with the columns of `layout`, units in their metadata.
 
-    A test without a result has blanks, and so has a column that tests of other procedures have.
+    A test without a result has blanks. So has a column that only other procedures have.
     `InputError` as `StudyCase.round_robin`; `ValueError` for a column that `layout` does not have.
     """
     import pyarrow as pa
@@ -96,9 +96,9 @@ def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
     """Return the columns of a study's parts, by procedure: the same names, in the same order.
 
     The first laboratories of the study's cases are tested. Of cases that differ only in the
-    numbers of their changed keys the first is taken, unless a number is 0: an uncertainty of 0
-    contributes nothing and has no column. A column that a procedure does not have has the unit of
-    the first procedure that does.
+    numbers of their changed keys, only the first is tested. A number of 0 makes a separate case,
+    because an uncertainty of 0 contributes nothing and has no column. A column that a procedure
+    does not have has the unit of the first procedure that has it.
     """
     alike = {
         (case.bat, case.procedure, *map(_kind, case.change.values())): case
@@ -121,10 +121,10 @@ def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
 
 
 def _kind(value: Value) -> Any:
-    """Return the part of a changed value on which the columns may depend: text, or if it is 0."""
+    """Return the part of a changed value that may affect the columns: text, or whether it is 0."""
     if isinstance(value, tuple):
         return tuple(map(_kind, value))
-    number = str(value).split(" ", maxsplit=1)[0]  # of "0.1 mm"
+    number = str(value).split(" ", maxsplit=1)[0]  # number in a text such as "0.1 mm"
     try:
         return float(number) == 0
     except ValueError:
@@ -146,7 +146,7 @@ def _made(block: Block, seed: int) -> dict[tuple[str, str], pa.Array]:
     }
     columns["number", ""] = pa.array(numbers)
     for key in dict.fromkeys(key for part in parts for key in part):
-        # what is certain in some laboratories side by side contributes nothing, and has no column
+        # a quantity without uncertainty in a part contributes nothing, and has no column there
         own = [part[key] if key in part else 0 * part["u", key[1]] for part in parts]
         columns[key] = pa.array(np.concatenate(own), from_pandas=True)  # NaN is a blank
     return columns
@@ -178,7 +178,7 @@ def _columns(tested: BlockTest) -> Columns:
 
 
 def write_part(table: pa.Table, folder: Path, block: Block) -> None:
-    """Write a part whole or not at all. `OSError` where the folder cannot be written."""
+    """Write a part completely or not at all. `OSError` if the folder cannot be written."""
     words = {**PROGRAM, "name": block.name, "tests": str(block), "processor": processor()}
     words |= {DATA: NO_DIGEST, FOOTER: NO_DIGEST}
     made = BytesIO()
@@ -194,9 +194,9 @@ class Part:
     """The part of a campaign that one block fills, and its faults."""
 
     block: Block
-    wrong: str  # with its file; '' if nothing
-    processor: str = ""  # that made it
-    file: bytes = b""  # if all of it was read
+    wrong: str  # fault of its file; '' if there is none
+    processor: str = ""  # processor that made it
+    file: bytes = b""  # content of the file, if all of it was read
 
     def table(self, columns: Sequence[str] | None = None) -> pa.Table:
         """Return its tests."""
@@ -206,7 +206,7 @@ class Part:
 
 
 def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> Part:
-    """Return the part of a block in a file, by its footer, or by all its bytes if `whole`."""
+    """Return the part of a block in a file, checked by its footer, or completely if `whole`."""
     import pyarrow as pa
 
     try:
@@ -231,7 +231,7 @@ def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> 
 
 @cache
 def processor() -> str:
-    """Return the family of this machine's processor; within one, columns have equal bits."""
+    """Return the family of this machine's processor; within it, results agree to the last bit."""
     from llvmlite import binding
 
     return f"{platform.machine()} {binding.get_host_cpu_name()}"

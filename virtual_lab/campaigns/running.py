@@ -1,4 +1,4 @@
-"""The blocks of a campaign made: here, by processes of this machine, or by those of Dask."""
+"""Running a campaign: its blocks are made in this process, by several processes, or by Dask."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from virtual_lab.files.drafts import draft_in
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.sheets import toml_text
 
-ATTEMPTS = 2  # at a block, in case its worker was killed
+ATTEMPTS = 2  # number of attempts per block, in case its worker is killed
 
 
 def campaign(
@@ -33,8 +33,8 @@ def campaign(
 ) -> Account:
     """Certify bats in very many laboratories, into a folder of Parquet files.
 
-    What was made stays, whatever ends this: called again, it makes the parts that are not there.
-    `Campaign.open` reads the folder.
+    Finished parts stay if the run is interrupted. Called again, the function makes the missing
+    parts. `Campaign.open` reads the folder.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def campaign(
     folder
         Folder of the campaign, new or of this study.
     workers
-        How many processes of this machine, each with one thread; 1 works in this process.
+        Number of processes on this machine, each with one thread; 1 means this process.
     blocks
         The share of the parts, ``"3/40"`` for the third fortieth; None for all.
     dask
@@ -55,17 +55,17 @@ def campaign(
     Raises
     ------
     InputError
-        A study that cannot be used, a folder of another study or version, a file among the parts
-        that is none, a share that does not exist, a scheduler that does not answer, a folder that
-        cannot be written, the extra ``campaign`` or ``dask`` missing.
+        A study that cannot be used, a folder of another study or version, a foreign file
+        among the parts, a share that does not exist, a scheduler that does not answer, a folder
+        that cannot be written, the extra ``campaign`` or ``dask`` missing.
     """
-    parquet()  # its extra is missed before any work
+    parquet()  # raises an error if the extra is missing
     if workers < 1:
         raise InputError("", "workers", workers, "allowed: 1 and more")
     known = Campaign.open(folder) if study is None else _begun(study, folder, progress)
     numbers = known.share(blocks)
     with draft_in(known.parts):
-        pass  # takes away what killed processes left half-written
+        pass  # removes unfinished files of killed processes
     there = [known.part(number) for number in known.numbers_there() if number in numbers]
     again = {str(part.block): part.wrong for part in there if part.wrong}
     made = {part.block.number: part.block.rows for part in there if not part.wrong}

@@ -21,7 +21,8 @@ from virtual_lab.sheets import sheet_at
 from virtual_lab.streams import LABORATORIES, LARGEST_SEED
 
 MOST_CASES, MOST_REPEATS = 10_000, 1_000
-Value: TypeAlias = "Real | str | tuple[Real, ...]"  # in the unit of the sheet, or with its own
+# new value of a key: numbers in the unit of the sheet, or a text, which may contain a unit
+Value: TypeAlias = "Real | str | tuple[Real, ...]"
 Values: TypeAlias = "tuple[Real, ...] | tuple[str, ...] | tuple[tuple[Real, ...], ...]"
 
 
@@ -30,7 +31,7 @@ class Study(Spec):
     """Bats by procedures in numbered laboratories, with changed sheets, on several days.
 
     The laboratories of every bat, procedure and change are those of the seed, from number 0.
-    `change` has new values by the key of a rig's sheet or of its instrument's:
+    `change` maps keys of the sheets of a rig or of its instruments to new values:
     ``"impact.gates.distance_u"`` is the key ``distance_u`` of the instrument that the rig of the
     impacts names as its gates. Values of several keys are crossed.
     """
@@ -38,7 +39,7 @@ class Study(Spec):
     bats: Annotated[tuple[str, ...], MinLen(1)]
     procedures: Annotated[tuple[str, ...], MinLen(1)]
     laboratories: Annotated[Whole, Ge(1), Le(LABORATORIES)]
-    repeats: Annotated[Whole, Ge(1), Le(MOST_REPEATS)] = 1  # days of each laboratory
+    repeats: Annotated[Whole, Ge(1), Le(MOST_REPEATS)] = 1  # number of days per laboratory
     seed: Annotated[Whole, Ge(0), Le(LARGEST_SEED)]
     individual: YesNo = False
     change: Mapping[str, Annotated[Values, MinLen(1)]] = field(default_factory=dict)
@@ -101,11 +102,11 @@ class StudyCase:
         """Return the laboratories of this case on a day, with the changed sheets in place.
 
         `InputError` for sheets that cannot be used, a bat or ball that does not fit the procedure,
-        rigs that do not play many laboratories at once.
+        rigs that cannot simulate several laboratories at once.
         """
         shared = RoundRobin.of(self.bat, self.procedure, individual=self.individual)
         if not shared.in_blocks:
             allowed = "its rigs cannot be played side by side"
             raise InputError("", "procedure", self.procedure, allowed)
-        shared.laboratory(seed)  # reads all sheets, and checks what goes with what
+        shared.laboratory(seed)  # loads all sheets and checks that they fit together
         return replace(shared, setup=replace(shared.setup, test=repeat or None, same_bat=True))

@@ -1,4 +1,4 @@
-"""A campaign in a few numbers: a row for each bat, procedure and change."""
+"""Summary of a campaign: one row per bat, procedure and change."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ SUMMARY_COLUMNS |= {key: Column(key, form=_listed(key)) for key in ("change", "v
 
 
 def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
-    """Return the row of a case from its parts, read whole, in order; SI.
+    """Return the row of a case [SI] from its parts, which are read completely and in order.
 
-    The tests of a part with something wrong count as missing. A number that too few tests give is
-    None.
+    The tests of a faulty part count as missing. A statistic is None if too few tests have a
+    result.
     """
     verdicts, flags = Counter[str](), Counter[str]()
     missing, about, sums = 0, np.nan, np.zeros(9)
@@ -52,7 +52,7 @@ def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
             sound = verdict != "INVALID"
             metric, u, low, high, true = (one[sound] for one in numbers)
             if np.isnan(about) and metric.size:
-                about = float(metric[0])  # sums of squares about it lose no digits
+                about = float(metric[0])  # origin near the mean: sums of squares lose no digits
             off, error = metric - about, metric - true
             terms = (off, off**2, u**2, error, error**2, true > high, true < low)
             sums[:7] += [np.sum(term) for term in terms]
@@ -65,7 +65,7 @@ def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
 
 
 def _within(of_days: Sequence[Array]) -> tuple[float, float]:
-    """Return the sum of squares about each laboratory's own mean, and its degrees of freedom."""
+    """Return the sum of squares about each laboratory's mean, and its degrees of freedom."""
     some = np.isfinite(of_days) & bool(of_days)
     many, values = np.maximum(some.sum(axis=0), 1), np.where(some, of_days, 0.0)
     off = np.where(some, values - values.sum(axis=0) / many, 0.0)
@@ -73,8 +73,8 @@ def _within(of_days: Sequence[Array]) -> tuple[float, float]:
 
 
 def _statistics(count: int, about: float, sums: Array) -> list[float | None]:
-    """Return the `STATISTICS` that the sums over `count` tests give."""
-    from scipy.stats import binomtest  # half a second to load, which no worker needs
+    """Return the `STATISTICS`, computed from the sums over `count` tests."""
+    from scipy.stats import binomtest  # loads in half a second, and no worker needs it
 
     held = count - int(sums[5] + sums[6])
     bounds = binomtest(held, count).proportion_ci(0.95, "exact") if count else (np.nan, np.nan)

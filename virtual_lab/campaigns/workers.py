@@ -19,17 +19,17 @@ from virtual_lab.catalog.reading import Key
 from virtual_lab.errors import InputError, of_extra
 from virtual_lab.processes import workers
 
-PATIENCE = 10.0  # s, for a scheduler to answer and to have a worker
+PATIENCE = 10.0  # longest time until a scheduler answers and has a worker [s]
 NO_ANSWER = "does not answer; allowed: the address of a Dask scheduler, tcp://HOST:8786"
 NO_WORKERS = "has no worker; start one: dask worker ADDRESS --nthreads 1"
-Fault = str | InputError  # '' of nothing; an InputError ends the run
-Outcomes = Iterator[tuple[int, Fault]]  # numbers of blocks, and what went wrong
+Fault = str | InputError  # text of a fault, '' without one; an InputError ends the run
+Outcomes = Iterator[tuple[int, Fault]]  # number and fault of each block
 
 
 def make_part(folder: str, number: int) -> Fault:
-    """Make the part of a block; return what went wrong.
+    """Make the part of a block; return its fault, '' if there is none.
 
-    That is an `InputError` for the folder, and for a disk that is full.
+    The fault is an `InputError` if the folder cannot be used or the disk is full.
     """
     try:
         stamp = Path(folder) / STAMP
@@ -41,7 +41,7 @@ def make_part(folder: str, number: int) -> Fault:
     try:
         with catalog.sheets_in_place(cast("dict[Key, str]", sheets)):
             table = table_of(block, campaign.study.seed, campaign.layout(block))
-    except Exception as fault:  # whatever it is, the other blocks go on
+    except Exception as fault:  # any error, so that the other blocks are made
         return f"{type(fault).__name__}: {' '.join(str(fault).split())}"
     try:
         write_part(table, campaign.parts, block)
@@ -52,9 +52,9 @@ def make_part(folder: str, number: int) -> Fault:
 
 
 def made_by(folder: Path, numbers: Iterable[int], who: int | str) -> Outcomes:
-    """Yield blocks as they are made: by so many processes, or Dask's workers at an address.
+    """Yield the outcome of each block, made by `who`: a number of processes or a Dask address.
 
-    `InputError` where the scheduler does not answer, or no more, or has no worker.
+    `InputError` if the scheduler does not answer, stops answering, or has no worker.
     """
     if isinstance(who, str):
         return _by_dask(folder, numbers, who)
@@ -77,12 +77,12 @@ def _by_processes(folder: Path, numbers: Iterable[int], count: int) -> Outcomes:
 def _by_dask(folder: Path, numbers: Iterable[int], address: str) -> Outcomes:
     dask = of_extra("distributed", "dask", "Dask")
     where = str(folder.absolute())
-    getLogger("distributed.client").setLevel(CRITICAL)  # we say what is wrong, in one line
+    getLogger("distributed.client").setLevel(CRITICAL)  # this program reports errors in one line
     known = {"timeout": PATIENCE, "set_as_default": False}
     threads = _threads_at(address)
     try:
         with dask.Client(address, **known) as client:
-            pool, most = client.get_executor(pure=False), 2 * threads  # so that none waits
+            pool, most = client.get_executor(pure=False), 2 * threads  # no thread waits for a block
             yield from _in_turn(
                 lambda number: pool.submit(make_part, where, number),
                 numbers,
@@ -96,9 +96,9 @@ def _by_dask(folder: Path, numbers: Iterable[int], address: str) -> Outcomes:
 def _threads_at(address: str) -> int:
     """Return the number of threads that the workers of a Dask scheduler have, at least 1.
 
-    `InputError` where the scheduler does not answer, or has no worker, within `PATIENCE`.
+    `InputError` if the scheduler does not answer or has no worker within `PATIENCE`.
     """
-    with ThreadPoolExecutor(1) as beside:  # this thread may run an event loop: a notebook's
+    with ThreadPoolExecutor(1) as beside:  # a notebook's thread already runs an event loop
         return beside.submit(asyncio.run, _count_threads(address)).result()
 
 
@@ -115,7 +115,7 @@ async def _count_threads(address: str) -> int:
                         threads = sum(worker["nthreads"] for worker in workers)
                         allowed = NO_WORKERS
                         await asyncio.sleep(0.1 if not threads else 0)
-            except Exception as fault:  # whatever an address leads to
+            except Exception as fault:  # any error that a wrong address may cause
                 raise InputError("", "dask", address, NO_ANSWER) from fault
     if not threads:
         raise InputError("", "dask", address, allowed)
@@ -128,9 +128,9 @@ def _in_turn(
     most: int,
     check: Callable[[], object] = lambda: None,
 ) -> Outcomes:
-    """Yield blocks as they end, where up to `most` are under way.
+    """Yield the outcome of each block when it ends, with at most `most` blocks under way.
 
-    `check` is called whenever none has ended for `PATIENCE`.
+    `check` is called whenever no block has ended for `PATIENCE`.
     """
     rest = iter(numbers)
     pending: dict[Future[Fault], int] = {}

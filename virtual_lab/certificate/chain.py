@@ -1,4 +1,4 @@
-"""Results read back from their folders: whole, and as reports that others replace."""
+"""Results read back from their folders, and the reports that are replaced by others."""
 
 from __future__ import annotations
 
@@ -19,13 +19,15 @@ from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.records.particulars import ReplacedReport
 from virtual_lab.records.session import SESSION, digest_of_text, load_session
 
-RESULT = ("verdict", "metric", "shots", "budget")  # what another program must find, too
+# keys whose values must agree even if another program made the certificate
+RESULT = ("verdict", "metric", "shots", "budget")
 
 
 def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
     """Return a result folder as a report to be replaced, None without one.
 
-    Raises `InputError` where it holds no certificate, or of folder and reason one is missing.
+    Raises `InputError` if the folder has no certificate, or if only one of folder and reason is
+    given.
     """
     if folder is None and not reason:
         return None
@@ -44,8 +46,8 @@ def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
 def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification]:
     """Return the certificate in a folder, and the certification of its records.
 
-    Raises `InputError` where the folder holds none, or the records give another certificate; if
-    another program made it, another result.
+    Raises `InputError` if the folder has no certificate, or if the records give another one. Of a
+    certificate made by another program only the result and the copied values must agree.
     """
     stated = read_document(folder / CERTIFICATE)
     certification = certify_session(load_session(folder / RECORDS))
@@ -61,7 +63,7 @@ def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification
 
 
 def result_folders(folder: Path) -> list[Path]:
-    """Return the folder, or the results in it. `InputError` for one without a result."""
+    """Return the folder, or the result folders in it. `InputError` if there is no result."""
     if not folder.is_dir():
         raise InputError(str(folder), "result folder", None, "no such folder")
     if (folder / CERTIFICATE).exists():

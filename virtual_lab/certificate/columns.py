@@ -24,17 +24,18 @@ class InPrint(NamedTuple):
     words: str
     unit: str = ""
     places: int = 4
-    symbol: str = ""  # before the words; "metric": of the procedure's metric
-    otherwise: str | None = None  # for a missing value; None: a column without values is left out
+    symbol: str = ""  # symbol before the words; "metric": that of the procedure's metric
+    # text for a missing value; None: a column without values is left out
+    otherwise: str | None = None
 
 
 class ShotColumn(NamedTuple):
-    """A column; its name ends in its unit, ``{}`` in it stands for the procedure's metric."""
+    """A column. Its name ends in its unit; ``{}`` in the name is replaced by the metric."""
 
     name: str
     meaning: str
-    si: Getter  # of all shots, in SI, (shot,); None where the rig has no such instrument
-    row: str = ""  # field of the certificate's `ShotRow`; "": of the table alone
+    si: Getter  # function for the values in SI, (shot,); None if the rig lacks the instrument
+    row: str = ""  # field of the certificate's `ShotRow`; "": only in the table
     printed: InPrint | None = None
 
     def values(self, found: Certification) -> Any:

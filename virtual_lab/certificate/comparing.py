@@ -17,20 +17,20 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import read_bytes, read_json
 from virtual_lab.output.tables import column
 
-TOLERANCE = 1e-9  # relative difference of two numbers that other processors cause
-NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")  # a cell of a table
+TOLERANCE = 1e-9  # largest relative difference of a number between processors
+NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")  # number in a cell of a table
 RowState = Literal["altered", "differs"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mismatch:
-    """A file, or a key in it, that is not as the rest of the folder or this program has it."""
+    """A file, or a key in it, that differs from the rest of the folder or from this program."""
 
     file: str = column("file", form="")
     key: str = column("key", form="")
     stated: str = column("stated", form="")
     found: str = column("by the rest, or here", form="")
-    state: RowState = "altered"  # differs: another program made the folder, and it may be right
+    state: RowState = "altered"  # "differs" if another program, which may be right, made it
 
 
 class Unchecked(NamedTuple):
@@ -40,7 +40,7 @@ class Unchecked(NamedTuple):
 
 
 class Remark(NamedTuple):
-    """A remark on a folder that changes nothing of its state."""
+    """A remark on a folder that does not affect its state."""
 
     text: str
 
@@ -49,7 +49,7 @@ FolderFinding = Mismatch | Unchecked | Remark
 
 
 def within(prefix: str, findings: Iterable[FolderFinding]) -> Iterator[FolderFinding]:
-    """Yield the findings about a folder as those about one that leads to it by `prefix`."""
+    """Yield the findings about a folder with `prefix` in front of its file names."""
     for each in findings:
         if isinstance(each, Mismatch):
             yield replace(each, file=f"{prefix}/{each.file}")
@@ -60,21 +60,21 @@ def within(prefix: str, findings: Iterable[FolderFinding]) -> Iterator[FolderFin
 
 
 def at(document: Any, *keys: str) -> Any:
-    """Return the value of a key of a key … of JSON, None where there is none."""
+    """Return the value under nested keys of a JSON document, None if a key is missing."""
     for key in keys:
         document = document.get(key) if isinstance(document, Mapping) else None
     return document
 
 
 def same_text(path: Path) -> str:
-    """Return the text of a form, whose line ends a copy may have changed; `InputError` if none."""
+    """Return the text of a file with Unix line ends. Raise `InputError` if it cannot be read."""
     return read_bytes(path).replace(b"\r\n", b"\n").decode(errors="replace")
 
 
 def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mismatch]:
-    """Yield the keys of a JSON file that are not as they are here, or the line of another layout.
+    """Yield the keys of a JSON file that differ from `here`, or the first line of another layout.
 
-    `text` is that of the file made here, which has the values of `here`.
+    `text` is the file that this program writes for the values of `here`.
     """
     try:
         stated = read_json(path)
@@ -87,19 +87,19 @@ def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mi
 
 
 def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
-    """Yield the first line of a text that is not as it is here."""
+    """Yield the first line of a text that differs from `here`."""
     lines = zip_longest(stated.split("\n"), here.split("\n"))
     for number, (there, own) in enumerate(lines, start=1):
         if there != own:
             stated, found = (cut_short((line or "").strip(" ")) for line in (there, own))
-            if stated == found:  # but for blanks
+            if stated == found:  # they differ in blanks only
                 stated, found = repr(there), repr(own)
             yield Mismatch(file=file, key=f"line {number}", stated=stated, found=found)
             return
 
 
 def compared_table(path: Path, here: str) -> Iterator[Mismatch]:
-    """Yield the cells of a CSV file that are not as they are here."""
+    """Yield the cells of a CSV file that differ from `here`, or a difference of its size."""
     try:
         stated, found = (list(csv.reader(text.split("\n"))) for text in (same_text(path), here))
     except InputError as fault:
@@ -130,7 +130,7 @@ def _same_cell(stated: str, found: str) -> bool:
 
 
 def differences(stated: Any, found: Any, file: str, key: str = "") -> Iterator[Mismatch]:
-    """Yield the keys of a JSON document that are not as they were found here."""
+    """Yield the keys of a JSON document whose values differ between `stated` and `found`."""
     if isinstance(stated, Mapping) and isinstance(found, Mapping):
         for name in [*found, *(name for name in stated if name not in found)]:
             inner = f"{key}.{name}" if key else name
@@ -160,6 +160,6 @@ def _value(value: Any) -> str:
 
 
 def cut_short(text: str) -> str:
-    """Return a value cut short, with a digest by which two long ones differ."""
+    """Return a value; if it is long, its beginning and a digest that distinguishes it."""
     cut = f"{text[:48]}… {hashlib.sha256(text.encode()).hexdigest()[:8]}"
     return text if len(text) <= 60 else cut

@@ -15,8 +15,8 @@ from virtual_lab.certificate.printed import printed_budget, printed_size
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, figure
 
-LEFT, RIGHT, TOP = 46.0, PAGE_WIDTH - 4, 30.0  # pt
-X_LABEL_ROOM = 32.0  # pt, below the axes
+LEFT, RIGHT, TOP = 46.0, PAGE_WIDTH - 4, 30.0  # edges of the panels [pt]
+X_LABEL_ROOM = 32.0  # height of the labels below the axes [pt]
 
 
 def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
@@ -71,7 +71,7 @@ def along_figure(document: CertificateDocument) -> str:
             title=f"{symbol}, {unit}" if unit else symbol,
             x_label="place from the tip, in",
         )
-        label = "" if panels else "every hit"  # of all panels: one is too narrow for two
+        label = "" if panels else "every hit"  # one label for all: a panel is too narrow for two
         panel.line(along.curve_in, [value / size for value in each.curve], label)
         if each.name == document.metric.name and along.read:
             read = [value / size for value in along.read]
@@ -380,7 +380,7 @@ def _put_density(
 
 
 def _density(off: float, dof: float | None) -> float:
-    """Return Student's density `off` standard uncertainties from its middle, over the greatest."""
+    """Return Student's density at `off` standard uncertainties, relative to its maximum."""
     return exp(-(off**2) / 2) if dof is None else (1 + off**2 / dof) ** (-(dof + 1) / 2)
 
 
@@ -397,6 +397,6 @@ def _axis_label(document: CertificateDocument) -> str:
 def _limits(values: Sequence[float]) -> tuple[float, float]:
     """Return limits of an axis with some room about the values."""
     low, high = min(values, default=0.0), max(values, default=1.0)
-    # hits all alike are shown as such
+    # an axis spans at least 2e-3, so that nearly equal hits look equal
     room = max(0.12 * (high - low), (2e-3 - (high - low)) / 2)
     return low - room, high + room

@@ -79,9 +79,9 @@ from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO
 from virtual_lab.uncertainty.scatter import larger_today
 from virtual_lab.units import INCH, MPH, Array
 
-HISTORY = 10  # tests, whose use a certificate without any foretells
+HISTORY = 10  # number of earlier tests whose benefit a certificate without history states
 HALL_UNITS = {"temperature": "K", "humidity": "1", "pressure": "Pa"}
-FEWEST_PLACES = 4  # for a curve along the barrel
+FEWEST_PLACES = 4  # smallest number of places for a curve along the barrel
 
 
 def certificate(
@@ -258,7 +258,7 @@ def _metric(certification: Certification) -> MetricStated:
 
 
 def _shots(certification: Certification) -> list[ShotRow]:
-    """Return the shots, each with the columns of the table that have a place in the document."""
+    """Return the shots with those columns of the table that are part of the document."""
     count = len(certification.shots.speed)
     columns = {}
     for column in filter(lambda each: each.row, SHOTS):
@@ -288,15 +288,15 @@ def _places(certification: Certification) -> list[PlaceRow]:
 def _along(certification: Certification) -> AlongBarrel | None:
     """Return e_A, e, a ball's speed and the metric along the barrel; None with too few places.
 
-    The speed is v_f at the speeds of the rules' game or of the test. Of a bat at rest it is that of
-    the rebound.
+    The speed is v_f at the speeds of the rules' game or of the test. For a bat at rest it is the
+    rebound speed.
     """
     valid, shots = certification.judgement.valid, certification.shots
     place = certification.readings.place[valid] / INCH
     steps = np.unique(place)
     if steps.size < FEWEST_PLACES:
         return None
-    degree = min(5, steps.size - 2)  # as the curve of the width
+    degree = min(5, steps.size - 2)  # same degree as the curve for the width
     along = np.linspace(steps[0], steps[-1], 41)
     rules = certification.procedure
     name, at_rest = rules.metric, rules.game is None and not rules.bat_speed
@@ -342,7 +342,7 @@ def _along(certification: Certification) -> AlongBarrel | None:
 def _batted_speed(certification: Certification) -> Array:
     """Return v_f of each shot at the speeds of the rules' game, or of the test, (shot,) [m/s]."""
     known = {name: np.array(each.value) for name, each in certification.bat.items()}
-    bat = BatProperties(**known, barrel_radius=np.array(np.nan))  # which no speed hangs on
+    bat = BatProperties(**known, barrel_radius=np.array(np.nan))  # no speed depends on the radius
     speeds = field_speeds(certification.procedure, certification.readings.place, bat)
     return np.asarray(batted_speed(certification.shots.collision_efficiency, *speeds))
 
@@ -377,7 +377,7 @@ def _conditional_on(certification: Certification) -> str:
     values = "1 of its values is" if unverified == 1 else f"{unverified} of its values are"
     model = (
         "the model of the collision (the force law of the ball alone moves the peak e of a bat "
-        "by 0.045) and on "  # of r161: virtual-lab sensitivity r161
+        "by 0.045) and on "  # value for r161, from `virtual-lab sensitivity r161`
         if isinstance(certification.session.origin, Simulated)
         else ""
     )
@@ -400,7 +400,7 @@ WIDER = (
 
 
 def _method(certification: Certification, metric: Budget) -> str:
-    """Return by which method u and interval of the metric were found, in words."""
+    """Return a sentence on the method by which u and interval of the metric were computed."""
     finer = certification.refined
     few = too_wide(metric) if certification.session.uncertainty == MONTE_CARLO else None
     if finer is None and few is not None:
@@ -428,7 +428,7 @@ def _method(certification: Certification, metric: Budget) -> str:
 
 
 def _scatter(certification: Certification, metric: Budget) -> str:
-    """Return the sentence on the tests whose hits give the scatter, and the cost of no history."""
+    """Return a sentence on the tests that give the scatter, and on the gain by earlier tests."""
     earlier, today = certification.session.history.get("metric"), certification.variances
     alone = "The scatter of the hits is known from this test alone"
     if earlier is None:
@@ -544,7 +544,7 @@ def _encoder(certification: Certification) -> EncoderTrace | None:
     shot = int((valid if valid.any() else seen).argmax())
     after, angle = _angle_of(certification, counts, shot)
     turn, ring = _turn_and_ring(after, angle, recoil.ring_frequency, recoil.ring_decay)
-    shown = (after >= 0) & (after <= 20e-3)  # the slowest ring turns a few times
+    shown = (after >= 0) & (after <= 20e-3)  # a few periods of the slowest vibration
     return EncoderTrace(
         shot=shot,
         settled_ms=RECOIL.settling_time * 1e3,
@@ -554,7 +554,7 @@ def _encoder(certification: Certification) -> EncoderTrace | None:
 
 
 def _contact_sheet(certification: Certification) -> Iterator[RingRecorded]:
-    """Yield the encoder record of every shot seen, less its turn: for display only."""
+    """Yield the encoder record of each shot with a speed, minus its rotation; for display only."""
     counts, recoil = _counts(certification), certification.readings.recoil
     if counts is None or recoil is None:
         return
@@ -566,7 +566,7 @@ def _contact_sheet(certification: Certification) -> Iterator[RingRecorded]:
             continue
         turn, _ = _turn_and_ring(after, angle, recoil.ring_frequency, recoil.ring_decay)
         shown = (after >= 0) & (after <= 20e-3)
-        time, ring = 1e3 * after[shown][::2], (angle - turn)[shown][::2]  # still two a period
+        time, ring = 1e3 * after[shown][::2], (angle - turn)[shown][::2]  # two samples per period
         yield RingRecorded(
             shot=shot,
             from_ms=round(float(time[0]), 3),
@@ -609,7 +609,7 @@ def _turn_and_ring(
     fitted = after > RECOIL.settling_time
     columns = [(after / after[-1]) ** power for power in range(RECOIL.polynomial_order + 1)]
     for pitch, loss in zip(frequency, decay, strict=True):
-        # before contact there is no ring, and an envelope run backwards would overflow
+        # no vibration before the contact, where the envelope would overflow
         envelope, phase = np.exp(-loss * np.maximum(after, 0)), 2 * np.pi * pitch * after
         columns += [envelope * np.cos(phase), envelope * np.sin(phase)]
     basis = np.stack(columns, axis=1)

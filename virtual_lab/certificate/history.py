@@ -1,4 +1,4 @@
-"""Earlier tests of a laboratory, from their result folders: how much their hits scattered."""
+"""Scatter of the hits in earlier tests of a laboratory, read from their result folders."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from virtual_lab.records.session import Session, packed
 from virtual_lab.uncertainty.estimate import Estimate, Known
 from virtual_lab.uncertainty.scatter import HitVariance
 
-FEWEST = 3  # tests: two know no more than a good day and a bad one
+FEWEST = 3  # smallest number of earlier tests; two may be one good and one bad day
 
 
 def kind_of(session: Session) -> dict[str, str]:
@@ -31,14 +31,14 @@ def earlier_scatter(
 ) -> dict[str, Estimate]:
     """Return the variance of a hit in each result, by the certificates of earlier tests.
 
-    `folders` are result folders, or folders that hold them. `asked` is the kind of the current
+    `folders` are result folders, or folders that contain them. `asked` is the kind of the current
     test, as `kind_of` returns it, and `today` its session, where its records are reduced.
 
     Raises
     ------
     InputError
-        Fewer than three, one that stands twice, is that of today or of another kind, INVALID, or no
-        certificate.
+        Fewer than three tests; a test that is listed twice, is that of today, is of another kind or
+        is INVALID; a folder without a certificate.
     """
     if not folders:
         return {}
@@ -73,7 +73,7 @@ def earlier_scatter(
 
 
 def _digest(session: Session) -> str:
-    """Return the digest of what was recorded, however it was evaluated."""
+    """Return the digest of the records, independent of the options of their evaluation."""
     plain = replace(session, history={}, uncertainty="first-order", particulars=Particulars())
     return packed(plain).digest
 

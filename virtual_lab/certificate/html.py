@@ -17,7 +17,7 @@ def certificate_page(document: CertificateDocument, paper: str = "a4") -> str:
     """
     from markupsafe import Markup
 
-    # drawn by this package, text inside already escaped
+    # this package draws the figures and escapes their text
     figures = {name: svg and Markup(svg) for name, svg in certificate_figures(document).items()}
     return page_template(PACKAGE, "certificate.html").render(
         document=document, paper=paper, **printed_values(document), **figures

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 READINGS = "readings.csv"
-APART = ("truth", "control", "film")  # folders of their own, that may be handed on without
-TYPES = {"i": "integer", "f": "number", "b": "boolean"}  # by kind of dtype; else text
+APART = ("truth", "control", "film")  # folders that a result may be handed on without
+TYPES = {"i": "integer", "f": "number", "b": "boolean"}  # type by kind of dtype; others are strings
 
 
 def text_of_descriptor(descriptor: Mapping[str, Any]) -> str:
@@ -37,7 +37,7 @@ def text_of_descriptor(descriptor: Mapping[str, Any]) -> str:
 def descriptors(
     document: CertificateDocument, session: Session, shots: pd.DataFrame, folder: Path
 ) -> dict[str, Mapping[str, Any]]:
-    """Return the descriptors by name, of a folder that has everything else."""
+    """Return the descriptors by file name, for a folder with all other files."""
     title = f"Test of bat {document.bat.name} by {document.procedure.name}"
     meanings = shot_columns(document.metric.name)
     readings = [

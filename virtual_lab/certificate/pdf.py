@@ -20,15 +20,15 @@ from virtual_lab.errors import InputError, of_extra
 from virtual_lab.output.svg import description_of
 from virtual_lab.records.logo import picture_in
 
-PAPERS = {"a4": "a4", "letter": "us-letter"}  # as people say it, and Typst
+PAPERS = {"a4": "a4", "letter": "us-letter"}  # paper size: name in Typst
 NO_GLYPH = re.compile(r'the text `"(.+?)"` could not be displayed')
-ESCAPED = re.compile(r"\\u\{([0-9a-f]+)\}")  # a mark in a message of Typst
+ESCAPED = re.compile(r"\\u\{([0-9a-f]+)\}")  # escaped character in a message of Typst
 MARKS = ("Mn", "Me", "Mc", "Cf")  # categories of characters that change their neighbors
-MOST_ODD = 500  # characters that no font has, before the form is given up
+MOST_ODD = 500  # largest number of characters without a glyph
 
 
 def pdf_name(document: CertificateDocument) -> str:
-    """Return the file's name, which says what the certificate is worth."""
+    """Return the file name, with the certificate's number and SIMULATED or not-verified."""
     kind = "SIMULATED" if document.simulation else "not-verified"
     return f"certificate-{document.number}-{kind}.pdf"
 
@@ -40,7 +40,7 @@ def require_paper(paper: str) -> None:
 
 
 def require_pdf(paper: str) -> None:
-    """Raise `InputError` for an unknown paper, or where the extra that sets it is missing."""
+    """Raise `InputError` for an unknown paper, or if the extra ``pdf`` is missing."""
     require_paper(paper)
     _typst()
 
@@ -48,8 +48,8 @@ def require_pdf(paper: str) -> None:
 def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
     """Return the certificate as PDF; `InputError` as `require_pdf`.
 
-    Characters that no font of Typst has stand as code points, and a logo that Typst cannot set is
-    left out; the form says so.
+    Characters that no font of Typst has are printed as code points, and a logo that Typst cannot
+    set is left out. The certificate says so.
     """
     require_paper(paper)
     typst = _typst()
@@ -71,9 +71,9 @@ def typeset(
     others: dict[str, str],
     standards: list[str],
 ) -> bytes:
-    """Return the PDF of a template and what it shows; code points take the place of odd characters.
+    """Return the PDF of a template. Characters without a glyph are printed as code points.
 
-    `others` are further inputs of the template. Raises `InputError` where Typst refuses.
+    `others` are further inputs of the template. Raises `InputError` if Typst fails.
     """
     odd: set[str] = set()
     while True:
@@ -97,10 +97,11 @@ def typeset(
 
 
 def _lacking(refusal: str, shown: str) -> set[str]:
-    """Return characters of a shown text without a glyph, by the refusal to set it.
+    """Return the characters of a text without a glyph, from Typst's error message.
 
-    Of a base with marks these are the marks: the base may be in the font. Where a base alone is
-    named that every font has, they are the marks behind it.
+    If the message names a base character with combining marks, only the marks are returned,
+    because the font may have the base. If it names an ASCII base alone, which every font has, the
+    marks behind it in the text are returned.
     """
     found = set[str]()
     for escaped in NO_GLYPH.findall(refusal):
@@ -156,12 +157,12 @@ def _logo(address: str) -> dict[str, Any] | None:
 
 
 def _day(document: CertificateDocument) -> list[int]:
-    """Return year, month and day of the document, which PDF/A asks for."""
+    """Return year, month and day of the document, which PDF/A requires."""
     course = document.particulars.test
     for text in (course.issued, course.ended, course.begun, document.date):
         try:
             day = datetime.date.fromisoformat(text)
-        except ValueError:  # not stated, or written otherwise
+        except ValueError:  # not stated, or in another format
             continue
         return [day.year, day.month, day.day]
     return [1970, 1, 1]

@@ -43,7 +43,7 @@ SYMBOLS = {
     "ball_restitution": "e0",
 }
 STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
-INPUTS = {  # of a budget, no constants of a calibration: words and unit in print
+INPUTS = {  # components of a budget that are no calibration constants: printed words and unit
     "hits": ("Scatter from hit to hit", ""),
     "choice of the place": ("Choice of the place", ""),
     "bat.mass": ("Bat mass, readings", "g"),
@@ -62,14 +62,14 @@ INPUTS = {  # of a budget, no constants of a calibration: words and unit in prin
     "camera.place_y": ("camera, place along the bat", "mm"),
     "camera.place_z": ("camera, height", "mm"),
 }
-IDENTITY = {  # of an instrument, and words in print
+IDENTITY = {  # identification of an instrument: printed words
     "identity": "Identity",
     "certificate": "Certificate",
     "date": "Calibrated",
     "due": "Due",
     "traceability": "Traceable to",
 }
-CONDITIONS = {  # of the hall: unit in print, how many of it are one of SI, and its zero
+CONDITIONS = {  # conditions of the hall: printed unit, its number per SI unit, its zero
     "temperature": ("°C", 1.0, ZERO_CELSIUS),
     "humidity": ("% relative humidity", 100.0, 0.0),
     "pressure": ("hPa", 1e-2, 0.0),
@@ -196,7 +196,7 @@ def _air(document: CertificateDocument) -> str:
 
 
 def _halves(rows: list[list[str]]) -> list[list[list[str]]]:
-    """Return rows in two columns, or one; [] of none."""
+    """Return rows in two halves, to be printed side by side, without empty halves."""
     half = (len(rows) + 1) // 2
     return [part for part in (rows[:half], rows[half:]) if part]
 
@@ -214,7 +214,7 @@ def _unverified(document: CertificateDocument) -> list[list[str]]:
 
 
 def _instruments(stated: Mapping[str, InstrumentIdentity]) -> dict[str, object] | None:
-    """Return heads and rows of the instruments, without columns that nothing stands in."""
+    """Return heads and rows of the instruments, without empty columns."""
     every = [(name, *(getattr(each, key) for key in IDENTITY)) for name, each in stated.items()]
     if not every:
         return None
@@ -401,7 +401,7 @@ def _width(width: WidthStated | None) -> dict[str, str] | None:
 
 
 def _shots(document: CertificateDocument) -> dict[str, object]:
-    """Return heads, and a row for each shot; columns in which nothing stands are left out."""
+    """Return heads, and one row per shot, without empty columns."""
     metric, heads, columns = METRICS[document.metric.name], [], []
     for name, told in ((each.row, each.printed) for each in SHOTS if each.printed):
         values = [getattr(row, name) for row in document.shots]
@@ -427,7 +427,7 @@ def _shots(document: CertificateDocument) -> dict[str, object]:
         )
     cells = zip(*columns, strict=True)
     rows = [
-        {"cells": [str(row.shot + 1), *each], "reason": row.reason}  # people count from 1
+        {"cells": [str(row.shot + 1), *each], "reason": row.reason}  # shots are printed from 1
         for row, each in zip(document.shots, cells, strict=True)
     ]
     return {"heads": heads, "rows": rows}
@@ -439,7 +439,7 @@ def _along(document: CertificateDocument) -> dict[str, object] | None:
         return None
     sizes = [printed_size(each.name) for each in document.along.quantities]
     rows = []
-    fewest = [  # decimals of a mean of one hit, whose u is not known
+    fewest = [  # decimals of the mean of a single hit, which has no u
         min((decimals(u / size) for u in each.u if u is not None), default=4)
         for each, (_, _, size) in zip(document.along.quantities, sizes, strict=True)
     ]
@@ -457,7 +457,7 @@ def _along(document: CertificateDocument) -> dict[str, object] | None:
 
 
 def printed_size(name: str) -> tuple[str, str, float]:
-    """Return the symbol of a quantity, the unit it is printed in, and the SI size of this."""
+    """Return the symbol of a quantity, its printed unit, and the size of that unit in SI."""
     if name not in QUANTITIES:
         return SYMBOLS[name], "", 1.0
     printed = QUANTITIES[name]
@@ -465,7 +465,7 @@ def printed_size(name: str) -> tuple[str, str, float]:
 
 
 def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
-    """Return a row for each quantity that the camera measured too; [] without a camera."""
+    """Return one row per quantity that the camera measured, too; [] without a camera."""
     rows = []
     for name, symbol in (
         ("collision_efficiency", "e_A"),
@@ -492,14 +492,14 @@ def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
 
 
 def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
-    """Return the largest components, and all others together in the last line."""
+    """Return the components with at least 1 % of the variance, and one line for all others."""
     unit_si = METRICS[document.metric.name].unit_si
     rows, u = document.budget, (document.metric.u or 0.0) / unit_si
     if not document.states_result or not rows or digits(u) == "0":
         return []
     places = decimals(u) + 1
     large = [row for row in rows if row.share_percent >= 1]
-    small = rows[len(large) :]  # rows come largest first
+    small = rows[len(large) :]  # rows are sorted, largest first
     lines = [
         {
             **_input(row.component, row.u),

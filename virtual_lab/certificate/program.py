@@ -16,8 +16,8 @@ from virtual_lab.certificate.document import CommitStated
 from virtual_lab.errors import DISTRIBUTION, VERSION
 
 LIBRARIES = ("numpy", "scipy", "pandas", "numba")
-SOURCES = ("virtual_lab/", "rigs/", "data/")  # what the program consists of, in a clone
-REGULAR = 0o100000  # mode of a plain file in the index, without its permissions
+SOURCES = ("virtual_lab/", "rigs/", "data/")  # folders of the program in a clone
+REGULAR = 0o100000  # mode of a regular file in the index, without its permissions
 
 
 def versions() -> dict[str, str]:
@@ -25,7 +25,7 @@ def versions() -> dict[str, str]:
     return {"virtual-lab": VERSION} | {name: _installed(name) for name in LIBRARIES}
 
 
-_installed = cache(version)  # its file is looked for in every folder of the path
+_installed = cache(version)  # cached, because it searches every folder of the path
 
 
 @cache
@@ -47,20 +47,20 @@ def commit_of(root: Path) -> CommitStated | None:
         if not re.search(rf'^name = "{DISTRIBUTION}"$', project, re.MULTILINE):
             return None
         git = root / ".git"
-        if git.is_file():  # of a worktree
+        if git.is_file():  # a worktree has a file with the path of its git folder
             git = root / git.read_text(encoding="utf-8").strip().removeprefix("gitdir: ")
         identity = _commit_at(git, "HEAD")
-        if identity is None or not re.fullmatch("[0-9a-f]{40}", identity):  # or a SHA-256
+        if identity is None or not re.fullmatch("[0-9a-f]{40}", identity):  # no commit, or SHA-256
             return None
         return CommitStated(id=identity, changes=_changes(root, git / "index"))
-    except (OSError, ValueError, struct.error):  # no repository, or of a form not known here
+    except (OSError, ValueError, struct.error):  # no repository, or one in an unknown format
         return None
 
 
 def _commit_at(git: Path, reference: str) -> str | None:
-    """Return the commit of a reference, which may stand in a file of its own or among packed ones.
+    """Return the commit of a reference, from its file or from the list of packed references.
 
-    Those of branches lie in the folder that all worktrees share.
+    The references of branches are in the folder that all worktrees share.
     """
     common = git / "commondir"
     shared = git / common.read_text(encoding="utf-8").strip() if common.is_file() else git
@@ -85,11 +85,11 @@ def _changes(root: Path, index: Path) -> str:
         if entry.mode & 0o170000 != REGULAR or not entry.name.startswith(SOURCES):
             continue
         try:
-            here = os.stat(f"{root}/{entry.name}")  # of some 500 files: a Path is slow
+            here = os.stat(f"{root}/{entry.name}")  # faster than Path.stat for some 500 files
             if (here.st_mtime_ns, here.st_size) == (entry.time, entry.size) and (
                 here.st_mtime_ns < written
             ):
-                continue  # as git does: nothing was written since
+                continue  # unchanged since the index was written, as git concludes
             content = (root / entry.name).read_bytes()
         except OSError:
             changed.append(f"{entry.name} missing")
@@ -119,7 +119,7 @@ def _entries(data: bytes) -> Iterator[_Entry]:
         blob, flags = struct.unpack_from(">20sH", data, place + 40)
         start = place + (64 if flags & 0x4000 else 62)
         strip = 0
-        if form == 4:  # the name begins with that of the entry before, less so many bytes
+        if form == 4:  # the name extends the last entry's name without `strip` bytes
             start, strip = _length(data, start)
         end = data.index(b"\0", start)
         name = (name[: len(name) - strip] if form == 4 else b"") + data[start:end]

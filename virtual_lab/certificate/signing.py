@@ -18,7 +18,7 @@ from virtual_lab.files import contents, read_bytes, read_text
 from virtual_lab.records.session import digest_of_text
 
 SUMS, SIGNATURE = "SHA256SUMS", "SHA256SUMS.sig"
-TEXTS = (".csv", ".html", ".json", ".toml")  # files whose line ends a copy may have changed
+TEXTS = (".csv", ".html", ".json", ".toml")  # types of files in which copying may change line ends
 
 
 def require_key(path: Path, *, private: bool) -> Any:
@@ -57,9 +57,9 @@ def write_sums(folder: Path, key: Path | None = None) -> None:
 
 
 def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFinding]:
-    """Yield the files of a folder that are not those of its list of digests.
+    """Yield the files of a folder that differ from its list of digests.
 
-    A folder of `optional` that is missing as a whole could not be checked.
+    A folder of `optional` that is completely missing is reported as unchecked.
     """
     try:
         lines = _text_of_sums(folder).decode(errors="replace").split("\n")

@@ -60,19 +60,19 @@ CERTIFICATE, PAGE, RECORDS = "certificate.json", "certificate.html", "records"
 TRUTH, FILM, CONTROL = "truth", "film", "control"
 TRUTH_FILE = "truth/truth.json"
 MISSING, NO_FOLDER = "the file is missing", "the folder is missing"
-OPTIONAL = (TRUTH, FILM, CONTROL)  # folders that a folder may be handed on without
+OPTIONAL = (TRUTH, FILM, CONTROL)  # folders that may be missing from a result that was handed on
 COPIED = re.compile(  # keys of the document whose values are those of the records
     r"(origin|laboratory|customer|date|particulars|simulation|session_digest|rigs"
     r"|bat\.name|ball\.name)\b"
 )
-RESULTS = re.compile(  # keys whose differences from this program are listed one by one
+RESULTS = re.compile(  # keys whose differences from this program are listed singly
     r"(verdict|flags|metric\.(value|u|interval_95)"
     r"|shots(\[\d+\]\.(recoil_efficiency|rebound_efficiency|used|reason))?)(\[\d+\]|\.|$)"
 )
 UNSIGNED = (
     "without a signature: anybody with the program can make a whole folder of invented records"
 )
-STATES = {"whole": 0, "altered": 3, "differs": 4, "not all checked": 4}  # codes of the command
+STATES = {"whole": 0, "altered": 3, "differs": 4, "not all checked": 4}  # exit codes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -82,8 +82,8 @@ class Verification(StudyResult):
     folder: str
     rows: tuple[Mismatch, ...]
     unchecked: tuple[str, ...]  # parts that could not be compared here, and why
-    signed: bool = False  # by the key that was given
-    note: str = ""  # on the program that made it, and on the report that it replaces
+    signed: bool = False  # whether the given key signed it
+    note: str = ""  # remarks on the program that made it and on the replaced report
 
     name = "verify"
 
@@ -171,7 +171,7 @@ def verify(folder: str | Path, *, key: str | Path | None = None) -> Verification
 def reduced_document(
     certification: Certification, stated: Mapping[str, Any], session_digest: str
 ) -> CertificateDocument:
-    """Return the certificate that this program makes, as if by the program that is stated.
+    """Return this program's certificate, with the stated program instead of this one.
 
     Versions, commit and the digest of the truth are those of the stated certificate.
     """
@@ -230,7 +230,7 @@ def made_elsewhere(stated: Mapping[str, Any]) -> str:
 def _certified(
     folder: Path, elsewhere: bool
 ) -> Generator[FolderFinding, None, Certification | None]:
-    """Yield why records were altered or cannot be reduced; return their certification."""
+    """Yield findings on records that cannot be reduced; return their certification."""
     session = None
     try:
         session = load_session(folder / RECORDS)
@@ -256,8 +256,8 @@ def _document(
 ) -> Generator[FolderFinding, None, CertificateDocument | None]:
     """Yield the keys of the certificate that are not those of the document made here.
 
-    Return the document of which this program makes the forms, None where another program made
-    the certificate and states something else.
+    Return the document with which page and PDF are compared. It is None if another program made
+    the certificate and states something else, or if the certificate is not valid.
     """
     digest = digest_of_text(read_bytes(folder / RECORDS / SESSION))
     made = reduced_document(certification, stated, digest)
@@ -266,8 +266,9 @@ def _document(
     if not rows:
         yield from layout
         try:
-            return document_of(dict(stated), CERTIFICATE)  # whose very last digits the forms have
-        except InputError as fault:  # versions or a commit that are no texts
+            # page and PDF have the last digits of the stated document, which may differ from ours
+            return document_of(dict(stated), CERTIFICATE)
+        except InputError as fault:  # versions or commit are not texts
             yield _refused(CERTIFICATE, fault)
             return None
     if not elsewhere:
@@ -280,7 +281,7 @@ def _document(
 
 
 def _differing(rows: Iterable[Mismatch]) -> Iterator[Mismatch]:
-    """Yield rows as differences from this program: results one by one, the rest of a file in one.
+    """Yield the differences from this program: one row per result, one for the rest of a file.
 
     A page and a table of another program may be worded otherwise in many places.
     """
@@ -317,7 +318,7 @@ def _tables(
 
 
 def _truth(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
-    """Yield whether the truth is the one that the certificate names; only its digest is taken."""
+    """Yield a mismatch if the truth does not have the digest that the certificate states."""
     wanted, path = at(stated, "simulation", "truth_digest"), folder / TRUTH_FILE
     if path.is_file():
         found = digest_of_text(read_bytes(path))
@@ -370,7 +371,7 @@ def _forms(
         for name in (PAGE, *pdfs):
             yield Unchecked(f"{name}: {why if elsewhere else 'the records give no certificate'}")
         return
-    state: RowState = "differs" if elsewhere else "altered"  # another program words it otherwise
+    state: RowState = "differs" if elsewhere else "altered"  # other programs use other words
     if (folder / PAGE).is_file():
         yield from (replace(row, state=state) for row in _page(folder / PAGE, document))
     for name in pdfs:
@@ -378,14 +379,14 @@ def _forms(
             yield Mismatch(file=name, key="name", stated=name, found=pdf_name(document))
         try:
             yield from (replace(row, state=state) for row in _pdf(folder / name, document))
-        except InputError as fault:  # the extra that makes it is missing, or another one made it
+        except InputError as fault:  # no extra ``pdf``, or another version of Typst made it
             yield Unchecked(f"{name}: {fault}")
 
 
 def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
-    """Yield the first line in which the page is not that of the document, on whatever paper."""
+    """Yield the first line that differs from the document's page, unless one paper size fits."""
     stated, first = same_text(path), ""
-    for paper in PAPERS:  # most have the first
+    for paper in PAPERS:  # most certificates use the first
         page = certificate_page(document, paper)
         if stated == page:
             return
@@ -394,9 +395,9 @@ def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
 
 
 def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
-    """Yield a mismatch of a PDF that is not made of the document, on whatever paper.
+    """Yield a mismatch if the PDF is not that of the document for any paper size.
 
-    `InputError` where that cannot be told here.
+    `InputError` if it cannot be compared, for example if another version of Typst made it.
     """
     found, wanted = read_bytes(path), b""
     for paper in PAPERS:
@@ -439,20 +440,20 @@ def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
 def _replaced(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
     """Yield alterations in the chain of replaced reports, and remarks on it.
 
-    A report lies beside the one that replaces it, in a folder of the name that this one states.
+    The folder of a replaced report is beside the folder of its replacement, which states its name.
     """
     told = at(stated, "particulars", "replaces")
     if not told:
         return
     name, number = str(at(told, "folder")), at(told, "number")
     if name in ("", ".", "..") or Path(name).name != name:
-        return  # the records refuse such a folder, or state another one
+        return  # reported when the records are loaded or compared
     old = folder.resolve().parent / name
     if not (old / CERTIFICATE).is_file():
         yield Remark(f"it replaces {number}, whose folder {name} is not beside this one")
         return
     digest, wanted = digest_of_text(read_bytes(old / CERTIFICATE)), str(at(told, "digest"))
-    if digest != wanted:  # and followed no further: a forged chain may run in a circle
+    if digest != wanted:  # the chain ends here: a forged one may be circular
         file = f"../{name}/{CERTIFICATE}"
         yield Mismatch(file=file, key="sha256", stated=wanted, found=digest)
         return
@@ -464,7 +465,7 @@ def _replaced(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding
 
 
 def _strays(folder: Path) -> Iterator[Mismatch]:
-    """Yield files that belong to no result; those among the records their session refuses."""
+    """Yield files that do not belong to a result. Those among the records are checked elsewhere."""
     of_result = {CERTIFICATE, PAGE, READINGS, PACKAGE, CRATE, SUMS, SIGNATURE}
     for name, kind in contents(folder).items():
         top = name.split("/")[0]

@@ -29,7 +29,7 @@ PROGRAM = "virtual-lab"
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    for stream in (sys.stdout, sys.stderr):  # of terminals that have no ² and no ±
+    for stream in (sys.stdout, sys.stderr):  # terminals may lack ² and ±
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
@@ -43,10 +43,10 @@ def main() -> None:
         _leave(2, f"{fault.format_message()} (try '{asked} --help')")
     except click.ClickException as fault:
         _leave(2, fault.format_message())
-    except OSError as fault:  # a disk that is full, a place that may not be written to
+    except OSError as fault:  # full disk, or no permission to write
         where = f"{fault.filename}: " if fault.filename else ""
         _leave(2, f"{where}{fault.strerror or fault}")
-    except SystemExit:  # click's answer to a closed pipe (EPIPE): no error
+    except SystemExit:  # click exits when a pipe is closed (EPIPE): no error
         sys.exit(0)
     except Exception:
         import traceback

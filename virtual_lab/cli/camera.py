@@ -103,7 +103,7 @@ def track(clip: Path, progress: Progress, **asked: Any) -> Any:
     their numbers (negative ones first), a TIFF stack, an animated WebP or PNG, or a .npy array.
     The folder CLIP-track beside it gets track, result, plot and contact sheet.
     """
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # its messages would stand beside ours
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # no messages of OpenCV among ours
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     return api.track(clip, progress=progress, **asked)
 
@@ -132,7 +132,7 @@ def calibrate(pictures: tuple[Path, ...], target: Path, progress: Progress, **as
     the plane of the ball's flight, or below it by --height; in the others it is tilted by about
     30 deg.
     """
-    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # its messages would stand beside ours
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # no messages of OpenCV among ours
     if target.suffix != ".toml":
         raise InputError("", "--out", str(target), "a name that ends in .toml")
     for file in (target, target.with_suffix(".png")):

@@ -25,8 +25,8 @@ from virtual_lab.output.progress import shown
 from virtual_lab.output.tables import write_csv
 
 Function = Callable[..., Any]
-HELP_WIDTH = 1000  # characters: no sentence of ours is cut short
-LONGEST_NAME = 60  # of a part of a folder's name
+HELP_WIDTH = 1000  # largest length of a sentence of help [characters], so that none is cut
+LONGEST_NAME = 60  # largest length of a name within a folder's name [characters]
 TABLES, PICTURES = (".csv",), (".png", ".svg", ".pdf")
 
 
@@ -36,13 +36,13 @@ class Answer:
 
     document: Any
     text: str
-    code: int = 0  # the program's exit code
+    code: int = 0  # exit code of the program
     save: Callable[[Path], object] | None = None
-    files: Sequence[Path] = field(default_factory=tuple)  # written already, to be named
+    files: Sequence[Path] = field(default_factory=tuple)  # written files, whose paths are printed
 
 
 class Sections(click.Group):
-    """A group whose help lists its commands by what they are for."""
+    """A group whose help lists its commands in sections by purpose."""
 
     def __init__(self, *, sections: Mapping[str, Sequence[click.Command]], **known: Any) -> None:
         super().__init__(**known)
@@ -135,7 +135,7 @@ def command(
             return int(getattr(found, "code", 0))
 
         shared = _shared_options(folder, keeps=keeps, table=table, picture=picture)
-        # click lists options from the last to the first: the shared ones come after the own
+        # click lists options from last to first, so the shared ones follow the command's
         run.__click_params__ = [*reversed(shared), *getattr(run, "__click_params__", [])]  # type: ignore[attr-defined]
         return click.command(name)(run)
 

@@ -31,7 +31,7 @@ def provide_cache(package: Path) -> None:
     if not (os.path.lexists(folder) and _private(folder)):
         try:
             folder.mkdir(mode=0o700)
-        except FileExistsError:  # of somebody else, whose code must not run here
+        except FileExistsError:  # another user's folder, whose code must not run here
             folder = Path(mkdtemp(prefix="virtual-lab-"))
         words = f"no writable home: compiled code is kept in {folder} ({CACHE} names another)"
         print(f"virtual-lab: {words}", file=sys.stderr)

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PREFIX, RANDOM_BYTES = ".virtual-lab-draft-", 8
-own: set[Path] = set()  # drafts of this process, for its removal when it must end at once
+own: set[Path] = set()  # drafts of this process, removed if it must end at once
 
 
 @contextmanager
@@ -27,7 +27,7 @@ def draft_in(folder: Path) -> Iterator[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     _sweep(folder)
     draft = folder / f"{PREFIX}{os.urandom(RANDOM_BYTES).hex()}"
-    young = draft.with_suffix(".new")  # without the name of a draft until it is locked
+    young = draft.with_suffix(".new")  # name that `_sweep` ignores until the draft is locked
     own.update((young, draft))
     young.mkdir()
     lock = _lock(young)

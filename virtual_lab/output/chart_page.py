@@ -35,7 +35,7 @@ def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[st
     return page_template("virtual_lab.output", "chart.html").render(
         title=title,
         words=words,
-        figure=Markup(svg[svg.index("<svg") :]),  # drawn by this package
+        figure=Markup(svg[svg.index("<svg") :]),  # this package draws the SVG
         columns=[name.replace("_", " ") for name in columns],
         texts=sum(isinstance(rows[0][name], str) for name in columns),
         rows=[[_cell(row[name]) for name in columns] for row in rows],

@@ -12,11 +12,11 @@ class MetricFormat:
     """A metric in print; its SI value over `unit_si` is the number printed."""
 
     words: str
-    symbol: str  # letter and, after an underscore, its index
+    symbol: str  # letter, with an index after an underscore
     unit: str
     unit_si: float
     si_unit: str
-    places: int  # decimals of a limit
+    places: int  # decimals of a printed limit
 
     def limit(self, value: float, more: int = 0) -> str:
         """Return a limit in SI as printed, with its unit; `more` decimals for a value beside it."""
@@ -29,7 +29,7 @@ METRICS = {
     "restitution": MetricFormat("Restitution of ball and bat", "e", "", 1.0, "", 3),
     "batted_speed": MetricFormat("Batted-ball speed", "v_f", "mph", MPH, "m/s", 1),
 }
-# speed of the ball back from a bat at rest, which is no result of a procedure
+# rebound speed of the ball from a bat at rest; it is no procedure's metric
 REBOUND_SPEED = "rebound_speed"
 QUANTITIES = METRICS | {
     REBOUND_SPEED: MetricFormat("Rebound speed", "rebound speed", "mph", MPH, "m/s", 1)

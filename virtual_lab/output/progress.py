@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from shutil import get_terminal_size
 from typing import Protocol, TextIO
 
-PATIENCE = 2.0  # s, before the first word on a terminal
-TERMINAL_STEP, PIPE_STEP = 0.2, 10.0  # s, between two lines
+PATIENCE = 2.0  # time before the first line on a terminal [s]
+TERMINAL_STEP, PIPE_STEP = 0.2, 10.0  # times between two lines [s]
 CLEAR_LINE = "\r\x1b[K"
 
 
@@ -42,7 +42,7 @@ quiet = _Quiet()
 def shown(stream: TextIO | None = None) -> Iterator[Progress]:
     """Yield a `Progress` that writes to a stream, by default stderr, until the context ends."""
     stream = stream or sys.stderr
-    if stream is None:  # a program without a terminal, as on a desktop
+    if stream is None:  # a program without a terminal has no stderr
         yield quiet
         return
     status, over = _Status(), threading.Event()
@@ -93,7 +93,7 @@ def _write(status: _Status, stream: TextIO, over: threading.Event) -> None:
                 if terminal:
                     print(CLEAR_LINE, end="", file=stream, flush=True)
                 return
-        except (OSError, ValueError):  # the reader has gone: nobody reads any more
+        except (OSError, ValueError):  # the reader has closed the stream
             return
 
 

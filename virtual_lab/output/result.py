@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Row = TypeVar("Row")
-Json = dict[str, Any]  # a document
+Json = dict[str, Any]  # JSON document
 
 
 def frame(rows: Sequence[Any]) -> pd.DataFrame:
@@ -114,8 +114,8 @@ class Rows(StudyResult, Generic[Row]):
     title: str
     rows: list[Row]
     columns: Mapping[str, Column] | None = None
-    across: str = ""  # the key that heads the columns of a table turned on its side
-    words: str = ""  # beneath the table
+    across: str = ""  # key whose values are the column heads of a transposed table
+    words: str = ""  # text beneath the table
 
     @property
     def text(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import floor, log10
 
-LEAST = 1e-9  # an uncertainty in print; less is the computer's own arithmetic
+LEAST = 1e-9  # smallest uncertainty in print; smaller ones are rounding errors
 
 
 def decimals(u: float) -> int:
@@ -12,7 +12,7 @@ def decimals(u: float) -> int:
     if not u > LEAST:
         return 6
     places = 1 - floor(log10(u))
-    # 0.0996 rounds up to 0.10, which has its two digits a place earlier
+    # 0.0996 rounds up to 0.10, whose two digits need one decimal less
     return max(0, places - 1 if float(f"{u:.{max(0, places)}f}") >= 10 ** (2 - places) else places)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-PAGE_WIDTH_IN = 6.9  # in, the text width of an A4 page
+PAGE_WIDTH_IN = 6.9  # text width of an A4 page [in]
 STYLE: dict[str, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "virtual-lab",
@@ -22,7 +22,7 @@ STYLE: dict[str, Any] = {
     "lines.linewidth": 0.9,
     "lines.markersize": 5,
 }
-INTERVAL_GREY = "0.85"  # the interval: light enough that markers stand out on a grey printer
+INTERVAL_GREY = "0.85"  # grey of an interval; markers on it stay visible in greyscale print
 
 
 def as_drawn(name: str) -> str:

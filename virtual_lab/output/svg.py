@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from html import escape, unescape
 from math import ceil, floor, isfinite, log10
 
-PAGE_WIDTH = 497.0  # pt, the text width of an A4 page
-BAND = "#d9d9d9"  # an interval: light enough that markers stand out on a grey printer
+PAGE_WIDTH = 497.0  # text width of an A4 page [pt]
+BAND = "#d9d9d9"  # grey of an interval; markers on it stay visible in greyscale print
 DASHED = "5 2.5"
-TICK = 3.0  # pt
+TICK = 3.0  # length of a tick [pt]
 DIGIT = 4.45  # width of a digit of a sans-serif font at 8 pt [pt]
 
 
@@ -61,18 +61,18 @@ def symbol_markup(text: str) -> str:
 class Panel:
     """One pair of axes; marks are drawn in the order in which they are added."""
 
-    left: float  # of the axes in the figure [pt]
+    left: float  # edges of the axes in the figure [pt]
     right: float
     top: float
     bottom: float
-    x: tuple[float, float]  # limits
+    x: tuple[float, float]  # limits of the axes
     y: tuple[float, float]
     title: str = ""
     x_label: str = ""
     y_label: str = ""
-    x_ticks: Sequence[float] | None = None  # None: chosen
+    x_ticks: Sequence[float] | None = None  # None: round numbers
     y_ticks: Sequence[float] | None = None
-    y_words: Sequence[str] = ()  # at the y_ticks, in place of their numbers
+    y_words: Sequence[str] = ()  # words at the y_ticks, instead of numbers
     _marks: list[str] = field(default_factory=list)
     _legend: list[tuple[str, str]] = field(default_factory=list)
 

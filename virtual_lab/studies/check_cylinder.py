@@ -66,7 +66,7 @@ def check_cylinder(
     session = by_the_book(laboratory).of(0).certification.session
     preparation = prepare_block(SessionBlock.of(session))
     place = reduce_session(session).readings.place[0] - along_of(session)
-    # with every edge and count the hits of a session share the fit of the bat's vibrations
+    # with full records, the hits of a session share the fit of the bat's vibrations
     together = 1 if faults else days
     values = []
     for first in range(1, days + 1, together):

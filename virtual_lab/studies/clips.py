@@ -25,7 +25,7 @@ from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import ShotPlan, Stage
 from virtual_lab.units import INCH, Array
 
-QUANTITIES = {  # of what the camera gives u, and the truth
+QUANTITIES = {  # names in the camera's u and in the truth
     "v_in": ("speed_in", "speed"),
     "v_out": ("speed_out", "rebound_speed"),
     "e_A": ("efficiency", "collision_efficiency"),

@@ -23,8 +23,8 @@ from scipy.signal import lfilter
 
 from virtual_lab.units import Array, Mask
 
-RANGE_MEAN = 2 / sqrt(pi)  # d2: of the range of two, in standard deviations
-RANGE_LIMIT = RANGE_MEAN + 3 * sqrt(2 - RANGE_MEAN**2)  # d2 + 3 d3
+RANGE_MEAN = 2 / sqrt(pi)  # d2: mean range of two values [standard deviations]
+RANGE_LIMIT = RANGE_MEAN + 3 * sqrt(2 - RANGE_MEAN**2)  # d2 + 3 d3: limit of the range
 WEIGHT, CUSUM_LIMIT, CUSUM_SLACK = 0.2, 5.0, 0.5
 EWMA_LIMIT = 2.962 * sqrt(WEIGHT / (2 - WEIGHT))
 
@@ -122,7 +122,7 @@ class DayCharts:
     average: Array
     sum_up: Array
     sum_down: Array
-    alarms: Mapping[str, Mask]  # by what was broken
+    alarms: Mapping[str, Mask]  # days with an alarm, by rule or chart
 
 
 def control_chart(

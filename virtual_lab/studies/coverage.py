@@ -205,7 +205,7 @@ class Results:
     value: Array
     u: Array
     dof: Array
-    shift: Array  # to be expected by curvature
+    shift: Array  # expected shift by curvature
     true: Array
 
     def rows(self, beside: Array | float) -> Array:
@@ -219,16 +219,16 @@ class Results:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """Results of some laboratories that the study counts, arrays (laboratory,)."""
+    """Results of laboratories for the study, arrays (laboratory,)."""
 
     sound: Mask  # tests that are not INVALID
-    fired: NDArray[Any]  # shots
-    valid: NDArray[Any]  # and those that counted
-    place: Array  # of the result [m]
+    fired: NDArray[Any]  # number of shots
+    valid: NDArray[Any]  # number of valid shots
+    place: Array  # impact position of the result [m]
     stray: Array  # variance of the marks along the bat [m²]
-    beside: Array  # their mean square about the aim that is known [m²]
+    beside: Array  # mean square distance of the marks from the known aim [m²]
     scatter: Array  # variance of the metric within a place, over the hits of the result
-    results: Mapping[str, Results]  # by the quantities' names
+    results: Mapping[str, Results]  # results by name of the quantity
 
 
 def sample(tested: BlockTest) -> Sample:
@@ -265,7 +265,7 @@ def sample(tested: BlockTest) -> Sample:
 
 def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
     """Return d²/dz² [1/m²] of the metric (as ``metric``) and of the quantities at a place [m]."""
-    step = 4e-3  # m
+    step = 4e-3  # distance to either side [m]
     places = place + step * np.array([-1.0, 0.0, 1.0])
     procedure = laboratory.rules.spec
     curve = true_curve(laboratory.impact, laboratory.specimen, procedure, places)

@@ -41,8 +41,8 @@ from virtual_lab.units import Array
 if TYPE_CHECKING:
     import pandas as pd
 
-FIELD_TIE_MPH = 0.1  # bats less than this apart in the field have no order there
-RELIABLE_SHARE = 0.95  # a ranking that comes out one way this often is that procedure's
+FIELD_TIE_MPH = 0.1  # difference of v_f below which two bats tie in the field
+RELIABLE_SHARE = 0.95  # smallest probability at which a ranking counts as certain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,11 +54,11 @@ class BatRank:
     ball: str
     metric: str
     unit: str
-    value: float | None  # by an error-free laboratory
-    laboratories: int  # with a result
+    value: float | None  # metric in an error-free laboratory
+    laboratories: int  # number of laboratories with a result
     mean: float | None
     sd: float | None
-    v_f_mph: Mapping[str, float]  # greatest in the field, by swing: ``n0.3``, ``energy``
+    v_f_mph: Mapping[str, float]  # peak in the field by swing: ``n0.3``, ``energy``
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,12 +69,14 @@ class Ranking:
     ``tie`` (no order on the field), ``no result``.
     """
 
-    laboratories: int  # with a result
-    mean: float | None = None  # of the difference
+    laboratories: int  # number of laboratories with a result
+    mean: float | None = None  # mean of the difference
     sd: float | None = None
-    probability: float | None = None  # of the other order, by the normal law of mean and sd
-    wrong: int | None = None  # laboratories that found it
-    low: float | None = None  # of their share, by Clopper and Pearson, 95 %
+    # probability of the opposite order, for a normal distribution with this mean and sd
+    probability: float | None = None
+    wrong: int | None = None  # number of laboratories that find the opposite order
+    # limits of the share of these laboratories (95 %, Clopper-Pearson)
+    low: float | None = None
     high: float | None = None
     verdict: str
 
@@ -90,7 +92,7 @@ class Pair:
     procedure: str
     own_n: float | None
     metric: str
-    difference: float | None  # by an error-free laboratory
+    difference: float | None  # difference of the metric in an error-free laboratory
     ranking: Ranking = inline()
 
 
@@ -100,11 +102,11 @@ class ProcedureResults:
 
     procedure: str
     ball: str
-    metric: str  # symbol
+    metric: str  # symbol of the metric
     unit: str
-    own_n: float | None  # of the swing law its own field has; None: it has none
-    exact: Array  # by an error-free laboratory, (bat,); NaN where the test gives no result
-    measured: Array  # (laboratory, bat)
+    own_n: float | None  # exponent of the swing law in the procedure's rules; None: no such law
+    exact: Array  # metric in an error-free laboratory, (bat,); NaN without a result
+    measured: Array  # metric, (laboratory, bat)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -113,7 +115,7 @@ class Critique(StudyResult):
 
     bats: tuple[str, ...]
     swings: tuple[float | None, ...]  # exponents n of the swing law; None: constant energy
-    balls: Mapping[str, str]  # in the field, of each bat
+    balls: Mapping[str, str]  # ball in the field, by bat
     field: Array  # greatest v_f [mph], (swing, bat)
     ranked: tuple[ProcedureResults, ...]
 
@@ -237,7 +239,7 @@ def critique(
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
     exponents = chosen_swings(swing_law, swings, (0.0, 0.3, 0.5))
     compared = compare(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
-    top = [row.peaks["v_f_mph"] for row in compared.peaks]  # bat by bat, n by n
+    top = [row.peaks["v_f_mph"] for row in compared.peaks]  # sorted by bat, then by n
     chosen = {
         each: catalog.load("procedures", each, Procedure).spec
         for each in procedures or _of_this_game(compared.sports)

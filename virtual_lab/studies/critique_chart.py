@@ -19,23 +19,23 @@ class Mark(NamedTuple):
 
     words: str
     marker: str
-    size: float  # points
+    size: float  # size of the marker [pt]
     face: str
     edge: str
-    ink: str  # of the number
+    ink: str  # colour of the number
 
 
 class PageLayout(NamedTuple):
-    """Lengths of the page, in."""
+    """Lengths of the page [in]."""
 
     cell: float = 0.32
-    least_width: float = 7.2  # for the sentences above and the legend below
+    least_width: float = 7.2  # width of the sentences above and of the legend below
     right: float = 0.1
     above: float = 1.05
-    below: float = 1.6  # and more for long names
+    below: float = 1.6  # smallest height below the panels; long names need more
     legend: float = 0.3
-    letter: float = 0.06  # of a name
-    gap: float = 0.62  # between panels: the field's own differences stand there
+    letter: float = 0.06  # width per letter of a name
+    gap: float = 0.62  # gap between panels, with the differences in the field
 
 
 MARKS = {
@@ -50,7 +50,7 @@ MARKS = {
     "no result": Mark("gives no result", "x", 8, "0.5", "0.5", "0.5"),
 }
 PAGE = PageLayout()
-SLANT = 55  # degrees, of the procedures' names
+SLANT = 55  # angle of the procedures' names [°]
 
 
 def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
@@ -62,7 +62,7 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
     Parameters
     ----------
     pairs
-        A row a pair of bats, exponent and procedure: the table of `Critique`.
+        One row per pair of bats, exponent and procedure: the table of `Critique`.
     path
         PNG file to write.
     """
@@ -74,7 +74,7 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
     bats = list(dict.fromkeys((row.first, row.second) for row in rows))
     procedures = {row.procedure: _said(row) for row in rows}
     letters = max(len(name.replace("$", "")) for name in procedures.values())
-    longest = PAGE.letter * letters  # its name stands slanted below
+    longest = PAGE.letter * letters  # length of the longest name, which is slanted
     down, aside = sin(radians(SLANT)) * longest, cos(radians(SLANT)) * longest
     bottom = max(PAGE.below, PAGE.legend + down)
     named = PAGE.gap + PAGE.letter * max(len(_named(pair)) for pair in bats)
@@ -190,7 +190,7 @@ def _handle(verdict: str) -> Any:
 
 
 def _percent(probability: float) -> str:
-    """Return per cent; what rounds to none or all is said as less or more."""
+    """Return a probability in per cent; <1 if it rounds to 0, >99 if it rounds to 100."""
     percent = 100 * probability
     if percent < 0.5:
         return "<1"

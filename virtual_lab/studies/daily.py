@@ -39,7 +39,7 @@ from virtual_lab.units import MPH, Array
 if TYPE_CHECKING:
     import pandas as pd
 
-SPEED = 60 * MPH  # of the wall test
+SPEED = 60 * MPH  # ball speed of the wall test [m/s]
 CYLINDER = "check-cylinder"
 
 
@@ -66,10 +66,10 @@ class Daily(StudyResult):
 
     ball: str
     hits: int
-    faults: tuple[str, ...]  # of the impact rig
-    since: int | None  # the day of the change, of wall or rig; None: nothing changes
+    faults: tuple[str, ...]  # faults of the impact rig
+    since: int | None  # day of the change of wall or rig; None: no change
     values: Array  # mean measured e0 of the check ball
-    wall: Array  # what the wall gave back, of what a rigid one would
+    wall: Array  # rebound speed relative to that from a rigid wall
     charted: DayCharts
     cylinder: Array  # mean measured e_A of the check cylinder
     cylinder_charted: DayCharts
@@ -287,7 +287,7 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     station = find_rig("ball-wall", Stage.BALLS).commission(draws)
     assert isinstance(station, WallStation)
     known = {constant_name(Stage.BALLS, name): of for name, of in station.calibration.items()}
-    cylinder = catalog.load_bat(CYLINDER).spec  # a specimen has a bat; no wall meets it
+    cylinder = catalog.load_bat(CYLINDER).spec  # a specimen needs a bat, unused at the wall
     collision = Ladder(
         nominal=cylinder.body,
         support=Free(),

@@ -48,7 +48,7 @@ class Effect:
     procedure: str
     term: str = column("term of the budget")
     stated: float = column("effect stated", "SI", "+.3e")  # mean over laboratories
-    realised: float | None = column("effect found", "SI", "+.3e")  # None: not in the truth
+    realised: float | None = column("effect found", "SI", "+.3e")  # None: no true value
     se: float | None = column("its standard error", "SI", ".1e")
     apart: float | None = column("apart", "standard errors", "+.1f")
     laboratories: int = column("laboratories")
@@ -58,11 +58,11 @@ class Effect:
 class _Case:
     """One laboratory: its error, its budget, and the errors of its inputs."""
 
-    error: float  # of the metric, that of the choice of a place apart
-    choice: float  # error that the choice of a place left; NaN where it cannot be known apart
+    error: float  # error of the metric, without the error caused by the choice of a place
+    choice: float  # error caused by the choice of a place; NaN if it cannot be separated
     components: Mapping[str, Component]
-    off: Mapping[str, float]  # certificate less truth, by constant
-    across: Array  # where the balls struck across the bat, less the mean aim [m]
+    off: Mapping[str, float]  # error of each constant: certificate minus truth
+    across: Array  # impact positions across the bat minus the mean aim [m]
 
 
 def effects(
@@ -123,7 +123,7 @@ def effects(
         elif name == CHOICE:
             realised, se = _spread(np.array([case.choice for case in cases]))
         elif name == SLOPE_ERROR and AIM_ALONG in found:
-            # one bat has one slope: what the sheet's differs by, the effect of the aim shows
+            # one bat has one slope, so its error shows in the effect of the aim
             realised, se = found[AIM_ALONG] - _stated(AIM_ALONG, cases), found_se[AIM_ALONG]
         rows.append(
             Effect(

@@ -54,7 +54,7 @@ class Bias:
     bias: float | None = None
     bias_se: float | None = None
     predicted: float | None = None
-    z: float | None = None  # their difference, in standard uncertainties of both
+    z: float | None = None  # bias minus prediction [combined standard uncertainties]
 
     @classmethod
     def of(
@@ -131,7 +131,7 @@ def faults(
     Returns
     -------
     Rows
-        A row a procedure and fault, the sound day first.
+        One row per procedure and fault, the sound day first.
 
     Raises
     ------

@@ -35,7 +35,7 @@ def our_own(procedure: str) -> Session:
 
 
 def certify_laboratory(folder: Path, asked: Callable[[Session], Session]) -> Certification:
-    """Reduce and evaluate a laboratory's form and tables, with what else is asked of them.
+    """Reduce and evaluate a laboratory's form and tables, with the options that `asked` applies.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def certify_laboratory(folder: Path, asked: Callable[[Session], Session]) -> Cer
     try:
         needed = _constants_of(procedure)
     except InputError:
-        needed = []  # rules for machines that are not ours: what is missing shows further on
+        needed = []  # rules for other machines: missing constants are reported below
     if needed:
         read = "climate" in session.records.get("bench", {})
         spared = (DENSITY,) if read else (LOGGER,)  # the density follows from the climate

@@ -69,11 +69,11 @@ def _installed_rigs(known: Mapping[str, str]) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlowestRebound:
-    """The slowest speeds back at which a level ball has not fallen below a gate's beams yet."""
+    """The slowest level rebounds that light gates see before the ball is below their beams."""
 
     fall_mm: float
-    at_gates: list[dict[str, float]]  # distance_m, speed_mph
-    told_mph: float  # a speed takes two gates
+    at_gates: list[dict[str, float]]  # distance_m and speed_mph of each gate
+    told_mph: float  # slowest rebound seen by two gates, as a speed requires
 
     @classmethod
     def of(cls, name: str, kind: str | None) -> SlowestRebound | None:

@@ -25,8 +25,9 @@ from virtual_lab.output.style import INTERVAL_GREY, PAGE_WIDTH_IN, STYLE, as_dra
 from virtual_lab.output.tables import column
 from virtual_lab.units import Array, Mask
 
-TESTS = (1, 3)  # of a laboratory, of which the best counts
-REACH, POINTS = 3.0, 20  # standard deviations of the error about the limit, and how many bats
+TESTS = (1, 3)  # numbers of tests per laboratory, of which the best counts
+# range of the true metric about the limit [standard deviations of the error], number of bats
+REACH, POINTS = 3.0, 20
 
 WORDS = (
     "PASS: P(the test is valid and its result at most the limit | x), joint. PASS if valid:\n"
@@ -58,10 +59,10 @@ class OperatingPoint:
 class OperatingCurves(Rows[OperatingPoint]):
     """The chance to pass over the true metric, of each procedure by one test and the best of 3."""
 
-    limits: Mapping[str, float]  # by procedure, in the metric's unit
+    limits: Mapping[str, float]  # limits by procedure, in the metric's unit
 
     def draw(self, path: Path) -> None:
-        """Draw PASS with its interval, one panel a procedure."""
+        """Draw PASS with its interval, one panel per procedure."""
         from matplotlib import rc_context
         from matplotlib.figure import Figure
 
@@ -174,7 +175,7 @@ def _errors(round_robin: RoundRobin, laboratories: int, seed: int) -> tuple[Arra
 
 
 def _chance(passed: int, of: int) -> tuple[float, float, float]:
-    """Return a part and its 95 % interval; all there may be of nothing."""
+    """Return the share `passed` / `of` and its 95 % interval, which is 0 to 1 if `of` is 0."""
     if of == 0:
         return 0.0, 0.0, 1.0
     band = binomtest(passed, of).proportion_ci(0.95, method="exact")

@@ -67,7 +67,7 @@ def _slope(bat: str, procedure: str) -> Slope:
     beam = beam_of(specimen.bat.body)
     known = {name: getattr(beam, name) for name in ("mass", "length", "z_cm", "inertia_cm")}
     place = aimed_place(known, rules.pivot_from_knob)
-    step = 4e-3  # m, to either side
+    step = 4e-3  # distance to either side [m]
     ends = place + step * np.array([-1.0, 1.0])
     curve = true_curve(laboratory.impact, specimen, rules, ends)
     rise = float(np.diff(curve.collision_efficiency)[0])

@@ -39,10 +39,10 @@ from virtual_lab.units import Array
 
 
 class HitScatter(NamedTuple):
-    """Scatter of hits about what was asked for: standard deviations from shot to shot."""
+    """Standard deviations of the hits from shot to shot."""
 
-    along: float  # of the place [m]
-    scatter: float  # of the metric, the place's part left out
+    along: float  # standard deviation of the impact position [m]
+    scatter: float  # standard deviation of the metric at a fixed impact position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,10 +50,10 @@ class Rehearsal:
     """Simulation of the procedure on an exact curve."""
 
     procedure: Procedure
-    percussion: float  # [m]
+    percussion: float  # impact position of the result [m]
     bat: BatProperties
-    turn_rate: float  # of the bat [rad/s]
-    curve: Callable[[Array], Array]  # e_A, r and e0 at places, (3, n)
+    turn_rate: float  # angular rate of the bat [rad/s]
+    curve: Callable[[Array], Array]  # function of places [m]: e_A, r and e0, (3, n)
 
     @classmethod
     def of(cls, laboratory: Laboratory, percussion: float) -> Self:
@@ -64,7 +64,7 @@ class Rehearsal:
         procedure = laboratory.rules.spec
         scan = procedure.scan
         low, high = (scan.low, scan.high) if scan else (percussion, percussion)
-        step, beyond = 4e-3, 0.025  # m: of the curve, and how far it goes on beyond any aim
+        step, beyond = 4e-3, 0.025  # step of the curve and its extension beyond any aim [m]
         places = np.arange(low - beyond, high + beyond + step, step)
         curve = true_curve(laboratory.impact, laboratory.specimen, procedure, places)
         known = [curve.collision_efficiency, curve.recoil_factor, curve.ball_restitution]
@@ -120,7 +120,7 @@ class Rehearsal:
     def errors(self, straying: HitScatter, draws: Draws, numbers: NDArray[np.intp]) -> Array:
         """Return the errors of the results of rehearsals by their numbers, (rehearsal,).
 
-        NaN of one without a result.
+        The error of a rehearsal without a result is NaN.
         """
         rules, many = self.procedure, numbers.size
         drawn = draws.normal("rehearsal", (2, rules.attempts), numbers)
@@ -150,7 +150,7 @@ class Rehearsal:
 
     def bias(self, straying: HitScatter, draws: Draws, times: int) -> tuple[float, float]:
         """Return the mean error over a number of rehearsals, and its standard error."""
-        few = 4096  # at a time, which bounds the memory
+        few = 4096  # number of rehearsals at a time, which limits the memory
         parts = [np.arange(first, min(first + few, times)) for first in range(0, times, few)]
         errors = np.concatenate([self.errors(straying, draws, part) for part in parts])
         errors = errors[np.isfinite(errors)]

@@ -23,7 +23,7 @@ from virtual_lab.output.template import page_template
 PACKAGE = "virtual_lab.certificate"
 REPEATS = "repeats of one test"
 AS_STATED = "Numbers as stated in the certificates, not verified."
-MOST_NAMED = 30  # certificates whose names stand beside the figure
+MOST_NAMED = 30  # largest number of certificates whose names are printed beside the figure
 
 
 def _bat(document: CertificateDocument) -> str:
@@ -158,10 +158,10 @@ class CertificateReport(StudyResult):
 
     @property
     def svg(self) -> str:
-        """Every result with its interval against its limit, a row each."""
+        """Every result with its interval against its limit, one row per result."""
         rows = [row for row in self.rows if row.value is not None and row.low is not None]
         one = len({row.metric for row in self.rows}) == 1
-        # of several metrics each is shown as a share of its limit
+        # results of several metrics are drawn as shares of their limits
         rows = [row for row in rows if one or row.limit]
         sizes = [1.0 if one else row.limit or 1.0 for row in rows]
         ends = [

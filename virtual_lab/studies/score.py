@@ -64,10 +64,10 @@ def score(
 class CertificateScore(StudyResult):
     """A certificate compared with the truth, and whether the seal on both is intact."""
 
-    altered: tuple[Alteration, ...]  # what is not as it was sealed
-    sealing: str | None  # whether who knows the records could find the truth again
-    rows: tuple[QuantityScore, ...]  # none where what was altered cannot be scored
-    faults: tuple[str, ...] = ()  # of the test day, by their names in the catalog
+    altered: tuple[Alteration, ...]  # changes since the sealing
+    sealing: str | None  # statement whether the truth can be found by trying seeds
+    rows: tuple[QuantityScore, ...]  # empty if the certificate cannot be scored
+    faults: tuple[str, ...] = ()  # names of the faults of the test day in the catalog
 
     name = "score"
 
@@ -137,9 +137,10 @@ def score_folder(folder: str | Path) -> CertificateScore:
             raise
         simulation, rows, faults = {}, (), ()
     named = {(each.file, each.key) for each in altered}
-    bound = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}  # the one holds a digest of
+    # another digest than the certificate's: truth and seal were altered together
+    bound = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}
     if simulation.get("truth_digest") not in (None, digest) and not named & bound:
-        altered.append(Alteration(TRUTH, "", "altered"))  # and the seal to match
+        altered.append(Alteration(TRUTH, "", "altered"))
     sealing = simulation.get("sealing")
     return CertificateScore(altered=tuple(altered), sealing=sealing, rows=rows, faults=faults)
 
@@ -154,7 +155,7 @@ def _scored(
     certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
     try:
         rows = tuple(score(certificate, truth["measurand"]).values())
-        json.dumps([asdict(row) for row in rows], allow_nan=False)  # finite numbers alone
+        json.dumps([asdict(row) for row in rows], allow_nan=False)  # refuses NaN and infinity
         return {**certificate["simulation"]}, rows, tuple(map(str, truth.get("faults", ())))
     except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as fault:
         raise InputError(

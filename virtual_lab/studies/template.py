@@ -26,7 +26,7 @@ from virtual_lab.studies.foreign import our_own
 from virtual_lab.units import DIMENSIONS
 
 OWN_RULES = "procedure.toml"
-MAY_BE_LEFT_OUT = {  # channels of the bench: what follows without them
+MAY_BE_LEFT_OUT = {  # optional channels of the bench: consequence of leaving them out
     "climate": "hall.air.density is then that of the calibration, and the logger has no constants",
     REFERENCE_MASS: "a drift of the scale is then not checked",
 }
@@ -140,7 +140,7 @@ def _constant(key: str, sign: str = "") -> Iterator[str]:
 
 
 def _is_long(record: Record) -> bool:
-    return prod(record.sizes().values()) > 1000  # a longer table is no form to fill in by hand
+    return prod(record.sizes().values()) > 1000  # a longer table is not filled in by hand
 
 
 def _table(record: Record) -> str:

@@ -77,7 +77,7 @@ class Day:
     retired: frozenset[int] = frozenset()
     place: float | None = None  # set impact position [m]
     fired: tuple[tuple[int, float], ...] = ()  # ball and time [s] of each shot
-    decisions: Mapping[int, Decision] = field(default_factory=dict)  # by shot, from 0
+    decisions: Mapping[int, Decision] = field(default_factory=dict)  # decisions by shot, from 0
     reduced: bool = False
     verdict: str = ""
     handed_in: bool = False

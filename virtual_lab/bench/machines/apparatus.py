@@ -61,7 +61,8 @@ class Apparatus:
 
     laboratory: Laboratory
 
-    mended: dict[frozenset[str], Apparatus] = field(default_factory=dict)  # by repaired faults
+    # machines by repaired faults
+    mended: dict[frozenset[str], Apparatus] = field(default_factory=dict)
 
     def at(self, day: Day) -> Apparatus:
         """Return the machines after the repairs of a day."""

@@ -44,7 +44,8 @@ class Firing:
     sketches: dict[ShotConditions, dict[str, Any]] = field(
         default_factory=dict
     )  # cache of sketches
-    after_walls: dict[int, Laboratory] = field(default_factory=dict)  # by number of wall tests
+    # laboratories by number of wall tests
+    after_walls: dict[int, Laboratory] = field(default_factory=dict)
 
     def wall(self, earlier: int) -> RigOutput:
         """Fire the lot at the wall, with the balls as left by `earlier` such tests."""

@@ -380,7 +380,7 @@ class Door:
         self.codes = {token: Seat(room=room) for token, room in rooms.items()}
         self.hall: Hall | None = None
         self.hall_inside = inside  # application for a trainer
-        self.seats: dict[str, Seat] = {}  # by cookie
+        self.seats: dict[str, Seat] = {}  # seats by cookie
         self.cookie = "bench-" + min(hosts).rpartition(":")[2]  # cookies do not depend on the port
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

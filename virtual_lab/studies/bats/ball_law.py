@@ -71,11 +71,12 @@ def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows[LawRow]:
     body = spec.body
     beam, z = beam_of(body), PLACES_IN * INCH
     moving = np.asarray(bat_speed(game.angular_speed, beam.length, z))
-    middle = 6.0 * INCH  # where the relative speed is that of all places
+    middle = 6.0 * INCH  # place whose relative speed is used at the wall [m]
     speed = game.pitch_speed + float(bat_speed(game.angular_speed, beam.length, middle))
     e0 = float(ball.restitution.at(speed))
     r = np.asarray(recoil_factor_free(ball.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
-    model = ReferenceModel.of(body, Free(), 40)  # e_A 2e-4 below that of 100 modes, for every law
+    # 40 modes; for every law e_A is 2e-4 lower than with 100 modes
+    model = ReferenceModel.of(body, Free(), 40)
     goal = _on_wall(_Law("", PowerLaw.of, ball.exponent), ball.mass, speed, e0, ball.stiffness)
     rows = []
     for law in LAWS:
@@ -114,7 +115,7 @@ def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows[LawRow]:
 def _stiffness(law: _Law, mass: float, speed: float, e0: float, time: float) -> float:
     """Return k for which the compression of the ball on a wall takes `time` [s]."""
     unit = _on_wall(law, mass, speed, e0, 1.0).compression_time
-    # at one speed every time goes as the greatest compression, that as k^(-1 / (a + 1))
+    # at a given speed, time is proportional to compression, and this to k^(-1 / (a + 1))
     return float((unit / time) ** (law.exponent + 1))
 
 

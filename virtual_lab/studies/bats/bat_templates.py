@@ -35,7 +35,7 @@ from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
 from virtual_lab.units import INCH, OUNCE, Array
 
-COARSE = {"order": 6, "element_size": 0.1}  # 1e-6 in the first two frequencies
+COARSE = {"order": 6, "element_size": 0.1}  # error of 1e-6 in the first two frequencies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,9 +48,9 @@ class BatMeasurements(Spec):
     sport: Sport | None = None
     length: Annotated[float, Dimension("length", SHORTEST, LONGEST)]
     mass: Annotated[float, Dimension("mass", 0.1, 5)]
-    z_cm: Annotated[float, Gt(0), Dimension("length", 0, LONGEST)]  # the balance point
+    z_cm: Annotated[float, Gt(0), Dimension("length", 0, LONGEST)]  # balance point
     inertia: Annotated[float, Gt(0), Dimension("inertia", 0, 10)]
-    # which the inertia is about
+    # axis of the moment of inertia, from the tip
     inertia_axis: Annotated[float, Dimension("length", -LONGEST, 2 * LONGEST)]
     bending_frequencies: Annotated[tuple[float, ...], MaxLen(2), Dimension("frequency")] = ()
     barrel_nodes: Annotated[tuple[float, ...], MaxLen(2), Dimension("length")] = ()
@@ -98,8 +98,9 @@ class Template:
     """A family of bats."""
 
     parameters: tuple[Parameter, ...]
-    build: Callable[[Array, float], BatBody]  # of the parameters and the length [m]
-    made_spread: tuple[float, float, float]  # density, modulus, tilt of made bats, see BatSpread
+    build: Callable[[Array, float], BatBody]  # function of parameters and length [m]
+    # spreads of density, modulus and tilt among manufactured bats, see BatSpread
+    made_spread: tuple[float, float, float]
 
     @property
     def usual(self) -> Array:
@@ -116,7 +117,7 @@ class BodyFit:
 
     body: BatBody
     parameters: Array
-    misfits: dict[str, float]  # relative, of nodes [m]
+    misfits: dict[str, float]  # relative misfits, for nodes misfits [m]
 
 
 def fit(
@@ -143,17 +144,17 @@ def fit(
     low, high = (np.array([(p.low, p.high) for p in template.parameters]).T - usual) / spread
     near = np.clip(np.zeros_like(usual) if wanted is None else (wanted - usual) / spread, low, high)
 
-    def residuals(x: Array) -> Array:  # x in spreads from the usual
+    def residuals(x: Array) -> Array:  # x: distance from the usual [spreads]
         missed = _misfits(template.build(usual + spread * x, measured.length), measured)
         data = [value / _weight(name) for name, value in missed.items()]
         return np.concatenate((data, x - near))
 
     def jacobian(x: Array) -> Array:
-        width = 1e-4  # spreads: well above the rounding in the frequencies, whatever x is
+        width = 1e-4  # step [spreads], well above the rounding errors of the frequencies
         middle, steps = residuals(x), width * np.eye(x.size)
         return np.stack([(residuals(x + step) - middle) / width for step in steps], axis=1)
 
-    tolerance = 1e-5  # of a cost that is about 1 where the data are met
+    tolerance = 1e-5  # tolerance of a cost that is about 1 if the data are met
     edge = 1e-6 * (high - low)
     found = least_squares(
         residuals,
@@ -177,7 +178,7 @@ def fit(
 
 def computed(body: BatBody, axis: float, *, frequencies: int, nodes: int) -> dict[str, float]:
     """Return the computed quantities of a body, by the names of `BatMeasurements.goals`, SI."""
-    beam = beam_of(body, Free(), **COARSE)  # type: ignore[arg-type]  # that of the modes
+    beam = beam_of(body, Free(), **COARSE)  # type: ignore[arg-type]  # elements as for the modes
     values = {"mass": beam.mass, "z_cm": beam.z_cm, "inertia": beam.inertia(axis)}
     count = max(frequencies, nodes)
     if count:

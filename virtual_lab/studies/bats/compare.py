@@ -30,7 +30,7 @@ PROFILE_SWINGS = (0.0, 0.5)
 class BatComparison(StudyResult):
     """Profiles of several bats for each exponent n of the swing law (None: constant energy)."""
 
-    profiles: tuple[BatProfile, ...]  # bat by bat, n by n
+    profiles: tuple[BatProfile, ...]  # profiles sorted by bat, then by n
 
     name = "compare"
 

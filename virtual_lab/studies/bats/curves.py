@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-SHOWN_IN = (1.0, 12.0)  # the last inch at the tip and the taper are in the CSV
+SHOWN_IN = (1.0, 12.0)  # range of places drawn [in]; the CSV has more
 COLOURS = ("black", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 DASHES = ("-", "--", ":", "-.")
 PLACE = "place of impact from the barrel tip $z$, in"
@@ -95,13 +95,13 @@ def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
     for i, bat in enumerate(bats):
         name = as_drawn(bat)
         for j, n in enumerate(exponents):
-            # pandas has NaN for the law of constant energy, which equals nothing
+            # constant energy is NaN in pandas, and NaN equals nothing
             same = shown["n"].isna() if isna(n) else shown["n"] == n
             own = shown[(shown["bat"] == bat) & same]
             swung = "constant energy" if isna(n) else f"$n={n:g}$"
             look: dict[str, Any] = {
                 "color": COLOURS[i % len(COLOURS)],
-                # each bat has the line styles to itself, as far as they go
+                # each bat has its own line styles, as far as there are enough
                 "linestyle": DASHES[(i + j) % len(DASHES)],
             }
             if j == 0:

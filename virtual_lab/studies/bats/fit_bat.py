@@ -56,9 +56,9 @@ class FittedBat(StudyResult):
     """A fitted bat, its misfits, and the spread of quantities that were not measured."""
 
     measured: BatMeasurements
-    source: str  # where the measurements come from
+    source: str  # name of the file of measurements
     fitted: BodyFit
-    members: int  # bats behind the spread
+    members: int  # number of bats behind the spread
     spread: list[Spread]
 
     @property
@@ -187,7 +187,7 @@ def fit_bat(
         wanted = template.usual + template.spread * draw
         try:
             bodies.append(fit(measured, wanted, best.parameters).body)
-        except InputError:  # too far from the data for the steps allowed
+        except InputError:  # the allowed steps do not reach the data
             continue
     progress("collisions")
     units, own = _quantities(best.body, measured)

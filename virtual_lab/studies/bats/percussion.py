@@ -56,7 +56,7 @@ class ReadError:
     rms: float | None = column(
         "rms", "1e-3", _milli("rms", ".2f")
     )  # root mean square over laboratories
-    u: float | None = column("u", "1e-3", _milli("u", ".2f"))  # stated, over laboratories
+    u: float | None = column("u", "1e-3", _milli("u", ".2f"))  # root mean square of the stated u
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,9 +65,9 @@ class PlaceReadings:
 
     z_in: float = column("place from the tip", "in", ".2f")
     e_A: float = column("true e_A", form=".4f")
-    reaction_ns: float = column("impulse on the axis", "N s", "+.2f")  # > 0: along the ball's way
+    reaction_ns: float = column("impulse on the axis", "N s", "+.2f")  # > 0: as the ball flies
     reaction_n: float = column("mean force", "N", "+.0f")
-    ring_mrad: float = column("ring", "mrad", ".2f")  # of bending, its amplitude at the encoder
+    ring_mrad: float = column("ring", "mrad", ".2f")  # amplitude of bending at the encoder
     seen: float = column("rebounds seen", form=".0%")
     recoil: ReadError
     rebound: ReadError
@@ -80,7 +80,7 @@ class PercussionStudy(StudyResult):
     """Errors of e_A at each place."""
 
     bat: str
-    percussion_in: float  # from the tip, of the nominal bat
+    percussion_in: float  # centre of percussion of the nominal bat, from the tip
     rows: list[PlaceReadings]
 
     name = "percussion"
@@ -113,7 +113,7 @@ class PercussionStudy(StudyResult):
 class _Read:
     """One laboratory's readings at a place, by `READINGS`; NaN if none was seen."""
 
-    seen: float  # share of rebounds
+    seen: float  # share of shots whose rebound was seen
     error: Mapping[str, float]
     u: Mapping[str, float]
 
@@ -133,7 +133,7 @@ class _Stand:
         return cls(laboratory=laboratory, session=session)
 
     def counting_finely(self) -> _Stand:
-        """Return the stand with an encoder of infinite resolution, so that no step hides it."""
+        """Return the stand with an encoder of infinite resolution, which hides no small shift."""
         stations: Any = self.laboratory.stations
         impact = other_sheet(stations[Stage.IMPACT], "encoder", whole_counts=False)
         laboratory = replace(self.laboratory, stations={**stations, Stage.IMPACT: impact})
@@ -145,7 +145,7 @@ class _Stand:
         """Return the reduced shots at a place [m], their true e_A and time of contact."""
         laboratory, stage = self.laboratory, Stage.IMPACT
         plan = ShotPlan(
-            slot=1_000_000 + number * shots + np.arange(shots),  # beyond any of the test
+            slot=1_000_000 + number * shots + np.arange(shots),  # numbers above those of the test
             ball=np.arange(shots) % laboratory.rules.spec.balls,
             speed=np.full(shots, laboratory.rules.spec.ball_speed),
             place=np.full(shots, place - along_of(self.session)),
@@ -196,7 +196,7 @@ def percussion(
     drawn = {"length": beam.length, "mass": beam.mass, "z_cm": beam.z_cm}
     axis = still.laboratory.rules.spec.pivot_from_knob
     centre = aimed_place(drawn | {"inertia_cm": beam.inertia_cm}, axis)
-    beside = np.array([-0.01, 0.0, 0.01]) * INCH  # there play is taken up late
+    beside = np.array([-0.01, 0.0, 0.01]) * INCH  # places where the bearing takes up its play late
     places = np.sort(np.append(np.arange(2.0, 12.01, 1.0) * INCH, centre + beside))
     found: list[list[_Read]] = [[] for _ in places]
     for laboratory in range(laboratories):

@@ -31,8 +31,8 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: P
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    table = table.astype(float)  # what was not seen is NaN
-    # hard by the centre of percussion only a loose bearing makes a difference
+    table = table.astype(float)  # None (no rebound seen) becomes NaN
+    # close to the centre of percussion, only a loose bearing makes a difference
     shown = table[~(table["z_in"] - percussion_in).abs().between(1e-6, 0.1, inclusive="neither")]
     z = shown["z_in"]
 

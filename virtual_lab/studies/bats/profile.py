@@ -63,7 +63,7 @@ class GameConditions(Spec):
     name: str
     title: str
     ball: str
-    softball: str  # in the place of `ball` for a softball bat
+    softball: str  # ball for a softball bat
     pitch_speed: Annotated[float, Gt(0), Dimension("speed")]
     angular_speed: Annotated[float, Gt(0), Dimension("angular speed")]
     reference_inertia: Annotated[float, Gt(0), Dimension("inertia")]
@@ -98,12 +98,12 @@ class BatProfile(StudyResult):
 
     bat: BatSpec
     beam: Beam
-    frequencies: Array  # bending, free bat [Hz]
-    nodes: tuple[float, ...]  # of the first two bending modes, in the barrel [m]
+    frequencies: Array  # bending frequencies of the free bat [Hz]
+    nodes: tuple[float, ...]  # nodes of the first two bending modes in the barrel [m]
     ball: BallSpec
     swing: float | None  # exponent n of the swing law; None: the law of constant energy
     reference_inertia: float  # I0 of the swing law, about its axis [kg m^2]
-    table: pd.DataFrame  # a row a place: z_in, e, r, e_A, BPF, v_bat_mph, v_f_mph
+    table: pd.DataFrame  # one row per place: z_in, e, r, e_A, BPF, v_bat_mph, v_f_mph
 
     name = "profile"
 
@@ -294,7 +294,7 @@ def read_inertia(text: str, axis_beyond_knob: float) -> float:
     except (ValueError, KeyError) as fault:
         allowed = f"allowed: a bat, or a number with its unit ({', '.join(units)})"
         raise InputError("", "reference inertia", text, allowed) from fault
-    low, high = 0.01, 10.0  # about any axis that a bat is swung about
+    low, high = 0.01, 10.0  # limits for any axis of a swing [kg m^2]
     if not low <= inertia <= high:
         raise InputError("", "reference inertia", text, f"allowed: {low:g} to {high:g} kg m^2")
     return inertia

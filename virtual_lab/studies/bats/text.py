@@ -167,7 +167,7 @@ def _top(name: str, form: str) -> Callable[[Peaks | LawRow], str]:
     return lambda row: f"{row.peaks[name]:{form}} ({row.peaks[f'{name}_at_in']:.2f})"
 
 
-PEAK_COLUMNS = {  # a greatest value, its place in brackets
+PEAK_COLUMNS = {  # greatest values, with their places in brackets
     name: Column(name.removesuffix("_mph"), unit, _top(name, form))
     for name, (unit, form) in PEAKS.items()
 }

@@ -15,18 +15,18 @@ class Claim:
     """A statement of the paper, and the bounds within which our result agrees."""
 
     section: str
-    where: str  # text, equation, table or figure
+    where: str  # place in the section: text, equation, table or figure
     says: str
-    paper: float | None  # the number in print; None: the paper gives none
+    paper: float | None  # printed number; None: the paper gives none
     low: float
     high: float
     unit: str
-    why: str  # these bounds
+    why: str  # reason for the bounds
     find: Callable[[], float]
 
     @property
     def name(self) -> str:
-        """Section, place and words: no two claims have the same."""
+        """Unique name of a claim: section, place and words."""
         return f"{self.section}, {self.where}: {self.says}"
 
     @property

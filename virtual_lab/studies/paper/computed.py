@@ -35,8 +35,8 @@ from virtual_lab.units import INCH, MPH, Array
 
 WOOD, ALUMINIUM, BARREL, KNOB = BATS = ("r161", "ea70", "barrel-loaded", "knob-loaded")
 SWINGS: tuple[float | None, ...] = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, None)  # None: constant energy
-GAME_BALL, BALL = "game-2003", "baseball-2003"  # e0 the same at every speed, and falling
-Z = np.arange(3.0, 8.01, 0.25)  # where a bat is struck
+GAME_BALL, BALL = "game-2003", "baseball-2003"  # balls: e0 constant, e0 falling with speed
+Z = np.arange(3.0, 8.01, 0.25)  # impact positions from the tip [in]
 
 
 @lru_cache

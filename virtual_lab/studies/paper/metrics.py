@@ -39,7 +39,7 @@ from virtual_lab.studies.paper.computed import (
 )
 from virtual_lab.units import INCH, MPH, Array
 
-SLOW, FAST = 60.0, 160.0  # mph
+SLOW, FAST = 60.0, 160.0  # relative speeds [mph]
 E_AND_R = np.meshgrid(np.linspace(0, 1, 11), np.linspace(0, 0.5, 11))
 
 

@@ -31,7 +31,7 @@ from virtual_lab.studies.paper.computed import (
 from virtual_lab.units import INCH, MPH, Array
 
 PLACES = np.arange(3.0, 9.01, 0.25)
-PITCH, LIMIT = 70.0, 0.228  # mph, e_A
+PITCH, LIMIT = 70.0, 0.228  # pitch speed [mph], limit of e_A
 
 
 def proposed(bat: str, n: float) -> float:
