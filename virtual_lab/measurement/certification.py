@@ -314,9 +314,10 @@ def _results(
     some: slice,
     variants: Variants,
 ) -> tuple[dict[str, Budgets], Array]:
-    """Return the results of some laboratories, and e_A by recoil less by rebound of their hits.
+    """Return the results of some laboratories, and the difference of e_A for their hits.
 
-    The latter for all sets of constants, (laboratory, k, hit).
+    The difference is e_A from recoil minus e_A from rebound, for all sets of constants,
+    (laboratory, k, hit).
     """
     hits, weights, effects, places = weighing.some(some)
     preparation = reduced.preparation
@@ -350,7 +351,8 @@ def _reasons(
 ) -> Iterator[str]:
     """Return the reasons why a test is INVALID; empty if it is not.
 
-    `of_hits` is why its hits give no result, `metric_u` None where it has none.
+    `of_hits` is the reason why the hits give no result, or empty. `metric_u` is the u of the
+    metric, None without a result.
     """
     if of_hits:
         yield of_hits

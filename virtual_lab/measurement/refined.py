@@ -32,9 +32,9 @@ def refined(
     linear: Budget,
     draws: int | None = None,
 ) -> Propagated:
-    """Return the metric of a test, `linear` by the first order, by a method of `propagate_inputs`.
+    """Return the metric of a test by a method of `propagate_inputs`; `linear` is its first order.
 
-    Draws are as many as make two digits of u right, or so many.
+    `draws` is the number of draws; None: as many as give two correct digits of u.
     """
     model, inputs = model_of(reduced, linear)
     return propagate_inputs(model, inputs, method=method, draws=draws)

@@ -154,7 +154,7 @@ class BlockReduction:
 
     @classmethod
     def alone(cls, reduced: SessionReduction) -> BlockReduction:
-        """Return the block of one laboratory, with those hits valid that were judged to be."""
+        """Return the block of one laboratory, with the validity of its hits as judged."""
         preparation = reduced.preparation
         return cls(
             preparation=preparation.block.alone(preparation.laboratory),
@@ -219,7 +219,7 @@ class BlockReduction:
         )
 
     def judged(self, acceptance: Acceptance, readings: ImpactReadings) -> BlockReduction:
-        """Return the shots with those hits valid that `acceptance` takes.
+        """Return the shots, with the hits valid that `acceptance` accepts.
 
         `readings` are those of all shots, as fired, (shot,).
         """
@@ -349,9 +349,9 @@ def observe_hits(block: SessionBlock, preparation: BlockPreparation) -> ImpactRe
 def reduce_shots(
     block: SessionBlock, preparation: BlockPreparation, readings: ImpactReadings
 ) -> BlockReduction:
-    """Reduce the shots whose readings are given, each by the constants of its laboratory.
+    """Reduce the shots in `readings`, each with the constants of its laboratory.
 
-    `readings` and the owners in `block` are those of the same shots.
+    The owners in `block` are those of the same shots.
     """
     rules, constants, owner = preparation.procedure.spec, dict(preparation.constants), block.owner
     if not readings.flights.shows_height:
@@ -384,7 +384,7 @@ def reduce_shots(
 
 
 def best_values(constants: Mapping[str, Estimate] | Mapping[str, Known]) -> dict[str, Array]:
-    """Return the constants' values, as a model takes them: of a block (laboratory, 1, 1)."""
+    """Return the values of the constants for a model, of a block with shape (laboratory, 1, 1)."""
     return {
         name: known.value[:, None, None] if isinstance(known, Known) else np.array(known.value)
         for name, known in constants.items()

@@ -1,4 +1,4 @@
-"""Sessions of many laboratories side by side, or of one: what a reduction takes."""
+"""Sessions of one or many laboratories side by side, the input of a reduction."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _stacked(known: Mapping[str, Estimate]) -> dict[str, Known]:
 
 @dataclass(frozen=True, slots=True)
 class _OfOne(Mapping[str, Estimate]):
-    """The estimates of one laboratory, each made as it is asked for."""
+    """The estimates of one laboratory, each made when it is requested."""
 
     block: Mapping[str, Known]
     laboratory: int

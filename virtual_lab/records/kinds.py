@@ -62,9 +62,9 @@ class PendulumRecord(Record):
 class ClimateReadings(Record):
     """Readings of the hall's thermometer, hygrometer and barometer, shape (reading,).
 
-    Reading 0 is of the start of the test, the last of its end; the relative humidity goes from 0
-    to 1. The density of the air follows from them; without this record that of the calibration
-    counts.
+    Reading 0 was taken at the start of the test, the last one at its end. The relative humidity is
+    a number from 0 to 1. The density of the air is computed from these readings; without this
+    record it is that of the calibration.
     """
 
     temperature: Array
@@ -120,9 +120,10 @@ class BoardRecord(BallRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassageRecord(BallRecord):
-    """Record of gates that sum: passage of the ball's centre at each, (shot, way, gate).
+    """Record of gates that store passages instead of edges, (shot, way, gate).
 
-    Time of its passage and height above the gates' zero; NaN: not seen, or not measured.
+    It holds the time of passage of the ball's centre, and its height above the zero of the gates.
+    NaN: not seen, or not measured.
     """
 
     times: Array
@@ -138,7 +139,7 @@ class PassageRecord(BallRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateRecord(Record):
-    """Record of an encoder that sums: rate at contact and its u, (shot,).
+    """Record of an encoder that stores rates instead of counts: rate at contact and its u, (shot,).
 
     `before` is the rate before a bat at rest was hit; `angle` is that of a swung bat at contact,
     0 where it is square to the ball; NaN if not applicable.

@@ -59,7 +59,7 @@ def logo_of(name: str, folder: Path, where: str) -> str:
 
 
 def picture_in(address: str) -> tuple[str, bytes]:
-    """Return kind (``png`` or ``svg``) and content of a logo; `ValueError` if it is none."""
+    """Return kind (``png`` or ``svg``) and content of a logo; `ValueError` if it is no picture."""
     head, _, text = address.partition(";base64,")
     kinds = {f"data:{kind}": suffix[1:] for suffix, kind in KINDS.items()}
     if head not in kinds:

@@ -78,7 +78,7 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
 
 
 def frames_u(x: Constants, stage: str, seen: Sightings, found: CameraResults) -> dict[str, Array]:
-    """Uncertainties, one standard, of what was `found` from the frames alone, (shot,).
+    """Return standard uncertainties of the results `found`, from the frames alone, (shot,).
 
     Noise is independent in every frame. The seam pattern causes similar errors in neighbouring
     frames: the spin is unknown, so the least favourable spin is assumed.
@@ -143,8 +143,8 @@ def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[A
 def _rays(x: Constants, stage: str, seen: Sightings) -> list[Array]:
     """Directions of pixels in axes of the camera, x/z, y/z, (..., shot, frame).
 
-    And the extra shift of the middle of a disc, compared with its centre, by lens distortion.
-    Many sets of constants share a lens; each lens is computed once.
+    The third result is the factor of the shift of a disc's middle from its centre by lens
+    distortion. Many sets of constants share a lens, and each lens is computed once.
     """
     names = ("focal", "centre_x", "centre_y", "k1", "k2", "p1", "p2", "k3")
     columns = np.broadcast_arrays(*(x[f"{stage}.camera.{name}"] for name in names))
@@ -166,9 +166,9 @@ def _from_first(seen: Sightings) -> Array:
 
 
 def _line_weights(seen: Sightings, way: Mask) -> tuple[Array, Array, Array]:
-    """Each frame's weights in the slope and in the middle of a line, and the mean time.
+    """Weights of the frames in the slope and in the middle of a line, and the mean time.
 
-    (shot, frame) twice and (shot,); NaN without a frame.
+    The shapes are (shot, frame), (shot, frame) and (shot,). NaN: no frame.
     """
     weights, times = np.where(way & np.isfinite(seen.x), 1 / seen.u**2, 0.0), _from_first(seen)
     total = weights.sum(axis=1)[:, None]

@@ -129,8 +129,8 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
 def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
     """Compare the mean swing of a release with the median: a lost passage doubles one of them.
 
-    All counted releases together, and the worst one with the others, because an outlier inflates
-    the scatter by which it would be judged. Releases that are left out are named.
+    The counted releases are judged together. The worst release is also compared with the others
+    alone, because an outlier inflates the scatter. Releases that are left out are named.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
@@ -166,8 +166,8 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
 def _worst_release(apart: Array, moves: Array) -> Pairs:
     """Return the pair of the release that differs most from the mean of the others.
 
-    `apart` is (laboratory, release), NaN: not counted. Its scatter is that of the others, of which
-    there must be enough to have one.
+    `apart` is (laboratory, release), NaN: not counted. The scatter is that of the other releases; a
+    laboratory with too few of them is not compared.
     """
     number = np.isfinite(apart).sum(axis=1)
     compared = number > FEWEST_RELEASES

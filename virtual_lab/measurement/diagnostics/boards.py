@@ -26,7 +26,7 @@ SCALE_U = 0.01  # harmless relative difference between the height scales of two 
 
 
 def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
-    """Compare each board between first and last with the flight through these two, both ways."""
+    """Compare each inner board with the flight through the first and the last, in and back."""
     known, best, gates = evidence.reduced.constants, evidence.best, evidence.readings.flights
     if not isinstance(gates, GateReadings):
         return
@@ -67,7 +67,7 @@ def _board_said(
 
 
 def _between(known: Mapping[str, Known], board: int, last: int, part: Array) -> Components:
-    """Return the components of a board's deviation from its place that the survey contributes."""
+    """Return the components of a board's deviation from its position caused by the survey."""
     variants = Variants.of({_distance(k): known[_distance(k)] for k in (0, board, last)})
     first, here, end = (column[..., 0] for column in variants.columns.values())
     return variants.components(here - first - part[:, None] * (end - first))
@@ -140,7 +140,7 @@ class Heights:
         return mean, survey + types_a("scatter", mean, u, number - 1), number
 
     def growth(self, values: Array) -> tuple[Array, Array, Array]:
-        """Return the growth of the shots' values over their height at the target, its u, and ν."""
+        """Return the slope of the shots' values over the height at the target, its u, and dof."""
         evidence, at = self.evidence, self.each(self.at_target)
         mean, _, number = evidence.mean_of(at, self.used)
         centre, _, _ = evidence.mean_of(values, self.used)

@@ -23,8 +23,8 @@ SIZE = 0.02  # relative tolerance of the diameter; the rules allow ±0.014 (9 to
 def chords(evidence: Evidence) -> Iterator[Raised]:
     """Compare the diameter from the edges of each beam with the ball's diameter.
 
-    No beam can show more than the diameter; a single beam off the centre shows less. A beam of
-    some thickness is broken longer, by the time that the ball takes through it.
+    No beam can show more than the diameter, and a single beam off the centre shows less. A thick
+    beam is broken for longer, by the time that the ball takes to cross its thickness.
     """
     hits = evidence.reduced.preparation.balls
     wall, bat = (evidence.block.records[stage].get("gates") for stage in ("balls", "impact"))

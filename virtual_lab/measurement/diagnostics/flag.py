@@ -1,13 +1,13 @@
 """A flag, and the probability of a false one.
 
-There are two kinds of checks. A pair is two measurements of one thing: their difference is
-compared with its uncertainty. Chance exceeds it in one faultless test of two thousand before it is
-remarked on, and in one of a hundred thousand before no verdict stands. A band compares a number
-with wide limits that a faultless laboratory stays well within. Together they flag fewer than one
-faultless test in a hundred.
+There are two kinds of checks. A pair consists of two measurements of one quantity, whose difference
+is compared with its uncertainty. It raises a flag if chance causes such a difference in fewer than
+one faultless test of two thousand, and rules out a verdict below one of a hundred thousand. A band
+compares a number with wide limits that a faultless laboratory stays well within. Together the
+checks flag fewer than one faultless test in a hundred.
 
-A check answers for a block of laboratories, with `Raised` or `Pairs`; `Flag` and `Discrepancy` are
-those of one laboratory, to be printed.
+A check returns `Raised` or `Pairs` for a block of laboratories. `Flag` and `Discrepancy` are the
+printed forms for one laboratory.
 """
 
 from __future__ import annotations

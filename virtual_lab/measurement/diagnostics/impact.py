@@ -24,7 +24,7 @@ RATE_ROUNDING = 1e-5  # relative accuracy of the extrapolation of a rate to cont
 
 
 def ball_seen(evidence: Evidence) -> Iterator[Raised]:
-    """Count balls that a gate did not see: faultless gates see every one, at the wall both ways."""
+    """Count balls that a gate did not see; faultless gates see all, at the wall in and back."""
     hits = evidence.reduced.preparation.balls.ball[:, 0]
     lost = np.sum(hits < 0, axis=1)
     yield Raised(
@@ -61,7 +61,7 @@ def edges(evidence: Evidence) -> Iterator[Raised]:
 
 
 def aim(evidence: Evidence) -> Iterator[Pairs]:
-    """Compare the mean of the marks on the aim paper with the aim, both ways."""
+    """Compare the mean of the marks on the aim paper with the aim, along and across the bat."""
     marks = evidence.block.impact.get("aim")
     if not isinstance(marks, AimMarks):
         return
@@ -212,7 +212,7 @@ def _worst_shot(
 
 
 def _by_rate(evidence: Evidence, which: str) -> Array:
-    """Return the metric's change per count a second of an encoder's rate, (shot,)."""
+    """Return the change of the metric per unit of an encoder's rate, (shot,) [per count/s]."""
     fit, step, model = getattr(evidence.model.readings, which), 1e-4, evidence.model
 
     def metric(factor: float) -> Array:
@@ -232,7 +232,7 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
 def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     """Compare the mean e_A from the bat's recoil with that from the ball's rebound.
 
-    Where the aim marks show the scatter of the place, one shot that has both is a comparison.
+    If the aim marks give the scatter of the impact position, one shot with both values is enough.
     """
     apart = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
     both = evidence.reduced.valid & np.isfinite(apart)
@@ -260,7 +260,7 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def _moved_apart(evidence: Evidence, both: Mask) -> tuple[NDArray[np.intp], Array]:
-    """Return numbers of shots, `both` among them, and their e_A apart for the variants."""
+    """Return numbers of shots, including those in `both`, and e_A differences of the variants."""
     hits = numbered(evidence.owner, both, evidence.laboratories)
     if np.isin(hits[hits >= 0], evidence.hits).all():
         return evidence.hits, evidence.apart
@@ -284,8 +284,8 @@ def _scatter(
 ) -> tuple[Array, Array]:
     """Return the variance of a shot and its degrees of freedom, from shots and from aim marks.
 
-    Recoil and rebound of a shot differ mainly because of its place along the bat, and the marks
-    give the scatter of this place better than a few shots do.
+    Recoil and rebound of a shot differ mainly because of its position along the bat, and the marks
+    give the scatter of this position better than a few shots.
     """
     _, u, number = evidence.mean_of(apart, both)
     degrees = np.maximum(number - 1.0, 0.0)

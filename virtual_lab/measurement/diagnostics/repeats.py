@@ -20,10 +20,10 @@ from virtual_lab.units import Array, Mask
 
 
 def records_repeated(evidence: Evidence) -> Iterator[Raised]:
-    """Look for shots with one and the same record of one instrument and other ones of another.
+    """Look for shots with identical records of one instrument and different ones of another.
 
-    Instruments that repeat the swings of the pendulum to the last digit have no noise by which to
-    tell two records apart.
+    The check is skipped if the pendulum's swings repeat to the last digit, because such instruments
+    have no noise that distinguishes two records.
     """
     pendulum = evidence.block.records["bench"].get("pendulum")
     if isinstance(pendulum, PendulumRecord) and not np.ptp(pendulum.times, axis=0).any():
@@ -42,7 +42,7 @@ def records_repeated(evidence: Evidence) -> Iterator[Raised]:
 
 
 def _rows(record: Record) -> Array | None:
-    """Return a record's values by shot, (shot, ...); None if they cannot tell shots apart."""
+    """Return a record's values by shot, (shot, ...); None if they do not distinguish shots."""
     if isinstance(record, EncoderRecord):
         return record.counts
     if isinstance(record, GateRecord | BoardRecord):
@@ -53,7 +53,8 @@ def _rows(record: Record) -> Array | None:
 def _traces(record: Record) -> tuple[Mask, Mask]:
     """Return masks of the shots with a whole trace, and with at least half of one, (shot,).
 
-    A bat that was not hit stands, and a ball may not come back.
+    The trace of a bat that was not hit is constant and does not count. A ball that does not come
+    back leaves half a trace.
     """
     if isinstance(record, EncoderRecord):
         turned = np.asarray(np.ptp(record.counts, axis=1) > 0)

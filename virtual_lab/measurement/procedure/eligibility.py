@@ -46,7 +46,7 @@ def eligible(procedure: Procedure, bat: BatProperties) -> Mask:
 def _rules(
     procedure: Procedure, bat: BatProperties
 ) -> Iterator[tuple[Mask | bool, Callable[[], str]]]:
-    """Yield whether each rule is met, and what says it of one bat."""
+    """Yield whether each rule is met, and a function that returns the sentence for one bat."""
     rules = procedure.eligibility
     if rules is None:
         return

@@ -166,7 +166,7 @@ def _place(
 
 
 def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:
-    """Return the distance of a shot's edges from one flight, in or back, (..., shot) [m]."""
+    """Return the larger rms distance of edges from the flights in and back, (..., shot) [m]."""
     speeds = np.stack([results.speed, np.abs(results.rebound_speed)], axis=-1)
     misfit = readings.flights.raw.misfit * speeds
     return np.asarray(np.where(np.isfinite(misfit), misfit, 0.0).max(axis=-1))
@@ -236,7 +236,7 @@ def _recoil(
 
 
 def _fitted(turn: RateFit) -> Criterion:
-    """Ask that the model of the turn holds over the record it was fitted to."""
+    """Return the criterion that the fitted rotation agrees with the encoder's record."""
     return (
         ~(turn.misfit > MOST_MISFIT),
         _up_to(

@@ -109,7 +109,7 @@ def outcomes_of(
     metric: Array,
     sought: Sought,
 ) -> BlockOutcome:
-    """Return the weights of the hits of a block, as `outcome_of` each laboratory's own.
+    """Return the weights of the hits of a block, computed as in `outcome_of` per laboratory.
 
     `owner` is the laboratory of each shot, (shot,); the other arrays are those of `outcome_of`.
     """

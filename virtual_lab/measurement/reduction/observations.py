@@ -4,9 +4,9 @@ Repeated bench readings become one constant with a type A uncertainty, beside th
 constants of type B; readings of each shot remain an array. The algebra that combines the two is
 `virtual_lab.measurement.reduction.shot_algebra`.
 
-Shots stand in one of three layouts, and `part` leads from one to another: (shot,), as recorded;
+Arrays of shots have one of three layouts, and `part` converts one to another: (shot,), as recorded;
 (laboratory, 1, shot), in which the axis of length 1 is that of the sets of constants; and
-(shot, 1, 1), where each shot has constants of its own.
+(shot, 1, 1), in which each shot has its own constants.
 """
 
 from __future__ import annotations
@@ -182,8 +182,8 @@ def _exactly(value: Array) -> Known:
 def reference_readings(block: SessionBlock) -> Array:
     """Return the readings of the reference mass, (laboratory, 2, repeat) [kg].
 
-    Before bat and balls were weighed, and after. `InputError` for any other number of items, or
-    for a single reading.
+    Item 0 was read before bat and balls were weighed, item 1 after. Raises `InputError` for any
+    other number of items, or for a single reading.
     """
     readings = _table(block, REFERENCE_MASS)
     if readings.shape[1] != 2 or readings.shape[2] < 2:
@@ -389,7 +389,7 @@ def _table(block: SessionBlock, channel: str) -> Array:
 
 
 def _by_laboratory(block: SessionBlock, rows: NDArray[Any]) -> NDArray[Any]:
-    """Return rows of which each laboratory has as many, (laboratory, row, ...)."""
+    """Return rows split by laboratory, (laboratory, row, ...), with equally many for each."""
     return rows.reshape(block.laboratories, -1, *rows.shape[1:])
 
 

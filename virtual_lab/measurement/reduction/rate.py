@@ -107,7 +107,7 @@ def unseen(shots: int) -> RateFit:
 
 
 def summed_up(record: RateRecord) -> RateFit:
-    """Return the rates computed by the encoder's recorder, which does not say how it fitted."""
+    """Return the rates computed by the encoder's recorder, without data of its unknown fit."""
     return replace(
         unseen(len(record.rate)),
         rate=record.rate,

@@ -1,9 +1,9 @@
 """The algebra of wall hits and of shots, for many sets of constants at once; compiled.
 
-Generalised functions of numpy: their arguments broadcast over sets of constants, the last axis of
-some is that of shots or balls. What does not depend on the shot is worked out once a set. The
-formulas are those of `kinematics`, under the numbers of their equations: numba keeps no watch on
-other files, so a compiled call of these would survive their change.
+The functions are generalised functions of numpy. Their arguments broadcast over sets of constants,
+and the last axis of some is that of shots or balls. Values that do not depend on the shot are
+computed once per set. The formulas of `kinematics` are repeated here instead of called, because
+numba does not notice changes of other files and would keep the old compiled formula.
 """
 
 from __future__ import annotations
@@ -87,8 +87,8 @@ def shots_of_sets(
 ) -> None:
     """Fill in e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5), of shots.
 
-    `carried`: e_A is carried to the place asked for, `by_recoil`: it is taken from the recoil,
-    `free`: r is that of a free bat; names and units else as in `shot_algebra`.
+    `carried`: e_A is corrected to the aimed position. `by_recoil`: e_A is computed from the recoil.
+    `free`: r is that of a free bat. Other names and units are those of `shot_algebra`.
     """
     axis = length - pivot
     turning = inertia_cm + bat_mass * (axis - z_cm) ** 2
@@ -163,12 +163,13 @@ def balls_of_sets(
     speed: Any,
     slope: Any,
 ) -> None:
-    """Fill in the mean e0 of each ball over its wall hits and how much faster these were.
+    """Fill in mean e0 and excess speed of each ball, the mean nominal speed, and the slope of e0.
 
-    Beside them the mean nominal speed of all hits [m/s], and the slope of e0 over the speed [s/m]
-    within each ball. The nominal speed is its instrument, because the error of a measured speed is
-    in e0, too: the rise of e0 with it, over the rise of the speed. A hit whose ball is below 0 is
-    none.
+    The excess speed is the mean measured speed of a ball's hits minus the mean nominal speed of all
+    hits [m/s]. The slope of e0 over speed [s/m] is the one within each ball. Its instrumental
+    variable is the nominal speed, because the error of a measured speed is in e0, too: the slope is
+    the rise of e0 with the nominal speed, divided by that of the measured speed. A hit with a
+    negative ball is ignored.
     """
     many, middle = np.zeros(masses.size), np.zeros(masses.size)
     restitution[:], faster[:], speed[0] = 0.0, 0.0, 0.0
