@@ -1,4 +1,4 @@
-"""The columns of the table of shots, one row for each.
+"""The columns of the table of shots, which has one row per shot.
 
 ``readings.csv``, the certificate's document, its page and PDF, and the dictionary of a result
 folder read the columns from here.

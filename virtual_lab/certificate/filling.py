@@ -92,8 +92,8 @@ def certificate(
 ) -> CertificateDocument:
     """Return the certificate of a test.
 
-    `truth_digest` links the certificate of a simulated test to its sealed truth, `session_digest`
-    any certificate to its records as they were written.
+    `truth_digest` links the certificate of a simulated test to its sealed truth. `session_digest`
+    links any certificate to its records as they were written.
     """
     session, procedure = certification.session, certification.procedure
     metric, outcome = certification.metric, certification.outcome
@@ -209,7 +209,7 @@ def certificate(
 
 
 def _particulars(session: Session) -> Particulars:
-    """Return the stated particulars; supplied records name their laboratory in its own form."""
+    """Return the stated particulars; supplied records fill in missing names."""
     found, origin = session.particulars, session.origin
     if isinstance(origin, Supplied):
         laboratory = replace(found.laboratory, name=found.laboratory.name or origin.laboratory)
@@ -224,7 +224,7 @@ def _simulation(origin: Simulated, truth_digest: str | None) -> SimulationStated
 
 
 def budget_lines(budget: Budget) -> list[BudgetLine]:
-    """Return the components of an uncertainty, largest first, shares of the variance in %."""
+    """Return the components of an uncertainty with their shares of the variance [%], sorted."""
     variance = sum(part.contribution**2 for part in budget.components)
     return [
         BudgetLine(

@@ -83,7 +83,7 @@ VERDICTS = {
 
 
 def printed_values(document: CertificateDocument) -> dict[str, Any]:
-    """Return the values in print by name, in tables of texts."""
+    """Return the printed values by name, as texts and tables of texts."""
     rings = document.ring.frequencies_hz if document.ring else ()
     return {
         "number": document.number,
@@ -122,7 +122,7 @@ def _made_by(document: CertificateDocument) -> str:
 
 
 def _not_checked(document: CertificateDocument) -> list[str]:
-    """Return sentences about the checks for which the records hold too little."""
+    """Return sentences on the checks for which the records are incomplete."""
     names = [name for name in document.not_checked if name != SCALE_DRIFT]
     said = [f"Not checked, as recorders summed up: {', '.join(names)}."] if names else []
     if SCALE_DRIFT in document.not_checked:

@@ -1,7 +1,7 @@
 """The digests of all files of a result folder, and a signature of their list.
 
-The list is that of ``sha256sum``; the signature is Ed25519, by a key in PEM as OpenSSL writes it.
-Anybody can write the list anew: alone it shows damage and careless changes, signed it shows more.
+The list has the format of ``sha256sum``. The signature is Ed25519, with a PEM key as OpenSSL writes
+it. Anybody can rewrite the list, so without a signature it shows only damage and careless changes.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
 
 
 def signature_fault(folder: Path, key: Path) -> Mismatch | None:
-    """Return why the list of digests is not signed by the owner of a public key, None if it is.
+    """Return a mismatch unless the owner of a public key has signed the list of digests.
 
     `InputError` as `require_key`.
     """
@@ -117,5 +117,5 @@ def _digest(path: Path) -> str:
 
 
 def _same_lines(path: Path, digest: str, exists: bool) -> bool:
-    """Return whether a text has this digest but for its line ends."""
+    """Return whether a text file has this digest after its line ends are converted."""
     return exists and path.suffix in TEXTS and digest_of_text(read_bytes(path)) == digest

@@ -1,9 +1,9 @@
-"""Whether a result folder agrees with itself and with this program.
+"""Verification of a result folder: its consistency, and its agreement with this program.
 
-A folder is altered where it contradicts itself: by a digest, by a value copied from the records, by
-a form of another content. It differs where another version, commit or schema made it, and this
-program finds other results in the same records. Whoever has the program can make a whole folder of
-invented records: only a signature shows who made it.
+A folder is *altered* if it contradicts itself: by a digest, by a value copied from the records, or
+by a page or PDF with other content. It *differs* if another version, commit or schema made it and
+this program computes other results from the same records. Anybody with the program can make a
+consistent folder from invented records, so only a signature shows who made it.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ history_option = click.option(
 
 
 def saving_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a command with the options of how a certificate is saved."""
+    """Return a command with the options for saving a certificate."""
     for option in (
         click.option("--reason", default="", help="Why it is replaced."),
         click.option(
@@ -73,7 +73,7 @@ def saving_options(function: Callable[..., Any]) -> Callable[..., Any]:
 def saved_so(
     pdf: bool, paper: str, sign: Path | None, test: Callable[[], Certificate]
 ) -> Certificate:
-    """Return a certificate to be saved so; what cannot be is refused before the test."""
+    """Return the certificate of a test. Refuse options that cannot be met before the test."""
     if pdf:
         from virtual_lab.certificate.pdf import require_pdf
 

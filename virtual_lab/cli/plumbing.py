@@ -82,9 +82,9 @@ def command(
     page
         File in the folder whose path is printed at the end, instead of the folder's.
     keeps
-        Whether the command has ``--out``; always with a default folder.
+        Whether the command has ``--out``, which it always has with a default folder.
     table, picture
-        Whether it has ``--csv`` and ``--plot``.
+        Whether the command has ``--csv`` and ``--plot``.
     """
 
     def decorate(function: Function) -> click.Command:

@@ -19,14 +19,14 @@ DIGIT = 4.45  # width of a digit of a sans-serif font at 8 pt [pt]
 
 
 def figure(panels: Iterable[Panel], height: float, name: str, title: str, description: str) -> str:
-    """Return panels as one SVG element to stand inside a page.
+    """Return panels as one SVG element for an HTML page.
 
     Parameters
     ----------
     panels, height
         The panels, and the height of the figure [pt].
     name
-        Of the figure in its page, for ids.
+        Name of the figure, used in ids.
     title, description
         Alternative text for readers who cannot see the figure.
     """
@@ -117,11 +117,11 @@ class Panel:
         self._put(f'<path d="M{points}Z" fill="{fill}"/>')
 
     def level(self, y: float, label: str = "", *, width: float = 0.9, dashes: str = "") -> None:
-        """Draw a level line all across."""
+        """Draw a horizontal line across the panel."""
         self.line(self.x, (y, y), label, width=width, dashes=dashes)
 
     def upright(self, x: float, label: str = "") -> None:
-        """Draw a thin dotted line at one abscissa."""
+        """Draw a thin dotted vertical line."""
         self.line((x, x), self.y, label, width=0.7, dashes="1 1.6")
 
     def dots(
@@ -134,7 +134,7 @@ class Panel:
         fill: str = "black",
         cross: bool = False,
     ) -> None:
-        """Mark points by a disc, or by a cross."""
+        """Mark points with discs or crosses."""
         for each in zip(x, y, strict=True):
             place = self._point(*each).replace(" ", ",")
             self._put(f'<g transform="translate({place})">{_mark(radius, fill, cross)}</g>')
@@ -151,7 +151,7 @@ class Panel:
     def note(
         self, x: float, y: float, text: str, *, anchor: str = "end", upright: bool = False
     ) -> None:
-        """Write a few words at a point of the data, or upright from it."""
+        """Write a few words at a point of the data, horizontally or vertically."""
         place = self._point(x, y).split(" ")
         turned = f' transform="rotate(-90 {" ".join(place)})"' if upright else ""
         self._put(
@@ -194,12 +194,12 @@ class Panel:
         return f'<path d="{frame}" fill="none"{_stroke(0.6)}/>' + "".join(labels)
 
     def _upward(self) -> list[tuple[float, str]]:
-        """Return the ticks of the upright axis with their words."""
+        """Return the ticks of the vertical axis with their words."""
         upward = _ticks(*self.y, 4) if self.y_ticks is None else list(self.y_ticks)
         return list(zip(upward, self.y_words or _numbers(upward), strict=True))
 
     def _label_room(self) -> float:
-        """Return the distance of the upright axis's label, beyond the longest of its words [pt]."""
+        """Return the distance of the vertical axis's label, beyond the longest word [pt]."""
         longest = max((len(words) for _, words in self._upward()), default=0)
         return max(33.0, 8 + DIGIT * longest)
 
@@ -244,7 +244,7 @@ def _mark(radius: float, fill: str, cross: bool) -> str:
 
 
 def _ticks(low: float, high: float, most: int) -> list[float]:
-    """Return round numbers between two limits, as many as there is room for."""
+    """Return at most `most` round numbers between two limits, at equal distances."""
     if not (isfinite(low) and isfinite(high) and high > low):
         return []
     power = 10.0 ** floor(log10((high - low) / most))

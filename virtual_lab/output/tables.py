@@ -27,17 +27,17 @@ class Column(NamedTuple):
 
 
 def column(title: str, unit: str = "", form: str | Callable[[Any], str] = ".4g") -> Any:
-    """Return a field of a row's dataclass that is printed; others are in CSV and JSON alone."""
+    """Return a dataclass field that is printed; other fields are only in CSV and JSON."""
     return field(metadata={Column.__name__: Column(title, unit, form)})
 
 
 def inline() -> Any:
-    """Return a field of a row's dataclass whose own fields are the row's."""
+    """Return a dataclass field that is a dataclass, whose fields become columns of the row."""
     return field(metadata={INLINE: True})
 
 
 def columns_of(row: Any) -> dict[str, Column]:
-    """Return the columns that a row's dataclass prints, by key; those within under both names."""
+    """Return the printed columns of a row by key; those of an inner dataclass have both names."""
     columns: dict[str, Column] = {}
     for each in fields(row):
         value = getattr(row, each.name)
@@ -91,8 +91,8 @@ def table_text(
         Columns to print, in this order, by key; by default those of the dataclass, or for mappings
         every key under its name.
     across
-        The key whose values head the columns of a table turned on its side: few rows of many
-        columns. By default the table stands upright.
+        The key whose values are the column heads of a transposed table, for few rows with many
+        columns. By default the table is not transposed.
     """
     if not rows:
         return "nothing"
@@ -119,7 +119,7 @@ def table_text(
 
 
 def quoted(cell: object) -> str:
-    """Return a table cell that no spreadsheet takes for a formula.
+    """Return a table cell in a form that no spreadsheet interprets as a formula.
 
     A text that begins with ``= + - @``, a tab or a line end gets an apostrophe; numbers do not.
     """
@@ -139,7 +139,7 @@ def write_csv(table: pd.DataFrame, path: Path) -> None:
 
 
 def csv_text(table: pd.DataFrame) -> str:
-    """Return a table as CSV in which no text, a bat's name perhaps, is taken for a formula."""
+    """Return a table as CSV, with texts that no spreadsheet interprets as formulas."""
     safe = table.rename(columns=quoted)
     for name in safe.select_dtypes(exclude=["number", "bool"]):
         safe[name] = [quoted(cell) if isinstance(cell, str) else cell for cell in safe[name]]

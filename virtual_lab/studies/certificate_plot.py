@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 def plot_hits(found: Certification, statement: str) -> Figure:
-    """Return the figure over the shot number, of a scan over the place with its fitted curve.
+    """Return the figure against shot number or, for a scan, against place with the fitted curve.
 
-    Below it stands the `statement` of the certificate on what the result is worth.
+    The `statement` of the certificate is printed below the figure.
 
     Hits of the result are filled discs, other valid ones open, rejected shots crosses; shots
     count from 0, as on the certificate.

@@ -1,7 +1,7 @@
 """A laboratory's sessions with its check standard: a steel cylinder in place of the bat.
 
-The bench measures the cylinder and the wall rig the check balls once; then, session by session,
-one ball is fired at its centre of percussion, and pivot rig and reduction give e_A. The impact rig
+The bench measures the cylinder and the wall rig the check balls once. Then, in each session, one
+ball is fired at the cylinder's centre of percussion, and its records give e_A. The impact rig
 may have a fault from a given day on; the charts have no information about it.
 """
 
@@ -35,12 +35,12 @@ from virtual_lab.units import Array
 def check_cylinder(
     days: int, hits: int, *, seed: int, faults: Sequence[str] = (), since: int = 1
 ) -> Array:
-    """Return the cylinder's measured e_A session by session, the mean of its valid hits, (day,).
+    """Return the cylinder's measured e_A of each session, the mean of the valid hits, (day,).
 
     Parameters
     ----------
     days, hits
-        Sessions, and hits in each.
+        Number of sessions, and number of hits per session.
     seed
         Seed of the laboratory; its hits are numbered through all sessions.
     faults, since

@@ -141,9 +141,9 @@ def each_laboratory(
     workers: int,
     progress: Progress,
 ) -> Iterator[Taken]:
-    """Yield the result of `take`, a function of a module, for each block, in turn.
+    """Yield the result of `take`, a module-level function, for each block of laboratories.
 
-    `InputError` for fewer laboratories than have a scatter.
+    `InputError` for fewer than two laboratories, which have no scatter.
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
@@ -160,7 +160,7 @@ def _counting(tested: BlockTest, take: Callable[[BlockTest], Taken]) -> tuple[in
 
 
 def counted(samples: Iterable[Sample], bat: str, procedure: str, seed: int) -> Rows[Coverage]:
-    """Return the table of the study by what it took from the laboratories of a seed."""
+    """Return the table of the study from samples of the laboratories of a seed."""
     names = ("metric", *QUANTITIES)
     nominal = RoundRobin.of(bat, procedure)
     found: dict[str, list[Array]] = {name: [] for name in names}
@@ -200,7 +200,7 @@ def counted(samples: Iterable[Sample], bat: str, procedure: str, seed: int) -> R
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """One quantity in some laboratories, arrays (laboratory,)."""
+    """Results of one quantity, arrays (laboratory,)."""
 
     value: Array
     u: Array
@@ -209,7 +209,10 @@ class Results:
     true: Array
 
     def rows(self, beside: Array | float) -> Array:
-        """Return side of a missed truth, error, u, expected error and ν, (laboratory, 5)."""
+        """Return miss, error, u, expected error and ν, (laboratory, 5).
+
+        The miss is 1 if the truth is above the interval, -1 if below, else 0.
+        """
         reach = coverage_factors(self.dof) * self.u
         above, below = self.true > self.value + reach, self.true < self.value - reach
         missed = above.astype(float) - below

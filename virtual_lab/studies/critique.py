@@ -111,7 +111,7 @@ class ProcedureResults:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Critique(StudyResult):
-    """Procedures compared with the field."""
+    """Comparison of procedures with the field."""
 
     bats: tuple[str, ...]
     swings: tuple[float | None, ...]  # exponents n of the swing law; None: constant energy
@@ -224,8 +224,8 @@ def critique(
         Field conditions, as for `virtual_lab.studies.bats.compare.profile`; procedures have
         separate ones.
     laboratories, seed
-        How many laboratories of a study test every bat by every procedure: those of the seed by
-        number, from 0.
+        Number of laboratories that test every bat by every procedure, and the seed of the
+        study.
     progress
         Called with laboratory and procedure.
 

@@ -202,7 +202,7 @@ def _readings_off(tested: BatTest, true: Mapping[str, float]) -> dict[str, float
 
 
 def _balls_off(tested: BatTest, constants: Mapping[str, float]) -> dict[str, float]:
-    """Return the errors by scatter alone of each ball's mean e0 and of its slope."""
+    """Return the errors of each ball's mean e0 and of its slope that are caused by scatter."""
     readings, lot = observe_balls(_block(tested)).of(0), tested.sealed.balls
     names = restitution_names(len(readings.mass))
     x = {name: np.array(value) for name, value in constants.items()}

@@ -120,13 +120,13 @@ def faults(
     Parameters
     ----------
     names
-        Faults in the catalog; none: every one.
+        Faults in the catalog; by default all.
     bat, procedures
-        Names in the catalog; no procedures: all that the faults have predictions for.
+        Names in the catalog; by default all procedures with predictions of the faults.
     laboratories, seed
-        How many laboratories of a study: those of the seed by number, from 0.
+        Number of laboratories, and the seed of the study.
     progress
-        Called with which fault is played, and where.
+        Function called with the fault and the procedure that are simulated.
 
     Returns
     -------

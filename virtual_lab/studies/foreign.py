@@ -73,9 +73,9 @@ def _constants_of(procedure: str) -> list[str]:
 def _require_constants(
     given: list[str], needed: list[str], spared: tuple[str, ...], where: str
 ) -> None:
-    """Refuse a form with missing or unknown constants; those that begin as `spared` may miss.
+    """Refuse a form with missing or unknown constants. Keys that begin as `spared` are optional.
 
-    A laboratory may have more of a numbered kind than ours: a third gate, `distance_2`.
+    A laboratory may have more numbered constants than ours, such as `distance_2` for a third gate.
     """
     missing = [key for key in needed if key not in given and not key.startswith(spared)]
     kinds = {_unnumbered(key) for key in needed}

@@ -1,4 +1,4 @@
-"""Operating characteristic of a procedure: the chance that a bat of a true metric passes its test.
+"""Operating characteristic of a procedure: probability to pass its test against the true metric.
 
 Simulated tests of one bat design give the errors of the metric, measured minus true value, and
 which tests are INVALID. A bat whose true metric is x has the same errors about x, so it passes
@@ -38,7 +38,7 @@ WORDS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatingPoint:
-    """The chances of bats of one true metric, by one test or the best of three."""
+    """Probabilities to pass for bats of one true metric, by one test or the best of three."""
 
     bat: str = column("bat")
     procedure: str = column("procedure")
@@ -57,7 +57,7 @@ class OperatingPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class OperatingCurves(Rows[OperatingPoint]):
-    """The chance to pass over the true metric, of each procedure by one test and the best of 3."""
+    """Probability to pass against the true metric, by one test and by the best of three."""
 
     limits: Mapping[str, float]  # limits by procedure, in the metric's unit
 
@@ -96,19 +96,19 @@ def operating(
     seed: int = 0,
     progress: Progress = quiet,
 ) -> OperatingCurves:
-    """Return the chance to pass of bats like this one, over their true metric.
+    """Return the probability that bats of this design pass, against their true metric.
 
     Parameters
     ----------
     bat
-        The design whose tests are simulated; instruments write sums.
+        Bat design whose tests are simulated, with instruments that write sums.
     procedures
-        Those with a limit; with another number of hits as a sheet:
+        Procedures with a limit. A sheet can have another number of hits:
         ``vl.procedure("bbcor").with_(valid_hits=12)``.
     laboratories
-        Numbered ones of the seed; each tests three times.
+        Number of laboratories, each with three tests.
     seed
-        Of the study.
+        Seed of the study.
     progress
         Called after each block.
 
@@ -164,7 +164,7 @@ def operating(
 
 
 def _errors(round_robin: RoundRobin, laboratories: int, seed: int) -> tuple[Array, Mask]:
-    """Return measured minus true metric of tests, 0 without a result, and which are valid."""
+    """Return the errors of the metric, 0 without a result, and the mask of valid tests."""
     errors, valid = [], []
     for block in round_robin.blocks(laboratories, seed):
         found = block.certified

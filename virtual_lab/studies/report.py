@@ -65,7 +65,7 @@ class ComparedCertificate:
 
     @classmethod
     def of(cls, document: CertificateDocument, folder: str) -> ComparedCertificate:
-        """Return the row of a certificate; an invalid one states no value."""
+        """Return the row of a certificate; an INVALID one has no value."""
         metric, size = document.metric, METRICS[document.metric.name].unit_si
         interval = metric.interval_95 if document.states_result else None
 
@@ -258,7 +258,7 @@ def report(
     """Return a report of the certificates in result folders.
 
     It compares bats by one procedure, one bat by several procedures, laboratories of one bat, or
-    repeats of one test, and says which.
+    repeats of one test, and states the comparison.
 
     Parameters
     ----------
@@ -301,7 +301,7 @@ def _require_other_records(documents: dict[Path, CertificateDocument]) -> None:
 
 
 def _kind_of(documents: dict[Path, CertificateDocument]) -> str:
-    """Return the one way in which certificates differ; `InputError` for more."""
+    """Return the comparison in words; `InputError` if certificates differ in several ways."""
     differing = {}
     for key, (_, of) in KINDS.items():
         names = dict.fromkeys(map(of, documents.values()))

@@ -22,7 +22,7 @@ CERTIFICATE = "certificate.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QuantityScore:
-    """Measured and true value, in SI; None if nothing was measured; z also if u is 0."""
+    """Measured and true value [SI]; None if nothing was measured. z is None also if u is 0."""
 
     quantity: str = column("quantity")
     measured: float | None = column("measured", "SI", ".6f")

@@ -26,7 +26,7 @@ def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
     table
         Columns z_in, e, r, e_A, v_bat_mph, v_f_mph.
     title
-        Of the figure.
+        Title of the figure.
     path
         PNG file to write.
     """

@@ -248,5 +248,5 @@ def _line(key: str, value: float | tuple[float, ...], unit: str, source: str) ->
 
 
 def _text(words: str) -> str:
-    """Return a TOML string, which JSON's escapes suit."""
+    """Return a TOML string; the escape sequences of JSON are valid in TOML."""
     return json.dumps(words, ensure_ascii=False)

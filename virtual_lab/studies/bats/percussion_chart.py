@@ -20,11 +20,11 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: P
     Parameters
     ----------
     table
-        As `virtual_lab.studies.bats.percussion.percussion` gives it.
+        Table of the result of `virtual_lab.studies.bats.percussion.percussion`.
     percussion_in
         Centre of percussion [in from the tip].
     bat
-        Its name, for the title.
+        Name of the bat, for the title.
     path
         PNG file to write.
     """

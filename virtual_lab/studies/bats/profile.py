@@ -230,9 +230,9 @@ def curves_of(
     Parameters
     ----------
     scenes, e_A, recoil
-        Collisions along the bat, what they came to, and r there.
+        Collisions along the bat, and their e_A and r, each (place,).
     pitch, moving
-        Speeds of the ball and, there, of the bat [m/s].
+        Speed of the ball, and speed of the bat at each place, (place,) [m/s].
     """
     e = np.asarray(restitution_from_efficiency(e_A, recoil))
     v_f = np.asarray(batted_speed(e_A, pitch, moving))
@@ -254,14 +254,14 @@ def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
 
 @lru_cache(maxsize=16)
 def free_model(body: BatBody) -> ModalModel:
-    """Return the model of a free bat, each made once."""
+    """Return the model of a free bat; the model of each bat is made once."""
     return ModalModel.of(body, Free())
 
 
 def chosen_swings(
     law: str, swings: Sequence[float], usual: Sequence[float]
 ) -> tuple[float | None, ...]:
-    """Return the exponents for a swing law and a user's choice, each once.
+    """Return the exponents of a swing law that a user chose, without repetitions.
 
     Raises `InputError` for another law than ``power`` or ``energy``, and for exponents of the
     latter, which has none.
@@ -283,7 +283,7 @@ def read_inertia(text: str, axis_beyond_knob: float) -> float:
     Raises
     ------
     InputError
-        No unit, a unit of something else, a number beyond what a bat may have, an unknown bat.
+        No unit, a unit of another quantity, an inertia out of range, or an unknown bat.
     """
     if text.endswith(".toml") or not re.match(r"[\s.+-]*(\d|inf|nan)", text):
         return _inertia(beam_of(catalog.load_bat(text).spec.body), axis_beyond_knob)
