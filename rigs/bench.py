@@ -43,7 +43,7 @@ Repeats = Annotated[int, Gt(1), Dimension("number")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchSpec(Spec):
-    """Which instruments stand on the bench and how often each is read."""
+    """The instruments of the bench, and the number of readings of each."""
 
     name: str
     title: str
@@ -103,7 +103,7 @@ class BenchStation(FittedStation):
     stand: Rule
     pendulum: Pendulum
     climate: ClimateLogger
-    air: HallAir  # which the logger stands in
+    air: HallAir  # air of the hall in which the climate logger stands
     hall: Gravity
     ideal: bool
 

@@ -17,18 +17,19 @@ from virtual_lab.units import Array
 class BoardView:
     """A board's corners in one picture."""
 
-    ids: NDArray[np.intp]  # which of `Board.corners` they are, (corner,)
+    ids: NDArray[np.intp]  # indices into `Board.corners`, (corner,)
     places: Array  # (corner, 2) [pixels]
 
 
 def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
     """Corners of a board in a grey picture; None where there are not enough.
 
-    A chessboard must be seen whole, of a board with markers any part. One whose first square is
-    white, as OpenCV printed those of an even number of rows before 4.6, is found too.
+    A chessboard must be visible as a whole; a board with markers may be visible in part. Boards
+    whose first square is white are found, too: OpenCV before 4.6 printed them so if the number of
+    rows was even.
     """
     grey = picture.astype(np.float32)
-    # what is brighter is a glint
+    # grey levels above the 99.9th percentile are glints
     dark, bright = float(grey.min()), float(np.percentile(grey, 99.9))
     if bright <= dark:
         return None
@@ -38,8 +39,9 @@ def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
         return None
     side = float(np.median(np.hypot(*(places[1:] - places[:-1])[np.diff(ids) == 1].T)))
     clear = (1 - board.marker / board.square) / 2 if board.marker else 0.5
-    # pixels each way in which a corner's edges are followed, one kept from the markers: more than
-    # five leave errors of .024 pixels no smaller, markers and neighbours come in
+    # half width of the window in which a corner is refined [pixels]. It ends one pixel short of the
+    # markers. Beyond five pixels the errors of 0.024 pixels get no smaller, and markers and
+    # neighbouring corners enter the window.
     reach = int(np.clip(clear * side - 1.0, 2, 5))
     stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
     start = places.astype(np.float32)
@@ -48,14 +50,15 @@ def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
 
 
 def _chessboard(plain: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp], Array]:
-    # where the light is even, a picture made flat is found less often than the picture itself
+    # the picture itself is tried first: in even light OpenCV finds a board in it more often than in
+    # a normalized picture
     for flags in (0, cv2.CALIB_CB_NORMALIZE_IMAGE):
         found, corners = cv2.findChessboardCornersSB(plain, board.shape, flags=flags)
         if found:
             lines = np.asarray(corners, np.float64).reshape(*board.shape[::-1], 2)
             bend = max(np.abs(np.diff(lines, 2, axis=axis)).max() for axis in (0, 1))
-            # of a board with a column less OpenCV adds one beside it, a quarter of a square off:
-            # along a line neighbours differ less, from one to the next
+            # if the board has one column less, OpenCV adds a column beside it, a quarter of a
+            # square off. The spacing of true corners changes less along a line.
             if bend < 0.15 * np.hypot(*np.diff(lines, axis=1).reshape(-1, 2).T).mean():
                 return np.arange(lines.size // 2), lines.reshape(-1, 2)
     return np.empty(0, np.intp), np.empty((0, 2))

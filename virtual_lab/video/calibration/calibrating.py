@@ -1,10 +1,10 @@
 """A camera calibrated with pictures of a board: lens, pose, the scale in a plane, each with its u.
 
-In one of the pictures, the plane view, the board lies in the plane that lengths are measured in,
-or parallel to it. Axes are the board's there: from its middle, X along the line of the board that
-is nearest to the picture's right, Y down, Z away from the camera. What was found of the corners
-has one covariance for lens and pose together, for they are wrong together: a focal length that is
-too long with a camera that is too high leaves the scale as it is.
+In one of the pictures, the plane view, the board is in the plane in which lengths are measured, or
+parallel to it. The axes are those of the board in that view: the origin is the board's middle, X
+runs along the line of the board nearest to the picture's right, Y down, Z away from the camera.
+Lens and pose have one joint covariance because their errors are correlated: a focal length that is
+too long, together with a camera that is too high, does not change the scale.
 """
 
 from __future__ import annotations
@@ -32,11 +32,13 @@ from virtual_lab.video.clips.calibration_file import CameraFit, CameraModel
 class Demands:
     """Demands on the pictures of a calibration, and thresholds of its warnings."""
 
-    least_views: int = 3  # with a board
-    greatest_focal_u: float = 0.02  # relative, no calibration: parallel views do not show it
-    rough_rms_px: float = 0.3  # a warning
-    greatest_rms_px: float = 1.5  # no calibration
-    least_covered: float = 0.4  # of the picture, within the outermost corners
+    least_views: int = 3  # smallest number of pictures that show a board
+    # largest relative u of the focal length: parallel views do not show it
+    greatest_focal_u: float = 0.02
+    rough_rms_px: float = 0.3  # rms of the residuals that raises a warning [pixels]
+    greatest_rms_px: float = 1.5  # largest rms of the residuals [pixels]
+    # share of the picture within the outermost corners; less raises a warning
+    least_covered: float = 0.4
 
 
 DEMANDS = Demands()
@@ -47,8 +49,8 @@ class Plan:
     """The board, the u of its squares, and the height of the plane in which the ball flies."""
 
     board: Board
-    square_u: float  # of every square's side alike [m]
-    height: float  # of the ball's plane over the plane view's board, toward the camera [m]
+    square_u: float  # u of the side of the squares, common to all of them [m]
+    height: float  # height of the ball's plane above the plane view's board, toward the camera [m]
     height_u: float  # [m]
     plane: str | None = None  # name of the plane view; None: the first picture
 
@@ -62,11 +64,11 @@ class Solved:
     """
 
     values: Array  # (15,)
-    covariance: Array  # of the values, (15, 15)
-    view: NDArray[np.intp]  # of each corner
+    covariance: Array  # covariance of `values`, (15, 15)
+    view: NDArray[np.intp]  # number of the view that shows each corner, (corner,)
     places: Array  # (corner, 2) [pixels]
     residuals: Array  # (corner, 2) [pixels]
-    left_out: NDArray[np.intp]  # corners, (view,)
+    left_out: NDArray[np.intp]  # number of corners left out of the fit, (view,)
 
     @property
     def u(self) -> Array:
@@ -75,7 +77,7 @@ class Solved:
 
     @property
     def rms(self) -> float:
-        """Of the residuals, each way [pixels]."""
+        """Root mean square of the residuals along each axis [pixels]."""
         return float(np.sqrt(np.mean(self.residuals**2)))
 
 
@@ -87,8 +89,8 @@ class Calibrated:
     solved: Solved
     views: dict[str, float]  # pictures that show the board, rms of their residuals [pixels]
     plane: str  # the plane view
-    lens_blur: float  # there, standard deviation [pixels]
-    length_u: Array  # relative, of lengths across and down the middle of the plane, (2,)
+    lens_blur: float  # standard deviation of the lens's blur in the plane view [pixels]
+    length_u: Array  # relative u of lengths across and down the middle of the plane, (2,)
     warnings: tuple[str, ...]
 
 
@@ -104,7 +106,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
         many = f"{plan.board.columns}x{plan.board.rows} squares, not inner corners"
         allowed = f"at least {DEMANDS.least_views} must show the board (is it {many}?)"
         raise InputError("", "pictures with a board", len(seen), allowed)
-    if plane is None:  # never another unasked
+    if plane is None:  # no other view replaces the one that was requested
         raise InputError("", "--plane", plan.plane, f"allowed: {', '.join(looked)}")
     if plane not in seen:
         allowed = "no board was found in it; name one that shows it flat with --plane"
@@ -246,7 +248,8 @@ def _solve(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: 
         solved = _fit(points[kept], places[kept], view[kept], size, plane)
         off = np.hypot(*solved.residuals.T)
         usual = 1.4826 / 1.177 * float(np.median(off))  # Rayleigh's median
-        # one wild corner bends the lens for others: the worst leave first, those far off alone
+        # one wrong corner distorts the lens for the others, so only the worst are removed in each
+        # round
         good = off <= max(6 * usual, 0.5 * float(off.max()))
         if good.all():
             return replace(solved, left_out=np.bincount(view) - np.bincount(solved.view))

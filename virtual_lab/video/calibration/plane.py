@@ -12,16 +12,17 @@ from virtual_lab.units import Array
 from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
 from virtual_lab.video.locate.located import Located
 
-RIM = 3.0  # a pattern's effect on the radius over that on the place: rims are darker all round
+# ratio of a pattern's effect on the radius to its effect on the place: rims are darker all round
+RIM = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PixelScale:
-    """Metres of a pixel in the plane of the ball, with the relative u of it."""
+    """Scale of the picture in the ball's plane, with its relative u."""
 
     metres_per_pixel: float  # at the ball's middle place
     relative_u: float  # standard uncertainty of every length
-    source: str  # what sets the scale
+    source: str  # source of the scale: camera, given, ball or gravity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,19 +30,21 @@ class Plane(PixelScale):
     """Places of a ball in a plane [m], and the plane's scale."""
 
     places: Array  # (frame, 2) [m]
-    sizes: Array  # how large a ball in the plane looks in each frame, by its place, (frame,)
+    # apparent size of a ball in the plane at its place in each frame, over the median, (frame,)
+    sizes: Array
     sense: float  # -1 where Y runs up the picture and X to its right
 
     @property
     def flat(self) -> Array:
-        """Places in pixels of its scale, the picture's way up, (frame, 2)."""
+        """Places in pixels of the plane's scale, oriented as in the picture, (frame, 2)."""
         return self.places / self.metres_per_pixel * [1, self.sense]
 
 
 def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
     """Places of a ball in metres.
 
-    A calibrated camera goes before metres_per_pixel, that before the ball's diameter.
+    The scale comes from the calibrated camera if there is one, else from metres_per_pixel if it is
+    given, else from the ball's diameter.
     """
     pixels, camera, diameter = found.places, calibration.camera, calibration.ball_diameter_m
     if camera:
@@ -51,8 +54,9 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
             for half in np.eye(2) / 2
         )
         stretch = right[:, 0] * down[:, 1] - right[:, 1] * down[:, 0]  # m² of a pixel
-        # a sphere's solid angle goes as 1 / D² of its distance D, a pixel's as S cos t / D² where
-        # it covers S of a plane seen under t: the radius as the root of D / S
+        # The solid angle of a sphere at the distance D is proportional to 1 / D². That of a pixel
+        # is proportional to S cos t / D², if it covers the area S of a plane seen at the angle t,
+        # and cos t is proportional to 1 / D. So the radius in pixels is proportional to √(D / S).
         above = np.full(len(places), camera.plane_height_m)
         far = np.linalg.norm(np.column_stack([places, above]) - _pose(camera)[1], axis=1)
         sizes = np.sqrt(far / np.abs(stretch))
@@ -72,7 +76,7 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
     elif diameter and whole.any():
         radius, source = float(np.median(found.radius[whole])), "ball"
         pattern = float(np.median(found.pattern_u[whole]))
-        # the model of a plain ball's edge leaves 0.05 pixels of its radius open
+        # u of the radius from the model of a plain ball's edge: 0.05 pixels
         scale, radius_u = diameter / (2 * radius), np.hypot(0.05, RIM * pattern)
         relative = float(np.hypot(calibration.ball_diameter_m_u / diameter, radius_u / radius))
     else:
@@ -99,7 +103,7 @@ def slopes_of(camera: CameraModel, places: Array) -> Array:
 
 
 def _pose(camera: CameraModel) -> tuple[Array, Array]:
-    """Turn of axes from the plane's to the camera's, and where the camera is [m]."""
+    """Rotation from the plane's axes to the camera's, and position of the camera [m]."""
     rotation = np.asarray(cv2.Rodrigues(np.array(camera.rotation))[0], np.float64)
     return rotation, -rotation.T @ np.array(camera.translation_m)
 
@@ -112,11 +116,13 @@ def relative_u_of(camera: CameraModel) -> float:
 def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Array:
     """Places at which the rays of pixels meet the ball's plane, (n, 2) [m].
 
-    A sphere's picture is an ellipse whose centre lies farther out than the centre's own picture,
-    by 1 / (1 - r²/Z²): with the diameter known this is undone.
+    The picture of a sphere is an ellipse. Its centre is farther from the optical axis than the
+    picture of the sphere's centre, by the factor 1 / (1 - r²/Z²). This is corrected if the diameter
+    is known.
     """
     rotation, eye = _pose(camera)
-    rays = np.full((len(pixels), 3), 1.0)  # in axes of the camera, 1 along its own
+    # directions in the camera's axes, 1 along its optical axis
+    rays = np.full((len(pixels), 3), 1.0)
     matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
     rays[:, :2] = cv2.undistortPoints(pixels[:, None], matrix, distortion)[:, 0]
     if diameter:

@@ -17,7 +17,7 @@ from virtual_lab.files import read_toml
 
 Positive = Annotated[Real, Gt(0)]
 Uncertainty = Annotated[Real, Ge(0)]
-EXACT = 0.0  # u of what is not said to have one
+EXACT = 0.0  # standard uncertainty of a value for which none is given
 Place = Annotated[Real, Ge(-1000), Le(1000)]  # m
 Pair = tuple[Place, Place]
 Triple = tuple[Real, Real, Real]
@@ -30,11 +30,11 @@ class CameraFit(Spec):
     board: str
     views: Annotated[Whole, Gt(0)]
     corners: Annotated[Whole, Gt(0)]
-    rms_px: Uncertainty  # of the residuals, each way
+    rms_px: Uncertainty  # rms of the residuals along each axis [pixels]
     focal_u_px: tuple[Uncertainty, Uncertainty]
     centre_u_px: tuple[Uncertainty, Uncertainty]
     distortion_u: Annotated[tuple[Uncertainty, ...], Len(4, 14)]
-    rotation_u: tuple[Uncertainty, Uncertainty, Uncertainty]  # of the Rodrigues vector [rad]
+    rotation_u: tuple[Uncertainty, Uncertainty, Uncertainty]  # u of the Rodrigues vector [rad]
     translation_u_m: tuple[Uncertainty, Uncertainty, Uncertainty]
 
 
@@ -49,7 +49,8 @@ class CameraModel(Spec):
     translation_m: tuple[Place, Place, Place]
     plane_height_m: Place = 0.0
     plane_height_u_m: Uncertainty = EXACT
-    relative_scale_u: Uncertainty = EXACT  # of every length in the plane, were its height exact
+    # relative u of every length in the plane if its height is exact
+    relative_scale_u: Uncertainty = EXACT
     fit: CameraFit | None = None
 
     def __post_init__(self) -> None:
@@ -72,16 +73,17 @@ class CameraModel(Spec):
 class ClipCalibration(Spec):
     """Keys of the file, SI; a key with _u is the standard uncertainty of the one without."""
 
-    # in the plane the ball moves in
+    # scale in the plane in which the ball moves
     metres_per_pixel: Annotated[Real, Ge(1e-7), Le(1)] | None = None
     metres_per_pixel_u: Uncertainty = EXACT
     frames_per_second: Annotated[Real, Ge(1), Le(1e7)] | None = None
     frames_per_second_u: Uncertainty = EXACT
-    exposure_s: Annotated[Real, Ge(0), Le(1)] | None = None  # absent: the clip's own
+    # exposure time; absent: the one that the clip states
+    exposure_s: Annotated[Real, Ge(0), Le(1)] | None = None
     ball_diameter_m: Annotated[Real, Ge(1e-3), Le(1)] | None = None
     ball_diameter_m_u: Uncertainty = EXACT
     lens_blur_px: Annotated[Real, Ge(0.1), Le(10)] | None = None  # standard deviation
-    timestamps: str | None = None  # CSV beside this file: seconds, one a frame
+    timestamps: str | None = None  # CSV file beside this file, with one time per frame [s]
     drag_per_m: Annotated[Real, Ge(0), Le(1)] = 0.0  # κ of dv/dx = -κ v
     drag_per_m_u: Annotated[Real, Ge(0), Le(1)] = EXACT
     gravity_mps2: Pair = (0.0, 0.0)  # along the image's x and y, or the camera's plane's [m/s²]

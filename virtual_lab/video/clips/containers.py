@@ -30,7 +30,7 @@ def _length_of_part(head: bytes) -> int:
     if head[:4] == b"RIFF":
         return 8 + int.from_bytes(head[4:8], "little")
     if head[:4] in (EBML, SEGMENT):
-        width = 9 - head[4].bit_length()  # of the number that states the length [bytes]
+        width = 9 - head[4].bit_length()  # width of the number that states the length [bytes]
         largest = (1 << 7 * width) - 1  # stands for a length that is not known
         content = int.from_bytes(head[4 : 4 + width], "big") & largest
         return 4 + width + content if content < largest else 0

@@ -48,7 +48,8 @@ def cine(path: Path) -> Source:
 
 def _stamps(path: Path, head: Any) -> Array:
     """Time of each image since the first [s], NaN where a .cine file has no block of them."""
-    at, kind_of_stamps = head.OffSetup + head.Length, 1002  # of 64 bits each, in 2^-32 s
+    # type number of a block of time stamps: 64 bits each, in units of 2^-32 s
+    at, kind_of_stamps = head.OffSetup + head.Length, 1002
     with path.open("rb") as file:
         while at + 8 <= head.OffImageOffsets:
             file.seek(at)

@@ -68,7 +68,7 @@ def _image_files(folder: Path) -> list[Path]:
     names = [each.name.lower() for each in images]
     ends = min(names, default=""), max(names, default="")
     alike = [one == other for one, other in zip(*ends, strict=False)]
-    start = ends[0][: [*alike, False].index(False)]  # that all names share
+    start = ends[0][: [*alike, False].index(False)]  # prefix that all names share
     signs = r"(?<![^\W_])"
     if any(re.match(r"\+?\d", name[len(start) :]) for name in names):
         signs = f"(?:{signs}|(?<=^{re.escape(start)}))"
@@ -95,7 +95,8 @@ def _images(path: Path, files: list[Path]) -> Source:
 
     def read(_: Wanted) -> Stamped:
         for file, count in zip(files, pages, strict=True):
-            # of a WebP OpenCV 5.0 reads from the first picture on alone
+            # OpenCV 5.0 reads a WebP only from its first picture on, so all its pictures are read
+            # at once
             for page in _pages(file, count, count if file.suffix.lower() == ".webp" else 8):
                 yield page, np.nan
 
@@ -166,7 +167,7 @@ def _video(path: Path) -> Source:
 
 
 def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture, size: tuple[int, int]) -> bool:
-    """Whether OpenCV's own reader shows the same: it decodes only the pictures asked for."""
+    """Whether OpenCV's own reader gives the same frames: it decodes only requested pictures."""
     import cv2
 
     if int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") != b"MJPG":
@@ -175,7 +176,7 @@ def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture, size: tuple[int, int]
     if own.get(cv2.CAP_PROP_FRAME_COUNT) != capture.get(cv2.CAP_PROP_FRAME_COUNT):
         return False
     shown, first = own.read()
-    # of interlaced fields it shows one
+    # the size is compared because this reader returns only one field of an interlaced frame
     return bool(shown and first.shape[:2] == size and capture.get(cv2.CAP_PROP_FPS) > 0)
 
 

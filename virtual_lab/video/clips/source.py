@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
 
-Frame = NDArray[Any]  # of 8 or 16 bits without sign
-# frames, None: not wanted; each with its time [s], NaN: it has none
+Frame = NDArray[Any]  # pixels of 8 or 16 bits, unsigned
+# pairs of a frame (None: not wanted) and its time [s] (NaN: it has none)
 Stamped = Iterator[tuple[Any, float]]
-Wanted = Callable[[int], bool]  # whether a frame need be decoded, by its number
+Wanted = Callable[[int], bool]  # function that tells by a frame's number whether it must be decoded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,10 +27,12 @@ class Source:
 
     path: Path
     declared: int  # frames the file says it holds
-    estimated: bool = False  # that count, by a duration or with frames that are never shown
-    rate: float | None = None  # frames a second the file says
-    exposure: float | None = None  # of a frame [s], that the file says
-    rotation: float | None = None  # degrees clockwise that frames were turned as the file asks for
+    # True if `declared` follows from a duration, or counts frames that are never shown
+    estimated: bool = False
+    rate: float | None = None  # frame rate that the file states [1/s]
+    exposure: float | None = None  # exposure time of a frame that the file states [s]
+    # clockwise rotation of the frames that the file requests, already applied [degrees]
+    rotation: float | None = None
     read: Callable[[Wanted], Stamped]
 
     def pictures(self, wanted: Wanted = lambda _: True) -> Stamped:

@@ -69,7 +69,8 @@ def _own_times(source: Source, stamps: Array, rounding: float) -> tuple[Array, l
         allowed = "the clip says nothing of time: give --fps, frames_per_second or timestamps"
         raise InputError(str(source.path), "frames_per_second", None, allowed)
     warnings = []
-    if source.path.suffix.lower() not in HIGHSPEED:  # whose cameras write the rate they film with
+    # high-speed cameras write the rate at which they film
+    if source.path.suffix.lower() not in HIGHSPEED:
         warnings.append(
             f"{UNSURE_RATE}, {source.rate:.6g} a second: a slow-motion file declares the rate it "
             "plays at"

@@ -19,10 +19,11 @@ from virtual_lab.video.find.drift import matrix_of, upper_median
 from virtual_lab.video.find.still import Image, Still, difference_of
 
 Blobs = NDArray[np.void]
-BlobRow = tuple[Any, ...]  # as of `BLOB`
+BlobRow = tuple[Any, ...]  # fields of `BLOB`
 Hull = tuple[float, float, float, float]  # x, y, shorter and longer half axis [pixels]
 
-CLEAN = 0.35  # of a ring, that is no background: more is a hand, or the ball on something
+# largest share of the ring that is no background: more is a hand, or the ball on something
+CLEAN = 0.35
 BLOB = np.dtype(
     [
         ("frame", np.int32),
@@ -30,7 +31,8 @@ BLOB = np.dtype(
         ("y", float),
         ("radius", float),  # half the shorter axis of the hull
         ("length", float),  # half the longer axis
-        ("edge", float),  # what the radius shrinks by from a low to a high contrast: blur and shade
+        # width of the edge, by blur and shade: decrease of the radius from a low to a high level
+        ("edge", float),
         ("contrast", float),  # DN
         ("dirty", float),  # share of the ring that is no background
         ("cut", bool),  # touches the picture's edge
@@ -47,38 +49,47 @@ class _Search:
 
     thresholds: tuple[int, ...] = (10, 40)
     faint: float = 5.0
-    softened: float = 0.7  # pixels: codecs leave blocks
-    least_area: float = 12.0  # pixels of the picture searched: a ball of two pixels' radius
-    largest: float = 0.12  # of the picture
-    regions: int = 24  # looked at in a frame
-    solid: float = 0.8  # of its hull's area that a blob fills
-    filled: tuple[float, float] = (0.85, 1.12)  # of an ellipse's area, for a hull's moments
-    thinnest: float = 0.22  # ratio of a blob's axes: blur of five times the ball
-    # percentiles of a blob that are its contrast; the second where the background has a pattern
+    softened: float = 0.7  # standard deviation of the smoothing [pixels]: codecs leave blocks
+    # smallest area of a blob [pixels searched]: a ball of two pixels' radius
+    least_area: float = 12.0
+    largest: float = 0.12  # largest area of a blob [share of the picture]
+    regions: int = 24  # largest number of regions examined per frame and threshold
+    solid: float = 0.8  # smallest share of its hull's area that a blob fills
+    # range of the ratio of a hull's area to that of the ellipse with the same moments
+    filled: tuple[float, float] = (0.85, 1.12)
+    # smallest ratio of a blob's shorter axis to its longer one: motion blur of almost five balls
+    thinnest: float = 0.22
+    # percentiles of a blob's difference from the background that are taken as its contrast; the
+    # second one is for a background with a pattern
     brightness: tuple[float, float] = (85, 40)
-    whole: float = 0.6  # of what differs: less may be a patch of a ball that has several
-    # ratio of axes, by the second one: a hand or a head is longer, a ball with its shadow too
-    round: tuple[float, float] = (1.3, 1.2)  # where the first shows nothing, and where it does
-    ring_level: float = 0.35  # of the contrast: what is brighter in the ring is not background
-    edge_levels: tuple[float, float] = (0.3, 0.7)  # of the contrast, that show how wide an edge is
-    coarse: int = 48  # pixels of a blob: one twice as large is made smaller first
-    fine: float = 16.0  # pixels of radius at which an outline is not drawn larger
+    # share of the differing pixels that a whole ball fills: a smaller hull may be one of several
+    # patches of a ball
+    whole: float = 0.6
+    # largest ratio of a hull's axes by the second percentile, if the first one found no hull and if
+    # it found one: a hand or a head is longer, and so is a ball with its shadow
+    round: tuple[float, float] = (1.3, 1.2)
+    # level above which a pixel of the ring is not background [share of the contrast]
+    ring_level: float = 0.35
+    # levels between which the width of an edge is measured [share of the contrast]
+    edge_levels: tuple[float, float] = (0.3, 0.7)
+    coarse: int = 48  # size of a blob [pixels]: one at least twice as large is shrunk first
+    fine: float = 16.0  # radius from which on an outline is not enlarged [pixels]
 
 
 _SEARCH = _Search()
 
 
 def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still) -> Blobs:
-    """Find what in a picture may be a ball, an array of `BLOB`.
+    """Find the blobs of a picture that may be a ball, an array of `BLOB`.
 
     Parameters
     ----------
     number
-        Of the frame.
+        Number of the frame.
     picture, small
-        Full size and as searched.
+        The picture in full size, and in the size that is searched.
     drift
-        Of the picture from the still frame, (4,) as in `find.drift`.
+        Drift of the picture from the still frame, (4,) as in `find.drift`.
     """
     off, light = still.difference(small, drift)
     found: list[BlobRow] = []
@@ -124,7 +135,7 @@ def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
         mask = cv2.threshold(off, threshold, 1, cv2.THRESH_BINARY)[1]
         mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
         outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        # of pixels on and in an outline: Pick's theorem
+        # number of pixels on and in each outline, by Pick's theorem
         areas = [cv2.contourArea(each) + len(each) / 2 + 1 for each in outlines]
         for area, k in sorted(zip(areas, range(len(areas)), strict=True), reverse=True)[
             : _SEARCH.regions
@@ -154,7 +165,7 @@ def _blob(
     size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
     part, behind = still.cut(picture, drift, light, (x0, y0), size)
     fine = max(1, max(wide, high) // _SEARCH.coarse)
-    if fine > 1:  # tenths of a pixel of a large ball take no more than that
+    if fine > 1:  # this resolution is enough to locate a large ball to tenths of a pixel
         smaller = (max(1, size[0] // fine), max(1, size[1] // fine))
         cutting = np.s_[: smaller[1] * fine, : smaller[0] * fine]
         part, behind = (
@@ -200,7 +211,7 @@ def _contrast(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[Hu
     off
         Difference from the background, (row, column) [DN].
     bright
-        The values of it that stand out.
+        Values of `off` in the blob's box that exceed the faint threshold.
     """
     chosen, least = None, 0.0
     for percentile, even in zip(_SEARCH.brightness, (True, False), strict=True):

@@ -2,8 +2,8 @@
 
 Gauss and Newton on grey values, with the light's gain and level beside the drift; what moves on
 its own is left out by its residual (Lucas and Kanade 1981, robust by Tukey's biweight). Only the
-pixels with the steepest edges take part, one of every part of the picture: a thousand say as much
-as all. A step too large for that is found by phase correlation of small pictures.
+steepest pixels take part, one of each small cell of the picture: a thousand show as much as all. A
+step too large for that is found by phase correlation of small pictures.
 
 A drift is an array (4,): right and down [pixels], growth, and turn [rad] from x to y, the last two
 about the picture's middle. A hand turns a phone by a degree in a clip, and its lens focuses.
@@ -28,46 +28,54 @@ Image = NDArray[np.uint8]
 class _Alignment:
     """Settings of the alignment of two pictures."""
 
-    cell: int = 5  # pixels each way, of which the steepest takes part
-    pixels: int = 3000  # at most
-    steepest: float = 2.0  # DN a pixel: less is noise
-    parts: int = 12  # of the picture, each way, of which some show a drift and others do not
-    part_pixels: int = 3  # steep ones of a part that has an edge: noise leaves one or two
+    cell: int = 5  # size of a cell, whose steepest pixel takes part [pixels along each axis]
+    pixels: int = 3000  # largest number of pixels that take part
+    steepest: float = 2.0  # smallest steepness of an edge [DN/px]: less is noise
+    # number of parts along each axis of the picture: some show a drift, others do not
+    parts: int = 12
+    # smallest number of steep pixels in a part that has an edge: noise leaves one or two
+    part_pixels: int = 3
     steps: int = 8
-    coarse: int = 128  # pixels of the longer side, of pictures whose step is looked for
-    fits: float = 1.5  # of the usual cost, up to which a drift is looked for no farther
-    far: float = 0.6  # of the cost of the likely drift, that one far from it has at most
-    settled: float = 0.005  # pixels: what moves less has arrived
-    tukey: float = 4.7  # standard deviations: what is farther off does not count
+    # longer side of the small pictures in which a large step is looked for [pixels]
+    coarse: int = 128
+    fits: float = 1.5  # ratio to the usual cost below which no other start is tried
+    # largest ratio of the cost of a drift far from the likely one to the cost of the likely one
+    far: float = 0.6
+    settled: float = 0.005  # smallest step after which the alignment continues [pixels]
+    tukey: float = 4.7  # residual beyond which a pixel does not count [standard deviations]
     least_spread: float = 0.1  # pixels
-    least_shown: float = 0.2  # of the edges, that lie in the other picture
-    near_turn: float = 0.02  # of what shows a shift, that keeps growth and turn where they were
-    ridge: float = 1e-3  # of what shows a shift: an edge does not hold one along it
+    least_shown: float = 0.2  # smallest share of the edges that lie in the other picture
+    # weight that holds growth and turn near their start [share of a shift's weight]
+    near_turn: float = 0.02
+    # damping of a step [share of a shift's weight]: an edge does not show a shift along itself
+    ridge: float = 1e-3
 
 
 _ALIGN = _Alignment()
-FAR_OFF = 2.0  # pixels: what is farther off moves on its own, a picture has leapt
-BLACK = 24  # DN: a row or column that has nothing lighter is no picture
+FAR_OFF = 2.0  # distance beyond which an edge moves on its own, or a picture has leapt [pixels]
+BLACK = 24  # grey level [DN]: a row or column without a lighter pixel is not part of the picture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edges:
     """The steep pixels of a picture, (pixel,)."""
 
-    x: Array  # in the still frame, from its middle [pixels]
+    x: Array  # position in the still frame, from its middle [pixels]
     y: Array
-    part: NDArray[np.intp]  # of the picture, row by row
+    part: NDArray[np.intp]  # number of the picture's part, counted row by row
     value: Array  # DN
-    # (pixel, free + 2): gradients by what of a drift is free (2 or 4), value, 1, as below
+    # (pixel, free + 2): gradients by the free numbers of a drift (2 or 4), value and 1, each
+    # divided by `slope`
     design: Array
-    slope: Array  # that pixels are counted by, so that a step of a pixel counts alike [DN/px]
-    middle: Array  # (2,) of a picture, about which it grows and turns [pixels]
+    # steepness by which residuals are divided, so that a step of one pixel counts alike [DN/px]
+    slope: Array
+    middle: Array  # (2,) centre about which a picture grows and turns [pixels]
 
     def drift(self, grey: Image, starts: Iterable[Array], usual: float | None = None) -> Array:
-        """Find the drift (4,) of a picture, near that one of several starts which fits best.
+        """Find the drift (4,) of a picture, near the best of several starts.
 
-        `usual`: cost [pixels] of pictures laid right, if the first start is likely: others are
-        tried only where it costs clearly more, and must then fit far better.
+        `usual` is the cost [pixels] of aligned pictures. It is given if the first start is likely:
+        others are then tried only if its cost is clearly higher, and must fit far better.
         """
         tried, costs = list[Array](), list[float]()
         for start in starts:
@@ -91,9 +99,10 @@ class Edges:
         return float(np.average(off[shown], weights=self.slope[shown]))
 
     def costs(self, grey: Image, drift: Array, steeper: float) -> Array:
-        """Mean of the same by part of the picture, of edges steeper than some [DN/px]; inf: few.
+        """Mean clipped distance of the edges in each part of the picture [pixels], (part,).
 
-        The light's level counts: edges of one line alone show in nothing else that they moved.
+        Edges steeper than `steeper` [DN/px] are used; a part with too few of them has inf. The
+        light's level is not fitted here: if all edges are on one line, nothing else shows a motion.
         """
         left = self._left(grey, drift)
         used = np.isfinite(left) & (self.slope > steeper)
@@ -102,13 +111,14 @@ class Edges:
         return np.where(count >= _ALIGN.part_pixels, total / np.maximum(count, 1), np.inf)
 
     def share_in(self, grey: Image, drift: Array) -> float:
-        """Share of them that lie in a drifted picture."""
+        """Share of the edges that are inside a drifted picture."""
         return float(np.isfinite(self._left(grey, drift)).mean())
 
     def parts(self, steeper: float) -> Mask:
-        """Parts of the picture with edges so steep [DN/px], but for one thing's, (part,).
+        """Mask of the picture's parts with edges steeper than `steeper` [DN/px], (part,).
 
-        What moves on its own is the largest group that reaches over less than half of the picture.
+        One thing may move on its own, so the largest group of parts that spans less than half of
+        the picture is left out.
         """
         count = np.bincount(self.part[self.slope > steeper], minlength=_ALIGN.parts**2)
         shown = (count >= _ALIGN.part_pixels).reshape(_ALIGN.parts, -1)
@@ -119,7 +129,7 @@ class Edges:
         return np.asarray(shown & ((groups != area.argmax()) | (area.max() == 0))).ravel()
 
     def _left(self, grey: Image, drift: Array, gain: float = 1.0, level: float = 0.0) -> Array:
-        """Brightness at the edges in a drifted picture over their own [DN], NaN: not in it."""
+        """Brightness at the edges in a drifted picture minus their own [DN]; NaN: outside it."""
         right, down, grown, turn = drift
         x = self.middle[0] + right + (1 + grown) * self.x - turn * self.y
         y = self.middle[1] + down + (1 + grown) * self.y + turn * self.x
@@ -131,10 +141,10 @@ class Edges:
         return np.where(inside, seen.ravel() - gain * self.value - level, np.nan)
 
     def _settle(self, grey: Image, start: Array) -> Array:
-        """Drift of a picture from one near by.
+        """Refine the drift of a picture from a start that is near it.
 
-        Growth and turn stay near that, the nearer the less shows them: where all edges are in one
-        place they would run off.
+        Growth and turn are held near their start, the more so the less the edges show them: if all
+        edges are in one place, they would diverge.
         """
         free = self.design.shape[1] - 2
         units, turns = at_rim(2 * self.middle + 1)[:free], np.array([0.0, 0.0, 1.0, 1.0])[:free]
@@ -175,18 +185,18 @@ def edges_of(
     Parameters
     ----------
     drift
-        Of it from the still frame, (4,); none by default.
+        Drift of the picture from the still frame, (4,); none by default.
     origin
         x and y of its first pixel.
     size
-        Columns and rows of the pictures to lay upon it, if not its own.
+        Columns and rows of the pictures to align with it, if different from its own.
     turns
-        Whether they may turn and grow, too.
+        Whether those pictures may also turn and grow.
     """
-    # the edge of a picture and black bars about it move with no drift
+    # the border of a picture and black bars around it do not move with a drift
     left, top, wide, high = cv2.boundingRect((grey > BLACK).astype(np.uint8))
     inner = np.zeros(grey.shape, np.float32)
-    edge = 3  # pixels that blur and slope reach over
+    edge = 3  # width of the border that blur and slope affect [pixels]
     inner[top + edge : max(0, top + high - edge), left + edge : max(0, left + wide - edge)] = 1.0
     across, down = (cv2.Scharr(grey, cv2.CV_32F, *way, scale=1 / 32) for way in ((1, 0), (0, 1)))
     steepest = np.zeros(grey.shape, bool)

@@ -1,7 +1,7 @@
-"""The still frame: what stands behind all that moves, and how far each picture drifts from it.
+"""The still frame: the scene behind all moving things, and the drift of each picture from it.
 
-A phone held by hand shifts its picture by up to a pixel a frame: the samples are laid upon each
-other before their median is taken, and each picture is shifted back before it is compared.
+A phone held by hand shifts its picture by up to a pixel per frame. So the samples are aligned with
+each other before their median is taken, and each picture is shifted back before it is compared.
 """
 
 from __future__ import annotations
@@ -37,27 +37,45 @@ Image = NDArray[np.uint8]
 class _StillSettings:
     """Settings of the search for the still frame."""
 
-    searched: float = 4e5  # pixels of the picture that is searched: larger ones are made smaller
-    no_drift: float = 0.15  # pixels over a clip: a camera on a stand
-    hand_drift: float = 0.02  # of the longer side a second, each way: 0.005 to 0.03 in real clips
-    swung: float = 0.025  # of the picture's longer side a frame: a camera turned after the ball
-    coded_still: float = 6.0  # DN/px: H.264 keeps flatter edges in place while the camera drifts
-    shown_parts: int = 4  # of 144, that have edges but for one thing's, to show a drift
-    overlap: float = 0.6  # of a sample's edges, that lie in those laid upon them
-    held: float = 0.25  # of that: what few edges show moves faster than a hand with a camera
-    # of what edges lie off in the median part of the picture, that a drift leaves at most: cameras
-    # in hands show .03 to .78, on a stand .85 at least; and that a turn leaves beside a shift:
-    # turning ones .2 to .61, others .84 at least
+    # largest number of pixels of the picture that is searched: larger pictures are shrunk
+    searched: float = 4e5
+    no_drift: float = 0.15  # largest drift over a clip of a camera on a stand [pixels]
+    # drift of a hand-held camera along each axis [longer sides of the picture per second]: 0.005 to
+    # 0.03 in real clips
+    hand_drift: float = 0.02
+    # fastest drift, of a camera turned after the ball [longer sides of the picture per frame]
+    swung: float = 0.025
+    # smallest steepness of an edge that shows a drift [DN/px]: H.264 keeps flatter edges in place
+    # while the camera drifts
+    coded_still: float = 6.0
+    # smallest number of the 144 parts that must have edges to show a drift, those of one moving
+    # thing left out
+    shown_parts: int = 4
+    # smallest share of a sample's edges that lie in another sample aligned with it
+    overlap: float = 0.6
+    # largest drift that few edges may show [share of the fastest one]: they may all belong to one
+    # thing, which moves faster than a camera in a hand
+    held: float = 0.25
+    # largest ratio of the cost with a drift to that without, in the median part of the picture, and
+    # likewise of the cost with a turn to that with a shift alone. Measured for drifts: .03 to .78
+    # in hands, at least .85 on a stand; for turns: .2 to .61 of turning cameras, at least .84 of
+    # others
     better: float = 0.8
-    fewest: int = 8  # samples that show which side of the background a ball is on
-    # quantile, or its complement, at which the background of a slow ball lies: at the median balls
-    # lit from the side before a camera in grey lose flights in 3 clips of 8
+    # smallest number of samples that show whether a ball is lighter or darker than the background
+    fewest: int = 8
+    # quantile, or its complement, at which the background of a slow ball is found. With the median,
+    # balls lit from the side lost flights in 3 of 8 clips of a grey camera
     side: float = 0.25
-    touched: float = 8.0  # noises that a pixel's brightness varies by if the ball was there
-    restless: float = 0.75  # quantile of the samples' differences: what a pixel does without a ball
-    most_restless: int = 16  # DN: more may be a ball that stays
-    rows: int = 64  # at a time: a sorted stack of whole pictures would need the memory of them all
-    grid: int = 16  # every so manieth pixel shows how bright the light is
+    # smallest range of brightness of a pixel that the ball touched [standard deviations of noise]
+    touched: float = 8.0
+    # quantile of the samples' differences that is taken as a pixel's variation without a ball
+    restless: float = 0.75
+    # largest variation of a pixel without a ball [DN]: more may be a ball that stays
+    most_restless: int = 16
+    # number of rows at a time: a stack of whole pictures would need the memory of them all
+    rows: int = 64
+    # spacing of the pixels from which the brightness of the light is measured [pixels]
+    grid: int = 16
 
 
 _STILL = _StillSettings()
@@ -73,19 +91,20 @@ class Still:
     background: Image  # full size
     origin: tuple[int, int]  # x, y of its first pixel in the first picture's pixels
     size: tuple[int, int]  # columns and rows of a picture
-    small: Image  # as it is searched
-    restless: Image  # (row, column) of that: differences that are no ball's
-    shrink: int  # pixels of the full size a pixel of the small one, each way
-    edges: Edges  # of `small`
-    # how the camera drifts at the samples, (sample, 4) as in `find.drift` [full pixels]
+    small: Image  # background in the size that is searched
+    restless: Image  # (row, column) differences in `small` that occur without a ball [DN]
+    shrink: int  # number of full-size pixels per pixel of `small`, along each axis
+    edges: Edges  # edges of `small`
+    # drift of the camera at the samples, (sample, 4) as in `find.drift` [full pixels]
     sampled: Array
-    usual: float  # pixels of `small`, that its edges lie off in the samples
-    # how far it may drift each way unseen [pixels a frame], None: edges too few show that
+    usual: float  # usual cost of the samples at their drifts [pixels of `small`]
+    # largest drift along each axis that the picture may hide [pixels per frame]; None: too few
+    # edges to tell
     stands_to: float | None
 
     @property
     def drifts(self) -> bool:
-        """Whether the camera does."""
+        """Whether the camera drifts."""
         return bool(self.sampled.any())
 
     def unseen_drift(self, step: float) -> float:
@@ -123,11 +142,11 @@ class Still:
         return _shrunk(picture, self.shrink)
 
     def difference(self, small: Image, drift: Array) -> tuple[Image, Array]:
-        """Difference of a small picture from the background, and its brightness over that.
+        """Difference of a small picture from the background, and ratio of their brightness.
 
-        (row, column) [DN], in the channel that differs most, less what the pixel does without a
-        ball; and (channel,), 1.0 within half a percent and where no pixel is bright enough to
-        measure it.
+        The difference, (row, column) [DN], is that of the channel that differs most, minus the
+        pixel's variation without a ball. The ratio, (channel,), is 1.0 if it is within half a
+        percent of that, or if no pixel is bright enough to measure it.
         """
         corner = (self.origin[0] // self.shrink, self.origin[1] // self.shrink)
         drift, every = drift / self._full, _STILL.grid
@@ -151,7 +170,7 @@ class Still:
         corner: tuple[int, int],
         size: tuple[int, int],
     ) -> tuple[Image, Image]:
-        """Region of a full picture in the still frame, and what is behind it.
+        """Region of a full picture in the still frame, and the background behind it.
 
         Corner (x, y) and size (columns, rows) are of the background.
         """
@@ -175,9 +194,9 @@ def still_of(
     samples
         The pictures, grey or in colour.
     depth
-        Bits that their values take.
+        Number of bits of their values.
     apart
-        Frames from one to the next.
+        Number of frames from one sample to the next.
     stands
         Whether the camera is known to stand still.
     """
@@ -218,18 +237,19 @@ def still_of(
         shrink=shrink,
         edges=edges,
         sampled=_usual(full * drifts),
-        # few edges show no leap
+        # with few edges a leap does not show
         usual=np.inf if stands_to is None else cost,
         stands_to=None if stands_to is None else stands_to * shrink / apart,
     )
 
 
 def _lay(greys: Sequence[Image], most: float) -> tuple[Array, float | None]:
-    """Drifts that lay pictures upon the first, (picture, 4), and drift that none may show [pixels].
+    """Drifts that align pictures with the first, (picture, 4), and largest hidden drift [pixels].
 
-    From one to the next at most `most`, and less where few edges show it. Each is laid upon an
-    earlier one, and then upon the median of all; they drift if edges then lie clearly better in
-    most of the picture than where they do not.
+    From one picture to the next the drift is at most `most`, and less if few edges show it. Each
+    picture is aligned with an earlier one, and then with the median of all. The drifts are accepted
+    if the edges then fit clearly better, in most of the picture, than without them. The hidden
+    drift is None if there are too few edges to tell.
     """
     best = np.zeros((len(greys), 4))
     others, unseen = _costs(_edges(greys, best, turns=False), greys, best), None
@@ -250,7 +270,8 @@ def _lay(greys: Sequence[Image], most: float) -> tuple[Array, float | None]:
         few = parts.sum() < _STILL.shown_parts
         fast = np.abs(np.diff(laid[:, :2], axis=0)).max(initial=0.0)
         better = _ratio(costs[parts | few], others[parts | few]) < _STILL.better
-        # few edges show a slow drift alone, and no turn: nearly all may be of one thing
+        # few edges can show only a slow drift and no turn, because nearly all may belong to one
+        # thing
         if better and fast < (_STILL.held * most * (not turns) if few else most):
             best, others, unseen = laid, costs, None if few else 0.0
         elif not turns:
@@ -265,21 +286,21 @@ def _edges(greys: Sequence[Image], drifts: Array, *, turns: bool) -> Edges:
 
 
 def _costs(edges: Edges, greys: Sequence[Image], drifts: Array) -> Array:
-    """Median distance that edges lie off in each part [pixels], inf: in no picture any, (part,)."""
+    """Median cost of each part over pictures [pixels], (part,); inf: no edges in any picture."""
     each = np.sort(list(map(edges.costs, greys, drifts, repeat(_STILL.coded_still))), axis=0)
     seen = np.isfinite(each).sum(axis=0)
     return np.asarray(np.take_along_axis(each, seen[None] // 2, axis=0)[0])
 
 
 def _ratio(some: Array, others: Array) -> float:
-    """Median ratio of what edges lie off in parts where either has some."""
+    """Median ratio of the costs `some` to `others`, over the parts where either is finite."""
     shown = np.isfinite(np.minimum(some, others))
     some, others = (np.minimum(each[shown], FAR_OFF) + 1e-3 for each in (some, others))
     return float(np.median(some / others)) if shown.any() else 1.0
 
 
 def _usual(drifts: Array) -> Array:
-    """Drifts of pictures by those about them: one or two in a row may be laid wrong."""
+    """Median of drifts over five pictures: one or two in a row may be aligned wrongly."""
     return np.asarray(ndimage.median_filter(drifts, (5, 1), mode="nearest"))
 
 
@@ -308,7 +329,8 @@ def warp_back(
 ) -> Image:
     """Drifted picture where it lies before a background, elsewhere the background.
 
-    The corner (x, y) is that of the background in the still frame, which has `every` pixel of it.
+    `corner` (x, y) is the corner of the background in the still frame. The background holds every
+    `every`-th pixel of the still frame along each axis.
     """
     x, y = map(int, corner)
     rows, columns = behind.shape[:2]
@@ -334,9 +356,10 @@ def warp_back(
 def share_of(pictures: Sequence[Image]) -> float:
     """Quantile at which the background is found.
 
-    The median; but before a camera in grey, a laboratory's, a slow ball may cover a pixel for most
-    of the time. Of most pixels that it touches it covers the lesser part: that shows whether it is
-    lighter than what is behind it, and the background lies on the other side.
+    It is the median, except for a grey camera, as used in laboratories: there a slow ball may cover
+    a pixel for most of the time. It covers most of the pixels that it touches for less than half of
+    the time. This shows whether the ball is lighter than the background, which is then found on the
+    other side of the median.
     """
     if pictures[0].ndim == 3 or len(pictures) < _STILL.fewest:
         return 0.5
@@ -351,9 +374,10 @@ def share_of(pictures: Sequence[Image]) -> float:
 def _background_of(
     pictures: Sequence[Image], drifts: Array, origin: Array, size: Array, share: float
 ) -> Image:
-    """Quantile of drifted pictures, of columns and rows that begin at an origin.
+    """Quantile of drifted pictures, over `size` columns and rows that begin at `origin`.
 
-    What a picture does not show is as the one before it has it; black where none does.
+    A pixel that a picture does not show is taken from the picture before it. It is black if no
+    picture shows it.
     """
     columns, rows = map(int, size)
     whole = np.zeros((rows, columns, *pictures[0].shape[2:]), np.uint8)
@@ -389,7 +413,7 @@ def _shrunk(picture: Image, shrink: int) -> Image:
 
 
 def _soft(picture: Image) -> Image:
-    """Grey of a picture, as its edges are laid: noise and a codec's blocks have steeper ones."""
+    """Smoothed grey picture for the alignment: noise and a codec's blocks have steep edges."""
     return np.asarray(cv2.GaussianBlur(grey_of(picture), (5, 5), 1.0), np.uint8)
 
 

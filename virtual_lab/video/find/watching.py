@@ -15,9 +15,11 @@ from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.find.blobs import BLOB, CLEAN, Blobs, blobs
 from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 
-LEAP_SHARE = 0.4  # of the fastest drift: by more no hand moves a camera off the way it went
-# of second differences of neighbouring rows to those of every other row, in so many blobs that
-# stand free: of combs 1.5 to 3, of whole frames 0.4 to 1
+# largest change of the drift per frame [share of the fastest drift]: no hand changes a camera's
+# motion by more
+LEAP_SHARE = 0.4
+# ratio of the second differences of neighbouring rows to those of every other row, and smallest
+# number of free blobs in which it is measured: combs show 1.5 to 3, whole frames 0.4 to 1
 COMB_RATIO, COMB_BLOBS = 1.25, 3
 
 
@@ -27,10 +29,11 @@ class Watched:
 
     still: Still
     found: Blobs  # (blob,) of `find.blobs.BLOB`, frame by frame
-    change: Array  # (frame,) greatest from the frame before [DN]; NaN: not looked at
-    # frames before which the background leaps off the way it went, and by how far [pixels]
+    change: Array  # (frame,) greatest change from the frame before [DN]; NaN: not examined
+    # size of each leap of the background [pixels], by the number of the frame after the leap
     leaps: Mapping[int, float] = field(default_factory=dict)
-    # JPEG of 30 kB each, as searched, of 4000 frames at most
+    # JPEG of each frame in the size searched, about 30 kB; none if the clip has more than 4000
+    # frames
     thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
     interlaced: bool = False  # each frame holds two fields, taken at different moments
 
@@ -43,18 +46,18 @@ def watch(
     stands: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Watched:
-    """Find what moves in a clip, in some frames and in a region of the still frame.
+    """Find the moving blobs of a clip, in some frames and in a region of the still frame.
 
     Parameters
     ----------
     frames
-        First and last.
+        First and last frame; all by default.
     region
-        x, y, width, height [pixels].
+        x, y, width, height [pixels]; the whole still frame by default.
     stands
         Whether the camera is known to stand still.
     progress
-        Called now and then.
+        Function that receives messages about the progress.
     """
     depth = max(8, int(clip.full_scale).bit_length())
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
@@ -86,9 +89,9 @@ def watch(
             since += 1
         latest = small, drift
         if number < first:
-            continue  # its drift alone: that of the next one is near
+            continue  # only its drift is needed, as a start for the next frame's
         if before is not None:
-            # what changes over fewer pixels is noise
+            # the mean over 5 x 5 pixels is used because changes of fewer pixels are noise
             changed = cv2.blur(cv2.absdiff(small, before), (5, 5))
             change[number] = float(np.max(changed))
         before = small
@@ -107,10 +110,10 @@ def watch(
 
 
 def _has_combs(clip: Clip, found: Blobs) -> bool:
-    """Whether rows of what moves belong in turn to two moments.
+    """Whether alternate rows of moving blobs show two different moments (interlaced fields).
 
-    Then a row differs more from its neighbours than from the rows next to them; of a whole frame
-    it differs less, or as much where there is noise alone.
+    A row then differs more from its neighbours than from the rows next to those. In a whole frame
+    it differs less, or equally if there is only noise.
     """
     combed = []
     free = found[(found["dirty"] < CLEAN) & ~found["cut"]]
@@ -164,7 +167,8 @@ def lulls(change: Array) -> Mask:
 
     Both sides must show more change: a key frame or the end of a motion is on one side only.
     """
-    beside, least, share = 2, 8.0, 0.3  # frames each side; DN there; of that, a repeat's at most
+    # number of frames on each side, smallest change there [DN], largest share of it in a repeat
+    beside, least, share = 2, 8.0, 0.3
     known = np.nan_to_num(change)
     same = np.zeros(len(known), bool)
     for k in range(1, len(known)):

@@ -24,10 +24,14 @@ from virtual_lab.video.follow.sharpening import SharpBall
 class ContactSettings:
     """Thresholds for a contact, for its kind, and for stating its restitution."""
 
-    off_normal: float = 35 * DEGREE  # that a change of velocity may be, to be along it
-    slant_u: float = 0.2 * DEGREE  # of a floor or a wall off g: 4 mm in a metre are allowed
-    turned_back: float = 0.2  # of the speed into it, along a floor or wall: it was struck twice
-    coverage: float = 2.0  # u: what lies beyond is no chance
+    # largest angle between a change of velocity and the normal [rad]
+    off_normal: float = 35 * DEGREE
+    # u of the slope of a floor or a wall to g [rad]: 4 mm in a metre are allowed
+    slant_u: float = 0.2 * DEGREE
+    # smallest speed along a floor or wall, before and after, that shows a reversal [share of the
+    # speed into it]: the ball struck two things
+    turned_back: float = 0.2
+    coverage: float = 2.0  # coverage factor: a larger difference [u] is not by chance
 
 
 CONTACTS = ContactSettings()
@@ -35,17 +39,17 @@ CONTACTS = ContactSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contact:
-    """Between two flights."""
+    """A contact between two flights."""
 
     before: int  # number of the flight
     after: int
     t: float  # [steps]
-    frame: float  # between stored frames
+    frame: float  # frame number, with a fraction between stored frames
     time: Estimate  # [s]
     kind: str  # floor | wall | struck
     restitution: Estimate | None
     place: Array  # (2,) still frame [pixels]
-    metres: Array  # the same [m]
+    metres: Array  # (2,) `place` in metres
     metres_u: float
 
 
@@ -69,7 +73,8 @@ def contacts_of(
         one, other = ways[k], ways[k + 1]
         late = fit.readout * float(np.median(scene.late(one.blobs[-2:])))
         time = estimate_of(lambda f: _closest(f, k, t)[0], fit, others, unit=step)  # noqa: B023
-        # it lies between the last place of the flight in and the first of the flight out
+        # the contact must be between the last place of the flight in and the first of the flight
+        # out
         room = CONTACTS.coverage * time.u / step + (scene.exposure or 1.0) / 2
         if not one.t[-1] + late - room <= t <= other.t[0] + late + room:
             notes.append(_outside(ways, k, t, step))
@@ -137,7 +142,7 @@ def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
 def _normal(
     scene: FlightScene, fit: Fit, change: Array, ways: list[Piece]
 ) -> tuple[Array | None, str]:
-    """Find the normal (2,) of what was struck, None where speeds are all there is, and its kind."""
+    """Find the normal (2,) and kind of what was struck; None: only speeds can be compared."""
     along, size = change / np.hypot(*change), float(np.hypot(*fit.pull[0]))
     if size == 0 or not (bends(ways, fit) or scene.pull is not None):
         return None, "struck"
@@ -146,7 +151,7 @@ def _normal(
     for normal, kind in ((up, "floor"), (side, "wall"), (-side, "wall")):
         if along @ normal > np.cos(CONTACTS.off_normal):
             return normal, kind
-    # of a hit the speeds are asked for, whichever way it goes
+    # if g is known, only the ratio of speeds is computed for a hit in any other direction
     return None, "other" if scene.pull is None else "struck"
 
 
@@ -182,14 +187,14 @@ def _restitution(
         return float(-after / before)
 
     ratio = estimate_of(partial(ratio_of, 1), fit)
-    # a floor lies across g, a wall along it, as each fit has that
+    # a floor is perpendicular to g and a wall is parallel to it, with the g of each fit
     down = [complex(*each.pull.mean(axis=0)) for each in (fit, *(other for other, _ in others))]
     beside = [
         share * (ratio.value - ratio_of(pull / (down[0] or 1), other))
         for pull, (other, share) in zip(down[1:], others, strict=True)
     ]
     ratio = replace(ratio, u=float(np.linalg.norm([ratio.u, *beside])))
-    if normal is not None:  # a floor is level, a wall upright, but for so much
+    if normal is not None:  # a floor is level and a wall is upright within `slant_u`
         _, before, after = _closest(fit, first, t)
         side = np.array([-normal[1], normal[0]])
         along = np.array([before @ side, after @ side]) / abs(before @ normal)

@@ -24,12 +24,15 @@ from virtual_lab.video.follow.scene import FlightScene
 class DoubtSettings:
     """Limits beyond which a difference is flagged."""
 
-    moved: float = 0.1  # radii a frame: a ball that moves less may well look the same
-    drift_matters: float = 0.002  # of a flight's speed
-    # u of g, or of one ruler off another, and a share of it
+    # motion per frame [ball radii]: a ball that moves less may look the same in two frames
+    moved: float = 0.1
+    drift_matters: float = 0.002  # largest hidden drift of the camera [share of a flight's speed]
+    # difference from g, or between two rulers, that is allowed: in standard uncertainties, and as a
+    # share; the larger one counts
     apart: tuple[float, float] = (3.0, 0.04)
     explained: float = 0.9  # share of a moving ball's frames that flights span, at least
-    absurd: float = 3.0  # times g: no ball's size is so far off, the frame rate is
+    # acceleration beyond which the frame rate must be wrong [g]: no ball's size is so far off
+    absurd: float = 3.0
 
 
 FALLS = DoubtSettings()
@@ -78,7 +81,7 @@ class Falls:
             raise InputError(where, "frames per second", f"{self.known.rate:.6g}", allowed)
 
     def against(self) -> list[Note]:
-        """Say what speaks against length and frame rate."""
+        """Return notes against length and frame rate, if the flights do not fall with g."""
         g, (coverage, share) = self.known.gravity, FALLS.apart
         if abs(self.shared.value - g) <= max(coverage * self.shared.u, share * g):
             return []
@@ -91,7 +94,7 @@ class Falls:
 
 
 def against_size(rulers: Sequence[Ruler]) -> list[Note]:
-    """Say what speaks against a ball's size where another length is given."""
+    """Return notes against a ball's size, if another length is given that contradicts it."""
     by = {each.source: each for each in rulers}
     if not {GIVEN, BALL} <= set(by):
         return []
@@ -110,7 +113,7 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
 def against_flights(
     scene: FlightScene, watched: Watched, found: Sequence[Piece], ways: Sequence[Piece]
 ) -> list[Note]:
-    """Tell of a second ball, a background that leaps while one flies, and frames left out."""
+    """Return notes on a second ball, leaps of the background, and frames left out."""
     if not ways:
         return []
     notes = []
@@ -166,7 +169,7 @@ def without_flight(found: Sequence[Piece]) -> str:
 
 
 def of_camera(model: FittedFlights, drift: float) -> list[Note]:
-    """Tell what the flights show of the camera; `drift`: that nothing shows [px/frame]."""
+    """Return notes on the camera from the flights; `drift`: drift that may be hidden [px/frame]."""
     notes, fit = [], model.fit
     if model.tilted:
         words = (
@@ -191,7 +194,7 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
 
 
 def of_readout(contacts: Sequence[Contact], rolled: Sequence[Contact]) -> Note:
-    """Note of a readout nobody speaks of, by contacts found with half a frame's."""
+    """Note of an unknown readout, by comparison with contacts for a readout of half a frame."""
     by = {each.before: each.restitution for each in rolled}
     pairs = [(each.restitution, by.get(each.before)) for each in contacts]
     most = max((abs(one.value - other.value) for one, other in pairs if one and other), default=0.0)

@@ -20,24 +20,33 @@ from virtual_lab.video.follow.scene import FlightScene
 class FlightSearch:
     """When pieces are flights, and of one ball."""
 
-    least_places: int = 6  # of a flight
-    contact_frames: float = 6.0  # between two flights that a contact joins
-    # one gravity
-    pull_share: float = 0.25  # that flights may differ by before drag and tilt are known
-    upright: float = 0.5  # radians that g may be off the picture's downward direction
-    sag: float = 1.0  # radii that gravity must bend a way by, for its direction to be asked for
-    shown_sag: float = 0.3  # the same, for gravity to be missed where there is none
-    # a flight's own scatter, rms: radii, pixels of a small ball, and a share of its sag
+    least_places: int = 6  # smallest number of places of a flight
+    contact_frames: float = 6.0  # largest number of frames between two flights that a contact joins
+    # tolerances of one common gravity:
+    # tolerance of the acceleration of two flights, before drag and tilt are fitted [share of it]
+    pull_share: float = 0.25
+    upright: float = 0.5  # largest angle of g to the picture's downward direction [rad]
+    # smallest sag of a flight for which the direction of g is checked [ball radii]
+    sag: float = 1.0
+    # smallest expected sag for which the absence of gravity is noticed [ball radii]
+    shown_sag: float = 0.3
+    # largest rms scatter of a flight: in ball radii, in pixels for a small ball, and as a share of
+    # its sag; the largest of the three counts
     smooth: tuple[float, float, float] = (0.12, 0.7, 0.015)
-    # places on a flight's way
-    room: float = 0.2  # radii off it
-    end_room: float = 0.07  # the same of the first and the last, where there is no contact
-    end_length: float = 1.25  # usual ones that these are long, but for what they move in a frame
-    meeting_radii: float = 0.5  # that two flights may miss each other by at a contact
-    # a readout that is not known [frames]; the misfit must shrink by a factor with another than 0
+    # tolerances of places on a flight:
+    room: float = 0.2  # largest distance of a place from its flight [ball radii]
+    # largest distance of the first and last place from their flight where there is no contact [ball
+    # radii]
+    end_room: float = 0.07
+    # largest length of the first and last blob, less the motion in a frame [median lengths]
+    end_length: float = 1.25
+    meeting_radii: float = 0.5  # largest misfit of two flights at a contact [ball radii]
+    # readouts that are tried if none is known [frames], and factor by which one of them must reduce
+    # the misfit of a readout of 0
     readouts: tuple[float, ...] = (0.25, 0.5, 0.75, 1.0)
     readout_gain: float = 4.0
-    second_contrast: float = 0.5  # of the ball's: what has less is its shadow or mirror image
+    # smallest contrast of a second ball [share of the ball's]: a shadow or mirror image has less
+    second_contrast: float = 0.5
 
 
 FLIGHTS = FlightSearch()
@@ -75,7 +84,7 @@ class _Bend:
     """A piece as a parabola of its own."""
 
     piece: Piece
-    t: Array  # (place,) from its middle, as its rows were read
+    t: Array  # (place,) time from the piece's middle, with the readout of its rows [frames]
     pull: Array  # (2,) acceleration [pixels/frame²]
     u: float
     rms: float
@@ -148,7 +157,7 @@ class _Bend:
         alike = float(np.abs(other.colour - self.colour).max()) < GROWTH.colour
         ratio = max(other.piece.radius, self.piece.radius)
         ratio /= min(other.piece.radius, self.piece.radius)
-        # a ball in two colours turns: it then has its size
+        # a ball in two colours may turn and change its colour, but then its size must agree better
         if ratio > (GROWTH.size_ratio if alike else np.sqrt(GROWTH.size_ratio)):
             return False, False
         room = max(FLIGHTS.pull_share * self.size, self.slowed, other.slowed)
@@ -161,7 +170,7 @@ class _Bend:
 
 def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
     """Pieces, one at a time, that share the acceleration with most places behind it."""
-    # a shadow on the ground goes as its ball does, but across
+    # a shadow on the ground moves like its ball, but only across the picture
     bends = [each for each in (_Bend.of(scene, piece) for piece in pieces) if each.may_fall]
     best: tuple[float, list[Piece]] = (0.0, [])
     for one in bends:
@@ -172,8 +181,8 @@ def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
         shared = [(each.piece, *one.shares(each)) for each in others]
         like = [piece for piece, _, sure in shared if sure]
         loose = [piece for piece, may, sure in shared if may and not sure]
-        # of a few places any acceleration may be gravity's, and a ball in two colours turns: they
-        # must lie beside a flight
+        # a short piece may match gravity by chance, and a ball in two colours turns: such pieces
+        # must adjoin a flight
         while near := [o for o in loose if any(_adjoins(o, e) for e in like)]:
             like += near
             loose = [o for o in loose if not any(o is each for each in near)]
@@ -247,8 +256,8 @@ def _nearest(
 ) -> tuple[float, float, float]:
     """Time at which two flights are nearest, how far apart, and the change of velocity.
 
-    Asked for from a step before the first one ends to a step after the second one, moved to a later
-    time, begins.
+    The time is searched from one step before the first flight ends to one step after the second
+    flight begins, which is delayed by `move`.
     """
     t = np.linspace(start - 1, end + move + 1, 401)
     change = fit.at(first + 1, t - move) - fit.at(first, t)
@@ -307,7 +316,7 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
         near = np.flatnonzero(off < min(room, piece.radius / 2))
         near = near[np.lexsort((off[near], frames[near]))]
         near = near[np.unique(frames[near], return_index=True)[1]]
-        # it may leave the picture on its way, not before or after
+        # the ball may leave the picture during the flight, so only gaps before and after it count
         there = frames[near]
         apart = np.diff(number[there]) > GROWTH.gap_frames + 1
         apart &= (there[1:] <= first) | (there[:-1] >= last)
@@ -328,7 +337,7 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
     """Flights of a second ball among pieces, at the time of the first one's and beside them."""
     blobs = np.concatenate([each.blobs for each in flights])
-    # a shadow on a wall goes as its ball does
+    # a shadow on a wall moves like its ball
     least = FLIGHTS.second_contrast * np.median(scene.found["contrast"][blobs])
     rest = [
         each
@@ -374,7 +383,8 @@ def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
     for k, t in meetings(flights, fit_flights(scene, flights)):
         kept[k] = kept[k].part(kept[k].t < t - half)
         kept[k + 1] = kept[k + 1].part(kept[k + 1].t > t + half)
-    for k, (one, other) in enumerate(pairwise(kept)):  # ways that do not meet may both reach on
+    # flights that do not meet may overlap in time
+    for k, (one, other) in enumerate(pairwise(kept)):
         if len(one.t):
             kept[k + 1] = other.part(other.frames > one.frames[-1])
     return kept

@@ -40,11 +40,15 @@ class Flight:
     first_frame: int
     last_frame: int
     places: int
-    speed_in: Estimate  # where it begins: at the contact before, else at its first place
+    # speed at the start: at the contact before the flight, else at its first place
+    speed_in: Estimate
     speed_out: Estimate
-    angle_in: Estimate  # of the velocity, from the picture's right, anticlockwise as seen [rad]
+    # angle of the velocity from the picture's right, anticlockwise as seen [rad]
+    angle_in: Estimate
     angle_out: Estimate
-    acceleration: Estimate | None  # its own, without drag; None: by gravity alone, or it is known
+    # acceleration of this flight alone, without drag; None: only gravity sets the scale, or g is
+    # known
+    acceleration: Estimate | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,16 +60,17 @@ class FollowedClip:
     known: ClipKnowledge
     scene: FlightScene
     pieces: list[Piece]
-    ways: list[Piece]  # of the flights
-    seconds: float  # of one step of `t`
+    ways: list[Piece]  # pieces of the flights
+    seconds: float  # duration of one step of `t` [s]
     fit: Fit | None
     flights: list[Flight]
     contacts: list[Contact]
-    scale: PixelScale | None  # by the ruler
-    checks: tuple[PixelScale, ...]  # by what else shows one
-    gravity: Estimate | None  # that the flights share, by another ruler than gravity [m/s²]
+    scale: PixelScale | None  # scale by the ruler in use
+    checks: tuple[PixelScale, ...]  # scales by the other rulers
+    # acceleration that the flights share, by a ruler other than gravity [m/s²]
+    gravity: Estimate | None
     drag_per_m: float | None
-    sharp: SharpBall | None  # of a calibrated camera
+    sharp: SharpBall | None  # sharp places of the ball, if the camera is calibrated
     notes: tuple[Note, ...]
 
     @property

@@ -33,16 +33,19 @@ Ints = NDArray[np.intp]
 class FlightFit:
     """Assumptions of the joint fit of flights, and its criteria for the end."""
 
-    drag: float = 0.003  # k r before the clip says anything
+    drag: float = 0.003  # expected k r before the clip is evaluated
     drag_u: float = 0.008
     focal: float = 0.8  # focal length of a phone [longer sides of the picture]
-    runge_kutta_steps: int = 2  # from a flight's middle to a place: 1e-6 of the way
+    # number of steps from a flight's middle to a place; the error is 1e-6 of the distance
+    runge_kutta_steps: int = 2
     rounds: int = 12
-    settled_u: float = 0.02  # standard uncertainties that a parameter still moves by at the end
-    outlier_radii: float = 0.05  # that a place may be off and count whole, if FAR_U is less
+    settled_u: float = 0.02  # largest step of a parameter at the end [standard uncertainties]
+    # distance up to which a place counts in full [ball radii], unless FAR_U allows a larger one
+    outlier_radii: float = 0.05
     least_spread: float = 0.02  # pixels
-    correlation: float = 0.8  # of neighbouring residuals, at most
-    lags: tuple[float, float] = (0.02, 30.0)  # of a pattern, in times that the flight is seen
+    correlation: float = 0.8  # largest correlation of neighbouring residuals
+    # range of the correlation time of a pattern [durations of the flight]
+    lags: tuple[float, float] = (0.02, 30.0)
     pattern_odds: float = 10.0  # residuals that show so much less than it should are still its own
 
 
@@ -51,15 +54,15 @@ FLIGHT_FIT = FlightFit()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """The result; a flight's four numbers are place and velocity at its own middle."""
+    """The result of a fit; `states` are place and velocity of each flight at its middle."""
 
     pull: Array  # (flight, 2) acceleration without drag [px/frame²], alike where shared
     drag: float  # [1/px]
-    tilt: Array  # (2,) of the perspective [1/px]
+    tilt: Array  # (2,) tilt of the perspective: relative change of the scale [1/px]
     states: Array  # (flight, 4)
     middles: Array  # (flight,) [frames]
     centre: Array  # (2,)
-    covariance: Array  # of `vector`
+    covariance: Array  # covariance of `vector`
     vector: Array
     residuals: list[Array]  # (place, 2) of each flight
     spread: float  # robust standard deviation of a coordinate's residual
@@ -99,8 +102,8 @@ def estimate_of(
     """Estimate a quantity of a fit, in units with a relative u.
 
     The fit is moved by one standard uncertainty either way along each axis of its covariance, and
-    the greater change counts: drag cannot fall below 0. Of the difference to each other fit its
-    share is u.
+    the greater change counts: drag cannot fall below 0. The difference to each other fit, times the
+    share stated with that fit, is another part of u.
     """
     value = quantity(fit)
     powers, axes = np.linalg.eigh(fit.covariance)
@@ -127,7 +130,7 @@ def fit_flights(
     Parameters
     ----------
     readout
-        From the first row to the last [frames]; None: the scene's, 0 where that is unknown.
+        Readout from the first row to the last [frames]; None: the scene's, 0 if that is unknown.
     drag, shared
         Whether there is drag, and one g for all.
     tilted
@@ -163,7 +166,8 @@ def fit_flights(
     if model.sharp:  # a pattern would pass for drag, and the plane is known
         u[k : k + 3] = 0.0
     alike = 1.0
-    for _ in range(1 if model.sharp else 2):  # errors that are alike in neighbours count for less
+    # correlated errors of neighbouring places make each place count for less
+    for _ in range(1 if model.sharp else 2):
         vector, inverse, room = _solve(model, before, u, k, alike)
         left = model.xy - model.places(vector)
         alike = _alike(left, of)
@@ -203,16 +207,16 @@ def fit_flights(
 def _solve(
     model: _FlightModel, before: Array, u: Array, k: int, alike: float
 ) -> tuple[Array, Array, float]:
-    """Solve by Gauss and Newton: parameters, covariance by a scatter of 1, and room of a place.
+    """Solve by Gauss and Newton: parameters, covariance for a scatter of 1, limit of outliers.
 
     Parameters
     ----------
     before, u
-        What is known of parameters, inf: nothing, 0: they stay.
+        Prior values of the parameters and their u; inf: unknown, 0: fixed.
     k
-        The drag's place among them.
+        Index of the drag among the parameters.
     alike
-        Places whose errors count for one.
+        Number of places whose errors count as one.
     """
     free, vector, dragless = np.flatnonzero(u > 0), before.copy(), False
     for n in range(model.of[-1] + 1):
@@ -272,7 +276,7 @@ def _pattern(flight: Piece, residuals: Array, late: Array) -> Array:
     excess = float(np.mean(residuals**2)) * len(t) / max(spare, 1) - float(np.mean(u**2))
     if spare < 1 or excess <= pattern_u**2:
         return np.asarray(pattern_u**2 * worst)
-    # what residuals show beyond noise and pattern is something unknown, known by few residuals
+    # scatter beyond noise and pattern has an unknown cause, and few residuals show its size
     from scipy.special import stdtrit
 
     wide = (float(stdtrit(2 * spare, 0.975)) / 1.959964) ** 2
@@ -298,7 +302,7 @@ class _FlightModel:
     of: Ints  # (place,) number of its flight
     xy: Array  # (place, 2)
     own: Array  # (place,) u, 1 where it is not known
-    sharp: bool  # it is
+    sharp: bool  # True if u is known
     centre: Array
     radius: float
 

@@ -12,8 +12,9 @@ from virtual_lab.video.clips.calibration_file import EXACT, ClipCalibration
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import usual_step
 
-GIVEN, BALL, GRAVITY, FILE = "given", "ball", "gravity", "file"  # what sets a scale or a rate
-LEVEL_U = 2.5 * DEGREE  # u of a camera off level, and off square to the flight: 5 degrees are two
+GIVEN, BALL, GRAVITY, FILE = "given", "ball", "gravity", "file"  # sources of a scale or a rate
+# u of the camera's angle off level, and off square to the flight [rad]: 5 degrees are two u
+LEVEL_U = 2.5 * DEGREE
 Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and a sentence
 
 
@@ -30,18 +31,20 @@ class ClipKnowledge:
     metres_per_pixel_u: float = EXACT
     exposure: float | None = None  # [s]
     gravity: float = STANDARD_GRAVITY
-    gravity_u: float = 0.025 / 3**0.5  # over the Earth: 9.78 to 9.83
+    gravity_u: float = 0.025 / 3**0.5  # u of g over the Earth: 9.78 to 9.83 m/s²
     drag: tuple[float, float] | None = None  # deceleration over speed², with its u [1/m]
     pull: tuple[float, float] | None = None  # g along the picture's x and y [m/s²]
-    level_u: float = LEVEL_U  # of the camera, off level and off square to the flight [rad]
+    # u of the camera's angle off level, and off square to the flight [rad]
+    level_u: float = LEVEL_U
     ruler: str | None = None  # GRAVITY | BALL, None: the one of smaller u; a length given is first
-    stands: bool = False  # the camera is known to
+    stands: bool = False  # True if the camera is known to stand still
     readout: float | None = None  # [s]; None: unknown, up to a frame
     readout_axis: tuple[int, int] = (1, 1)
     frames: tuple[int, int] | None = None
     region: tuple[float, float, float, float] | None = None
     ball_at: tuple[float, float, int] | None = None  # x, y, frame
-    calibration: ClipCalibration | None = None  # of a camera by which the ball is located sharply
+    # calibration of a camera by which the ball is located sharply
+    calibration: ClipCalibration | None = None
 
 
 def known_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:

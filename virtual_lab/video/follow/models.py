@@ -14,11 +14,11 @@ from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, fit_flights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 
-EVEN_SHARE = 1 / np.sqrt(3)  # of a difference is u, where anything up to it is as likely
-STEEPEST = (
-    10 * DEGREE
-)  # angle off level, or off square to the flight, beyond which a clip is flagged
-DRAG_SHARE = 0.35  # of the difference between fits with and without drag
+# share of a difference that is u, if all values up to it are equally likely
+EVEN_SHARE = 1 / np.sqrt(3)
+# angle off level, or off square to the flight, beyond which a clip is flagged [rad]
+STEEPEST = 10 * DEGREE
+DRAG_SHARE = 0.35  # share of the difference between fits with and without drag that is u
 
 Others = Sequence[tuple[Fit, float]]  # fits, with the share of the difference to each that is u
 
@@ -27,22 +27,22 @@ Others = Sequence[tuple[Fit, float]]  # fits, with the share of the difference t
 class FittedFlights:
     """A fit of flights, and fits by other models.
 
-    A readout that nobody knows is tried at its longest for speeds.
+    If the readout is unknown, the longest one is tried for the speeds.
     """
 
     fit: Fit
     rest: Others
     tilted: bool = False  # the camera looks up or down by more than a level one does
-    # the same by a level camera, for restitutions; None: the camera is tilted, or calibrated
+    # the same fits for a level camera, for restitutions; None: the camera is tilted, or calibrated
     level: FittedFlights | None = None
-    dragless: Others = ()  # with one g
-    parabolas: Others = ()  # each flight with its own
-    longest: Others = ()  # readout
+    dragless: Others = ()  # fits without drag, with one g for all flights
+    parabolas: Others = ()  # fits without drag, with one g per flight
+    longest: Others = ()  # fits with the longest readout
 
     @classmethod
     def of(cls, scene: FlightScene, ways: Sequence[Piece], drift: float = 0.0) -> FittedFlights:
         """Fit flights; `drift`: of the camera, each way, that the picture hides [px/frame]."""
-        if ways[0].u is not None:  # of a calibrated camera, that stands
+        if ways[0].u is not None:  # flights of a calibrated camera that stands still
             fit = fit_flights(scene, ways)
             drag, u = scene.drag or (0.0, 0.0)
             more = fit_flights(replace(scene, drag=(drag + u, 0.0)), ways)

@@ -20,23 +20,25 @@ from virtual_lab.units import Array
 from virtual_lab.video.find.blobs import CLEAN, Blobs
 
 Ints = NDArray[np.intp]
-FAR_U = 4.0  # standard uncertainties: what lies farther off is no chance
+FAR_U = 4.0  # largest deviation by chance [standard uncertainties]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PieceGrowth:
     """Thresholds for the blobs that make a piece."""
 
-    gap_frames: int = 4  # in a row that need not show the ball
-    lost_frames: int = 3  # that may have been left out at one place
+    gap_frames: int = 4  # largest number of frames in a row that need not show the ball
+    lost_frames: int = 3  # largest number of frames left out of the file at one place
     least_places: int = 5
-    recent_places: int = 6  # that show where the next one is
-    # radii and steps that a place may be off where the ones before it lead: where g is not known
-    # three times that of the third, which is off a line, and twice that of the fourth
+    recent_places: int = 6  # number of places that predict the next one
+    # largest distance of a place from its prediction, as a sum of ball radii and steps. If g is not
+    # known, it is three times as large for the third place, which is predicted by a line, and twice
+    # as large for the fourth
     room: tuple[float, float] = (0.25, 0.12)
-    size_ratio: float = 1.6  # of the radii of one ball's blobs
-    colour: float = 70.0  # DN between its blobs
-    better: float = 0.5  # of its misfit, that is left where a piece is cut at a contact
+    size_ratio: float = 1.6  # largest ratio of the radii of one ball's blobs
+    colour: float = 70.0  # largest difference in colour between one ball's blobs [DN]
+    # largest ratio of the rms misfit of a piece that is cut at a contact to that of the whole piece
+    better: float = 0.5
 
 
 GROWTH = PieceGrowth()
@@ -51,8 +53,10 @@ class Piece:
     t: Array  # (place,) time in steps of a frame, lost ones counted
     xy: Array  # (place, 2) [pixels]
     radius: float
-    u: Array | None = None  # (place,) of x and y each, from noise [pixels]; None: by their scatter
-    pattern_u: float = 0.0  # the same from the ball's own pattern, alike in neighbouring frames
+    # (place,) u of x and of y, from noise [pixels]; None: it follows from their scatter
+    u: Array | None = None
+    # u of x and of y from the ball's own pattern, correlated in neighbouring frames [pixels]
+    pattern_u: float = 0.0
 
     @classmethod
     def of(cls, found: Blobs, blobs: Ints, t: Array) -> Piece:

@@ -48,16 +48,20 @@ SAID = {
 class RulerSettings:
     """Uncertainties of a ruler beside its pictures', and thresholds beyond which it is none."""
 
-    roundest: float = 0.34  # of the places: those with the least blur show the ball's size
-    # of the edge's width, and of what the axes differ by, as in a ball lit from the side: made-up
-    # clips in even, soft and hard light read 1 to 4, 5 to 7 and 30 to 40 % too small
+    # share of the places, those with the least blur, that show the ball's size
+    roundest: float = 0.34
+    # relative u of the size per relative width of the edge, and per relative difference of the
+    # axes, as in a ball lit from the side: synthetic clips in even, soft and hard light read 1 to
+    # 4, 5 to 7 and 30 to 40 % too small
     edge_u: float = 0.14
     oval_u: float = 0.6
-    # pixels of radius, its ratio to the sixth power: half of the contrast that blur leaves of a
-    # small ball lies outside it; in H.264 such of 5 read 10 to 28 % too large, of 8.5 not
+    # radius of a small ball [pixels]. The sixth power of its ratio to a ball's radius is the
+    # relative u. The outline at half of the contrast that blur leaves of a small ball is outside
+    # the ball: in H.264 balls of 5 pixels read 10 to 28 % too large, balls of 8.5 pixels do not
     small: float = 4.6
-    drag_coefficient: float = 0.45  # of a ball
-    vague: float = 0.25  # of a length, or of a restitution: more says nothing
+    drag_coefficient: float = 0.45  # drag coefficient of a ball
+    # largest relative u of a length, and largest u of a restitution, that is stated
+    vague: float = 0.25
 
 
 RULER = RulerSettings()
@@ -67,7 +71,7 @@ RULER = RulerSettings()
 class Ruler(PixelScale):
     """A scale by which speeds of a fit become metres a second."""
 
-    fall: float | None = None  # g [m/frame²], of gravity's
+    fall: float | None = None  # g of a ruler by gravity [m/frame²]; None: another ruler
     rest_u: float  # relative u beside what the fit's own parameters leave open
 
     @classmethod
@@ -88,7 +92,7 @@ class Ruler(PixelScale):
 
 
 def off_u(one: PixelScale, other: PixelScale) -> float:
-    """Logarithm of the ratio of another scale to one, in the u of both."""
+    """Logarithm of the ratio of scale `other` to `one`, in units of their combined u."""
     apart = float(np.log(other.metres_per_pixel / one.metres_per_pixel))
     return apart / float(np.hypot(one.relative_u, other.relative_u))
 
@@ -101,18 +105,18 @@ def rulers_of(
     step: float,
     where: str,
 ) -> list[Ruler]:
-    """Rulers that there are, first the one to be used.
+    """Rulers that are available; the first one is to be used.
 
     Parameters
     ----------
     blobs
-        The ball's, `find.blobs.BLOB`.
+        Blobs of the ball, `find.blobs.BLOB`.
     model
-        Its flights fitted, None: it does not fly.
+        Fit of the ball's flights; None: it does not fly.
     step
-        Seconds of a frame.
+        Duration of a frame [s].
     where
-        The clip, for an `InputError`: gravity was asked for, and shows nowhere.
+        Name of the clip for an `InputError`, raised if gravity was requested but shows nowhere.
     """
     found = []
     if known.ball and len(blobs):

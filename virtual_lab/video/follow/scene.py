@@ -16,16 +16,17 @@ from virtual_lab.video.follow.pieces import Piece
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightScene:
-    """Blobs, times and what a person knows of camera and scale."""
+    """Blobs, times, and knowledge of camera and scale."""
 
     found: Blobs
-    time: Array  # of each frame [frames], NaN: a repeat
-    stamped: Array  # the same by the time stamps, repeats counted
+    time: Array  # time of each frame [frames]; NaN: a repeat
+    stamped: Array  # time of each frame by the time stamps, repeats counted [frames]
     size: tuple[int, int]  # columns, rows
     exposure: float | None  # [frames]
     fall: float | None = None  # g [lengths/frame²]
     drag: tuple[float, float] | None = None  # drag where it is known, with its u [1/length]
-    in_radii: bool = True  # the length of these two is the ball's radius, else a pixel
+    # True if the length unit of `fall` and `drag` is the ball's radius, else it is the pixel
+    in_radii: bool = True
     readout: float | None = 0.0  # [frames]; None: unknown, up to one
     pull: Array | None = None  # (2,) g where it is known [px/frame²]
     level_u: float = LEVEL_U

@@ -22,8 +22,10 @@ from virtual_lab.video.follow.scene import FlightScene
 class TimeSettings:
     """Settings for readings of a clip's time."""
 
-    least_repeats: int = 2  # among the frames of flights, to ask whether they stand for time
-    every_other: float = 0.4  # of the frames that are repeats: every frame was stored twice
+    # smallest number of repeats for which both readings of the time are tried
+    least_repeats: int = 2
+    # share of repeats among the frames above which every frame was stored twice
+    every_other: float = 0.4
 
 
 TIME = TimeSettings()
@@ -35,7 +37,7 @@ class FlightsFound:
 
     scene: FlightScene
     pieces: list[Piece] = field(default_factory=list)
-    ways: list[Piece] = field(default_factory=list)  # of the flights
+    ways: list[Piece] = field(default_factory=list)  # pieces of the flights
 
 
 def search(clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask) -> FlightsFound:
@@ -62,7 +64,7 @@ def clip_scene(
     drag, pull = known.drag, None
     if known.pull and known.metres_per_pixel and known.ruler != GRAVITY:
         pull = np.array(known.pull) / known.metres_per_pixel / known.rate**2
-    # pictures that a step of time takes, about
+    # approximate number of pictures per step of time
     step = 1 / (1 - same.mean()) if squeezed else 1.0
     return FlightScene(
         found=watched.found,
@@ -70,7 +72,8 @@ def clip_scene(
         stamped=stamped,
         size=(clip.shape[1], clip.shape[0]),
         exposure=known.exposure and known.exposure * known.rate,
-        # of a clip stored twice nobody knows whether it is played at the rate it was filmed with
+        # if every frame is stored twice, the rate at which the clip was filmed may differ from the
+        # rate at which it is played
         fall=known.gravity / length * (step / known.rate) ** 2 if length and not doubled else None,
         drag=(drag[0] * length, drag[1] * length) if drag and length else None,
         in_radii=known.metres_per_pixel is None,
@@ -84,7 +87,7 @@ def clip_scene(
 def _read(watched: Watched, known: ClipKnowledge, scene: FlightScene) -> tuple[float, FlightsFound]:
     """Flights by one reading of the time, and their support."""
     best, pull = (-1.0, FlightsFound(scene=scene)), None
-    for _ in range(2):  # where gravity is known also through frames that are missing
+    for _ in range(2):  # the second round knows gravity and continues pieces across missing frames
         found = pieces(watched.found, scene.time, pull)
         found = [p for p in found if not known.ball_at or _passes(watched, p, known.ball_at)]
         ways, fit = flights_of(scene, found)

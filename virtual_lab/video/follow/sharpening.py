@@ -35,15 +35,18 @@ from virtual_lab.video.locate.sharp import sharp_places
 class SharpnessSettings:
     """Thresholds for the frames of a flight, and for doubts about it."""
 
-    least_frames: int = 3  # of a flight
-    # of a ball's radius to the one expected: what is farther off is another thing; the hull of a
-    # ball lit from the side is half a disc, half a radius wide
+    least_frames: int = 3  # smallest number of frames of a flight
+    # range of the ratio of a ball's radius to the expected one: other things are outside it. The
+    # hull of a ball lit from the side is half a disc, half a radius wide
     size_ratios: tuple[float, float] = (0.4, 1.45)
-    chance: float = 1e-3  # of a place as far off its flight's others: less is no chance
-    denied_share: float = 0.34  # of a flight's places: no others deny more
-    crooked_u: float = 3.0  # of a place, noise and pattern together, that residuals scatter by
-    trend: float = 0.004  # of the radius through a flight: less is no matter
-    trend_chance: float = 1e-6  # that there is none: seams make neighbouring radii err alike
+    # smallest probability of a place's distance from its flight: a less likely place is rejected
+    chance: float = 1e-3
+    denied_share: float = 0.34  # largest share of a flight's places that are rejected
+    # largest rms residual of a flight [u of a place, by noise and pattern together]
+    crooked_u: float = 3.0
+    trend: float = 0.004  # smallest relative change of the radius through a flight that matters
+    # largest p-value of such a change: it is small because seams make neighbouring radii err alike
+    trend_chance: float = 1e-6
 
 
 SHARPNESS = SharpnessSettings()
@@ -90,7 +93,7 @@ class SharpBall:
 
 
 def wants_sharp(known: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
-    """Whether the camera is calibrated, stands and takes whole frames, of one hit at most."""
+    """Whether a calibrated camera stands still, takes whole frames, and shows one hit at most."""
     given = known.calibration
     # a file that gives rate or scale only replaces options; it asks for no outline fit
     asked = given is not None and (given.camera or given.lens_blur_px or given.exposure_s)
@@ -183,7 +186,7 @@ def _uncovered(clip: Clip, moving: Blobs) -> Array:
 def settle(
     scene: FlightScene, ways: list[Piece], ball: SharpBall, known: ClipKnowledge
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
-    """Settle which places are of the flights, and what speaks against them.
+    """Select the places that belong to the flights, and note doubts about them.
 
     The flights' coarse places `ways`, one after another, are those of the ball. Raises
     `NotSharpError`: too few places.
@@ -221,7 +224,7 @@ def settle(
 
 
 def _agreed(scene: FlightScene, way: Piece) -> Piece:
-    """Flight without the places that its others deny, the farthest off first.
+    """Flight without the places that its other places contradict, the farthest off first.
 
     Raises `NotSharpError`: too few places.
     """
@@ -233,11 +236,13 @@ def _agreed(scene: FlightScene, way: Piece) -> Piece:
         (left,) = fit_flights(scene, [way]).residuals
         weight = way.u**-2 / np.sum(way.u**-2)
         late = way.t - weight @ way.t
-        free = 1 - weight - weight * late**2 / (weight @ late**2)  # of a place, less its leverage
+        # 1 minus the leverage of each place
+        free = 1 - weight - weight * late**2 / (weight @ late**2)
         squares, spare = (left**2).sum(axis=1) / free, 2 * (len(way.t) - 3)
-        # what the others scatter by, or would if they were many
+        # variance of the other places, at least the one expected from noise and pattern
         scatter = np.maximum((free @ squares - squares) / spare, way.u**2 + way.pattern_u**2)
-        chance = (1 + squares / scatter / spare) ** (-spare / 2)  # of two axes' F
+        # p-value by the F distribution, for two axes
+        chance = (1 + squares / scatter / spare) ** (-spare / 2)
         if chance.min() > SHARPNESS.chance:
             break
         way = way.part(np.arange(len(chance)) != np.argmin(chance))
@@ -245,7 +250,7 @@ def _agreed(scene: FlightScene, way: Piece) -> Piece:
 
 
 def _slants(camera: CameraModel, fit: Fit, flights: Sequence[Piece], plane: Plane) -> Array:
-    """Return the velocity (flight, 2) that a flight half a degree off the plane seems to have more.
+    """Return the apparent extra velocity (flight, 2) of a flight half a degree off the plane.
 
     At X off the camera's foot and Z from the camera, v_z reads as X/Z v_z along the plane.
     """
@@ -256,7 +261,7 @@ def _slants(camera: CameraModel, fit: Fit, flights: Sequence[Piece], plane: Plan
 
 
 def _approach(scene: FlightScene, way: Piece, ball: SharpBall) -> Array:
-    """Velocity (2,) that a ball seems to have as it comes nearer [px/frame], 0: it does not."""
+    """Apparent velocity (2,) of a ball because it approaches [px/frame]; 0: it does not."""
     from scipy.stats import linregress
 
     own = np.isin(ball.frames, way.frames) & (ball.located.flags == 0)
@@ -274,7 +279,7 @@ def _approach(scene: FlightScene, way: Piece, ball: SharpBall) -> Array:
 def _against(
     scene: FlightScene, ways: Sequence[Piece], ball: SharpBall, known: ClipKnowledge
 ) -> Iterator[Note]:
-    """Say what speaks against sharp flights."""
+    """Yield notes against sharp flights."""
     fit = fit_flights(scene, ways)
     for k, (way, left, off) in enumerate(zip(ways, fit.residuals, ball.off_plane, strict=True)):
         assert way.u is not None

@@ -29,37 +29,50 @@ Places = NDArray[np.int_]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgeFit:
-    """Settings of the fit, and what a fit must show; shares are of the outline."""
+    """Settings of the fit, and limits of a good fit; shares are of the outline."""
 
-    cell_px: float = 3.0  # of the rim: how deep it is, blur apart, and how long a sector is
-    oval_u: float = 0.003  # as far as nobody knows: a camera that looks at the ball squarely
-    held_weight: float = 1e12  # of a parameter that stays as it is
+    cell_px: float = 3.0  # depth of the rim without blur, and length of a sector
+    # u of the outline's oval if it is not known: a camera that looks at the ball squarely
+    oval_u: float = 0.003
+    held_weight: float = 1e12  # weight of a parameter that is held
 
-    # standard deviations of a pattern, of the ball's brightness
+    # standard deviations of a pattern, as shares of the ball's brightness if not stated otherwise:
     strongest_pattern: float = 0.5
-    unseen_pattern: float = 0.6  # of a pixel's noise: a fainter pattern would not be seen
-    # until the outline stands still (less leaves half of a rim in the dark misfitting), and when it
-    # first does: more would explain an outline in a wrong place
+    # faintest pattern [share of a pixel's noise]: a fainter one would not be seen
+    unseen_pattern: float = 0.6
+    # values until the outline settles (less would leave half of a rim in the dark misfitting), and
+    # when it first has settled: more would explain an outline in a wrong place
     settling_pattern: float = 0.01
     first_pattern: float = 0.06
 
-    settling_step_px: float = 0.2  # with less it stands still
-    rounds: int = 7  # until it does, after that until a step is less than its u, and of a solution
-    strength_step_over_u: float = 0.1  # of the pattern's strength: less ends its rounds
+    settling_step_px: float = 0.2  # largest step of an outline that has settled
+    # largest number of rounds until the outline settles, after that until a step is less than its
+    # u, and within one solution
+    rounds: int = 7
+    # smallest step that continues the rounds of the pattern's strength
+    strength_step_over_u: float = 0.1
 
-    pattern_factor: float = 1.5  # seams are no random field: what hides at the rim shifts more
-    sway_share: float = 0.3  # of what a pattern would shift the place by, were it the outline
-    least_radius_over_u: float = 100.0  # with less it is no outline
-    greatest_misfit: float = 3.0  # chi^2 on the outline, of a pattern finer than a sector too
-    flagged_share: float = 0.02  # at full scale, out of the picture, or of pixels that fit nothing
+    # factor on the pattern's shift: seams are no random field, and those hidden at the rim shift
+    # more
+    pattern_factor: float = 1.5
+    sway_share: float = 0.3  # share of the shift that a pattern would cause if it were the outline
+    least_radius_over_u: float = 100.0  # smallest ratio of the radius to the u of the fit
+    # largest reduced chi^2 on the outline, which may include a pattern finer than a sector
+    greatest_misfit: float = 3.0
+    # largest share of the outline at full scale or out of the picture, and of pixels that fit
+    # nothing
+    flagged_share: float = 0.02
 
-    # how much of the rim is hidden: where the picture shows the background in its place
-    alike_sigmas: float = 3.0  # standard deviations of noise: the background and nothing else
-    covered_share: float = 0.27  # a side that no light reaches may be as dark as the background
+    # limits for a hidden rim, where the picture shows the background instead:
+    # largest difference of a pixel that shows only the background [standard deviations of noise]
+    alike_sigmas: float = 3.0
+    # largest hidden share of the rim: an unlit side may be as dark as the background
+    covered_share: float = 0.27
 
 
 RIM_FIT = EdgeFit()
-FITTED = ("x", "y", "radius", "x_u", "y_u", "chi_square", "pattern_u")  # of `Located`
+# fields of `Located` that are fitted
+FITTED = ("x", "y", "radius", "x_u", "y_u", "chi_square", "pattern_u")
 
 
 def fit_edge(
@@ -141,7 +154,7 @@ def _outline(
         weight = prior.copy()
         if not turn:
             weight[: AT.level] = RIM_FIT.held_weight
-        weight[AT.plain :] = 1.0 / bright**2  # shading is as strong, about
+        weight[AT.plain :] = 1.0 / bright**2  # shading is about as strong as the ball's brightness
         equations = _equations(sums, knots)
         equations.shared[:, :-1] += np.diag(weight)
         equations.shared[:, -1] += weight * (start - p)
@@ -201,11 +214,11 @@ def _equations(sums: Array, knots: int) -> Equations:
 def _solved(
     equations: Equations, pattern: Array, spread: Array, stiffness: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Return the steps of shared parameters and pattern, with what they are known to.
+    """Return the steps of shared parameters and pattern, with their covariances.
 
-    The pattern is believed to be alike over some way along the rim, of a standard deviation
-    `spread` (sector,). Then come the covariance of x, y and radius, and theirs with the pattern,
-    (sector, knot, 3). Raises `LinAlgError` where nothing solves them.
+    The pattern is assumed to be correlated along the rim, with the standard deviation `spread`
+    (sector,). The third result is the covariance of x, y and radius, (3, 3), the fourth is their
+    covariance with the pattern, (sector, knot, 3). Raises `LinAlgError` where nothing solves them.
     """
     blocks, links, border, shared = equations
     like = _like(len(pattern))
@@ -308,7 +321,7 @@ def covered(view: View, p: Array, noise: Noise) -> float:
     rim = np.abs(p[AT.radius] - np.maximum(*ends) - RIM_FIT.cell_px) < RIM_FIT.cell_px / 2
     expected = p[AT.level] * view.background[rim]
     sigmas = (view.pixels[rim] - expected) / np.sqrt(noise.variance(expected))
-    # none, or ball and background are all alike
+    # no pixels, or ball and background look alike
     if not sigmas.size or abs(sigmas.mean()) < 4 * RIM_FIT.alike_sigmas:
         return 0.0
     return float((np.abs(sigmas) < RIM_FIT.alike_sigmas).mean())
@@ -322,11 +335,11 @@ def _judged(
     Parameters
     ----------
     p, tally
-        The kernel's.
+        Parameters of the fit, and sums of the kernel.
     variances, shifts
-        Of x, y and radius, and those that the pattern gives them, (3,).
+        Variances of x, y and radius, and the parts of them that the pattern causes, (3,).
     sway
-        How far the place would be off, were the pattern the outline [pixel].
+        Shift of the place if the pattern were taken for the outline [pixel].
     hidden
         Share of the rim that is as bright as what is behind.
     """

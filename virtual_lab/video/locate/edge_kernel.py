@@ -13,7 +13,7 @@ from virtual_lab.video.locate.rim_profiles import AT, SHADES, TABLE, TALLY, Prof
 
 Noises = tuple[float, float, float, float, float]  # `Noise.figures`
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "cache": True, "nogil": True, "fastmath": True}
-NODES = np.zeros((33, 32, 2))  # Gauss-Legendre's on a way, by how many there are
+NODES = np.zeros((33, 32, 2))  # nodes and weights of Gauss-Legendre quadrature, by their number
 for _n in range(1, len(NODES)):
     NODES[_n, :_n] = np.stack(np.polynomial.legendre.leggauss(_n), axis=1)
 
@@ -21,9 +21,10 @@ for _n in range(1, len(NODES)):
 class Summing(NamedTuple):
     """Settings of the sums over pixels near an outline, and of their weights."""
 
-    coarse_rows: int = 3  # from one to the next until the fit settles
-    outside_px: float = 4.0  # of background beyond the edge
-    loose_sigmas: float = 5.0  # beyond which a residual weighs less, and a pixel fits nothing
+    coarse_rows: int = 3  # spacing of the rows used until the fit settles
+    outside_px: float = 4.0  # width of the background used beyond the edge
+    # residual beyond which a pixel weighs less and counts as fitting nothing
+    loose_sigmas: float = 5.0
 
 
 SUM = Summing()

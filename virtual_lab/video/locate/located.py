@@ -45,7 +45,7 @@ class Located:
     blur_y: Array
     chi_square: Array  # per degree of freedom; NaN where the method has none
     flags: NDArray[np.uint16]  # bits of `PlaceFlag`
-    # what the ball's own pattern may shift it by, alike in neighbouring frames [pixels]
+    # u of the place from the ball's own pattern, correlated in neighbouring frames [pixels]
     pattern_u: Array
 
     @classmethod

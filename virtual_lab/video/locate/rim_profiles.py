@@ -22,7 +22,7 @@ Shared = namedtuple(
     "Shared", "x y radius oval_c oval_s level slope_x slope_y plain side_x side_y face"
 )
 AT = Shared._make(range(len(Shared._fields)))
-# and what is counted over the pixels
+# sums over the pixels
 Tally = namedtuple("Tally", "pixels near around seen full stray")
 TALLY = Tally._make(range(len(Tally._fields)))
 
@@ -34,12 +34,15 @@ SHADES = len(("level", "way to the side", "facing"))
 class Table(NamedTuple):
     """Layout of the tables, and assumptions about a pattern."""
 
-    widths: float = 5.0  # beyond the edge a pixel is all ball or all background: they begin there
-    per_width: int = 32  # entries
-    knot_spacing: float = 0.11  # of the facing, between a pattern's knots
-    deepest_knot: float = 0.9  # facing beyond which a pattern goes on as it is
-    hiding_blur: float = 0.15  # share: what is so near the outline is easily taken for it
-    alike: float = 0.3  # rad over which a pattern's brightness is alike, about
+    # distance from the edge beyond which a pixel is all ball or all background; the tables begin
+    # there [`Profiles.width`]
+    widths: float = 5.0
+    per_width: int = 32  # number of table entries per width
+    knot_spacing: float = 0.11  # spacing of a pattern's knots, in facing
+    deepest_knot: float = 0.9  # facing beyond which a pattern is constant
+    # share of the motion blur by which a pattern at the outline is easily taken for it
+    hiding_blur: float = 0.15
+    alike: float = 0.3  # approximate angle over which a pattern's brightness is alike [rad]
 
 
 TABLE = Table()
@@ -52,7 +55,7 @@ class Profiles(NamedTuple):
     stiffness: Array  # (knot, knot): inverse covariance of a pattern's knots, variance 1
     hides: Array  # (knot,) [pixel]: an outline that far inward would look much like the knot
     width: float  # standard deviation of lens and pixel [pixel]
-    inside: float  # how far inside the outline pixels are looked at, blur apart [pixel]
+    inside: float  # largest depth inside the outline at which pixels are used, without blur [pixel]
 
 
 def blurred_profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
@@ -71,7 +74,7 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     t = -TABLE.widths + np.arange(entries) / TABLE.per_width
     away = t[:, None] - middles / width
     weight = np.exp(-(away**2) / 2) / np.sqrt(2 * np.pi) * steps / width
-    # beyond the last depth brightness goes on as it is there
+    # brightness is constant beyond the last depth
     beyond = ndtr(t - ends[-1] / width)[:, None]
     at_last = np.exp(-((t - ends[-1] / width) ** 2) / 2)[:, None] / np.sqrt(2 * np.pi)
     values = weight @ columns + beyond * columns[-1]

@@ -17,9 +17,13 @@ from virtual_lab.video.locate.noise import Noise
 class SharpSettings:
     """Settings of a ball's fit: its rounds and starting points."""
 
-    noise_sample_px: float = 5e5  # of the frames sampled: their noise to 1 %
-    lit_share: float = 0.93  # of the ball's radius: less of it is light, the rest in the dark
-    # from start to end: more, and the fit may have taken outline for pattern
+    # number of pixels from the sampled frames: they show the noise to 1 %
+    noise_sample_px: float = 5e5
+    # smallest radius of a blob that is a whole ball [share of the ball's radius]: of a smaller one,
+    # a part is in the dark
+    lit_share: float = 0.93
+    # largest shift from start to end of a fit: after a larger one it is repeated, because it may
+    # have taken the outline for a pattern
     refit_shift_px: float = 0.3
     rounds: int = 4
 

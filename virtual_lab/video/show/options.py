@@ -14,13 +14,14 @@ from virtual_lab.relations.board import length_of
 from virtual_lab.units import DEGREE, to_si
 from virtual_lab.video.follow.known import BALL, GRAVITY
 
-Said = dict[str, Any]  # by keys of a calibration file and names of what is known of a clip, SI
+# quantities in SI units, by keys of a calibration file and names of other knowledge of a clip
+Said = dict[str, Any]
 
 
 def said_of(asked: Mapping[str, Any]) -> Said:
-    """Quantities that options say; None and False say nothing.
+    """Quantities that options state; None and False state nothing.
 
-    Raises `InputError` for an option that there is not, or a value of another type or form.
+    Raises `InputError` for an unknown option, or a value of another type or form.
     """
     said: Said = {}
     for name, value in asked.items():
@@ -132,7 +133,7 @@ def _numbers(text: str, count: int) -> list[float]:
 
 
 FILE, TIME, YES = 'a path, e.g. "calibration.toml"', "a time with its unit, up to 1 s", "True"
-# of an option: what is expected, and what makes quantities of it
+# expected form of each option's value, and function that converts it to quantities
 OPTIONS: dict[str, tuple[str, Callable[[Any], Said]]] = {
     "calibration": (FILE, lambda path: {"file": Path(path)}),
     "ball": ('a diameter with its unit, e.g. "73mm±0.5mm"', _ball),
@@ -152,6 +153,7 @@ OPTIONS: dict[str, tuple[str, Callable[[Any], Said]]] = {
     "global_shutter": (YES, partial(_yes, "readout", 0.0)),
     "phone": (YES, partial(_yes, "phone", True)),
     "tripod": (YES, partial(_yes, "stands", True)),
-    "level": (YES, partial(_yes, "level_u", 0.5 * DEGREE)),  # a degree is two u
+    # u of the camera's level: a degree is two u
+    "level": (YES, partial(_yes, "level_u", 0.5 * DEGREE)),
     "corrected": (FILE, lambda path: {"corrected": Path(path)}),
 }

@@ -22,17 +22,19 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Image = NDArray[np.uint8]
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # of flights
-NONE = "#ff00ff"  # of places outside of them: seen before any wall
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # colours of flights
+NONE = "#ff00ff"  # colour of places outside of flights: it is visible in front of any wall
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """Sizes and number of the pictures."""
 
-    tile_px: float = 1e5  # a picture of sheet, film and plot, at most
-    tiles: int = 12  # of the sheet, beside those about contacts; about so many balls in the plot
-    frames: int = 80  # of the film, at most
+    tile_px: float = 1e5  # size of a picture in sheet, film and plot [pixels]
+    # number of pictures on the sheet, beside those about contacts, and about that of the balls in
+    # the plot
+    tiles: int = 12
+    frames: int = 80  # largest number of frames in the film
     frame_ms: int = 60
 
 
@@ -46,7 +48,8 @@ class Pictures:
         """Read the frames that are shown: those that were searched are kept as JPEG."""
         self.clip, self.contacts, self.places = found.clip, found.contacts, course_of(found)
         self.names = names_of(self.places)
-        self.up = -found.sharp.plane.sense if found.sharp else -1.0  # of metres
+        # factor of `y_m` that makes it point up
+        self.up = -found.sharp.plane.sense if found.sharp else -1.0
         self.film = _spread(len(self.places), LAYOUT.frames)
         times, steps = self.places["time_s"], np.array([-1, 0, 1])
         near = [int(np.abs(times - e.time.value).argmin()) + steps for e in self.contacts]
@@ -55,7 +58,7 @@ class Pictures:
         self.scale = (LAYOUT.tile_px / np.prod(self.clip.shape)) ** 0.5
         rows, columns = (max(1, round(self.scale * each)) for each in self.clip.shape)
         wanted = np.unique(self.places["frame"][np.concatenate([self.sheet, self.film])])
-        # kept ones are of 8 bits
+        # the stored frames have 8 bits
         kept = found.watched.thumbs if self.clip.samples.dtype == np.uint8 else {}
         stored = {k: cv2.imdecode(kept[k], cv2.IMREAD_UNCHANGED) for k in wanted if k in kept}
         left = np.array([each for each in wanted if each not in kept], np.intp)
@@ -117,7 +120,7 @@ class Pictures:
     def strobe(self) -> Image:
         """Picture that shows the ball at several of its places, as small as they are."""
         seen = self.film[np.isfinite(self.places["radius_px"][self.film])]
-        # what stands about, a bat too, is shown as it is at a contact
+        # standing things, also a bat, are shown as they are at the first contact
         times = self.places["time_s"][self.sheet]
         time = self.contacts[0].time.value if self.contacts else times[0]
         whole = self._still(self.sheet[np.abs(times - time).argmin()]).copy()

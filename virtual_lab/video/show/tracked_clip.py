@@ -42,7 +42,7 @@ from virtual_lab.video.show.track_text import (
 )
 
 UNSURE_BALL = "no u of the ball's diameter is given"
-STANDING = (UNSURE_BALL, UNSURE_RATE)  # what most clips of phones have in common
+STANDING = (UNSURE_BALL, UNSURE_RATE)  # beginnings of remarks that apply to most clips of phones
 
 
 def track_clip(
@@ -57,7 +57,8 @@ def track_clip(
     nothing. Raises `InputError`: what cannot be read, words of another form, or no length known.
     """
     said = said_of(asked)
-    source = open_source(file)  # what is no clip needs no scale
+    # the file is opened first, because a file that is no clip needs no scale
+    source = open_source(file)
     calibration, notes = _calibration(said)
     progress(f"reading {source.path}")
     clip = open_clip(file, calibration)
@@ -68,7 +69,7 @@ def track_clip(
     else:
         found = follow(clip, known, progress=progress)
     told = (*found.notes, *notes)
-    if "phone" in said:  # says these at once
+    if "phone" in said:  # the option implies these notes
         told = tuple(e for e in told if e[0] != "READOUT_UNKNOWN" and not e[1].startswith(STANDING))
     return replace(found, notes=told, clip=clip.released())
 
