@@ -56,7 +56,7 @@ class BenchSpec(Spec):
     gravity: str
     repeats: Repeats
     releases: Repeats
-    reference: Mass  # weighed before bat and balls, and after them
+    reference: Mass  # reference mass, weighed before bat and balls and after them
     hall: HallSpec
 
 

@@ -51,7 +51,7 @@ class Plan:
     board: Board
     square_u: float  # u of the side of the squares, common to all of them [m]
     height: float  # height of the ball's plane above the plane view's board, toward the camera [m]
-    height_u: float  # [m]
+    height_u: float  # u of `height` [m]
     plane: str | None = None  # name of the plane view; None: the first picture
 
 
@@ -83,7 +83,7 @@ class Solved:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibrated:
-    """A calibrated camera and what speaks for it."""
+    """A calibrated camera with its solution, residuals and warnings."""
 
     model: CameraModel
     solved: Solved
@@ -267,7 +267,7 @@ def _fit(
     plane: int,
     flags: int = 0,
 ) -> Solved:
-    """Fit lens and poses; a sixth power of the radius of less than 3 u is left out."""
+    """Fit lens and poses; the distortion k3 is left out if it is less than 3 u."""
     views = [view == k for k in range(int(view.max()) + 1)]
     try:
         _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
@@ -317,7 +317,7 @@ def _fit(
 
 
 def _axes(rotation: Array) -> Array:
-    """Axes as the module has them, quarter turns of a board's own, by its turn to the camera's."""
+    """Axes as in the module's docstring: quarter turns of a board's, by the board's rotation."""
     facing = np.diag([1.0, np.sign(rotation[2, 2]), np.sign(rotation[2, 2])])
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turns = [facing @ np.linalg.matrix_power(quarter, n) for n in range(4)]

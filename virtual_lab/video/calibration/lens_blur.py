@@ -17,9 +17,9 @@ from virtual_lab.video.calibration.board_finding import BoardView
 def lens_blur_of(picture: NDArray[Any], seen: BoardView, board: Board) -> float:
     """Measure the standard deviation of the lens's blur in a picture of a board [pixel], 0.1 to 10.
 
-    Across an edge brightness goes as a normal distribution function, of lens and pixel, whose own
-    variance is 1/12; beyond a strip of paper a marker begins. The width is the one that fits the
-    middle halves of all edges best, each with two levels of its own.
+    Across an edge, brightness follows a normal distribution function. Its variance is that of the
+    lens plus that of a pixel, 1/12. Beyond a strip of paper a marker begins. The width is the
+    one that fits the middle halves of all edges best; each edge has two levels of its own.
     """
     edge, off, value, paper = _beside_edges(picture, seen, board)
     count = np.maximum(np.bincount(edge), 1)
@@ -28,7 +28,8 @@ def lens_blur_of(picture: NDArray[Any], seen: BoardView, board: Board) -> float:
         return np.asarray(values - (np.bincount(edge, values) / count)[edge])
 
     value = centred(value)
-    bright = np.sign(np.bincount(edge, off * value))[edge] * off  # grows toward the paper
+    # distance from the edge, growing toward the paper
+    bright = np.sign(np.bincount(edge, off * value))[edge] * off
 
     def misfit(width: float) -> float:
         share = centred(ndtr(bright / width) - ndtr((bright - paper) / width))
@@ -42,7 +43,7 @@ def lens_blur_of(picture: NDArray[Any], seen: BoardView, board: Board) -> float:
 def _beside_edges(
     picture: NDArray[Any], seen: BoardView, board: Board
 ) -> tuple[NDArray[np.intp], Array, Array, float]:
-    """Pixels by the middle halves of edges: edge, distance from it, grey value; width of paper."""
+    """Pixels near middle halves of edges: edge, distance from it, grey value; width of paper."""
     places = np.full((*board.shape[::-1], 2), np.nan)
     places.reshape(-1, 2)[seen.ids] = seen.places
     rows, columns = (places[:, :-1], places[:, 1:]), (places[:-1], places[1:])

@@ -20,8 +20,8 @@ RIM = 3.0
 class PixelScale:
     """Scale of the picture in the ball's plane, with its relative u."""
 
-    metres_per_pixel: float  # at the ball's middle place
-    relative_u: float  # standard uncertainty of every length
+    metres_per_pixel: float  # scale at the ball's middle place
+    relative_u: float  # relative standard uncertainty of every length
     source: str  # source of the scale: camera, given, ball or gravity
 
 
@@ -53,7 +53,8 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
             on_plane(pixels + half, camera, None) - on_plane(pixels - half, camera, None)
             for half in np.eye(2) / 2
         )
-        stretch = right[:, 0] * down[:, 1] - right[:, 1] * down[:, 0]  # m² of a pixel
+        # area of a pixel in the plane, with its sign [m²]
+        stretch = right[:, 0] * down[:, 1] - right[:, 1] * down[:, 0]
         # The solid angle of a sphere at the distance D is proportional to 1 / D². That of a pixel
         # is proportional to S cos t / D², if it covers the area S of a plane seen at the angle t,
         # and cos t is proportional to 1 / D. So the radius in pixels is proportional to √(D / S).

@@ -64,7 +64,7 @@ class CameraModel(Spec):
 
         turn = cv2.Rodrigues(np.array(self.rotation))[0]
         above = self.plane_height_m + float(turn[:, 2] @ self.translation_m)
-        grazing = abs(turn[2, 2]) < 0.02  # it looks along the plane, not at it
+        grazing = abs(turn[2, 2]) < 0.02  # the camera looks along the plane, not at it
         if grazing or not above * turn[2, 2] > 0:
             raise ValueError("rotation and translation_m leave the ball's plane out of its sight")
 
@@ -82,11 +82,13 @@ class ClipCalibration(Spec):
     exposure_s: Annotated[Real, Ge(0), Le(1)] | None = None
     ball_diameter_m: Annotated[Real, Ge(1e-3), Le(1)] | None = None
     ball_diameter_m_u: Uncertainty = EXACT
-    lens_blur_px: Annotated[Real, Ge(0.1), Le(10)] | None = None  # standard deviation
+    # standard deviation of the lens's blur
+    lens_blur_px: Annotated[Real, Ge(0.1), Le(10)] | None = None
     timestamps: str | None = None  # CSV file beside this file, with one time per frame [s]
     drag_per_m: Annotated[Real, Ge(0), Le(1)] = 0.0  # κ of dv/dx = -κ v
     drag_per_m_u: Annotated[Real, Ge(0), Le(1)] = EXACT
-    gravity_mps2: Pair = (0.0, 0.0)  # along the image's x and y, or the camera's plane's [m/s²]
+    # g along x and y of the picture, or of the camera's plane [m/s²]
+    gravity_mps2: Pair = (0.0, 0.0)
     camera: CameraModel | None = None  # instead of metres_per_pixel
 
     def __post_init__(self) -> None:

@@ -25,11 +25,12 @@ Item = TypeVar("Item")
 class Memory:
     """Limits for the parts of a clip that stay in memory."""
 
-    samples: int = 25  # frames to learn the background from
+    samples: int = 25  # largest number of frames from which the background is found
     least_samples: int = 9
-    most_sampled: float = 50e6  # bytes: of large frames fewer are sampled
-    # bytes: a clip that takes no more stays as a whole while it is followed, and is decoded once;
-    # to hold 1.3e9 (216 frames of 1080p) takes as much processor time as to decode them again
+    most_sampled: float = 50e6  # size of the samples above which fewer are taken [bytes]
+    # largest size of a clip that stays in memory while it is followed, and is decoded only once
+    # [bytes]. To hold 1.3e9 (216 frames of 1080p) takes as much processor time as to decode them
+    # again
     most_bytes: float = 5e8
 
 
@@ -38,15 +39,15 @@ MEMORY = Memory()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clip:
-    """Frames, those of a large clip read anew for each use, and what one pass over them gave."""
+    """Frames of a clip, read anew for each use if large, and the results of one pass over them."""
 
     source: Source
     held: Sequence[Frame] = ()  # every frame, or none of a clip that does not stay in memory
-    times: NDArray[np.float64]  # (frame,) [s]
+    times: NDArray[np.float64]  # (frame,) time [s]
     shape: tuple[int, int]  # rows, columns
     full_scale: float  # greatest grey value its bits can hold [DN]
     samples: Frame  # (sample, row, column) or of colours (…, 3), as stored
-    sampled: NDArray[np.intp]  # frames the samples are
+    sampled: NDArray[np.intp]  # numbers of the frames that were sampled
     warnings: tuple[str, ...]
 
     @property
@@ -96,7 +97,7 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
 
 
 def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
-    """Read a clip once. Its samples lie evenly if the file counts its frames nearly right."""
+    """Read a clip once. Its samples are evenly spaced if the file states its length about right."""
     room, deep = MEMORY.most_bytes / first.nbytes, first.dtype != np.uint8
     most_sampled = MEMORY.most_sampled / first.nbytes
     count = int(np.clip(most_sampled, MEMORY.least_samples, MEMORY.samples))

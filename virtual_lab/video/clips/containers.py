@@ -31,7 +31,7 @@ def _length_of_part(head: bytes) -> int:
         return 8 + int.from_bytes(head[4:8], "little")
     if head[:4] in (EBML, SEGMENT):
         width = 9 - head[4].bit_length()  # width of the number that states the length [bytes]
-        largest = (1 << 7 * width) - 1  # stands for a length that is not known
+        largest = (1 << 7 * width) - 1  # value that means an unknown length
         content = int.from_bytes(head[4 : 4 + width], "big") & largest
         return 4 + width + content if content < largest else 0
     if head[4:8] in BOXES:

@@ -25,7 +25,7 @@ KINDS = (
     "a video (MP4, MOV, AVI, MKV, WebM, GIF, CINE, MRAW), a folder of images, a TIFF stack, an "
     "animated WebP or PNG, or a .npy array"
 )
-LARGEST = 50e6  # pixels of a picture: a film of 8K has 33 million
+LARGEST = 50e6  # largest number of pixels of a picture: a film of 8K has 33 million
 
 
 def open_source(path: Path | Frame) -> Source:

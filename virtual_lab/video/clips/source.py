@@ -26,7 +26,7 @@ class Source:
     """A source of a clip's frames: a file, a folder or an array."""
 
     path: Path
-    declared: int  # frames the file says it holds
+    declared: int  # number of frames that the file states
     # True if `declared` follows from a duration, or counts frames that are never shown
     estimated: bool = False
     rate: float | None = None  # frame rate that the file states [1/s]
@@ -67,5 +67,5 @@ def _size(frame: Frame, where: str) -> str:
 
 
 def rate_of(said: float) -> float | None:
-    """Frames a second that a file says, None where it cannot be meant."""
+    """Frame rate that a file states [1/s]; None if it is not plausible."""
     return said if 1 <= said <= 1e7 else None

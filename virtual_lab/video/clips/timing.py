@@ -1,4 +1,4 @@
-"""When each frame was taken, and what a file's own word on that is worth."""
+"""Time of each frame, and the reliability of what a file states about it."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ def frame_times(
 ) -> tuple[Array, tuple[str, ...]]:
     """Time of each frame [s] and warnings.
 
-    `stamps` (frame,) came with the frames, NaN where the file has none [s]. Time stamps of the
-    calibration go before its frame rate, that before the file's word. Raises `InputError` where
-    the calibration's time stamps are too few or too many, do not rise or are not finite, or where
-    nothing is known of time.
+    `stamps` (frame,) came with the frames, NaN where the file has none [s]. The times come from the
+    calibration's time stamps if it has any, else from its frame rate, else from the file. Raises
+    `InputError` where the calibration's time stamps are too few or too many, do not rise or are not
+    finite, or where nothing is known of time.
     """
     count, given = len(stamps), calibration.frames_per_second
     kind, fastest = source.path.suffix.lower(), max(given or 0.0, source.rate or 0.0)
     rounding = MILLISECOND if _are_rounded(stamps) else 0.0
     warnings = []
-    if kind == ".avi" and fastest >= 2000:  # as was seen
+    if kind == ".avi" and fastest >= 2000:  # as observed
         warnings.append("AVI loses frames without a word at 2000 a second and above")
     if rounding * fastest > 0.5:
         warnings.append("the file rounds time stamps to 1 ms: they do not show lost frames")
@@ -99,8 +99,8 @@ def _are_rounded(stamps: Array) -> bool:
 def _rising(stamps: Array) -> Array | None:
     """Time stamps (frame,) [s] that rise, None where fewer than half of them can be used.
 
-    Of two stamps in a row that do not rise either may be wrong: both frames lie evenly between
-    their neighbours.
+    If a stamp does not rise above the one before it, either may be wrong, so both are interpolated
+    between their neighbours.
     """
     falls = np.flatnonzero(np.diff(stamps) <= 0)
     number = np.arange(len(stamps))
@@ -121,10 +121,10 @@ def usual_step(times: Array) -> float:
 
 
 def uneven(times: Array) -> bool:
-    """Unevenness of time stamps (frame,) [s]: True where they leave an even count by .3 of a step.
+    """Whether time stamps (frame,) [s] deviate from an even count by more than .3 of a step.
 
-    A frame that was left out shows so, and a phone that films on more slowly in the dark; rounding
-    to 1 ms does not up to 240 a second. Of clips that are even all lie within .1.
+    They do if a frame was left out, or if a phone films more slowly in the dark. Rounding to 1 ms
+    does not cause it up to 240 frames per second. All clips that are even are within .1 of a step.
     """
     if len(times) < 3:
         return False
@@ -134,9 +134,11 @@ def uneven(times: Array) -> bool:
 
 def _read_stamps(path: Path, count: int) -> Array:
     """Time stamps [s] in a CSV file: one column, or the one called time_s."""
-    latest, step = 1e12, 1e-8  # s, since any clock began, and between two frames at least
+    # largest time stamp of any clock, and smallest time between two frames [s]
+    latest, step = 1e12, 1e-8
     text = read_text(path)
-    bare = re.match(r'\s*"?[-+.\d][-+.\de]*"?\s', text, re.IGNORECASE)  # a number, no name
+    # the first line is a number, not a column's name
+    bare = re.match(r'\s*"?[-+.\d][-+.\de]*"?\s', text, re.IGNORECASE)
     table = parse_table((f"time_s\n{text}" if bare else text).encode(), str(path))
     table.index -= bool(bare)
     name = "time_s" if len(table.columns) > 1 else table.columns[0]

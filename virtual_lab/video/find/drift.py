@@ -63,7 +63,7 @@ class Edges:
     x: Array  # position in the still frame, from its middle [pixels]
     y: Array
     part: NDArray[np.intp]  # number of the picture's part, counted row by row
-    value: Array  # DN
+    value: Array  # grey value [DN]
     # (pixel, free + 2): gradients by the free numbers of a drift (2 or 4), value and 1, each
     # divided by `slope`
     design: Array
@@ -95,7 +95,7 @@ class Edges:
         if shown.sum() <= _ALIGN.least_shown * shown.size:
             return FAR_OFF
         off = np.minimum(np.abs(left - upper_median(left[shown])) / self.slope, FAR_OFF)
-        # edges count by their slope: a codec keeps flat ones in place
+        # edges are weighted by their slope, because a codec keeps flat ones in place
         return float(np.average(off[shown], weights=self.slope[shown]))
 
     def costs(self, grey: Image, drift: Array, steeper: float) -> Array:
@@ -256,7 +256,7 @@ def matrix_of(drift: Array, size: tuple[int, int]) -> Array:
 
 
 def at_rim(size: Any) -> Array:
-    """Factors (4,) that make a drift's numbers pixels at the middle of a side."""
+    """Factors (4,) that convert a drift to pixels at the middle of a side."""
     far = float(_middle(size).max())
     return np.array([1.0, 1.0, far, far])
 

@@ -88,7 +88,7 @@ class Still:
     Where the camera drifts it is larger than a picture: it holds what any sample shows.
     """
 
-    background: Image  # full size
+    background: Image  # background in full size
     origin: tuple[int, int]  # x, y of its first pixel in the first picture's pixels
     size: tuple[int, int]  # columns and rows of a picture
     small: Image  # background in the size that is searched
@@ -108,7 +108,7 @@ class Still:
         return bool(self.sampled.any())
 
     def unseen_drift(self, step: float) -> float:
-        """Drift, each way, that the picture does not show [px/frame]; `step`: seconds a frame."""
+        """Drift along each axis that the picture may hide [px/frame]; `step`: frame time [s]."""
         hand = _STILL.hand_drift * max(self.size) * step
         return hand if self.stands_to is None else self.stands_to
 
@@ -341,7 +341,7 @@ def warp_back(
     back = matrix_of(drift, picture.shape[1::-1])
     back[:, 2] += back[:, :2] @ [x, y]
     back[:, :2] *= every
-    # four channels take half as long as three, but for a small part of a picture
+    # OpenCV takes half as long for four channels as for three, except for a small part of a picture
     wider = picture.ndim == 3 and 2 * behind.size > picture.size
     there, here = (
         np.asarray(cv2.cvtColor(each, cv2.COLOR_BGR2BGRA), np.uint8) if wider else each

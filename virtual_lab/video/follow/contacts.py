@@ -61,7 +61,7 @@ def contacts_of(
     scale: Ruler,
     sharp: SharpBall | None,
 ) -> tuple[list[Contact], list[Note]]:
-    """Contacts, and what speaks against them; `step`: seconds of a step of time."""
+    """Contacts, and notes against them; `step`: duration of a step of time [s]."""
     notes: list[Note] = []
     found = []
     fit, others = model.fit, [*model.parabolas, *model.rest]
@@ -131,7 +131,7 @@ def _place(axis: int, first: int, t: float, fit: Fit) -> float:
 
 
 def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
-    """Frame of a time between two flights, between stored ones; repeats do not count."""
+    """Frame number, with a fraction, of a time between two flights; repeats do not count."""
     between = np.arange(one.frames[-1], other.frames[0] + 1)
     between = between[np.isfinite(scene.time[between])]
     times = scene.time[between] + one.t[-1] - scene.time[one.frames[-1]]
@@ -156,7 +156,7 @@ def _normal(
 
 
 def _closest(fit: Fit, first: int, t: float, room: float = 1.0) -> tuple[float, Array, Array]:
-    """Time at which two flights are nearest, not far from another, and their velocities."""
+    """Time near `t` at which two flights are nearest to each other, and their velocities."""
     before, after = fit.at(first, t)[0], fit.at(first + 1, t)[0]
     apart, change = (after - before)[:2], (after - before)[2:]
     late = float(np.clip(-(apart @ change) / max(float(change @ change), 1e-12), -room, room))
@@ -176,7 +176,7 @@ def _restitution(
     kind: str,
     sharp: bool,
 ) -> tuple[Estimate | None, str, str]:
-    """Restitution, or None with a flag and why."""
+    """Restitution, or None with a flag and the reason."""
 
     def ratio_of(turn: complex, some: Fit) -> float:
         _, before, after = _closest(some, first, t)

@@ -1,4 +1,4 @@
-"""A track that went out as CSV, was corrected by hand, and comes back."""
+"""Import of a track that was written as CSV and corrected by hand."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class Falls:
     """Fall of the flights, measured by a ruler other than gravity."""
 
     known: ClipKnowledge
-    shared: Estimate  # acceleration of all [m/s²]
+    shared: Estimate  # acceleration that all flights share [m/s²]
     scale: Ruler
 
     @property
@@ -53,11 +53,11 @@ class Falls:
 
     @property
     def rate_u(self) -> float:
-        """Relative u of that rate: half of the acceleration's, which holds the length's."""
+        """Relative u of `rate`: half that of the acceleration, which includes the length's."""
         return self.shared.u / self.shared.value / 2
 
     def rated(self) -> ClipKnowledge:
-        """Knowledge of the clip with that rate; gravity, which gave it, is no ruler beside it."""
+        """Knowledge of the clip with `rate`. Gravity gave this rate, so it is no ruler any more."""
         return replace(self.known, rate=self.rate, rate_u=self.rate_u, rate_of=GRAVITY, ruler=BALL)
 
     def of_rate(self) -> Note:

@@ -1,4 +1,4 @@
-"""Pieces to flights and contacts: which share one gravity, which places belong, where they meet."""
+"""From pieces to flights and contacts: common gravity, places of each flight, and meetings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from virtual_lab.video.follow.scene import FlightScene
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightSearch:
-    """When pieces are flights, and of one ball."""
+    """Criteria for pieces that are flights, and of one ball."""
 
     least_places: int = 6  # smallest number of places of a flight
     contact_frames: float = 6.0  # largest number of frames between two flights that a contact joins
@@ -67,7 +67,8 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     fit = fit_of(flights)
     right, down = fit.pull[0]
     u = np.sqrt(np.trace(fit.covariance[:2, :2])) / max(np.hypot(right, down), 1e-12)
-    aside = np.arctan2(abs(right), down) - u > FLIGHTS.upright  # a pendulum's
+    # the acceleration of a pendulum is to the side
+    aside = np.arctan2(abs(right), down) - u > FLIGHTS.upright
     shown = bends(flights, fit, FLIGHTS.shown_sag)
     return ([], None) if aside and shown else (flights, fit)
 
@@ -81,7 +82,7 @@ def bends(flights: Sequence[Piece], fit: Fit, radii: float = FLIGHTS.sag) -> boo
 
 @dataclass(frozen=True, kw_only=True)
 class _Bend:
-    """A piece as a parabola of its own."""
+    """A parabola fitted to one piece."""
 
     piece: Piece
     t: Array  # (place,) time from the piece's middle, with the readout of its rows [frames]
@@ -111,7 +112,7 @@ class _Bend:
         return float(np.hypot(*self.pull))
 
     def sag(self, size: float) -> float:
-        """Distance by which an acceleration bends it off its chord [pixels]."""
+        """Distance by which an acceleration of a `size` bends the piece off its chord [pixels]."""
         return float(size * np.ptp(self.t) ** 2 / 8)
 
     @cached_property
@@ -121,13 +122,13 @@ class _Bend:
 
     @cached_property
     def smooth(self) -> float:
-        """Scatter that a flight may have, rms [pixels]."""
+        """Largest rms scatter of a flight [pixels]."""
         radii, pixels, sag = FLIGHTS.smooth
         return max(radii * self.piece.radius, pixels, sag * self.sag(self.size))
 
     @cached_property
     def room(self) -> float:
-        """Scatter that it may have as a part of another's flight, rms [pixels]."""
+        """Largest rms scatter of this piece as a part of another piece's flight [pixels]."""
         return max(self.smooth, FLIGHTS.room * self.piece.radius)
 
     @cached_property
@@ -169,7 +170,7 @@ class _Bend:
 
 
 def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
-    """Pieces, one at a time, that share the acceleration with most places behind it."""
+    """Pieces, one at a time, that share the acceleration supported by most places."""
     # a shadow on the ground moves like its ball, but only across the picture
     bends = [each for each in (_Bend.of(scene, piece) for piece in pieces) if each.may_fall]
     best: tuple[float, list[Piece]] = (0.0, [])
@@ -219,7 +220,7 @@ def _once(flights: list[Piece]) -> list[Piece]:
 
 
 def _join(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
-    """Flights, neighbours that are one made one; frames left out between them are tried."""
+    """Flights, with neighbours joined that are one flight; frames may be left out between them."""
     joined = flights[:1]
     for other in flights[1:]:
         one = joined[-1]
@@ -280,7 +281,7 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
 
 
 def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
-    """Readout [frames]; where it is unknown 0, unless the flights speak against it."""
+    """Readout [frames]; if it is unknown, it is 0 unless the flights contradict that."""
     if scene.readout is not None:
         return scene.readout
     fits = [fit_flights(scene, flights, readout=each) for each in (0.0, *FLIGHTS.readouts)]
@@ -289,10 +290,10 @@ def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
 
 
 def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
-    """Flights with every place that lies on their way, and none that does not.
+    """Flights with all places on their path, and no others.
 
-    Where there is no contact they begin and end at places that surely do: a hand leads the ball on,
-    and is seen longer than the ball.
+    Where there is no contact, a flight begins and ends at places that are surely on its path: a
+    hand moves on with the ball, and the two together look longer than the ball.
     """
     found, refilled = scene.found, []
     counted = np.isfinite(scene.time)
@@ -335,7 +336,7 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
-    """Flights of a second ball among pieces, at the time of the first one's and beside them."""
+    """Flights of a second ball among pieces, at the time of the first ball but apart from it."""
     blobs = np.concatenate([each.blobs for each in flights])
     # a shadow on a wall moves like its ball
     least = FLIGHTS.second_contrast * np.median(scene.found["contrast"][blobs])
@@ -358,7 +359,7 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
 
 
 def explained(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
-    """Return the share of the frames with a moving ball of the flights' look that flights span."""
+    """Return the share of the frames with a similar moving ball that the flights span."""
     blobs = np.concatenate([each.blobs for each in flights])
     radius, colour = (np.median(scene.found[key][blobs], axis=0) for key in ("radius", "colour"))
     spans = [np.arange(each.frames[0], each.frames[-1] + 1) for each in flights]

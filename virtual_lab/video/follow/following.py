@@ -75,7 +75,7 @@ class FollowedClip:
 
     @property
     def lost(self) -> dict[int, int]:
-        """Frames that were left out before some frames, how many."""
+        """Count of frames that were left out, by the number of the frame after them."""
         return self.scene.lost(self.ways)
 
     @property
@@ -136,14 +136,14 @@ def measure(
     sharp: SharpBall | None = None,
     fault: str = "",
 ) -> FollowedClip:
-    """Measure flights, contacts and scale in SI, and say what speaks against them.
+    """Measure flights, contacts and scale in SI, and note doubts about them.
 
     Parameters
     ----------
     search
         Scene and flights, by sharp places where there are such.
     fault
-        Why there are none though the camera is calibrated.
+        Reason why there are no sharp places though the camera is calibrated.
     """
     scene, found, ways = search.scene, search.pieces, search.ways
     notes: list[Note] = [("", words) for words in clip.warnings]
@@ -213,7 +213,7 @@ def measure(
 
 
 def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
-    """Repeats that stand while a ball moves: elsewhere frames may well show the same."""
+    """Mask of the repeats while a ball moves: at other times, frames may well look the same."""
     counted = np.zeros(len(same), bool)
     for way in ways:
         t, steps = way.frames, np.hypot(*np.diff(way.xy, axis=0).T) / np.diff(way.frames)
@@ -272,7 +272,7 @@ def _falls(
     scale: Ruler,
     step: float,
 ) -> tuple[Estimate, list[Estimate]]:
-    """Acceleration by a ruler that flights share, and that of each alone [m/s²]."""
+    """Acceleration that flights share, and that of each flight alone, by a ruler [m/s²]."""
     own = refit(scene, ways, model.fit, shared=False, tilted=False)
     known = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
     shared = estimate_of(partial(_pull, 0), model.fit, (), **known)
@@ -300,5 +300,5 @@ def _pull(flight: int, fit: Fit) -> float:
 
 
 def _speed(flight: int, t: float, late: float, scale: Ruler, fit: Fit) -> float:
-    """Speed of a flight at a time of the first row [m/frame]; the ball was read so `late`."""
+    """Speed of a flight at a time of the first row [m/frame]; `late`: share of the readout."""
     return scale.unit(fit) * float(np.hypot(*fit.at(flight, t + fit.readout * late)[0, 2:]))

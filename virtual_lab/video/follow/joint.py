@@ -1,15 +1,15 @@
 """Flights fitted together: one g, one drag per length, a place and a velocity for each.
 
 The camera is taken to be level, so that its perspective is small; a scene may know g and drag.
-Places without u scatter as they do; those of a calibrated camera have u from noise, and from the
-ball's own pattern, which moves its apparent centre slowly, as it turns: neighbouring frames err
-alike, residuals hide it, and the speed takes it all. How large it is comes from the pictures; how
-slow, from residuals.
+If places have no u, it follows from their scatter. Places of a calibrated camera have u from noise,
+and from the ball's own pattern, which moves its apparent centre slowly as it turns. The errors of
+neighbouring frames are then alike, do not show in the residuals, and fully affect the speed. The
+size of this effect comes from the pictures, its slowness from residuals.
 
 Pixels and frames throughout. Drag takes k v² off the speed; for a sphere of radius r and density
 ρ_b k r = 3/8 C_d ρ/ρ_b: 0.0002 for a golf ball, 0.0025 for a table tennis ball, 0.01 for a ball
-blown up (20 kg/m³; C_d 0.45, ρ 1.2 kg/m³). That is all that is known of it before, and where the
-flights are too short to show more it keeps drag from taking the part of something else.
+blown up (20 kg/m³; C_d 0.45, ρ 1.2 kg/m³). This prior knowledge keeps the fitted drag from
+absorbing other effects if the flights are too short to show drag.
 """
 
 from __future__ import annotations
@@ -163,7 +163,8 @@ def fit_flights(
     else:
         u[k] = 0.0
     u[k + 1 : k + 3] = tilted * np.tan(scene.level_u) / FLIGHT_FIT.focal / max(scene.size)
-    if model.sharp:  # a pattern would pass for drag, and the plane is known
+    # drag and tilt are held: a pattern would be taken for drag, and the plane is known
+    if model.sharp:
         u[k : k + 3] = 0.0
     alike = 1.0
     # correlated errors of neighbouring places make each place count for less
@@ -187,7 +188,7 @@ def fit_flights(
                 covariance[np.ix_(at, at)] += added
     else:
         covariance *= scatter**2
-        # a flight whose places scatter more than all do knows less of itself
+        # a flight whose places scatter more than those of all flights has a larger u
         wide = [float(np.median(off[of == n])) / 1.1774 / scatter for n in range(len(flights))]
         grown = np.concatenate([np.ones(k + 3), np.repeat(np.maximum(wide, 1.0), 4)])
         covariance *= np.outer(grown, grown)
@@ -228,7 +229,7 @@ def _solve(
         left = (model.xy - model.places(vector)) / model.own[:, None]
         off = np.hypot(*left.T)
         spread = max(FLIGHT_FIT.least_spread, float(np.median(off)) / 1.1774)
-        if model.sharp:  # places have the u that they are said to have
+        if model.sharp:  # the stated u of the places is used
             room, spread = np.inf, 1.0
         else:
             room = FLIGHT_FIT.outlier_radii * model.radius
@@ -244,7 +245,7 @@ def _solve(
         inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-12)
         inverse = inverse / np.outer(scale, scale)
         step = inverse @ right
-        if dragless:  # drag would be negative: the others have their best without it
+        if dragless:  # drag would be negative, so the others are solved without it
             others = free != k
             step = np.zeros(len(free))
             step[others] = np.linalg.solve(normal[np.ix_(others, others)], right[others])
@@ -257,9 +258,9 @@ def _solve(
 
 
 def _pattern(flight: Piece, residuals: Array, late: Array) -> Array:
-    """Covariance of place and velocity along an axis that a ball's pattern adds to noise's, (2, 2).
+    """Covariance of place and velocity along an axis that a ball's pattern adds to noise, (2, 2).
 
-    `late` (place,) is from the flight's middle [frames].
+    `late` (place,) is the time from the flight's middle [frames].
     """
     t, u, pattern_u = flight.t, flight.u, flight.pattern_u
     assert u is not None
@@ -296,9 +297,9 @@ def _parts(vector: Array, flights: int) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FlightModel:
-    """Places seen, and those that a vector of parameters gives."""
+    """Observed places, and the places predicted by a vector of parameters."""
 
-    dt: Array  # (place,) from the middle of its flight [frames]
+    dt: Array  # (place,) time from the middle of its flight [frames]
     of: Ints  # (place,) number of its flight
     xy: Array  # (place, 2)
     own: Array  # (place,) u, 1 where it is not known

@@ -22,8 +22,8 @@ Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and 
 class ClipKnowledge:
     """Knowledge of a clip that its user gives, SI."""
 
-    rate: float  # pictures stored in a true second, repeats counted
-    rate_u: float = EXACT  # relative
+    rate: float  # stored pictures per second of real time, repeats included
+    rate_u: float = EXACT  # relative u of `rate`
     rate_of: str = GIVEN  # GIVEN | FILE: its own word | GRAVITY: fitted with a length that is known
     ball: float | None = None  # diameter [m]
     ball_u: float = EXACT

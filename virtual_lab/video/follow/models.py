@@ -1,4 +1,4 @@
-"""Flights fitted by a model, and by others beside it that show what the first one leaves open."""
+"""Flights fitted by a model, and by alternative models that show the uncertainty of the first."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class FittedFlights:
     def _beside(
         cls, scene: FlightScene, ways: Sequence[Piece], fit: Fit, drift: float
     ) -> FittedFlights:
-        """Fits beside one of a scene."""
+        """Fit of a scene with the fits by alternative models."""
         longest = []
         if scene.readout is None:
             longest = [(refit(scene, ways, fit, readout=1.0), EVEN_SHARE)]

@@ -46,9 +46,9 @@ GROWTH = PieceGrowth()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Piece:
-    """A stretch of one ball's way."""
+    """A part of one ball's path."""
 
-    blobs: Ints  # (place,) into the blobs
+    blobs: Ints  # (place,) indices into the blobs
     frames: Ints
     t: Array  # (place,) time in steps of a frame, lost ones counted
     xy: Array  # (place, 2) [pixels]
@@ -78,7 +78,7 @@ class Piece:
 
 
 def polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
-    """Polynomial's coefficients, what takes places to them, and the rms residual."""
+    """Coefficients of a polynomial, the matrix that gives them from places, and rms residual."""
     design, solver = _solver(t.tobytes(), degree)
     solved = solver @ xy
     left = xy - design @ solved
@@ -136,7 +136,7 @@ class _Growth:
         return found
 
     def _timed(self, piece: Piece) -> Piece:
-        """Piece by even times, unless frames that were left out explain far more."""
+        """Piece with even times, unless frames that were left out give a far better fit."""
         even = replace(piece, t=self.time[piece.frames])
         mended = _misfit(piece, slice(None)) < GROWTH.better**2 * _misfit(even, slice(None))
         return piece if mended else even
@@ -168,7 +168,7 @@ class _Growth:
                 yield [a, int(second[m]), int(third[n])]
 
     def _room(self, places: list[int], speed: Any) -> Any:
-        """Distance that the place after some may be off [pixels]."""
+        """Largest distance of the next place from its prediction [pixels]."""
         wider = 1 if self.pull is not None else max(1, 5 - len(places))
         radius = median(self.radius[places[-GROWTH.recent_places :]].tolist())
         return wider * (GROWTH.room[0] * radius + GROWTH.room[1] * speed)

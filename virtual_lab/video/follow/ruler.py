@@ -69,10 +69,10 @@ RULER = RulerSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ruler(PixelScale):
-    """A scale by which speeds of a fit become metres a second."""
+    """A scale that converts speeds of a fit to metres per second."""
 
     fall: float | None = None  # g of a ruler by gravity [m/frame²]; None: another ruler
-    rest_u: float  # relative u beside what the fit's own parameters leave open
+    rest_u: float  # relative u that the u of the fit's own parameters does not cover
 
     @classmethod
     def of_plane(cls, plane: PixelScale, rate_u: float) -> Ruler:
@@ -85,7 +85,7 @@ class Ruler(PixelScale):
         )
 
     def unit(self, fit: Fit) -> float:
-        """Metres of a pixel by a fit."""
+        """Scale by a fit [m/pixel]."""
         if self.fall is None:
             return self.metres_per_pixel
         return self.fall / float(np.hypot(*fit.pull[0]))
@@ -183,7 +183,8 @@ def _by_gravity(
     """Ruler by gravity, None where it is not fitted or hardly shows; `radius` in pixels."""
     if not model.fit.covariance[0, 0]:
         return None
-    air = 8 / 3 / RULER.drag_coefficient * model.fit.drag * radius  # its density over the ball's
+    # ratio of the air's density to the ball's
+    air = 8 / 3 / RULER.drag_coefficient * model.fit.drag * radius
     tilt = 1 / np.cos(known.level_u) - 1
     rest = [known.gravity_u / known.gravity, tilt, 1.5 * air * EVEN_SHARE]
     rest_u = float(np.linalg.norm(rest))

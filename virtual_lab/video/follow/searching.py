@@ -1,4 +1,4 @@
-"""The flights of a clip that was watched, by each way that its time may be read."""
+"""The flights of a clip that was watched, by each possible reading of its time."""
 
 from __future__ import annotations
 
@@ -115,14 +115,14 @@ def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> boo
 
 
 def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
-    """Support for flights: places beyond what was free to choose, over their scatter."""
+    """Support for flights: number of places beyond the free parameters, over their scatter."""
     radius = float(np.median([each.radius for each in ways]))
     spare = sum(len(each.t) for each in ways) - 5 * len(ways) - len(scene.lost(ways))
     return spare / (0.02 + fit.spread / radius)
 
 
 def step_of(known: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
-    """Seconds of a step of time: more than a picture's where repeats take no time.
+    """Duration of a step of time [s]: longer than a picture's if repeats take no time.
 
     How many pictures are repeats shows where the ball flies; where nothing moves it does not.
     """

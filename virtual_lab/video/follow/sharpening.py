@@ -65,7 +65,8 @@ class SharpBall:
     plane: Plane
     off_plane: Array  # (flight, 2) velocity that a ball seems to have as it comes nearer [px/frame]
     notes: tuple[Note, ...] = ()
-    slants: Array | None = None  # (flight, 2) change of a velocity that is half a degree off it
+    # (flight, 2) change of the velocity of a flight half a degree off the plane
+    slants: Array | None = None
 
     def aside(self, fit: Fit) -> list[tuple[Fit, float]]:
         """Return fits of flights that stay in the plane or leave it unseen, with their shares."""
@@ -81,11 +82,11 @@ class SharpBall:
         return found
 
     def metres(self, place: Array) -> Array:
-        """Place (2,) [m] in the plane of one by the fit [pixels]."""
+        """Convert a place (2,) of the fit [pixels] to a place in the plane [m]."""
         return self.plane.metres_per_pixel * place * [1, self.plane.sense]
 
     def in_picture(self, place: Array, frame: float) -> Array:
-        """Place in the picture (2,) of one by the fit, near enough for a mark [pixels]."""
+        """Convert a place (2,) of the fit to the picture, well enough for a mark [pixels]."""
         away = np.abs(self.frames - frame)
         away[~np.isfinite(self.located.x)] = np.inf
         near = int(np.argmin(away))

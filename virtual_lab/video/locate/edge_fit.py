@@ -1,8 +1,8 @@
 """A ball's place from its outline alone, to the limit of its own pattern: the edge fit.
 
 The ball's brightness may go up and down along the rim and inward from it: smooth shading, as of
-light from a side, and a pattern such as a seam, of unknown strength in each sector of the rim. What
-the pattern may shift the place by is distinguished from noise.
+light from a side, and a pattern such as a seam, of unknown strength in each sector of the rim. The
+shift of the place that the pattern may cause is distinguished from noise.
 """
 
 from __future__ import annotations
@@ -86,18 +86,18 @@ def fit_edge(
 ) -> Located:
     """Balls of a batch of regions by their outlines.
 
-    `x_u` and `y_u` are noise alone; `pattern_u` is what the pattern may shift x or y by.
+    `x_u` and `y_u` are noise alone; `pattern_u` is the u of x or y from the pattern.
 
     Parameters
     ----------
     seen
         Regions with the ball, its blur and some pixels around; the background's level is fitted.
     start
-        Where the ball is to a pixel or so, how large, and how blurred it is: the blur is held.
+        Place of the ball to about a pixel, its radius, and its blur; the blur is held.
     noise, lens
         The camera's noise, and the standard deviation of its lens's blur [pixel].
     oval, oval_u
-        What is known of outlines that are no circles, r = R (1 + c cos 2a + s sin 2a): c and s,
+        Known deviation of the outlines from circles, r = R (1 + c cos 2a + s sin 2a): c and s,
         (region, 2) or less, and their u; 0 only where they are known to 0.0005: the rest of an
         ellipse would be taken for a pattern. A sphere off a camera's axis by the angle b has
         an outline that is longer by 1 / cos b along the way from the axis.
@@ -111,7 +111,8 @@ def fit_edge(
     p[:, [AT.oval_c, AT.oval_s]] = oval
     prior = np.zeros(len(AT))
     prior[[AT.oval_c, AT.oval_s]] = 1 / oval_u**2 if oval_u else RIM_FIT.held_weight
-    prior[[AT.level, AT.slope_x, AT.slope_y]] = 1 / RIM_FIT.held_weight  # free
+    # the background's level and slopes are free
+    prior[[AT.level, AT.slope_x, AT.slope_y]] = 1 / RIM_FIT.held_weight
     table = np.full((count, len(FITTED)), np.nan)
     flags = np.full(count, PlaceFlag.NOT_FOUND, np.uint16)
     usable = np.isfinite(p).all(axis=1) & np.isfinite(ways).all(axis=1)
@@ -189,11 +190,11 @@ def _outline(
 
 
 class Equations(NamedTuple):
-    """Normal equations: a ring of blocks, one where a sector begins, and what all share."""
+    """Normal equations: a ring of blocks, one per start of a sector, and the shared parameters."""
 
     blocks: Array  # (sector, knot, knot)
-    links: Array  # (sector, knot, knot) of each with the next
-    border: Array  # (sector, knot, shared + 1) of each with the shared, and its right side
+    links: Array  # (sector, knot, knot) coupling of each sector with the next
+    border: Array  # (sector, knot, shared + 1) coupling with the shared parameters, and right side
     shared: Array  # (shared, shared + 1)
 
 
@@ -289,7 +290,7 @@ def _before(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _shifts(by_pattern: Array, stiffness: Array) -> Array:
-    """Variance a pattern gives x, y and radius, from their rows of the inverse."""
+    """Variance of x, y and radius that a pattern causes, from their rows of the inverse."""
     like = _like(len(by_pattern))
     along = (1 + like**2) * by_pattern - 2 * like * _next(by_pattern)
     return np.asarray(np.einsum("ska,kl,sla->a", by_pattern, stiffness, along) / (1 - like**2))
@@ -310,14 +311,15 @@ def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> f
 
 
 def covered(view: View, p: Array, noise: Noise) -> float:
-    """Share of the rim's pixels that are as bright as their background, alone.
+    """Share of the rim's pixels that show only the background.
 
-    What stands before the ball stood there before it came: a bat, a cable, the sabot's catcher.
+    A thing in front of the ball is part of the background, because it was there before the ball
+    came: a bat, a cable, the sabot's catcher.
     """
     row, col = np.ogrid[: view.pixels.shape[0], : view.pixels.shape[1]]
     u, v = col - p[AT.x], row - p[AT.y]
     ends = [np.hypot(u + side * view.way[0], v + side * view.way[1]) for side in (-0.5, 0.5)]
-    # a cell deep and half a cell inside, wherever the ball is
+    # ring one cell deep, half a cell inside the outline during the whole exposure
     rim = np.abs(p[AT.radius] - np.maximum(*ends) - RIM_FIT.cell_px) < RIM_FIT.cell_px / 2
     expected = p[AT.level] * view.background[rim]
     sigmas = (view.pixels[rim] - expected) / np.sqrt(noise.variance(expected))

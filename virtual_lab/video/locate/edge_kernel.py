@@ -1,4 +1,4 @@
-"""Sums over the pixels about a ball's outline that the edge fit asks for."""
+"""Sums over the pixels about a ball's outline that the edge fit needs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SUM = Summing()
 
 
 class View(NamedTuple):
-    """A region, (row, column), and how its ball moved."""
+    """A region, (row, column), and the motion of its ball."""
 
     pixels: Array  # [DN]
     background: Array  # [DN]
@@ -94,8 +94,8 @@ def _weigh(
 ) -> float:
     """Weigh a pixel, and tally it.
 
-    It is 0 where full scale hides what the pixel would have shown, and where what is behind the
-    ball has moved: a bat that recoils. `ball` and `edge`: the ball's and its outline's share of it.
+    The weight is 0 where full scale hides the true value, and where the background has moved, such
+    as a bat that recoils. `ball` and `edge` are the shares of ball and outline in the pixel.
     """
     gain, read, black, prnu, top = noise
     light = max((value if first else mean) - black, 0.0)

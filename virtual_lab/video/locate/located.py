@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from virtual_lab.units import Array
 from virtual_lab.video.clips.source import Frame
 
-MARGIN = 16.0  # pixels of background about the ball
+MARGIN = 16.0  # width of the background around the ball [pixels]
 
 
 class PlaceFlag(IntFlag):
@@ -41,9 +41,9 @@ class Located:
     radius: Array
     x_u: Array
     y_u: Array
-    blur_x: Array  # the ball's shift during the exposure, pixels
+    blur_x: Array  # shift of the ball during the exposure [pixels]
     blur_y: Array
-    chi_square: Array  # per degree of freedom; NaN where the method has none
+    chi_square: Array  # chi^2 per degree of freedom; NaN if the method has none
     flags: NDArray[np.uint16]  # bits of `PlaceFlag`
     # u of the place from the ball's own pattern, correlated in neighbouring frames [pixels]
     pattern_u: Array
@@ -66,7 +66,7 @@ class Located:
 
     @property
     def places(self) -> Array:
-        """Place of each, (region, 2)."""
+        """Place of the ball, (region, 2)."""
         return np.stack([self.x, self.y], axis=1)
 
     @property
@@ -76,13 +76,13 @@ class Located:
 
     @property
     def usable(self) -> NDArray[np.bool_]:
-        """Whether each was found whole and round, (region,)."""
+        """Whether the ball was found whole and round, (region,)."""
         return np.asarray((self.flags & np.uint16(USELESS)) == 0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Regions:
-    """Pictures of the ball and of what is behind it, both (region, row, col) [DN]."""
+    """Pictures of the ball and of the background behind it, both (region, row, col) [DN]."""
 
     pixels: Frame
     background: NDArray[np.float32]

@@ -1,7 +1,8 @@
 """The noise of a camera's pixels, as EMVA 1288 has it: variance as a function of the mean.
 
-V(mu) = K (mu - black) + (prnu (mu - black))^2 + read, in grey values squared: photons, unlike
-pixels, and what is there in the dark, the rounding to whole grey values included.
+V(mu) = K (mu - black) + (prnu (mu - black))^2 + read, in grey values squared. The terms are the
+noise of photons, the differences between pixels, and the noise in the dark, which includes the
+rounding to whole grey values.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.units import Array
 
-ROUNDING = 1 / 12  # DN^2, of whole grey values
+ROUNDING = 1 / 12  # variance of the rounding to whole grey values [DN^2]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +29,7 @@ class Noise:
         A figure is negative, or the dark is as bright as full scale.
     """
 
-    gain: float  # K [DN/e]
+    gain: float  # system gain K [DN/e]
     read: float  # variance in the dark: dark current, reading, rounding [DN^2]
     black: float = 0.0  # grey value of no light [DN]
     prnu: float = 0.0  # relative spread of the pixels' gains
@@ -56,8 +57,8 @@ class Noise:
         """Noise of frames of a still scene, by the photon-transfer method.
 
         `frames` (frame, row, col) are two or more, without the ball; no light is a grey value of
-        0. Differences of successive frames show the noise in time alone: `prnu` is 0. What moves
-        in a few pixels, and flicker, which moves all alike, are left out.
+        0. Differences of successive frames show the noise in time alone: `prnu` is 0. Motion
+        in a few pixels is left out, and so is flicker, which changes all pixels alike.
         """
         first, second = frames[:-1].astype(float), frames[1:].astype(float)
         mean, change = (first + second).ravel() / 2, second - first
@@ -79,11 +80,12 @@ def _spread(change: Array) -> float:
 
 
 def _line(levels: Array, variances: Array) -> tuple[float, float]:
-    """Slope and intercept of variance over level, neither less than there can be."""
+    """Slope and intercept of variance over level, at least 0 and `ROUNDING`."""
     from scipy.optimize import nnls
 
-    weights = 1 / variances  # a variance's own spread goes with it
-    if np.ptp(levels) < 0.1 * max(levels.max(), 1.0):  # one level shows one of the two
+    weights = 1 / variances  # the standard deviation of a variance is proportional to it
+    # one level shows only one of slope and intercept
+    if np.ptp(levels) < 0.1 * max(levels.max(), 1.0):
         return max(float(np.mean(variances) - ROUNDING) / max(levels.mean(), 1.0), 0.0), ROUNDING
     design = np.stack([np.maximum(levels, 0.0), np.ones_like(levels)], axis=1) * weights[:, None]
     gain, rest = nnls(design, (variances - ROUNDING) * weights)[0]

@@ -53,7 +53,7 @@ class Profiles(NamedTuple):
 
     table: Array  # (entry, 2 column): columns, then their derivatives by the depth in widths
     stiffness: Array  # (knot, knot): inverse covariance of a pattern's knots, variance 1
-    hides: Array  # (knot,) [pixel]: an outline that far inward would look much like the knot
+    hides: Array  # (knot,) inward shift of the outline that would look much like the knot [pixel]
     width: float  # standard deviation of lens and pixel [pixel]
     inside: float  # largest depth inside the outline at which pixels are used, without blur [pixel]
 
@@ -65,7 +65,7 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     facings = np.linspace(0.0, deepest, max(3, 1 + round(deepest / TABLE.knot_spacing)))
     reach = 6.0 * width + depth
     entries = int(np.ceil((reach / width + TABLE.widths) * TABLE.per_width)) + 1
-    # twice as many depths, the nearer to the edge the denser
+    # twice as many depths as entries, denser near the edge
     ends = min(reach, radius) * np.linspace(0.0, 1.0, 2 * entries + 1) ** 2
     middles, steps = (ends[1:] + ends[:-1]) / 2, np.diff(ends)
     facing = _facing(middles, radius)

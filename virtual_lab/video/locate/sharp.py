@@ -60,7 +60,7 @@ def place(
     middle: tuple[float, float],
     oval: tuple[float, float] = (0.0, RIM_FIT.oval_u),
 ) -> Located:
-    """Places of the ball in the full frame; `start` knows them to a pixel or so.
+    """Places of the ball in the full frame; `start` has them to about a pixel.
 
     `lens` is the standard deviation of its blur [pixel], `middle` the pixel that the camera's axis
     meets. `oval` is k, a sphere at d from the middle having the outline

@@ -88,11 +88,12 @@ def _line(name: str, *values: str) -> str:
 
 def _entry(key: str, value: Any) -> str:
     note = f"  # {NOTES[key]}" if key in NOTES else ""
-    return f"{key} = {json.dumps(value)}{note}"  # as TOML has numbers, words and lists
+    # JSON and TOML write numbers, strings and lists alike
+    return f"{key} = {json.dumps(value)}{note}"
 
 
 def draw_calibration(found: Calibrated, path: Path) -> None:
-    """Draw what the lens leaves of each corner as PNG."""
+    """Draw the residual of each corner as PNG."""
     from matplotlib import style
     from matplotlib.figure import Figure
 
@@ -106,7 +107,8 @@ def draw_calibration(found: Calibrated, path: Path) -> None:
             color=np.where(solved.view == [*found.views].index(found.plane), "#d55e00", "#0072b2"),
             angles="xy",
             scale_units="xy",
-            scale=max(solved.rms, 1e-6) / (0.02 * wide),  # rms: some 2 % of the picture's width
+            # an arrow of the rms has 2 % of the picture's width
+            scale=max(solved.rms, 1e-6) / (0.02 * wide),
             width=0.0012,
             headwidth=4,
         )

@@ -11,7 +11,7 @@ from virtual_lab.units import Array
 from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.locate.located import PlaceFlag
 
-# a record a place, in the still frame; NaN: not known
+# one record per place, in the still frame; NaN: unknown
 Places = NDArray[np.void]
 WRITTEN = {  # columns of track.csv
     "frame": int,
@@ -21,7 +21,7 @@ WRITTEN = {  # columns of track.csv
     "flags": "U64",
     **dict.fromkeys(("drift_x_px", "drift_y_px", "right_mps", "up_mps"), float),
 }
-# off its flight; from its middle to its blur's end
+# deviation of a place from its flight, and distance from its middle to its blur's end
 DRAWN = dict.fromkeys(("along_px", "across_px", "reach_px"), float)
 PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 
@@ -52,7 +52,8 @@ def course_of(found: FollowedClip) -> Places:
         known = {
             "frame": np.concatenate([way.frames for way in ways]),
             "time_s": found.seconds * np.concatenate([way.t for way in ways]),
-            "radius_px": (blobs["radius"] + blobs["length"]) / 2,  # as the scale takes it
+            # mean of the half axes, as used for the scale
+            "radius_px": (blobs["radius"] + blobs["length"]) / 2,
             "reach_px": blobs["length"],
         }
         for axis in "xy":
@@ -79,7 +80,7 @@ def course_of(found: FollowedClip) -> Places:
 
 
 def course_rows(places: Places) -> list[dict[str, Any]]:
-    """Rows of track.csv, one a place that is known or flagged."""
+    """Rows of track.csv, one per place that is known or flagged."""
     shown = places[np.isfinite(places["x_px"]) | (places["flags"] != "")]
     return [dict(zip(WRITTEN, row, strict=True)) for row in shown[[*WRITTEN]].tolist()]
 

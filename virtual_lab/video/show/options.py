@@ -57,7 +57,7 @@ def _within(value: float, least: float, most: float) -> float:
 
 def _ball(text: str) -> Said:
     diameter, u = _length_and_u(text, "--ball", 1.0)
-    # a baseball's may vary by 1.4 %, a tennis ball's by 2.4 %
+    # u of 1 % if none is stated: a baseball's diameter may vary by 1.4 %, a tennis ball's by 2.4 %
     u, assumed = 0.01 * diameter if u is None else u, u is None
     return {"ball_diameter_m": diameter, "ball_diameter_m_u": u, "assumed": assumed}
 
@@ -111,7 +111,7 @@ def _place(text: str) -> Said:
 def _scale(text: str) -> Said:
     points, length = text.split("=")
     (x, y), (other_x, other_y) = (_numbers(each, 2) for each in points.split(":"))
-    clicked = 1.0  # pixels, u of a point that a person gives
+    clicked = 1.0  # u of a point that a person gives [pixels]
     apart = _within(hypot(x - other_x, y - other_y), 10 * clicked, 1e6)
     metres, metres_u = _length_and_u(length, "--scale", 1000.0)
     relative = hypot((metres_u or 0.0) / metres, hypot(clicked, clicked) / apart)

@@ -72,7 +72,7 @@ class Pictures:
         """Grey values that are shown black and white."""
         samples = self.clip.samples
         if samples.ndim == 4 and samples.dtype == np.uint8:
-            return 0.0, 255.0  # a colour clip is as its maker wants it seen
+            return 0.0, 255.0  # a colour clip keeps its brightness
         low, high = np.quantile(samples[:: max(1, len(samples) // 4)], (0.001, 0.9995))
         return float(min(low, 0.2 * high)), float(max(high, low + 1))
 
@@ -97,9 +97,9 @@ class Pictures:
 
     def _marked(self, k: int) -> Image:
         """Frame of a place with its number and time, the ball's outline and earlier places."""
-        one, fine = self.places[k], 4  # bits below a pixel
+        one, fine = self.places[k], 4  # number of bits for fractions of a pixel
         image = self.frames[int(one["frame"])].copy()
-        # earlier places lie where the still frame has them in this picture
+        # earlier places of the still frame are shifted by this picture's drift
         at = (spots(self.places) + [one["drift_x_px"], one["drift_y_px"]] + 0.5) * self.scale - 0.5
         dots = [(j, 2.0, cv2.FILLED) for j in range(k + 1)]
         for j, radius, line in (*dots, (k, float(one["radius_px"]) * self.scale, 1)):
@@ -133,7 +133,7 @@ class Pictures:
         return whole[..., ::-1]
 
     def _still(self, k: int) -> Image:
-        """Picture where the still frame has it."""
+        """Picture moved back to the still frame."""
         one = self.places[k]
         picture = self.frames[int(one["frame"])]
         drift = np.array([one["drift_x_px"], one["drift_y_px"], 0.0, 0.0]) * self.scale
@@ -174,7 +174,7 @@ class Pictures:
         axes.set(xlabel="x, pixels", ylabel="y, pixels")
 
     def _draw_motion(self, below: Iterable[Axes]) -> None:
-        """Draw places and speeds over the clip's time, right and up, and what the fit leaves."""
+        """Draw places (right and up), speeds, and residuals of the fit over the clip's time."""
         place, speed, along, across = below
         metres = np.stack([self.places["x_m"], self.up * self.places["y_m"]])
         metres -= metres[:, np.isfinite(metres).all(axis=0)][:, :1]
@@ -203,7 +203,7 @@ class Pictures:
 
 
 def _spread(places: int, count: int) -> NDArray[np.intp]:
-    """Up to so many of the places, spread evenly, in order."""
+    """Numbers of up to `count` of the places, spread evenly, in order."""
     return np.unique(np.linspace(0, places - 1, min(count, places)).round()).astype(np.intp)
 
 

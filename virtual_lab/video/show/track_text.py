@@ -72,7 +72,8 @@ def write_table(rows: Iterable[Mapping[str, Any]], path: Path) -> None:
 
 
 def _cell(name: str, value: object) -> object:
-    if not isinstance(value, float) or name == "time_s":  # a time as it is: it finds its frame
+    # a time is written in full, because it identifies its frame
+    if not isinstance(value, float) or name == "time_s":
         return value
     return "" if np.isnan(value) else f"{value:.7g}"
 
@@ -187,7 +188,7 @@ def track_text(found: FollowedClip) -> str:
             f"{row['places']} places, {' to '.join(map(_rounded, speeds))} m/s ({mph} mph)"
         )
         pull = row["acceleration_mps2"]
-        if pull and pull.u < pull.value:  # else it bends too little to say
+        if pull and pull.u < pull.value:  # else the flight bends too little to show it
             words += f", acceleration {_rounded(pull)} m/s²"
         lines.append(words)
         if contact := contacts.get(k):
@@ -206,7 +207,7 @@ def track_text(found: FollowedClip) -> str:
 
 
 def _scale_said(found: FollowedClip, scale: PixelScale) -> str:
-    """Ruler that sets the scale, its u, and how far others are off."""
+    """Ruler that sets the scale, its u, and the deviation of the others."""
     size = 1e3 * scale.metres_per_pixel
     said = (
         f"scale {with_uncertainty(size, size * scale.relative_u)} mm a pixel "

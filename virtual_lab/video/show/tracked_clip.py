@@ -1,4 +1,4 @@
-"""A clip tracked from what a person knows of it: document, words, files; for command and Python.
+"""A clip tracked with its user's knowledge: document, text, files; for command and Python.
 
 Any clip is followed; where a camera was calibrated, stands still and shows one contact at most, the
 ball is then located as sharply as it can be, for the speeds of a hit.
@@ -53,8 +53,8 @@ def track_clip(
 ) -> FollowedClip:
     """Track the ball through a clip: a file, a folder, or an array of its frames.
 
-    `asked`: what a person says, in words as on the command line, by the names of `OPTIONS`; None:
-    nothing. Raises `InputError`: what cannot be read, words of another form, or no length known.
+    `asked` are options as text, as on the command line, by the names of `OPTIONS`; None: not given.
+    Raises `InputError` if a file cannot be read, an option has another form, or no length is known.
     """
     said = said_of(asked)
     # the file is opened first, because a file that is no clip needs no scale
@@ -75,7 +75,7 @@ def track_clip(
 
 
 def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
-    """Read the calibration, with what was said in place of its keys; and what was assumed."""
+    """Read the calibration, with stated values in place of its keys; and notes of assumptions."""
     file, ruler = said.get("file"), said.get("ruler")
     keys = {each.name: said[each.name] for each in fields(ClipCalibration) if each.name in said}
     if file and "exposure" in said:  # else frames stored twice may be shorter
@@ -97,7 +97,7 @@ def _knowledge(
     calibrated, rate, turn = "file" in said, clip.source.rate, clip.source.rotation
     if asked.get("readout") and asked.get("global_shutter"):
         raise InputError("", "--readout", asked["readout"], "a global shutter has none: give one")
-    # a faster one is of a laboratory's camera
+    # a faster clip is from a laboratory's camera
     rolls = not calibrated and clip.source.path.is_file() and rate is not None and rate <= 480
     unsure = "phone" not in said and any(UNSURE_RATE in each for each in clip.warnings)
     more = {each.name: said[each.name] for each in fields(ClipKnowledge) if each.name in said}
@@ -113,7 +113,7 @@ def _knowledge(
             "readout_axis": {90: (0, -1), 180: (1, -1), 270: (0, 1)}.get(int(turn or 0), (1, 1)),
             "rate_of": FILE if unsure else GIVEN,
             "stands": calibrated,
-            # sharp places, of a calibrated camera, know the ball's size better than gravity
+            # with a calibrated camera, sharp places show the ball's size better than gravity does
             "ruler": BALL if calibrated else None,
             # without one, or with places by hand, there is nothing to locate the ball sharply by
             "calibration": calibration if calibrated and "corrected" not in said else None,
