@@ -46,7 +46,6 @@ class FlightFit:
     correlation: float = 0.8  # largest correlation of neighbouring residuals
     # range of the correlation time of a pattern [durations of the flight]
     lags: tuple[float, float] = (0.02, 30.0)
-    pattern_odds: float = 10.0  # residuals that show so much less than it should are still its own
 
 
 FLIGHT_FIT = FlightFit()
