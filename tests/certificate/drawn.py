@@ -56,7 +56,7 @@ class Plot:
         return np.stack([self.x(x), self.y(y)], axis=-1)
 
     def near(self, points: float = 0.03) -> tuple[float, float]:
-        """Return how much of each axis so many points of the page are."""
+        """Return the lengths on both axes, in their units, of a distance in points of the page."""
         return abs(self.x[1]) * points, abs(self.y[1]) * points
 
 

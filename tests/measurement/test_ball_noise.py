@@ -40,7 +40,7 @@ SIX = np.full(6, 1 / 6)
 
 
 def gates(stage: str, speed_out: np.ndarray, speed_in: np.ndarray | float = SPEED) -> GateReadings:
-    """Return what two gates write of balls in at `speed_in`, back at `speed_out`."""
+    """Return the records of two gates for balls in at `speed_in`, back at `speed_out`."""
     shots, way = speed_out.size, FAR - NEAR
     into = np.stack([np.zeros(shots), np.broadcast_to(way / speed_in, shots)], axis=1)
     back = np.stack([1 + FAR / speed_out, 1 + NEAR / speed_out], axis=1)

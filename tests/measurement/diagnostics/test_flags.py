@@ -435,7 +435,7 @@ def with_a_gap(session: Session, releases: list[int], passage: int, by: float) -
 def test_a_release_with_a_passage_lost_or_counted_twice_is_left_out_and_named(
     procedure: str, releases: list[int], passage: int, by: float, shown: str
 ) -> None:
-    """What the others give is the result, to a fifth of its u: once a remark-free 7 u."""
+    """The result is that of the other releases, to a fifth of u; it was 7 u off, unflagged."""
     session = certified("r161", procedure=procedure, seed=300).certification.session
     untouched = certify_session(session).metric
     found = certify_session(with_a_gap(session, releases, passage, by))

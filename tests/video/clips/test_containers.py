@@ -62,7 +62,7 @@ def write(
 
 
 def numbers_of(clip: Clip) -> list[int]:
-    """Return which frames a clip shows, by their brightness."""
+    """Return the numbers of the frames of a clip, read from their brightness."""
     return [round(float(picture.mean()) / 8) for picture in clip.pictures()]
 
 
