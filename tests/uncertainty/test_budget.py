@@ -19,7 +19,7 @@ from virtual_lab.uncertainty.budget import (
     scatter,
     types_a,
 )
-from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.uncertainty.estimate import Estimate, Estimates
 
 ROOT3, ROOT2 = sqrt(3), sqrt(2)
 # JCGM 100:2008, H.1: end gauge, lengths in nm, temperatures in °C
@@ -135,7 +135,7 @@ def test_certain_constants_are_left_out_and_scatter_comes_in() -> None:
 
 def test_a_block_without_uncertain_constants_has_its_scatter_alone() -> None:
     """Three laboratories whose one constant is certain: no column of constants, three rows."""
-    constants = {"a": Known(value=np.ones(3), u=np.zeros(3), dof=np.full(3, inf))}
+    constants = {"a": Estimates(value=np.ones(3), u=np.zeros(3), dof=np.full(3, inf))}
     variants = Variants.of(constants)
     assert variants.sets == 1
     alone = variants.components(np.ones((3, 1))) + types_a("hits", np.ones(3), np.full(3, 0.1))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from virtual_lab.uncertainty.estimate import Estimate, Known, mean_of_readings
+from virtual_lab.uncertainty.estimate import Estimate, Estimates, mean_of_readings
 
 # JCGM 100:2008, H.2.2, table H.2: voltage [V], current [mA], phase [rad], with the means and the
 # standard uncertainties of the means printed there
@@ -102,7 +102,7 @@ TWO = [
 
 def test_a_block_gives_back_each_estimate_of_its_own() -> None:
     """Every field returns, of a part chosen by a mask as by an index."""
-    block = Known.stacked(TWO)
+    block = Estimates.stacked(TWO)
     assert [block.of(n) for n in range(2)] == TWO
     assert block.part(np.array([False, True])).of(0) == TWO[1]
     assert block.part(np.array([1, 0, 1])).of(1) == TWO[0]
@@ -111,11 +111,11 @@ def test_a_block_gives_back_each_estimate_of_its_own() -> None:
 def test_a_block_holds_estimates_of_one_kind() -> None:
     """Evaluation, source and pool are the block's, so no laboratory may differ in them."""
     with pytest.raises(ValueError, match="one kind"):
-        Known.stacked([TWO[0], Estimate(value=1.0, u=0.5, dof=4.0)])
+        Estimates.stacked([TWO[0], Estimate(value=1.0, u=0.5, dof=4.0)])
 
 
 def test_a_laboratory_without_a_value_has_no_estimate() -> None:
     """NaN may stand in a block, never in an `Estimate`."""
-    block = Known(value=np.array([nan]), u=np.array([0.1]), dof=np.array([inf]))
+    block = Estimates(value=np.array([nan]), u=np.array([0.1]), dof=np.array([inf]))
     with pytest.raises(ValueError, match="finite"):
         block.of(0)

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from virtual_lab.uncertainty.budget import Variants, means_of_hits
-from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.uncertainty.scatter import HitVariance, Scatter, larger_today
 
 HITS = 6
@@ -92,7 +92,7 @@ def test_a_history_serves_the_tests_with_a_small_u_as_well() -> None:
     tests = rng.standard_normal((11, count, HITS))
     earlier = HitVariance.pooled([seen(each).variance for each in tests[1:]])
     today, one = np.repeat(tests[0][:, None], 3, axis=1), np.ones(count)
-    constants = Variants.of({"without effect": Known(value=one, u=one, dof=one)})
+    constants = Variants.of({"without effect": Estimates(value=one, u=one, dof=one)})
     even, place = np.full((count, HITS), 1 / HITS), np.zeros((count, HITS))
     for known, least, most in ((None, 0.65, 0.8), (earlier, 0.88, 0.93)):
         found = means_of_hits(constants, today, even, place, even, known)

@@ -611,7 +611,7 @@ def certify(
     from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.records.particulars import read_particulars
     from virtual_lab.simulation.rig import Reality, named
-    from virtual_lab.uncertainty.estimate import Known
+    from virtual_lab.uncertainty.estimate import Estimates
     from virtual_lab.uncertainty.propagating import named_method
 
     rules: str | Entry[Procedure] = cast("str", procedure)  # sheets are names by now
@@ -660,7 +660,7 @@ def certify(
     scatter = earlier_scatter(cast("Sequence[Path]", history), asked)
     setup = replace(
         setup,
-        history={name: Known.stacked([each]) for name, each in scatter.items()},
+        history={name: Estimates.stacked([each]) for name, each in scatter.items()},
         uncertainty=named_method(uncertainty),
     )
     return _certificate(certify_bat(setup, progress), seed)

@@ -10,7 +10,7 @@ from virtual_lab.certificate.chain import result_folders, stated_and_reduced
 from virtual_lab.errors import InputError
 from virtual_lab.records.particulars import Particulars
 from virtual_lab.records.session import Session, packed
-from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.uncertainty.scatter import HitVariance
 
 FEWEST = 3  # smallest number of earlier tests; two may be one good and one bad day
@@ -64,7 +64,7 @@ def earlier_scatter(
             raise InputError(str(folder), "history", None, allowed)
         seen[digest] = str(folder)
         own = found.variances.items()
-        tests.append({name: HitVariance.of(Known.stacked([each])) for name, each in own})
+        tests.append({name: HitVariance.of(Estimates.stacked([each])) for name, each in own})
     source = f"{len(tests)} earlier tests"
     return {
         name: HitVariance.pooled([test[name] for test in tests]).known(source).of(0)

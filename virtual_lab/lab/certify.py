@@ -14,7 +14,7 @@ from virtual_lab.measurement.model import CONTROL
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
 from virtual_lab.simulation.truth import made_bat
-from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.uncertainty.estimate import Estimate, Estimates
 
 CONTROL_TEST = 1_000_000  # branch of the control test's random numbers, above any test number
 
@@ -86,5 +86,5 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
     return replace(by_the_book(corrected, progress), control=control)
 
 
-def _with_ratio(laboratory: Laboratory, ratio: Estimate) -> dict[str, Known]:
-    return {**laboratory.calibration, CONTROL: Known.stacked([ratio])}
+def _with_ratio(laboratory: Laboratory, ratio: Estimate) -> dict[str, Estimates]:
+    return {**laboratory.calibration, CONTROL: Estimates.stacked([ratio])}

@@ -40,7 +40,7 @@ from virtual_lab.simulation.rig import (
 )
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import SEED_BITS, Draws, Quiet, commitment, salt_of
-from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.uncertainty.estimate import Estimate, Estimates
 
 EFFICIENCY_U = 2e-3  # typical u of e_A in a test; 0.8e-3 to 2.4e-3, depending on the procedure
 
@@ -63,7 +63,7 @@ class Laboratory:
     collision: Ladder
     stations: Mapping[Stage, Station]
     specimen: Specimen
-    calibration: Mapping[str, Known]  # constants before the first measurement
+    calibration: Mapping[str, Estimates]  # constants before the first measurement
     control: float = 1.0  # ratio of the control bat's true e with these balls to its known e
 
     @classmethod
@@ -116,7 +116,9 @@ class Laboratory:
                 collision=collision,
             ),
             calibration={
-                name: each if isinstance(each, Known) else Known.stacked([each] * setup.count)
+                name: each
+                if isinstance(each, Estimates)
+                else Estimates.stacked([each] * setup.count)
                 for name, each in entered.items()
             },
         )

@@ -22,7 +22,7 @@ from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import MotionRung, Reality, Stage, named
 from virtual_lab.streams import LABORATORIES, Draws, Slots, require_seed
-from virtual_lab.uncertainty.estimate import Known
+from virtual_lab.uncertainty.estimate import Estimates
 
 NO_FAULTS = FaultSet()
 METHODS = ("ratio", "trampoline")  # methods that convert a result to a standard ball
@@ -54,7 +54,7 @@ class TestSetup:
     collision: Ladder | None = None  # collision models shared by many laboratories
     particulars: Particulars = NOTHING_STATED  # statements of the certificate beside the results
     # variances of hits in earlier tests, see `SessionBlock`
-    history: Mapping[str, Known] = field(default_factory=dict)
+    history: Mapping[str, Estimates] = field(default_factory=dict)
     uncertainty: UncertaintyMethod = "first-order"
 
     @classmethod

@@ -58,7 +58,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, combine, propagate
-from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.units import Array, Mask
 
 AIM_ALONG = "impact.cannon.along"
@@ -69,7 +69,7 @@ class BlockPreparation:
     """Reduced values of bats, balls and rigs of a block before the bats are hit."""
 
     procedure: Entry[Procedure]
-    constants: Mapping[str, Known]
+    constants: Mapping[str, Estimates]
     balls: BallReadings
     lot: MeasuredBalls  # measured balls for the best values of the constants, (laboratory, 1, ball)
     used: Mask  # balls that define the lot, (laboratory, 1, ball)
@@ -141,7 +141,7 @@ class BlockReduction:
     """Reduced and judged shots of a block as fired, (shot,), without their readings."""
 
     preparation: BlockPreparation
-    constants: Mapping[str, Known]  # constants of the preparation and of the hits
+    constants: Mapping[str, Estimates]  # constants of the preparation and of the hits
     owner: NDArray[np.intp]  # laboratory of each shot
     place: Array  # aimed position, from the barrel tip [m]
     results: ShotResults
@@ -158,7 +158,9 @@ class BlockReduction:
         preparation = reduced.preparation
         return cls(
             preparation=preparation.block.alone(preparation.laboratory),
-            constants={name: Known.stacked([known]) for name, known in reduced.constants.items()},
+            constants={
+                name: Estimates.stacked([known]) for name, known in reduced.constants.items()
+            },
             owner=np.zeros(reduced.shot_metric.size, dtype=np.intp),
             place=reduced.readings.place,
             results=reduced.shots,
@@ -383,10 +385,10 @@ def reduce_shots(
     )
 
 
-def best_values(constants: Mapping[str, Estimate] | Mapping[str, Known]) -> dict[str, Array]:
+def best_values(constants: Mapping[str, Estimate] | Mapping[str, Estimates]) -> dict[str, Array]:
     """Return the values of the constants for a model, of a block with shape (laboratory, 1, 1)."""
     return {
-        name: known.value[:, None, None] if isinstance(known, Known) else np.array(known.value)
+        name: known.value[:, None, None] if isinstance(known, Estimates) else np.array(known.value)
         for name, known in constants.items()
     }
 
@@ -413,7 +415,7 @@ def _bat_budgets(constants: Mapping[str, Estimate]) -> dict[str, Budget]:
     }
 
 
-def _place_constants(rules: Procedure, along: Known | None) -> dict[str, Known]:
+def _place_constants(rules: Procedure, along: Estimates | None) -> dict[str, Estimates]:
     """Return the procedure's slope of e_A, and the effect of its uncertainty on e_A.
 
     The place is corrected for the known aim, so the product of the two uncertainties matters
@@ -423,12 +425,12 @@ def _place_constants(rules: Procedure, along: Known | None) -> dict[str, Known]:
         return {}
     nothing, endless = np.zeros(along.u.shape), np.full(along.u.shape, np.inf)
     return {
-        PLACE_SLOPE: Known(value=nothing + rules.place_slope, u=nothing, dof=endless),
-        SLOPE_ERROR: Known(value=nothing, u=rules.place_slope_u * along.u, dof=endless),
+        PLACE_SLOPE: Estimates(value=nothing + rules.place_slope, u=nothing, dof=endless),
+        SLOPE_ERROR: Estimates(value=nothing, u=rules.place_slope_u * along.u, dof=endless),
     }
 
 
-def _constants(block: SessionBlock) -> dict[str, Known]:
+def _constants(block: SessionBlock) -> dict[str, Estimates]:
     """Return the constants of calibrations and readings that a result may depend on.
 
     The air's density is that of the readings, if there are any. The constants of the climate logger

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.records import EncoderRecord, Record
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.uncertainty.estimate import Estimate, Estimates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +25,7 @@ class SessionBlock:
     """
 
     procedure_text: str
-    calibration: Mapping[str, Known]  # "stage.instrument.constant", (laboratory,)
+    calibration: Mapping[str, Estimates]  # "stage.instrument.constant", (laboratory,)
     records: Mapping[str, Mapping[str, Record]]  # stage: channel: record
     owner: NDArray[np.intp]  # laboratory of each shot at the bat, (shot,)
     laboratories: int
@@ -33,7 +33,7 @@ class SessionBlock:
     bat_sport: str = ""  # sport for which the bat is marked; "": not known
     ball_sport: str = ""
     # variance of one hit in earlier tests, by the name of the result, (laboratory,)
-    history: Mapping[str, Known] = field(default_factory=dict)
+    history: Mapping[str, Estimates] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.counted and self.laboratories > 1:
@@ -71,7 +71,7 @@ class SessionBlock:
             return self  # including arrays stored beside the tables
         own = self.owner == laboratory
 
-        def one(known: Mapping[str, Known]) -> dict[str, Known]:
+        def one(known: Mapping[str, Estimates]) -> dict[str, Estimates]:
             own = slice(laboratory, laboratory + 1)
             return {name: each.part(own) for name, each in known.items()}
 
@@ -98,15 +98,15 @@ class SessionBlock:
         return _OfOne(self.calibration, laboratory)
 
 
-def _stacked(known: Mapping[str, Estimate]) -> dict[str, Known]:
-    return {name: Known.stacked([each]) for name, each in known.items()}
+def _stacked(known: Mapping[str, Estimate]) -> dict[str, Estimates]:
+    return {name: Estimates.stacked([each]) for name, each in known.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class _OfOne(Mapping[str, Estimate]):
     """The estimates of one laboratory, each made when it is requested."""
 
-    block: Mapping[str, Known]
+    block: Mapping[str, Estimates]
     laboratory: int
 
     def __getitem__(self, name: str) -> Estimate:

@@ -21,7 +21,7 @@ from typing import Self, cast
 
 import numpy as np
 
-from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.uncertainty.scatter import HitVariance, Scatter
 from virtual_lab.units import Array
 
@@ -217,14 +217,14 @@ class Variants:
     The outputs of the model for these columns give the effect of each constant.
     """
 
-    constants: Mapping[str, Estimate] | Mapping[str, Known]
+    constants: Mapping[str, Estimate] | Mapping[str, Estimates]
     uncertain: tuple[str, ...]  # names of the shifted constants
     value: Array  # values of the shifted constants, (laboratory, constant)
     stated: Array  # their stated u
     dof: Array
 
     @classmethod
-    def of(cls, constants: Mapping[str, Estimate] | Mapping[str, Known]) -> Self:
+    def of(cls, constants: Mapping[str, Estimate] | Mapping[str, Estimates]) -> Self:
         """Return the variants; constants without uncertainty are not shifted."""
         uncertain = tuple(name for name, known in constants.items() if np.any(known.u > 0))
         laboratories = max((np.size(known.value) for known in constants.values()), default=1)
@@ -263,7 +263,7 @@ class Variants:
 
     def part(self, chosen: slice) -> Self:
         """Return the variants of some laboratories of a block."""
-        known = cast("Mapping[str, Known]", self.constants)
+        known = cast("Mapping[str, Estimates]", self.constants)
         return replace(
             self,
             constants={name: each.part(chosen) for name, each in known.items()},

@@ -38,7 +38,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Known:
+class Estimates:
     """The estimates of one quantity in a block of laboratories, arrays (laboratory,).
 
     Value and `u` are in SI; evaluation, source and pool are those of every laboratory.
@@ -99,7 +99,7 @@ def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0) -> Estimate:
 
 def means_of_readings(
     readings: Array, *, used: Mask | None = None, least_u: Array | float = 0.0
-) -> Known:
+) -> Estimates:
     """Return the means of a block, as `mean_of_readings` of each row (laboratory, n).
 
     `used`, of the same shape, is the mask of the readings to use; None uses all.
@@ -107,7 +107,7 @@ def means_of_readings(
     counted = np.ones(readings.shape, dtype=bool) if used is None else used
     number = counted.sum(axis=1)
     scatter = readings.std(axis=1, ddof=1, where=counted) / np.sqrt(number)
-    return Known(
+    return Estimates(
         value=readings.mean(axis=1, where=counted),
         u=np.maximum(scatter, least_u),
         dof=np.where(scatter >= least_u, number - 1.0, inf),

@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.units import Array, Mask
 
 LARGER_BY_CHANCE = 0.01  # significance of the one-sided F test against earlier tests
@@ -27,14 +27,14 @@ class HitVariance(NamedTuple):
     dof: Array  # degrees of freedom, 0 with too few hits
 
     @classmethod
-    def of(cls, known: Known) -> Self:
+    def of(cls, known: Estimates) -> Self:
         """Return the variance from a value with its u, which is √(2/ν) times the variance."""
         return cls(known.value, known.u * np.sqrt(known.dof / 2), known.dof)
 
-    def known(self, source: str = "") -> Known:
+    def known(self, source: str = "") -> Estimates:
         """Return the variance as a value with its u."""
         u = np.where(self.dof > 0, self.seen * np.sqrt(2 / np.maximum(self.dof, 1e-300)), 0.0)
-        return Known(value=self.left, u=u, dof=self.dof, evaluation="A", source=source)
+        return Estimates(value=self.left, u=u, dof=self.dof, evaluation="A", source=source)
 
     @classmethod
     def pooled(cls, tests: Sequence[HitVariance]) -> Self:
@@ -99,5 +99,5 @@ class Scatter(NamedTuple):
 
 def larger_today(today: Estimate, earlier: Estimate) -> bool:
     """Whether the variance of one test is larger than that of earlier ones, beyond chance."""
-    own, other = (HitVariance.of(Known.stacked([each])) for each in (today, earlier))
+    own, other = (HitVariance.of(Estimates.stacked([each])) for each in (today, earlier))
     return bool(own.larger(other)[0])

@@ -17,7 +17,7 @@ from virtual_lab.measurement.reduction.shot_algebra import drag_of
 from virtual_lab.records import AimMarks
 from virtual_lab.relations.flight import time_before
 from virtual_lab.uncertainty.budget import Components, Variants, types_a
-from virtual_lab.uncertainty.estimate import Known
+from virtual_lab.uncertainty.estimate import Estimates
 from virtual_lab.units import Array, Mask
 
 WAYS = {INBOUND: "", OUTBOUND: " back"}
@@ -66,7 +66,7 @@ def _board_said(
     )
 
 
-def _between(known: Mapping[str, Known], board: int, last: int, part: Array) -> Components:
+def _between(known: Mapping[str, Estimates], board: int, last: int, part: Array) -> Components:
     """Return the components of a board's deviation from its position caused by the survey."""
     variants = Variants.of({_distance(k): known[_distance(k)] for k in (0, board, last)})
     first, here, end = (column[..., 0] for column in variants.columns.values())

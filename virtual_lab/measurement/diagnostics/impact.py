@@ -16,7 +16,7 @@ from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
 from virtual_lab.records import AimMarks
 from virtual_lab.uncertainty.budget import Components, Variants, types_a, weighed
-from virtual_lab.uncertainty.estimate import Known
+from virtual_lab.uncertainty.estimate import Estimates
 from virtual_lab.units import Array, Mask
 
 AIM_ALONG = "impact.cannon.along"
@@ -66,7 +66,7 @@ def aim(evidence: Evidence) -> Iterator[Pairs]:
     if not isinstance(marks, AimMarks):
         return
     none, endless = np.zeros(evidence.laboratories), np.full(evidence.laboratories, np.inf)
-    nothing = Known(value=none, u=none, dof=endless)
+    nothing = Estimates(value=none, u=none, dof=endless)
     lined_up = evidence.reduced.constants.get(AIM_ALONG, nothing)
     height = evidence.reduced.constants.get("impact.pivot.height", nothing)
     variants = Variants.of({AIM_ALONG: lined_up})

@@ -10,7 +10,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.records import ClimateReadings
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.relations.air import FORMULA_U, air_density
-from virtual_lab.uncertainty.estimate import Known
+from virtual_lab.uncertainty.estimate import Estimates
 from virtual_lab.units import Array
 
 DENSITY = "hall.air.density"
@@ -56,7 +56,7 @@ def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Arr
     return found
 
 
-def measured_density(block: SessionBlock) -> Known | None:
+def measured_density(block: SessionBlock) -> Estimates | None:
     """Return the mean density of the air in a test [kg/m³], None without readings of the climate.
 
     Its u contains that of the instruments, that of the formula, and the change between the
@@ -74,7 +74,7 @@ def measured_density(block: SessionBlock) -> Known | None:
     ]
     mean = density.mean(axis=1)
     parts += [FORMULA_U * mean, np.ptp(density, axis=1) / sqrt(12)]
-    return Known(
+    return Estimates(
         value=mean,
         u=np.sqrt(np.sum(np.square(parts), axis=0)),
         dof=np.full(mean.shape, inf),

@@ -38,7 +38,7 @@ from virtual_lab.records import (
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.relations.pendulum import mean_amplitude_factor
-from virtual_lab.uncertainty.estimate import Known, means_of_readings
+from virtual_lab.uncertainty.estimate import Estimates, means_of_readings
 from virtual_lab.units import Array, Mask
 
 REPEATABILITY = "balls.repeatability"
@@ -117,7 +117,7 @@ class ImpactReadings:
         )
 
 
-def bench_constants(block: SessionBlock) -> dict[str, Known]:
+def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
     """Return the bat's readings as constants ``bat.…`` with type A uncertainties [SI].
 
     The period is that of small swings: each release is corrected for its amplitudes, and those
@@ -175,8 +175,8 @@ def counted_releases(odd: Mask) -> Mask:
     return np.asarray(even | few[:, None])
 
 
-def _exactly(value: Array) -> Known:
-    return Known(value=value, u=np.zeros(value.shape), dof=np.full(value.shape, inf))
+def _exactly(value: Array) -> Estimates:
+    return Estimates(value=value, u=np.zeros(value.shape), dof=np.full(value.shape, inf))
 
 
 def reference_readings(block: SessionBlock) -> Array:
@@ -256,7 +256,7 @@ def along_of(session: Session) -> float:
     return known.value if known else 0.0
 
 
-def ball_constants(readings: BallReadings) -> dict[str, Known]:
+def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
     """Return type A constants: 0 ± u of each ball's mean e0, and of e0's slope.
 
     The scatter is that within each ball and speed, pooled over all wall hits of a laboratory;
@@ -286,7 +286,7 @@ def ball_constants(readings: BallReadings) -> dict[str, Known]:
     scatter = np.sum(rest**2, axis=1) / dof
     nothing = np.zeros(len(share))
     constants = {
-        name: Known(
+        name: Estimates(
             value=nothing,
             u=np.sqrt(scatter / number),
             dof=dof,
@@ -296,7 +296,7 @@ def ball_constants(readings: BallReadings) -> dict[str, Known]:
         for name, number in zip(restitution_names(balls), hits.T, strict=True)
     }
     if sloped:
-        constants[SLOPE_REPEATABILITY] = Known(
+        constants[SLOPE_REPEATABILITY] = Estimates(
             value=nothing, u=np.sqrt(scatter / width), dof=dof, evaluation="A"
         )
     return constants
@@ -307,7 +307,7 @@ def restitution_names(balls: int) -> list[str]:
     return [f"balls.restitution_{ball}" for ball in range(balls)]
 
 
-def across_constant(block: SessionBlock) -> Known:
+def across_constant(block: SessionBlock) -> Estimates:
     """Return the mean square of the offsets across the bat [m²] from the marks before the test.
 
     Its relative standard uncertainty is that of a mean square of n normal offsets, √(2/n).
@@ -319,7 +319,7 @@ def across_constant(block: SessionBlock) -> Known:
         raise InputError("impact/aim", "record", type(marks).__name__, "expected aim marks")
     across = _by_laboratory(block, marks.across)
     square, number = np.mean(across**2, axis=1), across.shape[1]
-    return Known(
+    return Estimates(
         value=square,
         u=square * sqrt(2 / number),
         dof=np.full(square.shape, float(number)),

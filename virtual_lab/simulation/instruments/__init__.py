@@ -86,7 +86,7 @@ def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
 class FittedStation:
     """A station whose fields are its instruments, with their known and their true constants.
 
-    In a block of laboratories the known constants are `Known`, and the true ones are arrays
+    In a block of laboratories the known constants are `Estimates`, and the true ones are arrays
     (laboratory,).
     """
 

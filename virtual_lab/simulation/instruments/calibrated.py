@@ -24,11 +24,11 @@ from annotated_types import Gt
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records.particulars import InstrumentIdentity
 from virtual_lab.streams import Draws, Owner, of_owners
-from virtual_lab.uncertainty.estimate import Estimate, Known
+from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.units import Array
 
 TrueConstant = Any  # true value: a float for one laboratory, an array for a block
-Stated = Estimate | Known  # value on the certificate
+Stated = Estimate | Estimates  # value on the certificate
 
 Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, inf if not stated
 
@@ -97,7 +97,7 @@ def at_all(known: Estimate, laboratories: tuple[int, ...], share: Array | float 
     """Return an estimate, with u multiplied by `share`, for one laboratory or for a block (n,)."""
     if not laboratories:
         return replace(known, u=known.u * float(share))
-    return Known(
+    return Estimates(
         value=np.full(laboratories, known.value),
         u=np.broadcast_to(known.u * share, laboratories),
         dof=np.full(laboratories, known.dof),
@@ -149,7 +149,7 @@ class CalibratedInstrument(Generic[S]):
         return {}
 
     def calibration(self) -> dict[str, Any]:
-        """Return the known constants: `Estimate` for one laboratory, `Known` for a block."""
+        """Return the known constants: `Estimate` for one laboratory, `Estimates` for a block."""
         known = {key: stated for key, stated in self.stated.items() if key not in self.unknown}
         exact = self.exact().items()
         return known | {key: at_all(one, self.laboratories) for key, one in exact}
