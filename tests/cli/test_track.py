@@ -20,6 +20,7 @@ from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 
 FILM = Film()
+FRAMES = np.zeros((3, 20, 20), np.uint8)
 
 
 @pytest.fixture(scope="module")
@@ -107,10 +108,49 @@ def test_the_balls_u_is_in_the_speeds_of_a_hit(folder: Path) -> None:
         assert found["speed_in_mps"]["u"] > share * found["speed_in_mps"]["value"]
 
 
+# a baseball by its circumference and mass, and its drag in air with C_d .45: k = ρ C_d A / 2m
+BASEBALL = 9.125 * 0.0254 / np.pi
+DRAG = 1.2 * 0.45 * np.pi * BASEBALL**2 / 4 / (2 * 5.125 * 0.028349523)
+
+
+def test_a_kind_of_ball_gives_size_and_drag(folder: Path, tmp_path: Path) -> None:
+    words = ["--calibration", str(folder / "cal.toml"), "--ball", "baseball", "--json"]
+    at = ["track", str(folder / "clip.mp4"), "--out", str(tmp_path / "found")]
+    done = CliRunner().invoke(cli, [*at, *words])
+    assert done.exit_code == 0, done.output
+    told = json.loads(done.stdout)
+    assert told["scale"]["metres_per_pixel"] == pytest.approx(BASEBALL / 28, rel=5e-3)
+    assert told["scale"]["relative_u"] == pytest.approx(4e-4 / BASEBALL, rel=0.25)
+    assert told["drag_per_m"] == pytest.approx(DRAG, rel=1e-2)
+    assert "was assumed" not in str(told["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("ball", "said", "file", "drag"),
+    [
+        ("baseball", {}, "", DRAG),
+        (vl.ball("baseball-2003").with_(mass="10.25 oz"), {}, "", DRAG / 2),
+        ("baseball", {"mass": "72.646g"}, "", 2 * DRAG),
+        ("baseball", {}, "drag_per_m = 0.003", 0.003),
+        ("baseball", {"mass": "72.646g"}, "drag_per_m = 0.003", 2 * DRAG),
+    ],
+)
+def test_what_is_stated_goes_before_the_kind_of_ball(
+    ball: Any, said: dict[str, Any], file: str, drag: float, tmp_path: Path
+) -> None:
+    (tmp_path / "cal.toml").write_text(file)
+    track = vl.track(FRAMES, ball=ball, fps=240, calibration=tmp_path / "cal.toml", **said)
+    assert track.found.known.drag is not None
+    assert track.found.known.drag[0] == pytest.approx(drag, rel=1e-4)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["clip.mp4"], "no length is known"),
+        (["clip.mp4", "--ball", "golf"], 'e.g. "73mm±0.5mm", the .toml file of a ball, or a name'),
+        (["clip.mp4", "--ball", "game"], "game-2003, game-speed-2003"),
+        (["clip.mp4", "--ball", "none.toml"], "none.toml"),
         (["clip.mp4", "--ball", "73"], "a length with its unit"),
         (["clip.mp4", "--ball", "73 furlongs"], "a length with its unit"),
         (["clip.mp4", "--ball", "0mm"], "0.001 to 1 m"),
@@ -255,9 +295,6 @@ def test_python_gives_tables(folder: Path) -> None:
     assert "flights" in repr(found)
     assert "the frame rate is the file's own" in found.text
     assert "0.28 mm was assumed" in found.text
-
-
-FRAMES = np.zeros((3, 20, 20), np.uint8)
 
 
 @pytest.mark.parametrize(

@@ -912,7 +912,7 @@ class Track:
 def track(
     clip: str | Path | NDArray[Any],
     *,
-    ball: str | None = None,
+    ball: str | Path | Sheet | None = None,
     calibration: str | Path | None = None,
     corrected: str | Path | None = None,
     film_of_track: bool = False,
@@ -927,7 +927,9 @@ def track(
         A video, a folder of images, a TIFF stack or a .npy array; or an array of 8 or 16 bits,
         (frame, row, column) or (frame, row, column, colour), with its rate as ``fps``.
     ball
-        Diameter of the ball with its unit, ``"73mm±0.5mm"``; a bare number is refused.
+        Diameter of the ball with its unit, ``"73mm±0.5mm"``; or a kind of ball, which gives its
+        drag too: ``"baseball"``, another name in the catalog (its beginning will do), a .toml file
+        or a sheet.
     calibration, corrected
         A calibration file; a track.csv of an earlier run, corrected by hand.
     film_of_track
@@ -945,9 +947,12 @@ def track(
     """
     import numpy as np
 
+    from virtual_lab.catalog import read
+    from virtual_lab.catalog.specs import BallSpec
     from virtual_lab.video.show.tracked_clip import track_clip
 
-    asked = {"ball": ball, "calibration": calibration, "corrected": corrected} | known
+    kind = read(ball.text, ball.name, BallSpec).spec if isinstance(ball, Sheet) else ball
+    asked = {"ball": kind, "calibration": calibration, "corrected": corrected} | known
     if not isinstance(clip, str | Path | np.ndarray):
         allowed = "expected a path, or a numpy array (frame, row, column) of 8 or 16 bits with fps="
         raise InputError("", "clip", type(clip).__name__, allowed)

@@ -38,7 +38,12 @@ def _beside_the_clip(asked: Mapping[str, Any]) -> Path:
     help="Calibration file, .toml: from 'calibrate', or with metres_per_pixel, "
     "frames_per_second, exposure_s, lens_blur_px, timestamps, …",
 )
-@click.option("--ball", metavar="73mm±0.5mm", help="Ball diameter, in mm, cm, m or in.")
+@click.option(
+    "--ball",
+    metavar="73mm±0.5mm",
+    help="Ball diameter, in mm, cm, m or in; or a kind of ball, for its drag too: baseball, "
+    "softball, another name in the catalog, or a .toml file.",
+)
 @click.option("--mass", metavar="145g", help="Mass of the ball, in g, kg or oz: gives its drag.")
 @click.option(
     "--fps",

@@ -6,9 +6,12 @@ import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from math import hypot
+from os import fspath
 from pathlib import Path
 from typing import Any
 
+from virtual_lab.catalog import load, names
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.relations.board import length_of
 from virtual_lab.units import DEGREE, to_si
@@ -55,11 +58,25 @@ def _within(value: float, least: float, most: float) -> float:
     return value
 
 
-def _ball(text: str) -> Said:
-    diameter, u = _length_and_u(text, "--ball", 1.0)
+def _ball(ball: str | Path | BallSpec) -> Said:
+    spec = ball if isinstance(ball, BallSpec) else _ball_sheet(fspath(ball))
+    if spec:
+        diameter, u, more = 2 * spec.radius, 2 * spec.radius_u or None, {"ball_mass": spec.mass}
+    else:
+        diameter, u, more = *_length_and_u(str(ball), "--ball", 1.0), {}
     # u of 1 % if none is stated: a baseball's diameter may vary by 1.4 %, a tennis ball's by 2.4 %
     u, assumed = 0.01 * diameter if u is None else u, u is None
-    return {"ball_diameter_m": diameter, "ball_diameter_m_u": u, "assumed": assumed}
+    return {"ball_diameter_m": diameter, "ball_diameter_m_u": u, "assumed": assumed} | more
+
+
+def _ball_sheet(text: str) -> BallSpec | None:
+    """Sheet of a ball: a file, or the one catalog name that begins with `text`; None: a length."""
+    if text.endswith(".toml"):
+        return load("balls", text, BallSpec).spec
+    if re.match(r"\s*[-+.\d]", text):
+        return None
+    (name,) = [text] if text in BALLS else [each for each in BALLS if each.startswith(text)]
+    return load("balls", name, BallSpec).spec
 
 
 def _length_and_u(text: str, key: str, most: float) -> tuple[float, float | None]:
@@ -132,11 +149,16 @@ def _numbers(text: str, count: int) -> list[float]:
     return found
 
 
+BALLS = names("balls")
 FILE, TIME, YES = 'a path, e.g. "calibration.toml"', "a time with its unit, up to 1 s", "True"
 # expected form of each option's value, and function that converts it to quantities
 OPTIONS: dict[str, tuple[str, Callable[[Any], Said]]] = {
     "calibration": (FILE, lambda path: {"file": Path(path)}),
-    "ball": ('a diameter with its unit, e.g. "73mm±0.5mm"', _ball),
+    "ball": (
+        'a diameter with its unit, e.g. "73mm±0.5mm", the .toml file of a ball, or a name (its '
+        f"beginning will do): {', '.join(BALLS)}",
+        _ball,
+    ),
     "fps": ("1 to 1e7 frames a second, e.g. 240", _rate),
     "mass": ('a mass with its unit, e.g. "145g"', _mass),
     "exposure": (f'{TIME}, e.g. "8ms" or "1/120"', partial(_seconds, "exposure")),

@@ -59,7 +59,7 @@ def track_clip(
     said = said_of(asked)
     # the file is opened first, because a file that is no clip needs no scale
     source = open_source(file)
-    calibration, notes = _calibration(said)
+    calibration, notes = _calibration(said, asked)
     progress(f"reading {source.path}")
     clip = open_clip(file, calibration)
     known = _knowledge(clip, calibration, said, asked)
@@ -74,13 +74,21 @@ def track_clip(
     return replace(found, notes=told, clip=clip.released())
 
 
-def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
+def _calibration(said: Said, asked: Mapping[str, Any]) -> tuple[ClipCalibration, list[Note]]:
     """Read the calibration, with stated values in place of its keys; and notes of assumptions."""
     file, ruler = said.get("file"), said.get("ruler")
     keys = {each.name: said[each.name] for each in fields(ClipCalibration) if each.name in said}
     if file and "exposure" in said:  # else frames stored twice may be shorter
         keys["exposure_s"] = said["exposure"]
     calibration = read_calibration(file, keys, ruler != GRAVITY)
+    # a mass that is stated replaces the file's drag, the mass of a kind of ball does not
+    mass = said.get("mass", said.get("ball_mass") if not calibration.drag_per_m else None)
+    if mass:
+        if not (diameter := calibration.ball_diameter_m):
+            raise InputError("", "--mass", asked["mass"], "drag needs the ball's size too: --ball")
+        drag = float(drag_rate(1.2, RULER.drag_coefficient, diameter / 2, mass))
+        # seams, roughness and speed move C_d by a fifth, far more than a ball's mass varies
+        calibration = replace(calibration, drag_per_m=drag, drag_per_m_u=drag / 5)
     if calibration.metres_per_pixel or calibration.camera:
         if ruler:
             raise InputError("", "--ruler", ruler, "a length in the picture is given: it is one")
@@ -101,11 +109,6 @@ def _knowledge(
     rolls = not calibrated and clip.source.path.is_file() and rate is not None and rate <= 480
     unsure = "phone" not in said and any(UNSURE_RATE in each for each in clip.warnings)
     more = {each.name: said[each.name] for each in fields(ClipKnowledge) if each.name in said}
-    if "mass" in said:
-        if not (diameter := calibration.ball_diameter_m):
-            raise InputError("", "--mass", asked["mass"], "drag needs the ball's size too: --ball")
-        drag = float(drag_rate(1.2, RULER.drag_coefficient, diameter / 2, said["mass"]))
-        more["drag"] = (drag, drag / 5)  # seams, roughness and speed move C_d by a fifth
     known = replace(
         known_of(clip, calibration),
         **{
