@@ -296,3 +296,10 @@ def test_what_is_behind_a_slow_ball(light: bool) -> None:
     behind = dark + 30 * np.linspace(0, 1, 320)
     still = still_of(list(samples), 8, stands=True)
     assert np.percentile(np.abs(still.background - behind), 99) < 6
+
+
+def test_a_picture_hides_no_more_than_the_drift_of_a_hand() -> None:
+    """A hand moves by .02 of the longer side in a second, whatever a failed alignment shows."""
+    still = still_of(list(Film().frames())[:9], 8, 1.0)
+    drifts = [replace(still, stands_to=each).unseen_drift(1 / 40) for each in (8.0, 0.01)]
+    assert drifts == pytest.approx([0.02 * 320 / 40, 0.01])

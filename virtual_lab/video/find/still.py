@@ -110,7 +110,7 @@ class Still:
     def unseen_drift(self, step: float) -> float:
         """Drift along each axis that the picture may hide [px/frame]; `step`: frame time [s]."""
         hand = _STILL.hand_drift * max(self.size) * step
-        return hand if self.stands_to is None else self.stands_to
+        return hand if self.stands_to is None else min(hand, self.stands_to)
 
     @property
     def fastest(self) -> float:
