@@ -14,8 +14,9 @@ from rocrate.rocrate import ROCrate
 
 import virtual_lab as vl
 from virtual_lab.certificate.columns import SHOTS
-from virtual_lab.records import record_types
-from virtual_lab.records.dictionary import MEANINGS, UNITS, unit_of
+from virtual_lab.records import RECORD_TYPES, record_types
+from virtual_lab.records.column_units import UNITS, unit_of
+from virtual_lab.records.record import AXES
 from virtual_lab.units import DIMENSIONS
 
 HERE = Path(__file__).parents[1]
@@ -92,26 +93,29 @@ def test_every_column_has_a_meaning_and_a_unit(folders: dict[str, Path]) -> None
                 assert ("unit" in field) == (field["type"] in ("integer", "number"))
 
 
-def test_columns_of_records_are_in_the_dictionary() -> None:
-    for kind in record_types().values():
-        for column in kind.columns.values():
-            assert {*column.axes, column.name} <= MEANINGS.keys()
-
-
-def rows(meanings: dict[str, str]) -> list[str]:
-    return [
-        f"| `{name}` | {f'`{unit_of(name).ucum}`' if unit_of(name).ucum != '1' else ''} | {told} |"
-        for name, told in meanings.items()
-    ]
+def line(name: str, meaning: str, *record: str) -> str:
+    unit = unit_of(name).ucum
+    cells = [*record, f"`{name}`", "" if unit == "1" else f"`{unit}`", meaning]
+    return f"| {' | '.join(cells)} |"
 
 
 def test_the_dictionary_in_the_readme_is_that_of_the_packages() -> None:
     """Row by row; a new column needs its row there."""
     page = (HERE.parent / "data" / "README.md").read_text("utf-8")
-    readings = {each.name.replace("{}", "…"): each.meaning for each in SHOTS}
     section = page[page.index("# Dictionary of columns") :]
-    found = [line for line in section.splitlines() if line.startswith("| `")]
-    assert found == rows(MEANINGS) + rows(readings)
+    rows = [line(name, meaning) for name, meaning in AXES.items()]
+    rows += [
+        line(column.name, column.meaning, f"`{name}`")
+        for name, kind in RECORD_TYPES.items()
+        for column in kind.columns.values()
+    ]
+    rows += [line(each.name.replace("{}", "…"), each.meaning) for each in SHOTS]
+    assert [row for row in section.splitlines() if row.startswith("| `")] == rows
+
+
+def test_each_axis_of_a_record_has_a_meaning() -> None:
+    for kind in record_types().values():
+        assert {*kind.axes()} <= AXES.keys()
 
 
 def test_sizes_of_units_are_those_of_the_program() -> None:

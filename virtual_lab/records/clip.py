@@ -29,9 +29,18 @@ class ClipRecord(Record):
     pixels: NDArray[np.generic] | None = None  # grey values, (shot, frame, row, column)
     background: NDArray[np.generic] | None = None  # mean of whole empty frames, (row, column)
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "times": RecordColumn("time_s", FRAMES, may_be_missing=True),
-        "left": RecordColumn("left_px", FRAMES, may_be_missing=True),
-        "top": RecordColumn("top_px", FRAMES, may_be_missing=True),
+        "times": RecordColumn(
+            "time_s", FRAMES, "middle of the exposure; empty: no more frames", may_be_missing=True
+        ),
+        "left": RecordColumn(
+            "left_px",
+            FRAMES,
+            "column of the window's first pixel in the frame",
+            may_be_missing=True,
+        ),
+        "top": RecordColumn(
+            "top_px", FRAMES, "row of the window's first pixel in the frame", may_be_missing=True
+        ),
     }
     attached: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "pixels": (*FRAMES, "row", "column"),
@@ -60,10 +69,27 @@ class TrackRecord(Record):
     y: Array
     u: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "times": RecordColumn("time_s", FRAMES, may_be_missing=True),
-        "x": RecordColumn("x_px", FRAMES, may_be_missing=True),
-        "y": RecordColumn("y_px", FRAMES, may_be_missing=True),
-        "u": RecordColumn("u_px", FRAMES, may_be_missing=True),
+        "times": RecordColumn(
+            "time_s", FRAMES, "middle of the exposure; empty: no more frames", may_be_missing=True
+        ),
+        "x": RecordColumn(
+            "x_px",
+            FRAMES,
+            "column of the ball's centre in the frame, not corrected for distortion",
+            may_be_missing=True,
+        ),
+        "y": RecordColumn(
+            "y_px",
+            FRAMES,
+            "row of the ball's centre in the frame, not corrected for distortion",
+            may_be_missing=True,
+        ),
+        "u": RecordColumn(
+            "u_px",
+            FRAMES,
+            "standard uncertainty of each coordinate of the ball's centre",
+            may_be_missing=True,
+        ),
     }
 
     def orders(self) -> tuple[Order, ...]:

@@ -24,7 +24,7 @@ class MassReadings(Record):
 
     readings: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "readings": RecordColumn("mass_kg", ("item", "repeat"))
+        "readings": RecordColumn("mass_kg", ("item", "repeat"), "mass shown by the scale")
     }
 
 
@@ -34,7 +34,9 @@ class LengthReadings(Record):
 
     readings: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "readings": RecordColumn("length_m", ("item", "repeat"))
+        "readings": RecordColumn(
+            "length_m", ("item", "repeat"), "length shown by the rule or the balance stand"
+        )
     }
 
 
@@ -49,9 +51,15 @@ class PendulumRecord(Record):
     first_amplitude: Array
     last_amplitude: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "times": RecordColumn("time_s", ("release", "passage")),
-        "first_amplitude": RecordColumn("first_amplitude_rad", ("release",)),
-        "last_amplitude": RecordColumn("last_amplitude_rad", ("release",)),
+        "times": RecordColumn(
+            "time_s", ("release", "passage"), "time of the passage shown by the timer, uncorrected"
+        ),
+        "first_amplitude": RecordColumn(
+            "first_amplitude_rad", ("release",), "amplitude read at the first passage"
+        ),
+        "last_amplitude": RecordColumn(
+            "last_amplitude_rad", ("release",), "amplitude read at the last passage"
+        ),
     }
 
     def orders(self) -> tuple[Order, ...]:
@@ -71,9 +79,17 @@ class ClimateReadings(Record):
     humidity: Array
     pressure: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "temperature": RecordColumn("temperature_K", ("reading",)),
-        "humidity": RecordColumn("humidity", ("reading",)),
-        "pressure": RecordColumn("pressure_Pa", ("reading",)),
+        "temperature": RecordColumn(
+            "temperature_K", ("reading",), "temperature of the hall shown by the thermometer"
+        ),
+        "humidity": RecordColumn(
+            "humidity",
+            ("reading",),
+            "relative humidity of the hall shown by the hygrometer, 0 to 1",
+        ),
+        "pressure": RecordColumn(
+            "pressure_Pa", ("reading",), "air pressure shown by the barometer"
+        ),
     }
 
 
@@ -92,7 +108,12 @@ class GateRecord(BallRecord):
 
     times: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "times": RecordColumn("time_s", ("shot", "way", "gate", "edge"), may_be_missing=True)
+        "times": RecordColumn(
+            "time_s",
+            ("shot", "way", "gate", "edge"),
+            "time shown by the recorder, uncorrected; empty: no edge was recorded",
+            may_be_missing=True,
+        )
     }
 
     def orders(self) -> tuple[Order, ...]:
@@ -110,7 +131,10 @@ class BoardRecord(BallRecord):
     times: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
         "times": RecordColumn(
-            "time_s", ("shot", "way", "board", "beam", "edge"), may_be_missing=True
+            "time_s",
+            ("shot", "way", "board", "beam", "edge"),
+            "time shown by the recorder, uncorrected; empty: the ball missed the beam",
+            may_be_missing=True,
         )
     }
 
@@ -129,8 +153,18 @@ class PassageRecord(BallRecord):
     times: Array
     heights: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "times": RecordColumn("time_s", ("shot", "way", "gate"), may_be_missing=True),
-        "heights": RecordColumn("height_m", ("shot", "way", "gate"), may_be_missing=True),
+        "times": RecordColumn(
+            "time_s",
+            ("shot", "way", "gate"),
+            "time at which the ball's centre passes the gate; empty: no passage was recorded",
+            may_be_missing=True,
+        ),
+        "heights": RecordColumn(
+            "height_m",
+            ("shot", "way", "gate"),
+            "height of the ball's centre above the zero of the gates; empty: not measured",
+            may_be_missing=True,
+        ),
     }
 
     def orders(self) -> tuple[Order, ...]:
@@ -150,10 +184,22 @@ class RateRecord(Record):
     before: Array
     angle: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "rate": RecordColumn("counts_per_s", ("shot",)),
-        "rate_u": RecordColumn("u_counts_per_s", ("shot",)),
-        "before": RecordColumn("counts_per_s_before", ("shot",), may_be_missing=True),
-        "angle": RecordColumn("counts_at_contact", ("shot",), may_be_missing=True),
+        "rate": RecordColumn("counts_per_s", ("shot",), "rate of the encoder just after contact"),
+        "rate_u": RecordColumn(
+            "u_counts_per_s", ("shot",), "standard uncertainty of this rate by the fit"
+        ),
+        "before": RecordColumn(
+            "counts_per_s_before",
+            ("shot",),
+            "rate of a bat at rest before contact; empty: not applicable",
+            may_be_missing=True,
+        ),
+        "angle": RecordColumn(
+            "counts_at_contact",
+            ("shot",),
+            "angle of a swung bat at contact, 0 if square to the ball; empty: not applicable",
+            may_be_missing=True,
+        ),
     }
 
 
@@ -164,8 +210,10 @@ class EncoderRecord(Record):
     counts: Array
     times: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "counts": RecordColumn("counts", ("shot", "sample")),
-        "times": RecordColumn("time_s", ("sample",)),
+        "counts": RecordColumn("counts", ("shot", "sample"), "count shown by the encoder"),
+        "times": RecordColumn(
+            "time_s", ("sample",), "time of the sample by the recorder's clock, uncorrected"
+        ),
     }
 
     def orders(self) -> tuple[Order, ...]:
@@ -179,8 +227,12 @@ class AimMarks(Record):
     along: Array
     across: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "along": RecordColumn("along_m", ("mark",)),
-        "across": RecordColumn("across_m", ("mark",)),
+        "along": RecordColumn(
+            "along_m", ("mark",), "distance of the mark from the aim, along the bat"
+        ),
+        "across": RecordColumn(
+            "across_m", ("mark",), "distance of the mark from the aim, across the bat"
+        ),
     }
 
 
@@ -192,9 +244,13 @@ class ShotLog(Record):
     nominal_speed: Array
     place: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "ball": RecordColumn("ball", ("shot",), is_index=True),
-        "nominal_speed": RecordColumn("nominal_speed_m_per_s", ("shot",)),
-        "place": RecordColumn("place_m", ("shot",)),
+        "ball": RecordColumn("ball", ("shot",), "number of the ball", is_index=True),
+        "nominal_speed": RecordColumn(
+            "nominal_speed_m_per_s", ("shot",), "speed set at the cannon"
+        ),
+        "place": RecordColumn(
+            "place_m", ("shot",), "impact position set with the rule, from the barrel tip"
+        ),
     }
 
 

@@ -10,7 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from virtual_lab.errors import DISTRIBUTION
-from virtual_lab.records.dictionary import MEANINGS, unit_of
+from virtual_lab.records.column_units import unit_of
+from virtual_lab.records.record import AXES, Record
 from virtual_lab.records.session import Session
 
 PACKAGE, CRATE = "datapackage.json", "ro-crate-metadata.json"
@@ -36,18 +37,18 @@ def record_tables(session: Session) -> Iterator[tuple[str, list[TableColumn]]]:
     """Yield path and columns of every table among the records."""
     for stage, records in session.records.items():
         for channel, record in records.items():
-            columns = record.columns.values()
-            axes = dict.fromkeys(axis for column in columns for axis in column.axes)
-            names = dict.fromkeys([*axes, *(column.name for column in columns)])
-            yield (
-                f"records/{stage}/{channel}.csv",
-                [
-                    TableColumn(
-                        name, MEANINGS.get(name, ""), "integer" if name in axes else "number"
-                    )
-                    for name in names
-                ],
-            )
+            yield f"records/{stage}/{channel}.csv", list(record_columns(type(record)))
+
+
+def record_columns(kind: type[Record]) -> Iterator[TableColumn]:
+    """Yield the columns of a kind of record in the order of its file: index columns, then values.
+
+    An index column of another package's record that is not in `AXES` has no meaning.
+    """
+    for axis in kind.axes():
+        yield TableColumn(axis, AXES.get(axis, ""), "integer")
+    for column in kind.columns.values():
+        yield TableColumn(column.name, column.meaning)
 
 
 def data_package(

@@ -18,14 +18,35 @@ if TYPE_CHECKING:
 
 LARGEST = 1e18  # largest value that a recorder shows, so that products stay finite
 PAIRS = {"way": "in and back", "edge": "broke and cleared"}  # axes of length two
+AXES = {  # meaning of each index column; all indices start at 0
+    "item": "number of the piece on the scale or rule",
+    "repeat": "number of the repeated reading",
+    "release": "number of the release of the pendulum",
+    "passage": "number of the passage of the pendulum, in one direction",
+    "shot": "number of the shot",
+    "way": "direction of the ball: 0 inbound, 1 back",
+    "gate": "number of the gate, counted from the cannon",
+    "board": "number of the board, counted from the cannon",
+    "beam": "number of the beam, counted from below",
+    "edge": "0: the beam breaks, 1: the beam clears",
+    "sample": "number of the encoder sample",
+    "reading": "number of the reading: 0 at the start of the test, the last one at its end",
+    "frame": "number of the frame",
+    "mark": "number of the mark on the aim paper",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class RecordColumn:
-    """Form of one field in the file: its column and its axes."""
+    """Form of one field in the file: its column, its axes and its meaning.
+
+    The name ends in the unit. The meaning is printed in ``datapackage.json``, in the forms of
+    another laboratory, and in the dictionary of ``data/README.md``.
+    """
 
     name: str
     axes: tuple[str, ...]
+    meaning: str
     may_be_missing: bool = False
     is_index: bool = False  # whether it holds the number of an item, counted like axes
 
@@ -84,6 +105,11 @@ class Record:
             object.__setattr__(self, field.name, values)
         self.sizes()
 
+    @classmethod
+    def axes(cls) -> list[str]:
+        """Return the names of the table's axes, which are its index columns, in their order."""
+        return list(dict.fromkeys(axis for column in cls.columns.values() for axis in column.axes))
+
     def sizes(self) -> dict[str, int]:
         """Return the length of every axis of the table; `ValueError` where two fields disagree."""
         sizes: dict[str, int] = {}
@@ -138,7 +164,7 @@ class Record:
 
         `first` gives the first number of index columns, if not 0.
         """
-        axes = list(dict.fromkeys(axis for column in cls.columns.values() for axis in column.axes))
+        axes = cls.axes()
         wanted = [*axes, *(column.name for column in cls.columns.values())]
         if list(table.columns) != wanted:
             raise InputError(

@@ -124,7 +124,8 @@ def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
         others = [name for name in column_names(column.name) if name != column.name]
         once = f" once for each {', '.join(column.axes)}" if set(column.axes) < set(sizes) else ""
         units = f" (or {', '.join(others)})" if others else ""
-        yield f"# {column.name}{units}{once}{', or empty' if column.may_be_missing else ''}"
+        empty = ", or empty" if column.may_be_missing else ""
+        yield f"# {column.name}{units}{once}{empty}: {column.meaning}"
     yield f"[channels.{stage}.{channel}]"
     yield f'record = "{record_name(record)}"'
     yield f'file = "{stage}/{channel}.csv"'

@@ -21,7 +21,14 @@ class RadarRecord(BallRecord):
     speed_out: Array
     turned: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
-        "speed_in": RecordColumn("speed_in_m_per_s", ("shot",)),
-        "speed_out": RecordColumn("speed_out_m_per_s", ("shot",), may_be_missing=True),
-        "turned": RecordColumn("time_s", ("shot",)),
+        "speed_in": RecordColumn(
+            "speed_in_m_per_s", ("shot",), "speed of the incoming ball shown by the gun"
+        ),
+        "speed_out": RecordColumn(
+            "speed_out_m_per_s",
+            ("shot",),
+            "speed of the returning ball shown by the gun",
+            may_be_missing=True,
+        ),
+        "turned": RecordColumn("time_s", ("shot",), "time at which the echo turned"),
     }

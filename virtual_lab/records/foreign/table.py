@@ -103,7 +103,7 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
     table = read_table(path, delimiter=form.delimiter, decimal=form.decimal)
     table, headers = _renamed(table, form, meanings, str(path), where)
     _require_known(form.wide, meanings, "wide", where)
-    table = _spread(table, form, _axes(kind), first, str(path), where)
+    table = _spread(table, form, kind.axes(), first, str(path), where)
     found = _found(table, kind, meanings, str(path))
     require_numbers(table.rename(columns=headers), str(path))
     values = [found[column.name] for column in kind.columns.values() if not column.is_index]
@@ -112,7 +112,7 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
     record = table[list(found.values())].set_axis(list(found), axis="columns")
     for column in kind.columns.values():
         # values that are constant along an axis need to be entered only once
-        if column.axes != tuple(_axes(kind)):
+        if column.axes != tuple(kind.axes()):
             once = record.groupby(list(column.axes))[column.name].transform("first")
             record = record.assign(**{column.name: record[column.name].fillna(once)})
     factors = {column: meanings[name].factor for column, name in found.items()}
@@ -127,13 +127,9 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
         raise InputError(fault.where, headers.get(name, name), value, fault.allowed) from fault
 
 
-def _axes(kind: type[Record]) -> list[str]:
-    return list(dict.fromkeys(axis for column in kind.columns.values() for axis in column.axes))
-
-
 def _meanings(kind: type[Record]) -> dict[str, _Meaning]:
     """Return the allowed names of all columns of a record's file, in our order."""
-    own = {axis: _Meaning(axis, 1.0) for axis in _axes(kind)}
+    own = {axis: _Meaning(axis, 1.0) for axis in kind.axes()}
     return own | {
         name: _Meaning(column.name, factor)
         for column in kind.columns.values()
@@ -145,7 +141,7 @@ def _first(
     kind: type[Record], form: ChannelForm, index_from: FirstIndex, where: str
 ) -> dict[str, int]:
     numbered = [column.name for column in kind.columns.values() if column.is_index]
-    indices = [*_axes(kind), *numbered]
+    indices = [*kind.axes(), *numbered]
     given = index_from if form.index_from is None else form.index_from
     if not isinstance(given, Mapping):
         return dict.fromkeys(indices, given)
@@ -222,7 +218,7 @@ def _found(
         if column in found:
             raise InputError(path, "columns", f"{found[column]}, {name}", "are the same column")
         found[column] = name
-    wanted = [*_axes(kind), *(column.name for column in kind.columns.values())]
+    wanted = [*kind.axes(), *(column.name for column in kind.columns.values())]
     missing = [column for column in wanted if column not in found]
     if missing:
         allowed = f"missing: {', '.join(missing)} (needed: {_allowed(kind)})"
@@ -236,7 +232,7 @@ def _names(table: pd.DataFrame) -> str:
 
 def _allowed(kind: type[Record]) -> str:
     columns = (" or ".join(column_names(column.name)) for column in kind.columns.values())
-    return "; ".join([*_axes(kind), *columns])
+    return "; ".join([*kind.axes(), *columns])
 
 
 def _require_known(
