@@ -65,12 +65,17 @@ def changed_gates(distance_u_mm: float) -> str:
     return vl.instrument("pivot-gates").with_(distance_u=distance_u_mm).text
 
 
-def test_a_column_says_its_unit(made: Path) -> None:
+def test_a_column_states_its_unit_and_meaning(made: Path) -> None:
     schema = pq.read_schema(part(made, 0))
     units = {field.name: field.metadata[b"unit"].decode() for field in schema}
     assert units["verdict"] == units["number"] == ""
     assert units["metric"] == units["u"] == units["contribution.hits"] == "1"
     assert units[KEY] == "mm"
+    meanings = {field.name: field.metadata[b"meaning"].decode() for field in schema}
+    assert all(meanings.values())
+    assert meanings["contribution.hits"] == "contribution of hits to u"
+    assert meanings["ball_restitution_u"] == "standard uncertainty of ball restitution"
+    assert meanings["u"] == "standard uncertainty of the metric"
 
 
 def test_units_of_a_metric_that_is_a_speed(tmp_path: Path) -> None:

@@ -44,6 +44,20 @@ ABOUT = b"virtual-lab"  # metadata key of a part's description
 NOT_MADE = "not made"
 LONGEST_REASON = 100  # length of the reason why a part is faulty [characters]
 CONTRIBUTION = "contribution."  # prefix of the columns of the sources of uncertainty
+MEANINGS = {  # meaning of the columns that every part has
+    "bat": "name of the bat",
+    "procedure": "name of the procedure",
+    "repeat": "number of the day",
+    "number": "number of the laboratory",
+    "verdict": "verdict of the test",
+    "flags": "names of the flags, separated by blanks",
+    "metric": "metric of the procedure",
+    "u": "standard uncertainty of the metric",
+    "low": "lower end of the 95 % coverage interval of the metric",
+    "high": "upper end of the 95 % coverage interval of the metric",
+    "true": "true value of the metric for this laboratory",
+    "dof": "effective degrees of freedom of u",
+}
 Columns = dict[tuple[str, str], NDArray[Any]]  # values, (laboratory,), by name and unit
 PartColumns = Mapping[str, tuple[str, str]]  # type and unit of a part's columns, by name
 
@@ -72,10 +86,11 @@ def parquet() -> Any:
 
 
 def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
-    """Return the tests of a block as a table with the columns of `layout`, units in their metadata.
+    """Return the tests of a block as a table with the columns of `layout`.
 
-    A test without a result has blanks. So has a column that only other procedures have.
-    `InputError` as `StudyCase.round_robin`; `ValueError` for a column that `layout` does not have.
+    The metadata of a column are its unit and its meaning. A test without a result has blanks. So
+    has a column that only other procedures have. `InputError` as `StudyCase.round_robin`;
+    `ValueError` for a column that `layout` does not have.
     """
     import pyarrow as pa
 
@@ -87,9 +102,22 @@ def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
     columns = [arrays.get(name, blanks) for name in layout]
     types = zip(layout.items(), columns, strict=True)
     fields = [
-        pa.field(name, each.type, metadata={"unit": unit}) for (name, (_, unit)), each in types
+        pa.field(name, each.type, metadata={"unit": unit, "meaning": meaning_of(name)})
+        for (name, (_, unit)), each in types
     ]
     return pa.table(columns, schema=pa.schema(fields))
+
+
+def meaning_of(column: str) -> str:
+    """Return the meaning of a column of a part. A key that the study changes means its value."""
+    if column in MEANINGS:
+        return MEANINGS[column]
+    if column.startswith(CONTRIBUTION):
+        return f"contribution of {column.removeprefix(CONTRIBUTION)} to u"
+    for ending, words in (("_true", "true value"), ("_u", "standard uncertainty")):
+        if (name := column.removesuffix(ending)) != column:
+            return f"{words} of {name.replace('_', ' ')}"
+    return f"value of {column.replace('_', ' ')}"
 
 
 def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
