@@ -21,12 +21,12 @@ from virtual_lab.certificate.document import (
     FlagRaised,
     Stated,
     document_of,
-    json_schema,
     read_document,
 )
 from virtual_lab.certificate.figures import encoder_figure, hits_figure
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page, notebook_card
+from virtual_lab.certificate.schema import json_schema
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification, certify_session
@@ -416,6 +416,26 @@ def test_the_schema_of_a_certificate_has_its_name() -> None:
     assert schema["$id"].endswith(":certificate:4")
     assert "2020-12" in schema["$schema"]
     assert schema["additionalProperties"] is False
+
+
+def test_every_property_of_the_schema_has_a_description() -> None:
+    """A field without a docstring, or with one that belongs to another, would fail."""
+    schema = json_schema()
+    shot = schema["$defs"]["ShotRow"]["properties"]
+    metric = schema["$defs"]["MetricStated"]["properties"]
+    document = schema["properties"]
+    assert shot["recoil_rad_per_s"]["description"].startswith("recoil rate of the bat")
+    assert shot["recoil_rad_per_s"]["unit"] == "rad/s"
+    assert metric["limit"]["description"].startswith("Largest value that passes")
+    assert "unit" not in metric["limit"]
+    assert document["air_density_kg_per_m3"]["unit"] == "kg/m3"
+    assert document["commit"]["description"].endswith(
+        "The certificate's number does not depend on it."
+    )
+    stated = schema["$defs"]["SimulationStated"]["properties"]
+    assert stated["seed_commitment"]["description"] == "SHA-256 of salt and seed."  # of its base
+    for definition in (*schema["$defs"].values(), schema):
+        assert all(each["description"] for each in definition["properties"].values())
 
 
 def test_the_page_runs_no_script_and_is_printed_on_the_paper_asked_for() -> None:

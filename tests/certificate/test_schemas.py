@@ -34,13 +34,13 @@ def classes(kind: Any, known: dict[str, type]) -> None:
 
 
 def described(kind: type) -> Iterator[str]:
-    """Yield each field of a document with its type, and what the comments say of it."""
+    """Yield each field of a document with its type, and its meaning."""
     known: dict[str, type] = {}
     classes(kind, known)
     for name in sorted(known):
         yield name
         for line in inspect.getsource(known[name]).splitlines():
-            if re.match(r"    (\w+: |# )", line):
+            if re.match(r'    (\w+: |""")', line):
                 yield " ".join(line.split())
 
 
@@ -50,7 +50,10 @@ def digest_of(kind: type) -> str:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_field_changes_with_the_schema_alone(form: str) -> None:
-    """If this fails, give SCHEMA a new number, and add it with this digest to schemas.json."""
+    """If this fails, give SCHEMA a new number, and add it with this digest to schemas.json.
+
+    If only the wording of a meaning is better, renew the digest.
+    """
     schema, kind = FORMS[form]
     kept = json.loads(KEPT.read_text("utf-8"))[form]
     assert max(map(int, kept)) == schema
@@ -58,9 +61,9 @@ def test_a_field_changes_with_the_schema_alone(form: str) -> None:
 
 
 def test_every_kind_of_change_is_seen() -> None:
-    """By the description: fields, types, and comments that say what they mean."""
+    """By the description: fields, types and meanings."""
     lines = list(described(document.CertificateDocument))
-    assert "statement: str # what the result is worth, on every page" in lines
+    assert '"""What the result is worth; printed on every page."""' in lines
     assert "u: Uncertainty | None" in lines
     assert 'serial: Title = ""' in lines  # of the bat, a class within a class within
     assert {"Stated", "TestItem", "BudgetLine", "CommitStated"} <= {*lines}

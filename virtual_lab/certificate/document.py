@@ -20,7 +20,7 @@ from annotated_types import Ge, Le
 
 from virtual_lab.catalog.specs import Exact, Real, Spec, Whole, YesNo
 from virtual_lab.catalog.validation import validate
-from virtual_lab.errors import DISTRIBUTION, InputError, nearest
+from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import read_json
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.origin import Simulated
@@ -47,7 +47,9 @@ class Stated(Spec):
     """A value with its standard uncertainty; null if the test gave no result."""
 
     value: Real | None
+    """Value; null: the test gave no result."""
     u: Uncertainty | None
+    """Standard uncertainty of the value, in its unit; null with it."""
 
     def __post_init__(self) -> None:
         if (self.value is None) != (self.u is None):
@@ -59,11 +61,17 @@ class ProcedureStated(Spec):
     """The procedure, as far as a certificate describes it."""
 
     name: str
+    """Name of the procedure's sheet."""
     title: str
+    """Title of the procedure in print."""
     edition: str
+    """Edition of the rules that the sheet follows."""
     hits_needed: Whole
-    at_percussion: YesNo  # whether the bat is hit at its centre of percussion
-    swing_exponent: Real | None  # of the swing law that the metric is judged by
+    """Number of valid hits that the procedure requires."""
+    at_percussion: YesNo
+    """Whether the bat is hit at its centre of percussion."""
+    swing_exponent: Real | None
+    """Exponent of the swing law by which the metric is judged; null: the metric needs none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,10 +79,15 @@ class BatAsMeasured(Spec):
     """The bat's inertial properties; places from the barrel tip."""
 
     name: str
+    """Name of the bat."""
     mass_kg: Stated
+    """Mass of the bat."""
     length_m: Stated
+    """Length of the bat."""
     z_cm_m: Stated
+    """Distance of the centre of mass from the barrel tip."""
     inertia_cm_kg_m2: Stated
+    """Moment of inertia about the centre of mass."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +95,9 @@ class BallSetAside(Spec):
     """A ball outside the procedure's windows for balls."""
 
     ball: Whole
+    """Number of the ball."""
     reason: str
+    """Window of the procedure that the ball misses, with its value."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,8 +105,11 @@ class BallsUsed(Spec):
     """The balls of the test."""
 
     name: str
+    """Name of the kind of ball."""
     ball_restitution_is: str
+    """Sentence on the balls to which e0 refers."""
     set_aside: tuple[BallSetAside, ...]
+    """Balls that the test does not use."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,15 +117,25 @@ class MetricStated(Spec):
     """The result that decides the verdict, in SI."""
 
     name: str
+    """Name of the metric."""
     value: Real | None
+    """Value of the metric, in `unit`; null: the test gave no result."""
     u: Uncertainty | None
+    """Standard uncertainty of the value, in `unit`."""
     interval_95: tuple[Real, Real] | None
-    degrees_of_freedom: Real | None  # null: infinite
+    """Ends of the 95 % coverage interval, in `unit`."""
+    degrees_of_freedom: Real | None
+    """Effective degrees of freedom of u (Welch and Satterthwaite); null: infinite."""
     u_type_a: Uncertainty | None
+    """Part of u from the scatter of readings (type A), in `unit`."""
     u_type_b: Uncertainty | None
+    """Part of u from other information (type B), in `unit`."""
     unit: str
+    """SI unit of value, u, interval and limit; empty: a pure number."""
     limit: Real | None
+    """Largest value that passes, in `unit`; null: the procedure has no limit."""
     place_in: Real | None
+    """Impact position to which the value refers, from the barrel tip; null: no result."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,8 +143,11 @@ class RiskStated(Spec):
     """Specific risk of the verdict: the probability that it is wrong, by this result alone."""
 
     of: Literal["false acceptance", "false rejection"]
+    """Kind of wrong verdict."""
     probability: Annotated[float, Exact(), Ge(0), Le(1)]
+    """Probability that the verdict is wrong, given this result, 0 to 1."""
     prior: Literal["none"] = "none"
+    """Knowledge of the bat before the test that the probability uses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,9 +155,13 @@ class OtherRecoil(Spec):
     """Results from the same e_A with the recoil factor of the other support."""
 
     which: str
+    """The other support: free or pivoted."""
     recoil_factor: Real
+    """Recoil factor r of the other support."""
     restitution: Real
+    """Restitution e from the same e_A with this r."""
     bat_performance_factor: Real
+    """Bat performance factor from this e."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +169,9 @@ class RecoilStated(Spec):
     """The support (free or pivoted) whose recoil factor is used."""
 
     which: str
+    """Support whose recoil factor the results use: free or pivoted."""
     other: OtherRecoil | None
+    """Results with the other support; null: not computed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,8 +179,11 @@ class ControlRatio(Spec):
     """Measured e of a control bat with these balls over its known e."""
 
     value: Real
+    """Ratio of the measured e of the control bat to its known e."""
     u: Uncertainty
+    """Standard uncertainty of the ratio."""
     source: str
+    """Origin of the ratio."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,8 +191,11 @@ class CorrectionStated(Spec):
     """Correction for balls that differ from the standard ball."""
 
     method: str
+    """Name of the correction."""
     standard: Real
+    """Restitution e0 of the standard ball."""
     control: ControlRatio | None
+    """Result of the control bat; null: no control bat was tested."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,11 +203,17 @@ class WidthStated(Spec):
     """Length of barrel on which the curve stays near its maximum [m]."""
 
     value: Real
+    """Length of barrel [m]."""
     u: Uncertainty | None
+    """Standard uncertainty of the length [m]; null: an end lies beyond the tested positions."""
     drop: Real
+    """Allowed drop below the maximum of the curve, in SI."""
     at_least: YesNo
+    """Whether an end lies beyond the tested positions, so that the length is a lower bound."""
     from_in: Real
+    """End of the length nearer to the tip, from the barrel tip."""
     to_in: Real
+    """Other end of the length, from the barrel tip."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,10 +221,15 @@ class SwingRow(Spec):
     """The metric for another exponent of the swing law."""
 
     exponent: Real
+    """Exponent of the swing law."""
     value: Real
+    """Metric for this exponent, in the metric's unit."""
     u: Uncertainty
+    """Standard uncertainty of the value."""
     interval_95: tuple[Real, Real]
+    """Ends of the 95 % coverage interval."""
     place_in: Real
+    """Impact position of the largest value, from the barrel tip."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,9 +237,13 @@ class PlaceRow(Spec):
     """One place of a scan: hits, their mean metric and its scatter."""
 
     place_in: Real
+    """Impact position, from the barrel tip."""
     hits: Whole
+    """Number of valid hits there."""
     mean: Real
+    """Mean metric of these hits, in the metric's unit."""
     s: Uncertainty | None
+    """Standard deviation of these hits; null: one hit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,10 +251,15 @@ class CurveAlong(Spec):
     """A quantity along the barrel: means of the hits at each of `places`, and a fitted curve."""
 
     name: str
+    """Name of the quantity."""
     unit: str
+    """SI unit of the quantity; empty: a pure number."""
     mean: Numbers
-    u: tuple[Uncertainty | None, ...]  # of each mean, by scatter; null: of one hit
-    curve: Numbers  # at `curve_in`
+    """Mean of the valid hits at each tested position."""
+    u: tuple[Uncertainty | None, ...]
+    """Standard uncertainty of each mean from the scatter of its hits; null: one hit."""
+    curve: Numbers
+    """Fitted curve at the positions `curve_in`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,10 +267,15 @@ class AlongBarrel(Spec):
     """Quantities along the barrel, each with one polynomial through every valid hit."""
 
     degree: Whole
-    curve_in: Numbers  # places of the curves, from the tip
+    """Degree of the fitted polynomials."""
+    curve_in: Numbers
+    """Positions of the curves, from the barrel tip."""
     quantities: tuple[CurveAlong, ...]
-    read_in: Numbers  # of the metric's curve that the result is the top of; empty without one
+    """The quantities, each with its means and its curve."""
+    read_in: Numbers
+    """Positions, from the barrel tip, of the curve whose maximum is the result; empty: no curve."""
     read: Numbers
+    """Metric on this curve, in the metric's unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,7 +283,9 @@ class RuleFinding(Spec):
     """One rule of eligibility, and whether the bat meets it."""
 
     sentence: str
+    """Sentence on the rule and the bat."""
     met: YesNo
+    """Whether the bat meets the rule."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,8 +293,11 @@ class FlagRaised(Spec):
     """A contradiction in the records."""
 
     name: str
+    """Name of the contradiction."""
     sentence: str
+    """Sentence on the contradiction, with its figures."""
     invalidates: YesNo
+    """Whether it makes the test INVALID."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,7 +305,9 @@ class RejectedHit(Spec):
     """A shot that does not count."""
 
     shot: Whole
+    """Number of the shot."""
     reason: str
+    """Reason why the shot does not count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -248,8 +323,8 @@ class ShotRow(Spec):
     recoil_efficiency: Real | None
     rebound_efficiency: Real | None
     metric: Real | None
-    used: YesNo  # in the result
-    reason: str  # why it does not count; empty where it does
+    used: YesNo
+    reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -257,9 +332,13 @@ class ReboundCheck(Spec):
     """e_A from the rebound of the ball, compared with e_A from the recoil of the bat."""
 
     shots: Whole
+    """Number of valid hits with a measured rebound."""
     collision_efficiency: Real | None
+    """Mean e_A from the rebound; null: no rebound was measured."""
     difference: Real | None
-    u: Uncertainty | None  # of the difference's mean, by scatter
+    """Mean of e_A from the rebound minus e_A from the recoil."""
+    u: Uncertainty | None
+    """Standard uncertainty of this mean from the scatter of the hits; null: one hit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,11 +346,17 @@ class ComparedResult(Spec):
     """One quantity from the gates, from video, and combined."""
 
     gates: Stated
+    """Result from the gates."""
     video: Stated
+    """Result from video."""
     joined: Stated
+    """Weighted mean of both."""
     difference: Stated
+    """Video minus gates."""
     share_of_video: Real
+    """Weight of video in the mean, 0 to 1."""
     agree: YesNo
+    """Whether the difference is within its expanded uncertainty."""
 
     def __post_init__(self) -> None:
         if None in (each.u for each in (self.gates, self.video, self.joined, self.difference)):
@@ -283,10 +368,15 @@ class CameraWord(Spec):
     """Results of the camera for the same hits."""
 
     hits: Whole
+    """Number of hits measured by both."""
     missed: Whole
+    """Number of valid hits that video did not measure."""
     collision_efficiency: ComparedResult | None
+    """Collision efficiency e_A of these hits; null: not compared."""
     restitution: ComparedResult | None
+    """Restitution e of these hits; null: not compared."""
     bat_performance_factor: ComparedResult | None
+    """Bat performance factor of these hits; null: not compared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -294,8 +384,11 @@ class RingStated(Spec):
     """The bending vibration of the bat in the encoder record."""
 
     frequencies_hz: Numbers
+    """Fitted frequencies of the vibration."""
     decays_per_s: Numbers
-    fitted_ms: Real | None = None  # length of the record that was used; null: not recorded
+    """Fitted decay rates of the vibration."""
+    fitted_ms: Real | None = None
+    """Length of the record that the fit uses; null: not recorded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -303,8 +396,11 @@ class Trace(Spec):
     """A record over the time after contact, with the fitted curve."""
 
     time_ms: Numbers
+    """Time after contact."""
     angle_deg: Numbers
+    """Measured angle at these times."""
     fit_deg: Numbers
+    """Fitted angle at these times."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -312,9 +408,13 @@ class EncoderTrace(Spec):
     """The encoder's record of one shot, for the figure."""
 
     shot: Whole
-    settled_ms: Real  # from where on the ring is fitted
+    """Number of the shot."""
+    settled_ms: Real
+    """Time after contact from which the vibration is fitted."""
     turn: Trace
+    """Rotation of the bat."""
     ring: Trace
+    """Vibration of the bat: measured angle minus fitted rotation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -322,9 +422,13 @@ class RingRecorded(Spec):
     """The encoder's record of one shot less its turn, after contact."""
 
     shot: Whole
+    """Number of the shot."""
     from_ms: Real
+    """Time of the first sample after contact."""
     step_ms: Real
+    """Time between samples."""
     angle_deg: Numbers
+    """Measured angle minus fitted rotation at each sample."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -332,7 +436,9 @@ class ChoiceStated(Spec):
     """Correction of a scan's result for the choice of the place."""
 
     correction: Real
+    """Correction of the metric for choosing the best position of a scan, in SI."""
     u: Uncertainty
+    """Standard uncertainty of the correction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -340,13 +446,21 @@ class BudgetLine(Spec):
     """One component of the metric's uncertainty."""
 
     component: str
+    """Name of the source of uncertainty."""
     value: Real
+    """Value of the input, in SI."""
     u: Uncertainty
+    """Standard uncertainty of the input, in SI."""
     type: Literal["A", "B"]
-    degrees_of_freedom: Real | None  # null: infinite
+    """Evaluation: A from readings, B from other information."""
+    degrees_of_freedom: Real | None
+    """Degrees of freedom of u; null: infinite."""
     sensitivity: Real
+    """Partial derivative of the metric by the input, in SI."""
     contribution: Real
+    """Uncertainty of the metric from this input, in SI."""
     share_percent: Real
+    """Share of the variance of the metric."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -354,8 +468,11 @@ class UnverifiedValue(Spec):
     """A value of the procedure that was not verified in its source."""
 
     key: str
+    """Key in the procedure's sheet."""
     value: str
+    """Value with its unit."""
     source: str
+    """Source as the sheet names it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -363,17 +480,23 @@ class SimulationStated(Simulated):
     """How the test was simulated, and the digest of its truth; null: reduced from records alone."""
 
     truth_digest: str | None
+    """SHA-256 of the sealed truth; null: reduced from the records alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HallCondition(Spec):
     """A condition in the hall at the start and the end of the test; humidity is 1 of saturated."""
 
-    name: str  # temperature, humidity, pressure
+    name: str
+    """Name of the condition: temperature, humidity or pressure."""
     unit: str
+    """SI unit of the condition."""
     at_start: Real
+    """Value at the start of the test; a humidity of 1 is saturated air."""
     at_end: Real
+    """Value at the end of the test."""
     u: Uncertainty
+    """Standard uncertainty of each value."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -381,7 +504,9 @@ class CommitStated(Spec):
     """The commit of this project's clone that made the certificate."""
 
     id: str
-    changes: str  # digest of the program's files that differ from git's index; "": none
+    """Identifier of the commit."""
+    changes: str
+    """Digest of the program's files that differ from this commit; empty: none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -389,62 +514,118 @@ class CertificateDocument(Spec):
     """The complete certificate."""
 
     schema: Whole
+    """Number of this schema."""
     origin: Literal["simulated", "supplied"]
-    statement: str  # what the result is worth, on every page
+    """Origin of the records: this simulation, or another laboratory."""
+    statement: str
+    """What the result is worth; printed on every page."""
     procedure: ProcedureStated
+    """Procedure of the test."""
     bat: BatAsMeasured
+    """Inertial properties of the bat."""
     ball: BallsUsed
+    """Balls of the test."""
     rigs: dict[str, str]
-    air_density_kg_per_m3: Stated | None  # of the hall, on the day; null: not measured
-    conditions: tuple[HallCondition, ...] = ()  # at start and end; (): not read
-    laboratory: str  # that supplied the records; empty of a simulated test
+    """Rig of each stage of the test, by the name of the stage."""
+    air_density_kg_per_m3: Stated | None
+    """Density of the air in the hall on the day of the test; null: not measured."""
+    conditions: tuple[HallCondition, ...] = ()
+    """Conditions in the hall; empty: not read."""
+    laboratory: str
+    """Laboratory that supplied the records; empty: a simulated test."""
     customer: str
+    """Customer that the laboratory names; empty: not stated."""
     date: str
-    particulars: Particulars = NOTHING_STATED  # what is stated beside the results
+    """Date of the test as the records state it."""
+    particulars: Particulars = NOTHING_STATED
+    """Particulars that the report states beside the results."""
     metric: MetricStated
+    """Result that decides the verdict."""
     verdict: Literal["PASS", "FAIL", "INVALID", "MEASURED"]
+    """Verdict; MEASURED: the procedure has no limit."""
     marginal: YesNo
-    risk: RiskStated | None  # null: no uncertain result, or more than its limit decides
+    """Whether the limit, which alone decides, lies within the 95 % interval."""
+    risk: RiskStated | None
+    """Risk of a wrong verdict; null: no uncertainty, or the limit alone does not decide."""
     decision_rule: str
+    """Rule by which the verdict follows from the result."""
     bat_performance_factor: Stated | None = None
+    """Bat performance factor; left out if it is the metric."""
     collision_efficiency: Stated | None = None
+    """Collision efficiency e_A; left out if it is the metric."""
     restitution: Stated | None = None
+    """Restitution e; left out if it is the metric."""
     recoil_factor: Stated | None = None
+    """Recoil factor r."""
     ball_restitution: Stated | None = None
+    """Restitution e0 of the lot at the speed of the test."""
     recoil: RecoilStated
+    """Support of the bat whose recoil factor is used."""
     ball_correction: CorrectionStated | None
+    """Correction for the balls; null: none is applied."""
     nominal_speed_mph: Real
+    """Nominal speed of the ball."""
     nominal_bat_speed_mph: Real
+    """Nominal speed of the bat; 0: the bat is at rest."""
     v_rel_mph: Real | None
+    """Mean relative speed of the hits in the result; null: no hits."""
     impact_position_in: Real | None
+    """Impact position of the result, from the barrel tip; null: no result."""
     width_m: WidthStated | None
+    """Length of barrel near the maximum; null: no scan."""
     swing_range: tuple[SwingRow, ...]
-    places: tuple[PlaceRow, ...]  # of a scan
-    along: AlongBarrel | None  # null: no scan, or too few places for a curve
+    """Metric for other swing laws."""
+    places: tuple[PlaceRow, ...]
+    """Tested positions of a scan."""
+    along: AlongBarrel | None
+    """Curves along the barrel; null: no scan, or too few positions for a curve."""
     findings: tuple[RuleFinding, ...]
+    """Rules of eligibility."""
     flags: tuple[FlagRaised, ...]
-    not_checked: tuple[str, ...] = ()  # checks for which a recorder that sums up keeps too little
+    """Contradictions in the records."""
+    not_checked: tuple[str, ...] = ()
+    """Checks that the records do not allow, because a recorder keeps only sums."""
     incomplete: str
-    reasons: tuple[str, ...]  # why the verdict is INVALID or FAIL
+    """Reason why the test gave no result; empty: it gave one."""
+    reasons: tuple[str, ...]
+    """Reasons why the verdict is INVALID or FAIL."""
     valid_hits: Whole
+    """Number of valid hits."""
     rejected_hits: tuple[RejectedHit, ...]
+    """Shots that do not count."""
     shots: tuple[ShotRow, ...]
+    """All shots in their order."""
     rebound_check: ReboundCheck | None
+    """Comparison of e_A from rebound and recoil; null: no instrument measured the recoil."""
     second_witness: CameraWord | None
+    """Results of the camera; null: no camera."""
     ring: RingStated | None
+    """Vibration in the encoder record; null: no encoder."""
     encoder: EncoderTrace | None
-    contact_sheet: tuple[RingRecorded, ...]  # of every shot that the encoder saw
+    """Encoder record of one shot for the figure; null: no counts were recorded."""
+    contact_sheet: tuple[RingRecorded, ...]
+    """Encoder record of each shot with a measured speed."""
     choice: ChoiceStated | None
+    """Correction for choosing the best position; null: not applied."""
     conditional_on: str
-    budget: tuple[BudgetLine, ...]  # largest first
-    evaluation: str = ""  # by which method, and which tests tell the scatter of the hits
+    """Assumptions behind the result and its uncertainty."""
+    budget: tuple[BudgetLine, ...]
+    """Sources of uncertainty of the metric, the largest first."""
+    evaluation: str = ""
+    """Method of the evaluation, and the tests that give the scatter of the hits."""
     unverified: tuple[UnverifiedValue, ...]
-    simulation: SimulationStated | None  # null: of supplied records
+    """Values of the procedure that were not verified in their source."""
+    simulation: SimulationStated | None
+    """The simulation; null: supplied records."""
     versions: dict[str, str]
-    session_digest: str | None = None  # SHA-256 of session.json with LF, which has those of all
-    # other records; null: no records were written
-    # null: an installed program; the certificate's number does not depend on it
+    """Versions of the program and its libraries, by name."""
+    session_digest: str | None = None
+    """SHA-256 of session.json, with LF, which has those of all records; null: none was written."""
     commit: CommitStated | None = None
+    """Commit of the clone that made the certificate; null: an installed program.
+
+    The certificate's number does not depend on it.
+    """
 
     @property
     def states_result(self) -> bool:
@@ -592,17 +773,6 @@ def _foreign_words(document: CertificateDocument) -> Iterator[tuple[str, Any, st
 def read_document(path: Path) -> CertificateDocument:
     """Return the certificate in a file; `InputError` if it has none."""
     return document_of(read_json(path), str(path))
-
-
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema of ``certificate.json``, of the draft 2020-12."""
-    from pydantic import TypeAdapter
-
-    named = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "$id": f"urn:{DISTRIBUTION}:certificate:{SCHEMA}",
-    }
-    return named | TypeAdapter(CertificateDocument).json_schema()
 
 
 def _lists(value: Any) -> Any:

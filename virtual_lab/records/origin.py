@@ -14,8 +14,11 @@ class RungTaken(Spec):
     """A model that a simulation took, and why."""
 
     rung: str
+    """Name of the model."""
     reason: str
-    error: Real | None = None  # in e_A; None: not stated
+    """Reason for its choice."""
+    error: Real | None = None
+    """Largest error of the model, in e_A; null: not stated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,10 +29,15 @@ class Simulated(Spec):
     """
 
     reality: str
-    sealing: str  # whether who knows the records could find the truth
+    """Kind of reality: real, or ideal instruments."""
+    sealing: str
+    """Statement whether the truth could be found from the records."""
     seed_commitment: str
-    unverified_numbers: Mapping[str, str]  # sheet: so many of so many
-    rungs: Mapping[str, RungTaken]  # by part of the simulation; {} before the test is finished
+    """SHA-256 of salt and seed."""
+    unverified_numbers: Mapping[str, str]
+    """Number of unverified values of each data sheet, as a text."""
+    rungs: Mapping[str, RungTaken]
+    """Models of the simulation, by its part; empty: the test is not finished."""
 
     def as_json(self) -> dict[str, Any]:
         """Return the values of JSON, without what is not stated."""
@@ -45,7 +53,9 @@ class Supplied(Spec):
     """Records that another laboratory supplied: nobody here verified them."""
 
     laboratory: Title
+    """Laboratory that supplied the records."""
     customer: Title = ""
+    """Customer that the laboratory names; empty: not stated."""
 
 
 Origin = Simulated | Supplied

@@ -54,9 +54,13 @@ class TestingLaboratory(Spec):
     """The laboratory; `place` is where it tested, if elsewhere."""
 
     name: Title = ""
+    """Name of the laboratory."""
     address: Title = ""
+    """Address of the laboratory."""
     place: Title = ""
-    logo: Logo = ""  # in a file of particulars: the name of a picture's file beside it
+    """Place of the test, if it is not the address."""
+    logo: Logo = ""
+    """Logo as a data: address; in a file of particulars, the name of a picture's file beside it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +68,9 @@ class Customer(Spec):
     """For whom the bat was tested."""
 
     name: Title = ""
+    """Name of the customer."""
     address: Title = ""
+    """Address of the customer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,10 +78,15 @@ class TestItem(Spec):
     """The bat as it was handed in."""
 
     maker: Title = ""
+    """Maker of the bat."""
     model: Title = ""
+    """Model of the bat."""
     serial: Title = ""
+    """Serial number of the bat."""
     condition: Title = ""
+    """Condition of the bat."""
     received: Day = ""
+    """Day on which the bat was received."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,12 +94,19 @@ class TestCourse(Spec):
     """When and by whom the test was carried out, and what was done otherwise."""
 
     begun: Day = ""
+    """First day of the test."""
     ended: Day = ""
+    """Last day of the test."""
     issued: Day = ""
+    """Day on which the report was issued."""
     operator: Title = ""
+    """Operator of the test."""
     deviations: Title = ""
+    """Deviations from the procedure."""
     outside_providers: Title = ""
+    """Work by outside providers."""
     notes: Title = ""
+    """Notes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +114,9 @@ class Authoriser(Spec):
     """The person who authorises the report."""
 
     name: Title
+    """Name of the person."""
     role: Title
+    """Role of the person in the laboratory."""
 
     def __post_init__(self) -> None:
         if not (self.name and self.role):
@@ -108,9 +128,13 @@ class ReplacedReport(Spec):
     """The report that this one replaces, and why (ISO/IEC 17025:2017, 7.8.8)."""
 
     number: Title
-    digest: Title  # SHA-256 of its certificate.json, with LF
-    folder: Title  # name, where it lay beside this one's
+    """Number of the replaced certificate."""
+    digest: Title
+    """SHA-256 of its certificate.json, with LF."""
+    folder: Title
+    """Name of its folder, beside that of this report."""
     reason: Title
+    """Reason for the replacement."""
 
     def __post_init__(self) -> None:
         if not self.reason:
@@ -124,10 +148,15 @@ class InstrumentIdentity(Spec):
     """Identity of an instrument, and its calibration."""
 
     identity: Title
+    """Identity of the instrument, such as its serial number."""
     certificate: Title = ""
-    date: Day = ""  # of the calibration
-    due: Day = ""  # of the next one
+    """Number of the calibration certificate."""
+    date: Day = ""
+    """Day of the calibration."""
+    due: Day = ""
+    """Day on which the next calibration is due."""
     traceability: Title = ""
+    """Laboratory or standard to which the calibration is traceable."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,12 +164,19 @@ class Particulars(Spec):
     """All that is stated of a test beside its results; "" and None: not stated."""
 
     laboratory: TestingLaboratory = TestingLaboratory()
+    """The laboratory."""
     customer: Customer = Customer()
+    """The customer."""
     bat: TestItem = TestItem()
+    """The bat as it was handed in."""
     test: TestCourse = TestCourse()
+    """Course of the test."""
     authorised_by: Authoriser | None = None
+    """Person who authorises the report; null: not stated."""
     replaces: ReplacedReport | None = None
+    """Report that this one replaces; null: none."""
     instruments: Mapping[str, InstrumentIdentity] = field(default_factory=dict)
+    """Identities of instruments, by the name of the instrument."""
 
     @property
     def stated(self) -> dict[str, Any]:

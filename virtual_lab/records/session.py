@@ -172,9 +172,13 @@ class ChannelEntry(Spec):
     """Entry of ``session.json`` for one channel's file."""
 
     record: str
+    """Kind of record."""
     rows: Whole
+    """Number of rows of the file."""
     sha256: str
-    attached: Mapping[str, str] = field(default_factory=dict)  # name: SHA-256 of the array
+    """SHA-256 of the file, after the text of the simulation in a simulated session."""
+    attached: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of each array beside the file, by its name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,9 +186,13 @@ class ConstantEntry(Spec):
     """Entry of ``session.json`` for one constant, SI."""
 
     value: Real
+    """Value [SI]."""
     u: Real
+    """Standard uncertainty [SI]."""
     dof: Real = inf
+    """Degrees of freedom of u."""
     source: str = ""
+    """Origin of the value."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,23 +200,41 @@ class SessionForm(Spec):
     """The keys of ``session.json``."""
 
     schema: Literal[2, 3]
+    """Number of the schema."""
     origin: Literal["simulated", "supplied"]
+    """Origin of the records: this simulation, or another laboratory."""
     bat: Name
+    """Name of the bat."""
     ball: Name
+    """Name of the kind of ball."""
     rigs: Mapping[str, str]
+    """Rig of each stage, by the name of the stage."""
     procedure_sha256: str
+    """SHA-256 of procedure.toml."""
     channels: Mapping[str, Mapping[str, ChannelEntry]]
+    """Files of the records, by stage and channel."""
     calibration: Mapping[str, ConstantEntry]
+    """Calibration constants, by stage.instrument.constant."""
     date: Name = ""
+    """Date of the test as the laboratory writes it."""
     bat_sport: BatSport | Literal[""] = ""
+    """Sport for which the bat is marked; empty: not known."""
     ball_sport: Sport | Literal[""] = ""
+    """Sport of the ball; empty: not known."""
     simulation: Simulated | None = None
+    """The simulation; null: supplied records."""
     laboratory: Title = ""
+    """Laboratory that supplied the records; empty: a simulated test."""
     customer: Title = ""
+    """Customer that the laboratory names; empty: not stated."""
     particulars: Mapping[str, Any] = field(default_factory=dict)
+    """Particulars of the report."""
     history: Mapping[str, ConstantEntry] = field(default_factory=dict)
+    """Variance of a hit in earlier tests of the laboratory, by result."""
     uncertainty: UncertaintyMethod = "first-order"
+    """Method by which the uncertainty is evaluated."""
     control_sha256: str = ""
+    """SHA-256 of session.json of the control bat's test; empty: none."""
 
 
 def load_session(folder: Path) -> Session:
