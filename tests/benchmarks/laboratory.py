@@ -140,7 +140,7 @@ def uncertainties(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
     block = certify_block(replace(setup, number=np.arange(few)))
     cost = (time.process_time() - begin) / few
     sound = np.flatnonzero(block.certified.some & ~block.certified.invalid).tolist()
-    linear = [block.certified.results["metric"].of(at) for at in sound]
+    linear = [block.certified.results["metric"].row(at) for at in sound]
     u = np.array([each.u for each in linear])
     yield (
         "first order",

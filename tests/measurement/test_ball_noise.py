@@ -118,7 +118,7 @@ def play(
     )
     known = {name: Estimate(value=value) for name, value in CONSTANTS.items()}
     variants = Variants.of(
-        known | {name: each.of(0) for name, each in ball_constants(balls).items()}
+        known | {name: each.row(0) for name, each in ball_constants(balls).items()}
     )
     shots = shot_results(
         variants.columns, BAT, measured_balls(variants.columns, balls), readings, ASKED
@@ -161,7 +161,7 @@ def test_e0_lies_on_the_line_through_the_speeds_at_which_the_wall_was_hit() -> N
         nominal_speed=nominal,
         flights=gates("balls", speed * (0.6 - 0.002 * speed + own[struck]), speed),
     )
-    known = {name: each.of(0) for name, each in ball_constants(balls).items()}
+    known = {name: each.row(0) for name, each in ball_constants(balls).items()}
     constants = {name: np.array(value) for name, value in CONSTANTS.items()}
     measured = measured_balls(
         constants | {name: np.array(each.value) for name, each in known.items()}, balls

@@ -150,7 +150,7 @@ def test_a_station_of_a_block_knows_what_each_laboratory_knows(rig: str) -> None
     block = Laboratories.of(rig, NUMBERS[:5]).station
     for at in (0, 4):
         alone = Laboratories.of(rig, int(NUMBERS[at])).station
-        assert {key: each.of(at) for key, each in block.calibration.items()} == alone.calibration
+        assert {key: each.row(at) for key, each in block.calibration.items()} == alone.calibration
         assert {key: each[at] for key, each in block.true_constants.items()} == alone.true_constants
 
 

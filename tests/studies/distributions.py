@@ -34,7 +34,7 @@ def intervals(rules: RoundRobin, first: int, tests: int) -> list[list[float]]:
     for block in rules.blocks(tests, SEED, first):
         for at in np.flatnonzero(block.certified.some & ~block.certified.invalid).tolist():
             rng = np.random.default_rng([SEED, first + at])
-            linear = block.certified.results["metric"].of(at)
+            linear = block.certified.results["metric"].row(at)
             true = block.measurands["metric"][at]
             row = [first + at, true, *linear.interval_95]
             if too_wide(linear):  # as a certificate does, which keeps the first order then

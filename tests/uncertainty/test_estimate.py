@@ -103,9 +103,9 @@ TWO = [
 def test_a_block_gives_back_each_estimate_of_its_own() -> None:
     """Every field returns, of a part chosen by a mask as by an index."""
     block = Estimates.stacked(TWO)
-    assert [block.of(n) for n in range(2)] == TWO
-    assert block.part(np.array([False, True])).of(0) == TWO[1]
-    assert block.part(np.array([1, 0, 1])).of(1) == TWO[0]
+    assert [block.row(n) for n in range(2)] == TWO
+    assert block.select(np.array([False, True])).row(0) == TWO[1]
+    assert block.select(np.array([1, 0, 1])).row(1) == TWO[0]
 
 
 def test_a_block_holds_estimates_of_one_kind() -> None:
@@ -118,4 +118,4 @@ def test_a_laboratory_without_a_value_has_no_estimate() -> None:
     """NaN may stand in a block, never in an `Estimate`."""
     block = Estimates(value=np.array([nan]), u=np.array([0.1]), dof=np.array([inf]))
     with pytest.raises(ValueError, match="finite"):
-        block.of(0)
+        block.row(0)

@@ -14,12 +14,14 @@ HITS = 6
 
 
 def variance(left: float, seen: float, dof: float) -> HitVariance:
-    return HitVariance(np.array([left]), np.array([seen]), np.array([dof]))
+    return HitVariance(left=np.array([left]), seen=np.array([seen]), dof=np.array([dof]))
 
 
 def of_six(today: HitVariance, u: float, dof: float) -> Scatter:
     """Return the scatter of the mean of six hits."""
-    return Scatter(np.array([u]), np.array([dof]), np.array([1 / HITS]), today)
+    return Scatter(
+        u=np.array([u]), dof=np.array([dof]), weighing=np.array([1 / HITS]), variance=today
+    )
 
 
 def seen(hits: np.ndarray, effects: np.ndarray | None = None) -> Scatter:
@@ -30,7 +32,7 @@ def seen(hits: np.ndarray, effects: np.ndarray | None = None) -> Scatter:
 
 
 def numbers(each: HitVariance) -> list[float]:
-    return [float(part[0]) for part in each]
+    return [float(part[0]) for part in (each.left, each.seen, each.dof)]
 
 
 def test_variances_join_by_degrees_of_freedom() -> None:

@@ -108,7 +108,7 @@ def certificate(
     supplied = origin if isinstance(origin, Supplied) else None
     hall = SessionBlock.of(session)
     read = measured_density(hall)
-    air = read.of(0) if read else session.calibration.get(DENSITY)
+    air = read.row(0) if read else session.calibration.get(DENSITY)
     return CertificateDocument(
         schema=SCHEMA,
         origin="supplied" if supplied else "simulated",

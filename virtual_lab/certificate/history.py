@@ -67,7 +67,7 @@ def earlier_scatter(
         tests.append({name: HitVariance.of(Estimates.stacked([each])) for name, each in own})
     source = f"{len(tests)} earlier tests"
     return {
-        name: HitVariance.pooled([test[name] for test in tests]).known(source).of(0)
+        name: HitVariance.pooled([test[name] for test in tests]).known(source).row(0)
         for name in tests[0]
     }
 

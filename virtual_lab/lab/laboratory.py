@@ -166,8 +166,8 @@ class Laboratory:
             particulars=setup.particulars,
             rigs={stage.value: name for stage, name in setup.rigs.items()},
             procedure_text=one.procedure_text,
-            calibration={name: known.of(0) for name, known in one.calibration.items()},
-            history={name: known.of(0) for name, known in one.history.items()},
+            calibration={name: known.row(0) for name, known in one.calibration.items()},
+            history={name: known.row(0) for name, known in one.history.items()},
             uncertainty=setup.uncertainty,
             records=one.records,
             origin=Simulated(

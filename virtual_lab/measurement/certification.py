@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import inf
-from typing import NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.catalog import Datum
 from virtual_lab.measurement.camera.comparison import CameraComparison, compare_camera
 from virtual_lab.measurement.diagnostics import (
@@ -151,7 +152,7 @@ class BlockCertification:
         for name, budgets in self.results.items():
             assert budgets.scatter is not None
             own = budgets.scatter.variance
-            found[name] = own._replace(dof=np.where(sound, own.dof, 0.0))
+            found[name] = replace(own, dof=np.where(sound, own.dof, 0.0))
         return found
 
     @property
@@ -169,7 +170,7 @@ class BlockCertification:
         u, value = float(metric.u[laboratory]), float(metric.value[laboratory])
         outcome, flags = self.outcome.reasons[laboratory], self.checked.of(laboratory).flags
         invalid = tuple(_reasons(self.procedure, outcome, u if some else None, flags))
-        bat = self.bat.part((laboratory, 0, 0))
+        bat = self.bat.select((laboratory, 0, 0))
         return invalid or not_met(
             self.procedure, findings(self.procedure, bat), value if some else None
         )
@@ -179,14 +180,14 @@ class BlockCertification:
         procedure, shots, outcome = reduced.procedure, reduced.shots, reduced.outcome
         where, valid = reduced.readings.place, reduced.judgement.valid
         quantities = (
-            {name: budgets.of(laboratory) for name, budgets in self.results.items()}
+            {name: budgets.row(laboratory) for name, budgets in self.results.items()}
             if self.some[laboratory]
             else {}
         )
         metric, finer = quantities.pop("metric", None), None
         variances = {}
         if metric and not self.invalid[laboratory]:
-            variances = {name: own.known().of(laboratory) for name, own in self.variances.items()}
+            variances = {name: own.known().row(laboratory) for name, own in self.variances.items()}
         method = session.uncertainty
         drawable = method != MONTE_CARLO or not (metric and too_wide(metric))
         if metric and variances and method != FIRST and drawable:
@@ -252,7 +253,7 @@ def evaluate_block(
         _results(reduced, readings, weighing, earlier, slice(first, first + few), variants)
         for first in range(0, laboratories, few)
     ]
-    results = {name: Budgets.joined([each[name] for each, _ in parts]) for name in parts[0][0]}
+    results = {name: Budgets.concatenate([each[name] for each, _ in parts]) for name in parts[0][0]}
     some = np.bincount(owner, used, laboratories) > 0
     lost = shortfalls(
         rules, laboratories, owner, reduced.place, reduced.valid & some[owner], reduced.metric
@@ -291,7 +292,8 @@ def evaluate_block(
     )
 
 
-class Weighing(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weighing(AlignedArrays):
     """The hits from which the results of a block are computed, arrays (laboratory, hit)."""
 
     hits: NDArray[np.intp]  # numbers of the shots; negative: no hit
@@ -299,11 +301,7 @@ class Weighing(NamedTuple):
     effects: Array  # effect of each hit's metric on the result
     places: Array  # set impact positions [m]
 
-    def some(self, chosen: slice) -> Weighing:
-        """Return the hits of the chosen laboratories."""
-        return Weighing(
-            self.hits[chosen], self.weights[chosen], self.effects[chosen], self.places[chosen]
-        )
+    aligned: ClassVar = EVERY_FIELD
 
 
 def _results(
@@ -319,26 +317,26 @@ def _results(
     The difference is e_A from recoil minus e_A from rebound, for all sets of constants,
     (laboratory, k, hit).
     """
-    hits, weights, effects, places = weighing.some(some)
+    weighing = weighing.select(some)
     preparation = reduced.preparation
     model = MeasurementModel(
         rules=reduced.procedure,
-        balls=preparation.balls.some(some),
+        balls=preparation.balls.select(np.arange(preparation.laboratories)[some]),
         used=preparation.used[some],
-        readings=readings.part(hits[:, None]),
+        readings=readings.select(weighing.hits[:, None]),
     )
-    variants = variants.part(some)
+    variants = variants.select(some)
     columns = variants.columns
     bat = bat_properties(columns)
     moved = model.shots(columns, bat)
-    known = {name: HitVariance(*(own[some] for own in each)) for name, each in earlier.items()}
+    known = {name: each.select(some) for name, each in earlier.items()}
     results = {
         name: means_of_hits(
             variants,
             values,
-            weights,
-            places,
-            effects if name == "metric" else weights,
+            weighing.weights,
+            weighing.places,
+            weighing.effects if name == "metric" else weighing.weights,
             known.get(name),
         )
         for name, values in model.quantities(columns, bat, moved).items()

@@ -52,7 +52,7 @@ def model_of(
 ) -> tuple[Callable[..., Array], dict[InputName, Any]]:
     """Return the metric of a test as a function of rows of inputs, (k,), and these inputs."""
     used = reduced.outcome.used
-    model = replace(reduced.model, readings=reduced.readings.part(used))
+    model = replace(reduced.model, readings=reduced.readings.select(used))
     effects, known = reduced.outcome.effects[used], dict[str, Any](reduced.constants)
     added = {
         part.name: Input(0.0, part.u, part.dof, evaluation="A")

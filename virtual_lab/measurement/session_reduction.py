@@ -97,17 +97,17 @@ class BlockPreparation:
         one = slice(laboratory, laboratory + 1)
         return replace(
             self,
-            constants={name: known.part(one) for name, known in self.constants.items()},
-            balls=self.balls.some(one),
-            lot=self.lot.part(one),
+            constants={name: known.select(one) for name, known in self.constants.items()},
+            balls=self.balls.select(np.array([laboratory])),
+            lot=self.lot.select(one),
             used=self.used[one],
-            bat=self.bat.part(one),
+            bat=self.bat.select(one),
         )
 
     def of(self, laboratory: int) -> Preparation:
         """Return the preparation of one laboratory."""
-        constants = {name: known.of(laboratory) for name, known in self.constants.items()}
-        lot = self.lot.part((laboratory, 0))
+        constants = {name: known.row(laboratory) for name, known in self.constants.items()}
+        lot = self.lot.select((laboratory, 0))
         return Preparation(
             block=self,
             laboratory=laboratory,
@@ -214,7 +214,7 @@ class BlockReduction:
             latest=more.owner,
             owner=both("owner"),
             place=both("place"),
-            results=self.results.with_shots(more.results),
+            results=ShotResults.concatenate([self.results, more.results]),
             metric=both("metric"),
             sought=Sought(value, gain),
             valid=both("valid"),
@@ -237,18 +237,18 @@ class BlockReduction:
         `readings` are those of all shots, as fired, (shot,).
         """
         preparation, own = self.preparation.of(laboratory), self.owner == laboratory
-        rules, seen, results = self.procedure, readings.part(own), self.results.part(own)
+        rules, seen, results = self.procedure, readings.select(own), self.results.select(own)
         metric, sought = self.metric[own], Sought(self.sought.value[own], self.sought.gain[own])
         judgement = self.acceptance(
             rules, results, seen, preparation.percussion, preparation.turn_rate
         )
         return SessionReduction(
             preparation=preparation,
-            constants={name: known.of(laboratory) for name, known in self.constants.items()},
+            constants={name: known.row(laboratory) for name, known in self.constants.items()},
             model=MeasurementModel(
                 rules=rules, balls=preparation.balls, used=preparation.lot.used, readings=seen
             ),
-            bat=self.preparation.bat.part((laboratory, 0, 0)),
+            bat=self.preparation.bat.select((laboratory, 0, 0)),
             shots=results,
             shot_metric=metric,
             sought=sought,
@@ -358,13 +358,13 @@ def reduce_shots(
     rules, constants, owner = preparation.procedure.spec, dict(preparation.constants), block.owner
     if not readings.flights.shows_height:
         constants["impact.aim.across_square"] = across_constant(block)
-    alone = readings.part(np.arange(owner.size)[:, None, None])
+    alone = readings.select(np.arange(owner.size)[:, None, None])
     best = {name: known.value[owner, None, None] for name, known in constants.items()}
-    bat = preparation.bat.part(owner)
+    bat = preparation.bat.select(owner)
     results = shot_results(
         best,
         bat,
-        preparation.lot.part(owner),
+        preparation.lot.select(owner),
         alone,
         rules.reduction_settings,
         used=preparation.used[owner],
@@ -378,7 +378,7 @@ def reduce_shots(
         constants=constants,
         owner=owner,
         place=readings.place,
-        results=results.part((slice(None), 0, 0)),
+        results=results.select((slice(None), 0, 0)),
         metric=metric.reshape(-1),
         sought=Sought(*(np.broadcast_to(each, metric.shape).reshape(-1) for each in sought)),
         valid=valid.reshape(-1),

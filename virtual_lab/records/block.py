@@ -73,7 +73,7 @@ class SessionBlock:
 
         def one(known: Mapping[str, Estimates]) -> dict[str, Estimates]:
             own = slice(laboratory, laboratory + 1)
-            return {name: each.part(own) for name, each in known.items()}
+            return {name: each.select(own) for name, each in known.items()}
 
         def kept(stage: str, record: Record) -> Record:
             if stage == "impact" and "shot" in record.sizes():
@@ -110,7 +110,7 @@ class _OfOne(Mapping[str, Estimate]):
     laboratory: int
 
     def __getitem__(self, name: str) -> Estimate:
-        return self.block[name].of(self.laboratory)
+        return self.block[name].row(self.laboratory)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.block)

@@ -179,7 +179,7 @@ def _off(tested: BatTest) -> dict[str, float]:
 
 def _readings_off(tested: BatTest, true: Mapping[str, float]) -> dict[str, float]:
     """Return the errors of the mean bench readings, without instrument errors."""
-    found = {name: one.of(0).value for name, one in bench_constants(_block(tested)).items()}
+    found = {name: one.row(0).value for name, one in bench_constants(_block(tested)).items()}
     bat, body = tested.sealed.bat_properties, tested.sealed.bat.body
     lever = float(bat["length"] - true["bench.pendulum.pivot_from_knob"] - bat["z_cm"])
     turning = float(bat["inertia_cm"] + bat["mass"] * lever**2)

@@ -17,10 +17,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from math import inf, sqrt
-from typing import Self, cast
+from typing import ClassVar, Self
 
 import numpy as np
 
+from virtual_lab.aligned import AlignedArrays
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.uncertainty.scatter import HitVariance, Scatter
 from virtual_lab.units import Array
@@ -45,7 +46,7 @@ class Component:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Components:
+class Components(AlignedArrays):
     """Sources of uncertainty and their effects on a result, arrays (laboratory, source)."""
 
     names: tuple[str, ...]
@@ -56,6 +57,8 @@ class Components:
     dof: Array
     effect: Array  # signed effect of one standard uncertainty on the result
     shift: Array  # shift of the result's mean by curvature
+
+    aligned: ClassVar = ("value", "u", "dof", "effect", "shift")
 
     @classmethod
     def listed(cls, components: Sequence[Component]) -> Self:
@@ -78,38 +81,14 @@ class Components:
 
     def __add__(self, more: Components) -> Components:
         """Return both sets of sources."""
-
-        def side_by_side(name: str) -> Array:
-            return np.concatenate([getattr(self, name), getattr(more, name)], axis=1)
-
         return Components(
             names=self.names + more.names,
             evaluations=self.evaluations + more.evaluations,
             pools=self.pools + more.pools,
-            value=side_by_side("value"),
-            u=side_by_side("u"),
-            dof=side_by_side("dof"),
-            effect=side_by_side("effect"),
-            shift=side_by_side("shift"),
-        )
-
-    @classmethod
-    def joined(cls, blocks: Sequence[Components]) -> Self:
-        """Return the laboratories of some blocks as one, all of the same sources."""
-
-        def below(name: str) -> Array:
-            return np.concatenate([getattr(each, name) for each in blocks])
-
-        first = blocks[0]
-        return cls(
-            names=first.names,
-            evaluations=first.evaluations,
-            pools=first.pools,
-            value=below("value"),
-            u=below("u"),
-            dof=below("dof"),
-            effect=below("effect"),
-            shift=below("shift"),
+            **{
+                name: np.concatenate([getattr(self, name), getattr(more, name)], axis=1)
+                for name in self.aligned
+            },
         )
 
     @property
@@ -118,7 +97,7 @@ class Components:
         known = self.u > 0
         return np.where(known, self.effect / np.where(known, self.u, 1.0), 0.0)
 
-    def of(self, laboratory: int) -> list[Component]:
+    def row(self, laboratory: int) -> list[Component]:
         """Return the components of one laboratory, without certain ones except the hits."""
         sensitivity, uncertain = self.sensitivity, self.u[laboratory] > 0
         return [
@@ -172,7 +151,7 @@ class Budget:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Budgets:
+class Budgets(AlignedArrays):
     """Standard uncertainties of the results of a block, arrays (laboratory,)."""
 
     value: Array
@@ -181,21 +160,11 @@ class Budgets:
     components: Components
     scatter: Scatter | None = None  # scatter of the hits of this test alone
 
-    @classmethod
-    def joined(cls, blocks: Sequence[Budgets]) -> Self:
-        """Return the laboratories of some blocks as one."""
-        apart = [each.scatter for each in blocks if each.scatter]
-        return cls(
-            scatter=Scatter.beside(apart) if apart else None,
-            value=np.concatenate([each.value for each in blocks]),
-            u=np.concatenate([each.u for each in blocks]),
-            dof=np.concatenate([each.dof for each in blocks]),
-            components=Components.joined([each.components for each in blocks]),
-        )
+    aligned: ClassVar = ("value", "u", "dof", "components", "scatter")
 
-    def of(self, laboratory: int) -> Budget:
+    def row(self, laboratory: int) -> Budget:
         """Return the budget of one laboratory."""
-        every = _pooled(self.components.of(laboratory))
+        every = _pooled(self.components.row(laboratory))
         every.sort(key=lambda part: -part.contribution)
         value, u, dof = (float(own[laboratory]) for own in (self.value, self.u, self.dof))
         return Budget(
@@ -211,7 +180,7 @@ class Budgets:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Variants:
+class Variants(AlignedArrays):
     """First order: each uncertain constant shifted up by its u, then each shifted down.
 
     The outputs of the model for these columns give the effect of each constant.
@@ -222,6 +191,8 @@ class Variants:
     value: Array  # values of the shifted constants, (laboratory, constant)
     stated: Array  # their stated u
     dof: Array
+
+    aligned: ClassVar = ("constants", "value", "stated", "dof")
 
     @classmethod
     def of(cls, constants: Mapping[str, Estimate] | Mapping[str, Estimates]) -> Self:
@@ -260,17 +231,6 @@ class Variants:
             found[name][..., at, 0] += self.constants[name].u
             found[name][..., at + len(self.uncertain), 0] -= self.constants[name].u
         return found
-
-    def part(self, chosen: slice) -> Self:
-        """Return the variants of some laboratories of a block."""
-        known = cast("Mapping[str, Estimates]", self.constants)
-        return replace(
-            self,
-            constants={name: each.part(chosen) for name, each in known.items()},
-            value=self.value[chosen],
-            stated=self.stated[chosen],
-            dof=self.dof[chosen],
-        )
 
     def components(self, values: Array) -> Components:
         """Return the contribution of each constant to an output of shape (..., k)."""
@@ -320,13 +280,13 @@ def propagate(
     """
     variants = Variants.of(constants)
     return {
-        name: variants.components(values).of(0) for name, values in model(variants.columns).items()
+        name: variants.components(values).row(0) for name, values in model(variants.columns).items()
     }
 
 
 def combine(value: float, components: Sequence[Component]) -> Budget:
     """Return the budget of a result; the components of a pool become one line."""
-    return combined(np.array([value]), Components.listed(components)).of(0)
+    return combined(np.array([value]), Components.listed(components)).row(0)
 
 
 def combined(value: Array, components: Components) -> Budgets:
@@ -354,7 +314,7 @@ def mean_of_hits(
         Derivative of the result with respect to each hit, (hit,), if it differs from the weight.
     """
     effects = weights if effects is None else effects
-    return means_of_hits(variants, hits[None], weights[None], places[None], effects[None]).of(0)
+    return means_of_hits(variants, hits[None], weights[None], places[None], effects[None]).row(0)
 
 
 def means_of_hits(

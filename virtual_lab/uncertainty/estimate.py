@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf, isfinite, isnan
-from typing import Any, Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from virtual_lab.aligned import AlignedArrays
 from virtual_lab.units import Array, Mask
 
 
@@ -38,7 +39,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimates:
+class Estimates(AlignedArrays):
     """The estimates of one quantity in a block of laboratories, arrays (laboratory,).
 
     Value and `u` are in SI; evaluation, source and pool are those of every laboratory.
@@ -50,6 +51,8 @@ class Estimates:
     evaluation: Literal["A", "B"] = "B"
     source: str = ""
     pool: str = ""
+
+    aligned: ClassVar = ("value", "u", "dof")
 
     @classmethod
     def stacked(cls, estimates: Sequence[Estimate]) -> Self:
@@ -64,7 +67,7 @@ class Estimates:
         value, u, dof = np.array([(each.value, each.u, each.dof) for each in estimates]).T
         return cls(value=value, u=u, dof=dof, evaluation=evaluation, source=source, pool=pool)
 
-    def of(self, laboratory: int) -> Estimate:
+    def row(self, laboratory: int) -> Estimate:
         """Return the estimate of one laboratory of the block; `ValueError` where it has none."""
         return Estimate(
             value=float(self.value[laboratory]),
@@ -74,10 +77,6 @@ class Estimates:
             source=self.source,
             pool=self.pool,
         )
-
-    def part(self, chosen: slice | NDArray[Any]) -> Self:
-        """Return the block of the laboratories chosen by an index or a mask."""
-        return replace(self, value=self.value[chosen], u=self.u[chosen], dof=self.dof[chosen])
 
 
 def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0) -> Estimate:
@@ -94,7 +93,7 @@ def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0) -> Estimate:
     values = np.asarray(readings, dtype=float)
     if values.ndim != 1 or values.size < 2:
         raise ValueError(f"a type A evaluation needs at least 2 readings, not {values.size}")
-    return means_of_readings(values[None], least_u=least_u).of(0)
+    return means_of_readings(values[None], least_u=least_u).row(0)
 
 
 def means_of_readings(

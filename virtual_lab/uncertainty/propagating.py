@@ -122,7 +122,7 @@ def first_order(model: Model, probability: float) -> Propagated:
             dof=dof,
             interval=_interval(float(values[0]), u, dof, probability),
             shift=float(components.shift.sum()),
-            components=combined(values[:1], components).of(0).components,
+            components=combined(values[:1], components).row(0).components,
         )
         effects.append(turned.effect[0])
     found = Propagated(

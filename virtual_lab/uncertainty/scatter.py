@@ -8,10 +8,12 @@ tests by the same procedure, so the variances are pooled by their degrees of fre
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Self
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
+from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.units import Array, Mask
 
@@ -19,17 +21,21 @@ LARGER_BY_CHANCE = 0.01  # significance of the one-sided F test against earlier 
 LEAST_LEFT = 1e-3  # smallest unexplained variance, which keeps the degrees of freedom [variance]
 
 
-class HitVariance(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HitVariance(AlignedArrays):
     """Variance of a hit within its impact position, (laboratory,)."""
 
     left: Array  # variance minus the part explained by constants, which can be negative
     seen: Array
     dof: Array  # degrees of freedom, 0 with too few hits
 
+    aligned: ClassVar = EVERY_FIELD
+
     @classmethod
     def of(cls, known: Estimates) -> Self:
         """Return the variance from a value with its u, which is √(2/ν) times the variance."""
-        return cls(known.value, known.u * np.sqrt(known.dof / 2), known.dof)
+        seen = known.u * np.sqrt(known.dof / 2)
+        return cls(left=known.value, seen=seen, dof=known.dof)
 
     def known(self, source: str = "") -> Estimates:
         """Return the variance as a value with its u."""
@@ -45,8 +51,11 @@ class HitVariance(NamedTuple):
             parts = np.where(dof > 0, dof * np.array(values), 0.0)
             return np.asarray(parts.sum(axis=0) / np.maximum(dof.sum(axis=0), 1e-300))
 
-        left, seen = (mean([test[at] for test in tests]) for at in (0, 1))
-        return cls(left, seen, dof.sum(axis=0))
+        return cls(
+            left=mean([each.left for each in tests]),
+            seen=mean([each.seen for each in tests]),
+            dof=dof.sum(axis=0),
+        )
 
     def larger(self, earlier: HitVariance) -> Mask:
         """Whether today's hits scatter more than those of earlier tests, beyond chance."""
@@ -58,13 +67,16 @@ class HitVariance(NamedTuple):
         return np.asarray(some & (self.seen > most * earlier.seen))
 
 
-class Scatter(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scatter(AlignedArrays):
     """Scatter of weighted sums of hits, (laboratory,)."""
 
     u: Array
     dof: Array
     weighing: Array  # sum of the squared weights
     variance: HitVariance
+
+    aligned: ClassVar = EVERY_FIELD
 
     @classmethod
     def seen(cls, hits: Array, weights: Array, groups: Array, effects: Array) -> Self:
@@ -75,14 +87,8 @@ class Scatter(NamedTuple):
         own = [np.ascontiguousarray(each, float) for each in (hits, weights, groups, effects)]
         scatter_u(own[0], own[1], own[2], own[3], found)
         u, dof, weighing, seen, left, freedom = found
-        return cls(u, dof, weighing, HitVariance(left, seen, freedom))
-
-    @classmethod
-    def beside(cls, blocks: Sequence[Scatter]) -> Self:
-        """Return the scatter of the laboratories of several blocks as one block."""
-        u, dof, weighing, variances = zip(*blocks, strict=True)
-        of_all = HitVariance(*map(np.concatenate, zip(*variances, strict=True)))
-        return cls(np.concatenate(u), np.concatenate(dof), np.concatenate(weighing), of_all)
+        variance = HitVariance(left=left, seen=seen, dof=freedom)
+        return cls(u=u, dof=dof, weighing=weighing, variance=variance)
 
     def joined(self, earlier: HitVariance) -> Self:
         """Return the scatter pooled with earlier tests, unless today's is significantly larger."""
@@ -90,7 +96,8 @@ class Scatter(NamedTuple):
         left = np.maximum(both.left, LEAST_LEFT * both.seen)
         alone = self.variance.larger(earlier) | ~(left > 0)
         left = np.where(alone, 1.0, left)
-        return self._replace(
+        return replace(
+            self,
             u=np.where(alone, self.u, np.sqrt(self.weighing * left)),
             # subtraction of a known part does not change the uncertainty of a variance
             dof=np.where(alone, self.dof, both.dof * (left / np.where(alone, 1.0, both.seen)) ** 2),

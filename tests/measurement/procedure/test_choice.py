@@ -53,11 +53,11 @@ def test_the_result_is_raised_by_the_mean() -> None:
     lost = Shortfalls(mean=np.array([3e-4, 0.0]), rms=np.array([5e-4, 0.0]))
     budgets = combined(np.array([0.5, 0.5]), types_a("other", np.full(2, 0.5), np.zeros(2)))
     block = with_choice(budgets, lost)
-    raised, left = block.of(0), block.of(1)
+    raised, left = block.row(0), block.row(1)
     assert raised.value == pytest.approx(0.5003)
     assert raised.u == pytest.approx(4e-4)
     assert [part.name for part in raised.components] == [CHOICE]
-    assert left == budgets.of(1)
+    assert left == budgets.row(1)
     assert with_choice(budgets, Shortfalls(np.zeros(2), np.zeros(2))) is budgets
 
 
@@ -81,7 +81,7 @@ def test_both_sides_are_missed_alike() -> None:
         own = Scatter.seen(metric[None, used], weights[None], place[None, used], nothing)
         value = np.array([metric[used] @ weights])
         result = combined(value, types_a(HITS, value, own.u, own.dof))
-        low, high = with_choice(result, of_one(place, metric)).of(0).interval_95
+        low, high = with_choice(result, of_one(place, metric)).row(0).interval_95
         true = curve(np.unique(PLACES), top).max()
         above, below = above + (true > high), below + (true < low)
     few, many = stats.binom.ppf([0.001, 0.999], RUNS, 0.025)

@@ -93,7 +93,7 @@ def bench() -> Session:
 def _best(session: Session) -> dict[str, np.ndarray]:
     block = SessionBlock.of(session)
     known = dict(block.calibration) | bench_constants(block)
-    return {key: np.array(each.of(0).value) for key, each in known.items()}
+    return {key: np.array(each.row(0).value) for key, each in known.items()}
 
 
 def test_inertia_from_an_integrated_pendulum(bench: Session) -> None:
@@ -132,7 +132,7 @@ def test_across_constant() -> None:
         owner=np.zeros(1, dtype=np.intp),
         laboratories=1,
     )
-    square = across_constant(block).of(0)
+    square = across_constant(block).row(0)
     assert square.value == pytest.approx(12.5e-6, rel=1e-12)
     assert square.u == pytest.approx(12.5e-6, rel=1e-12)
     assert square.dof == 2

@@ -521,7 +521,7 @@ def test_an_instrument_of_a_block_is_that_of_the_laboratory_alone(name: str) -> 
     block = make(spec, Streams(2, (), numbers), name)
     for at, number in enumerate(numbers):
         alone = make(spec, Streams(2, (), int(number)), name)
-        assert {key: one.of(at) for key, one in block.calibration().items()} == alone.calibration()
+        assert {key: one.row(at) for key, one in block.calibration().items()} == alone.calibration()
         assert {key: one[at] for key, one in block.errors().items()} == alone.errors()
     gathered = block.at(np.array([3, 1])).true
     assert all(np.array_equal(one, block.true[key][[3, 1]]) for key, one in gathered.items())
@@ -533,7 +533,7 @@ def test_a_quiet_block_states_the_sheet(name: str) -> None:
     spec = small(spec_of(name))
     block = MAKERS[KIND[name]].commission(spec, Quiet(np.arange(3)), name).calibration()
     alone = MAKERS[KIND[name]].commission(spec, Quiet(), name).calibration()
-    assert {key: one.of(2) for key, one in block.items()} == alone
+    assert {key: one.row(2) for key, one in block.items()} == alone
     assert all(one.value.shape == one.u.shape == one.dof.shape == (3,) for one in block.values())
 
 

@@ -64,7 +64,7 @@ def check_standard(evidence: Evidence) -> Iterator[Raised]:
 
 def bat_shape(evidence: Evidence) -> Iterator[Raised]:
     """Compare density, balance, mass and radius of gyration with limits valid for any bat."""
-    bat = evidence.reduced.preparation.bat.part((slice(None), 0, 0))
+    bat = evidence.reduced.preparation.bat.select((slice(None), 0, 0))
     length, mass = bat.length, bat.mass
     light, heavy = 100.0, 12000.0  # densities of solid balsa and solid lead [kg/m³]
     density = mass / (pi * bat.barrel_radius**2 * length)
@@ -317,7 +317,7 @@ def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
 
 def lot_rules(evidence: Evidence) -> Iterator[Raised]:
     """Flag balls far outside the windows, and inadmissible balls that were fired."""
-    windows, balls = evidence.procedure.windows, evidence.measured_balls.part((slice(None), 0))
+    windows, balls = evidence.procedure.windows, evidence.measured_balls.select((slice(None), 0))
     at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
     low, high = windows.ball_restitution_low, windows.ball_restitution_high
     fired = np.zeros(at.shape, dtype=bool)
@@ -335,7 +335,7 @@ def lot_rules(evidence: Evidence) -> Iterator[Raised]:
 
 def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str:
     """Return a sentence on the first ball that is wrong."""
-    lot = lot_of(evidence.procedure, evidence.measured_balls.part((laboratory, 0)))
+    lot = lot_of(evidence.procedure, evidence.measured_balls.select((laboratory, 0)))
     each = next(one for one in lot.set_aside if bad[one.ball])
     if fired[each.ball]:
         return f"ball {each.ball + 1}, which the rules do not admit, was fired: {each.reason}"

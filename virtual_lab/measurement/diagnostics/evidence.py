@@ -125,5 +125,5 @@ class Evidence:
             rules=self.procedure,
             balls=preparation.balls,
             used=preparation.used,
-            readings=self.readings.part(every[:, None]),
+            readings=self.readings.select(every[:, None]),
         )

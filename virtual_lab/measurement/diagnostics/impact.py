@@ -264,7 +264,7 @@ def _moved_apart(evidence: Evidence, both: Mask) -> tuple[NDArray[np.intp], Arra
     hits = numbered(evidence.owner, both, evidence.laboratories)
     if np.isin(hits[hits >= 0], evidence.hits).all():
         return evidence.hits, evidence.apart
-    model = replace(evidence.model, readings=evidence.readings.part(hits[:, None]))
+    model = replace(evidence.model, readings=evidence.readings.select(hits[:, None]))
     columns = evidence.variants.columns
     found = model.shots(columns, bat_properties(columns))
     return hits, found.recoil_efficiency - found.rebound_efficiency

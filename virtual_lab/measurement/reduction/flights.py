@@ -7,12 +7,13 @@ Gates, light boards, a camera or the radar gun of another package each have one 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Protocol, Self
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.units import Array, Mask
 
 Constants = Mapping[str, Array]
@@ -36,7 +37,7 @@ FlightModel = Callable[[Constants, Array], Flights]  # function of constants and
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RawFlights:
+class RawFlights(AlignedArrays):
     """Flights by an instrument's own clock and survey, before any correction, (..., shot).
 
     A flight that was not detected has NaN.
@@ -48,10 +49,11 @@ class RawFlights:
     misfit: Array  # rms deviation of the readings from the flight, (shot, direction) [s], or NaN
     complete: Mask  # whether every part of the instrument detected the incoming ball
 
+    aligned: ClassVar = EVERY_FIELD
+
     def part(self, chosen: Shots) -> Self:
-        """Return the `chosen` shots, as `some_of` does."""
-        own = {each.name: some_of(getattr(self, each.name), chosen) for each in fields(self)}
-        return type(self)(**own)
+        """Return the `chosen` shots, in the words of `FlightReadings`."""
+        return self.select(chosen)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,14 +111,6 @@ class FlightReadings(Protocol):
     def part(self, chosen: Shots) -> Self:
         """Return the shots of a mask, or of indices of any shape."""
         ...
-
-
-def some_of(values: NDArray[Any], chosen: Shots, none: Any = np.nan) -> NDArray[Any]:
-    """Return the values, (shot, ...), of the chosen shots, and `none` for a negative index."""
-    found = values[chosen]
-    if chosen.dtype != bool and (missing := chosen < 0).any():
-        found[missing] = False if found.dtype == bool else none
-    return found
 
 
 def numbered(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDArray[np.intp]:

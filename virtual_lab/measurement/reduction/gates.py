@@ -16,10 +16,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import count
 from math import prod
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
+from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.reduction.flights import (
     Constants,
@@ -28,7 +29,6 @@ from virtual_lab.measurement.reduction.flights import (
     RawFlights,
     RawFlightsU,
     Shots,
-    some_of,
 )
 from virtual_lab.records import BoardRecord, GateRecord, PassageRecord
 from virtual_lab.uncertainty.estimate import Estimate
@@ -39,7 +39,7 @@ THICKNESS = ".gates.thickness"  # ending of a constant's name: thickness of a st
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Passages:
+class Passages(AlignedArrays):
     """Uncorrected times and heights of the centre, (..., shot, way, gate); NaN: not seen."""
 
     times: Array  # [s]
@@ -48,14 +48,7 @@ class Passages:
     heights_u: Array
     misfit: Array  # rms of the edges about the parabola and the line, (..., shot, way) [s]
 
-    def part(self, chosen: Shots) -> Passages:
-        """Return some of the shots, see `some_of`."""
-        return Passages(
-            times=some_of(self.times, chosen),
-            heights=some_of(self.heights, chosen),
-            heights_u=some_of(self.heights_u, chosen),
-            misfit=some_of(self.misfit, chosen),
-        )
+    aligned: ClassVar = EVERY_FIELD
 
 
 def passages(
@@ -202,7 +195,7 @@ class GateReadings:
 
     def part(self, chosen: Shots) -> Self:
         """Return some of the shots."""
-        return replace(self, passages=self.passages.part(chosen))
+        return replace(self, passages=self.passages.select(chosen))
 
 
 def _distance(stage: str, gate: int) -> str:

@@ -4,9 +4,9 @@ Repeated bench readings become one constant with a type A uncertainty, beside th
 constants of type B; readings of each shot remain an array. The algebra that combines the two is
 `virtual_lab.measurement.reduction.shot_algebra`.
 
-Arrays of shots have one of three layouts, and `part` converts one to another: (shot,), as recorded;
-(laboratory, 1, shot), in which the axis of length 1 is that of the sets of constants; and
-(shot, 1, 1), in which each shot has its own constants.
+Arrays of shots have one of three layouts, and `select` converts one to another: (shot,), as
+recorded; (laboratory, 1, shot), in which the axis of length 1 is that of the sets of constants;
+and (shot, 1, 1), in which each shot has its own constants.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import Any, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.reduction.flights import FlightReadings, Shots, some_of
+from virtual_lab.measurement.reduction.flights import FlightReadings
 from virtual_lab.measurement.reduction.makers import flight_readings
 from virtual_lab.measurement.reduction.rate import RateFit, summed_up, unseen, unwrapped
 from virtual_lab.measurement.reduction.recoil import fit_recoil
@@ -54,7 +55,7 @@ READ_WITH = (  # property, channel, instrument
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BallReadings:
+class BallReadings(AlignedArrays):
     """Readings of the balls on the scale and at the wall, of one laboratory or of a block.
 
     A block has leading axes (laboratory, 1). A hit that was not seen in both directions does not
@@ -65,6 +66,8 @@ class BallReadings:
     ball: NDArray[np.intp]  # ball of each wall hit, (..., hit)
     nominal_speed: Array  # nominal speed of each wall hit [m/s], (..., hit)
     flights: FlightReadings
+
+    aligned: ClassVar = EVERY_FIELD
 
     def of(self, laboratory: int) -> BallReadings:
         """Return the readings of one laboratory of a block, with its measured hits alone."""
@@ -78,15 +81,6 @@ class BallReadings:
             flights=self.flights.part(here).part(first).part(hits),
         )
 
-    def some(self, chosen: slice) -> BallReadings:
-        """Return the block of some of its laboratories."""
-        return BallReadings(
-            mass=self.mass[chosen],
-            ball=self.ball[chosen],
-            nominal_speed=self.nominal_speed[chosen],
-            flights=self.flights.part(np.arange(len(self.mass))[chosen]),
-        )
-
     @property
     def share(self) -> Array:
         """Share of each hit in the mean of each ball, (..., hit, ball)."""
@@ -95,7 +89,7 @@ class BallReadings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ImpactReadings:
+class ImpactReadings(AlignedArrays):
     """The shots at the bat, arrays (..., shot)."""
 
     ball: NDArray[np.intp]
@@ -105,16 +99,7 @@ class ImpactReadings:
     swing: RateFit | None  # rotation of a bat that was swung; None without an encoder
     along: Array | float = 0.0  # offset of the cannon along the bat, included in `place` [m]
 
-    def part(self, chosen: Shots) -> ImpactReadings:
-        """Return some of the shots, see `some_of`; a missing shot gets ball 0."""
-        return ImpactReadings(
-            ball=np.maximum(some_of(self.ball, chosen, none=0), 0),
-            place=some_of(self.place, chosen),
-            flights=self.flights.part(chosen),
-            recoil=self.recoil and self.recoil.part(chosen),
-            swing=self.swing and self.swing.part(chosen),
-            along=some_of(self.along, chosen) if isinstance(self.along, np.ndarray) else self.along,
-        )
+    aligned: ClassVar = EVERY_FIELD
 
 
 def bench_constants(block: SessionBlock) -> dict[str, Estimates]:

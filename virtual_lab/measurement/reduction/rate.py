@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import sqrt
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
-from virtual_lab.measurement.reduction.flights import Shots, some_of
+from virtual_lab.aligned import AlignedArrays
 from virtual_lab.records import EncoderRecord, RateRecord
 from virtual_lab.units import Array
 
@@ -17,7 +17,7 @@ MOST_MISFIT = 1.5  # largest misfit of a good fit [rms of counting and noise at 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RateFit:
+class RateFit(AlignedArrays):
     """Encoder results of a batch of shots, in counts and uncorrected seconds."""
 
     # rate at the end of contact of a struck bat, at the beginning for a swung one, (shot,)
@@ -34,15 +34,10 @@ class RateFit:
     residual: Array  # rms residual of the fit, NaN: not recorded, (shot,) [counts]
     counting: float  # rms error of whole counts [counts]
 
-    def part(self, chosen: Shots) -> RateFit:
-        """Return some of the shots, see `some_of`."""
-        shared = ("ring_frequency", "ring_decay", "counting")
-        own: dict[str, Any] = {
-            each.name: some_of(getattr(self, each.name), chosen)
-            for each in fields(self)
-            if each.name not in shared
-        }
-        return replace(self, **own)
+    aligned: ClassVar = (
+        *("rate", "rate_u", "by_half", "by_half_u", "span", "before", "angle"),
+        *("rest", "residual"),
+    )
 
     @property
     def misfit(self) -> Array:

@@ -8,12 +8,13 @@ the same functions with shifted constants, a block of laboratories with a leadin
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Literal, NamedTuple
+from dataclasses import dataclass
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.measurement.reduction.flights import FlightModel, Flights
 from virtual_lab.measurement.reduction.kinematics import (
     parallel_axis,
@@ -42,7 +43,7 @@ SLOPE_ERROR = "procedure.place_slope_error"  # error of e_A caused by the error 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BatProperties:
+class BatProperties(AlignedArrays):
     """Measured inertial properties, numbers or columns of them [SI]."""
 
     mass: Array
@@ -51,15 +52,11 @@ class BatProperties:
     inertia_cm: Array
     barrel_radius: Array
 
-    def part(self, chosen: Any) -> BatProperties:
-        """Return the bats of some laboratories."""
-        return BatProperties(
-            **{each.name: getattr(self, each.name)[chosen] for each in fields(self)}
-        )
+    aligned: ClassVar = EVERY_FIELD
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuredBalls:
+class MeasuredBalls(AlignedArrays):
     """Measured balls, shape (..., ball). `restitution` is e0 at `speed`."""
 
     mass: Array
@@ -67,15 +64,11 @@ class MeasuredBalls:
     speed: Array  # mean nominal speed of the wall hits, (..., 1) [m/s]
     slope: Array  # slope of e0 over speed, (..., 1) [s/m]
 
-    def part(self, chosen: Any) -> MeasuredBalls:
-        """Return the balls of some laboratories."""
-        return MeasuredBalls(
-            **{each.name: getattr(self, each.name)[chosen] for each in fields(self)}
-        )
+    aligned: ClassVar = EVERY_FIELD
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShotResults:
+class ShotResults(AlignedArrays):
     """Results of each shot, shape (..., shot)."""
 
     speed: Array  # speed of the ball at the bat [m/s]
@@ -104,16 +97,7 @@ class ShotResults:
     rebound_efficiency: Array  # e_A from the ball's rebound; NaN: the gates did not see it
     recoil_efficiency: Array  # e_A from the bat's recoil; NaN: not recorded
 
-    def part(self, chosen: Any) -> ShotResults:
-        """Return some of the shots."""
-        return ShotResults(**{each.name: getattr(self, each.name)[chosen] for each in fields(self)})
-
-    def with_shots(self, more: ShotResults) -> ShotResults:
-        """Return the shots of both, (shot,)."""
-        names = [each.name for each in fields(self)]
-        return ShotResults(
-            **{name: np.concatenate([getattr(self, name), getattr(more, name)]) for name in names}
-        )
+    aligned: ClassVar = EVERY_FIELD
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,75 @@
+"""Base of the classes of arrays that share their first axis: laboratories, shots or hits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from functools import cache
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+EVERY_FIELD: tuple[str, ...] = ("*",)  # value of `aligned` if every field is
+
+
+class AlignedArrays:
+    """A dataclass whose fields named in `aligned` have one row per laboratory, shot or hit.
+
+    Such a field is an array, another instance of this class, a mapping of them, the readings of
+    flights of another package (which have a method `part`), or a number or None, which stand for
+    all rows. The other fields belong to all rows together.
+    """
+
+    __slots__ = ()
+    aligned: ClassVar[tuple[str, ...]] = ()
+
+    def select(self, rows: Any) -> Self:
+        """Return the chosen rows.
+
+        `rows` is an index of the first axis: a slice, a mask, or numbers of any shape. A negative
+        number in an array stands for a missing row, which is filled with NaN, False or 0.
+        """
+        numbers = isinstance(rows, np.ndarray) and rows.dtype != bool
+        missing = rows < 0 if numbers and rows.min(initial=0) < 0 else None
+        kind: Any = type(self)
+        names, shared = _names(kind)
+        chosen = {name: _selected(getattr(self, name), rows, missing) for name in names}
+        found: Self = kind(**chosen, **{name: getattr(self, name) for name in shared})
+        return found
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Self]) -> Self:
+        """Return the rows of all parts; the other fields are those of the first part."""
+        kind: Any = cls
+        names, shared = _names(kind)
+        rows = {name: _joined([getattr(each, name) for each in parts]) for name in names}
+        return cls(**rows, **{name: getattr(parts[0], name) for name in shared})
+
+
+@cache
+def _names(kind: type[Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of the aligned fields, and of those that belong to all rows together."""
+    every = tuple(each.name for each in fields(kind))
+    aligned = every if kind.aligned == EVERY_FIELD else kind.aligned
+    return aligned, tuple(name for name in every if name not in aligned)
+
+
+def _selected(values: Any, rows: Any, missing: NDArray[np.bool_] | None) -> Any:
+    if isinstance(values, np.ndarray):
+        found = values[rows]
+        if missing is not None:
+            found[missing] = np.nan if found.dtype.kind == "f" else 0
+        return found
+    if isinstance(values, AlignedArrays):
+        return values.select(rows)
+    if isinstance(values, Mapping):
+        return {name: _selected(each, rows, missing) for name, each in values.items()}
+    return values.part(rows) if hasattr(values, "part") else values
+
+
+def _joined(values: Sequence[Any]) -> Any:
+    first = values[0]
+    if isinstance(first, AlignedArrays):
+        return type(first).concatenate(values)
+    return np.concatenate(values) if isinstance(first, np.ndarray) else first
