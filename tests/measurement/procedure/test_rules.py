@@ -1,7 +1,7 @@
 """The rule book at its edges: every window, the verdict, and the place to aim at."""
 
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import inf, nan
 
 import numpy as np
@@ -46,7 +46,7 @@ def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
     def column(name: str, good: float) -> np.ndarray:
         return np.array([change.get(name, good) for change in changes])
 
-    results = dict.fromkeys(ShotResults.__dataclass_fields__, np.ones(n))
+    results = {each.name: np.ones(n) for each in fields(ShotResults)}
     results |= {name: column(name, good) for name, good in GOOD.items()}
     recoil = RateFit(
         ring_frequency=np.zeros(0),

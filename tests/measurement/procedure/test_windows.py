@@ -1,6 +1,6 @@
 """Windows of boards and of a swung bat, each at its edge; and what a bat must be to be hit."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import nan, radians, tan
 
 import numpy as np
@@ -48,7 +48,7 @@ def why(
 ) -> str:
     """Return why a shot at `procedure` does not count; `misfit` in seconds, `angle` in degrees."""
     good = GOOD | ({} if procedure is BESR else {"speed": procedure.ball_speed}) | change
-    results = dict.fromkeys(ShotResults.__dataclass_fields__, np.ones(1))
+    results = {each.name: np.ones(1) for each in fields(ShotResults)}
     results |= {name: np.array([value]) for name, value in good.items()}
     none = {
         "rate_u": np.ones(1),
