@@ -127,9 +127,9 @@ class AstmPivotStation(RestingBatStation):
             with np.errstate(divide="ignore"):
                 turning = self.stop.angle / np.abs(rate)
             span = np.minimum(self.encoder.spec.duration - fired.leaving, turning) - GAP
-            own = draws.at(plan.owner)
+            streams = draws.at(plan.owner)
             encoder: Record = self.encoder.at(plan.owner).sum_up(
-                rate / clock, own, name, slots, span=span, gap=GAP
+                rate / clock, streams, name, slots, span=span, gap=GAP
             )
         else:
             encoder = self.encoder.read(self._recoil(specimen, fired), draws, name, slots)
@@ -184,7 +184,7 @@ class AstmPivotStation(RestingBatStation):
         ticks = self.encoder.spec.sample_times() / self.gates.clock
         moved, moving = collisions.modal_displacements, collisions.modal_velocities
         impulse = collisions.impulse * np.cos(tilt)
-        start, rate = ((own * turn)[:, : modes.rigid].sum(axis=1) for own in (moved, moving))
+        start, rate = ((modal * turn)[:, : modes.rigid].sum(axis=1) for modal in (moved, moving))
         rate = rate - self._rubbed(rate, impulse, bat, fired.bat.axis)
         slip, play = self._loose(impulse, rate, bat)
         shots, at_ticks = coasting(
@@ -205,25 +205,25 @@ class AstmPivotStation(RestingBatStation):
             start = (moved * turn).sum(axis=1)
 
         def angle(part: slice) -> Array:
-            found = shots[part] @ at_ticks
+            angles = shots[part] @ at_ticks
             touch, release = contact[part, None], leaving[part, None]
             early = slice(0, int(np.searchsorted(ticks, release.max())))
-            found[:, early] = np.where(ticks[early] > release, found[:, early], start[part, None])
+            angles[:, early] = np.where(ticks[early] > release, angles[:, early], start[part, None])
             slipped = np.maximum(ticks - touch, 0.0)
             slipped *= slip[part, None]
-            found += np.clip(slipped, -play, play, out=slipped)
+            angles += np.clip(slipped, -play, play, out=slipped)
             # during contact, a millisecond that no reduction uses, the angle grows smoothly
             touching = np.clip((ticks[early] - touch) / (release - touch), 0.0, 1.0)
-            found[:, early] *= touching**2 * (3 - 2 * touching)
-            over = found > self.stop.angle
-            found[over] = self.stop.angle - self.stop.restitution * (found[over] - self.stop.angle)
+            angles[:, early] *= touching**2 * (3 - 2 * touching)
+            stop, over = self.stop, angles > self.stop.angle
+            angles[over] = stop.angle - stop.restitution * (angles[over] - stop.angle)
             for shot, after, change in flown.kicks:
                 if shot in range(*part.indices(len(contact))):
-                    own = found[shot - (part.start or 0)]
-                    own += change * np.maximum(ticks - contact[shot] - after, 0.0)
+                    record = angles[shot - (part.start or 0)]
+                    record += change * np.maximum(ticks - contact[shot] - after, 0.0)
             if not np.all(flown.met):
-                found *= np.broadcast_to(flown.met, contact.shape)[part, None]
-            return np.asarray(found)
+                angles *= np.broadcast_to(flown.met, contact.shape)[part, None]
+            return np.asarray(angles)
 
         return angle
 

@@ -83,10 +83,10 @@ class BallWallStation(FittedStation):
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire the balls of `plan` at the wall. The impact positions of the plan are not used."""
-        here, own, balls = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan).balls
-        launch = here.cannon.fire(plan.speed, own, "ball-wall.launch", plan.slot)
+        here, streams, balls = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan).balls
+        launch = here.cannon.fire(plan.speed, streams, "ball-wall.launch", plan.slot)
         loss = self._loss(plan, specimen, launch.speed)
-        hit = balls.draw_hits(..., launch.speed, own, "ball-wall.hit", plan.slot, loss)
+        hit = balls.draw_hits(..., launch.speed, streams, "ball-wall.hit", plan.slot, loss)
         back = self.wall_restitution * hit
         passage = Passage(
             speed_in=launch.speed,
@@ -104,7 +104,7 @@ class BallWallStation(FittedStation):
             exponent=np.array(balls.spec.exponent),
         ).time
         record = here.gates.watch(
-            passage, contact, contact + touching, own, "ball-wall.gates", plan.slot, plan.detail
+            passage, contact, contact + touching, streams, "ball-wall.gates", plan.slot, plan.detail
         )
         log = plan.log()
         return RigOutput(

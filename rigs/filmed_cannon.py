@@ -85,13 +85,13 @@ class FilmedCannonStation(BallCannonStation):
         flown = self.fly(plan, specimen, draws)
         timed = self.timed(flown, plan, draws)
         course, bat = self.scene(flown, plan, specimen, draws)
-        seen, truth = self.camera.watch(course, draws, CLIP, plan.slot, plan.detail, bat)
-        return RigOutput(records={**timed.records, "camera": seen}, truth={**timed.truth, **truth})
+        clip, truth = self.camera.watch(course, draws, CLIP, plan.slot, plan.detail, bat)
+        return RigOutput(records={**timed.records, "camera": clip}, truth={**timed.truth, **truth})
 
     def unfilmed(self) -> BallCannonStation:
         """Return the rig with its camera off, which fires and times the same balls."""
-        own = {part.name: getattr(self, part.name) for part in fields(BallCannonStation)}
-        return BallCannonStation(**own)
+        parts = {part.name: getattr(self, part.name) for part in fields(BallCannonStation)}
+        return BallCannonStation(**parts)
 
     def frames(self, plan: ShotPlan, specimen: Specimen, draws: Draws, count: int) -> np.ndarray:
         """Return whole frames of the first shot of a plan, (count, row, column), from 0 to 1."""

@@ -113,10 +113,10 @@ class NcaaSwingStation(CannonStation):
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the rotating bat. The ball is timed in both directions, the shaft to contact."""
-        here, own, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
+        here, streams, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
         balls, slots = struck.balls, plan.slot
-        launch = here.cannon.fire(plan.speed, own, "ncaa-swing.launch", slots)
-        swing = self._swing(plan, own)
+        launch = here.cannon.fire(plan.speed, streams, "ncaa-swing.launch", slots)
+        swing = self._swing(plan, streams)
         axis = struck.bat.body.length - here.holder.from_knob
         # the ball flies at a set distance from the pivot, so it meets an oblique bat farther out
         abreast = axis - plan.place - launch.along
@@ -126,7 +126,7 @@ class NcaaSwingStation(CannonStation):
         across = launch.across - here.holder.height
         tilt = contact_angle(struck, axis - lever, across)
         closing = launch.speed * cosine + bat_speed
-        e0 = balls.draw_hits(..., closing, own, "ncaa-swing.hit", slots)
+        e0 = balls.draw_hits(..., closing, streams, "ncaa-swing.hit", slots)
         blows = here.blows(plan.detail, struck, axis - lever, closing * np.cos(tilt), e0)
         efficiency = blows.efficiency
         square, up = thrown_back(efficiency, tilt, closing, bat_speed)
@@ -146,7 +146,7 @@ class NcaaSwingStation(CannonStation):
         leaving = contact + blows.contact_time
         return RigOutput(
             records=self.records(passage, contact, leaving, plan, draws)
-            | {"swing": here._count(plan, swing, contact, own)},
+            | {"swing": here._count(plan, swing, contact, streams)},
             truth={
                 "speed": launch.speed,
                 "bat_speed": bat_speed,
@@ -184,7 +184,8 @@ class NcaaSwingStation(CannonStation):
         turned = tau * self.drive.ripple_frequency
 
         def turn(part: slice) -> Array:
-            angle, even, phase = (own[part, None] for own in (swing.angle, swing.even, swing.phase))
+            chosen = swing.angle, swing.even, swing.phase
+            angle, even, phase = (values[part, None] for values in chosen)
             since = np.minimum(ticks - contact[part, None], 0.0)
             wave = np.sin(turned * since + phase) - np.sin(phase)
             droop, ripple = self.drive.droop / 2, self.drive.ripple / turned

@@ -100,11 +100,11 @@ def find(kind: str, name: str) -> Path:
         if not os.path.isfile(name):  # False also for a name that is too long
             raise InputError("", f"{Path(kind).name.removesuffix('s')} file", name, "no such file")
         return Path(name)
-    known = names(kind)
-    if name not in known:
+    allowed_names = names(kind)
+    if name not in allowed_names:
         others = [other for other in KINDS if name in names(other)]
-        hint = f"{name} is among the {others[0]}; " if others else nearest(name, known)
-        allowed = f"{hint}known: {', '.join(known)}, or a .toml file"
+        hint = f"{name} is among the {others[0]}; " if others else nearest(name, allowed_names)
+        allowed = f"{hint}known: {', '.join(allowed_names)}, or a .toml file"
         raise InputError("", Path(kind).name.removesuffix("s"), name, allowed)
     return DATA / kind / f"{name}.toml"
 
@@ -124,12 +124,12 @@ def unverified(kind: str, name: str) -> dict[str, str]:
     """
     document, numbers = sheet(kind, name)
     doubtful = sum(not datum.verified for datum in numbers)
-    found = {f"{kind}/{name}": f"{doubtful} of {len(numbers)}"} if doubtful else {}
+    counts = {f"{kind}/{name}": f"{doubtful} of {len(numbers)}"} if doubtful else {}
     instruments = names("instruments") if kind == "rigs" else ()
     for part in document.values():
         if part in instruments:
-            found |= unverified("instruments", part)
-    return found
+            counts |= unverified("instruments", part)
+    return counts
 
 
 def text(kind: str, name: str) -> str:
@@ -150,8 +150,8 @@ def read(text: str, where: str, spec: type[T]) -> Entry[T]:
 @lru_cache(maxsize=64)
 def _read(text: str, where: str, spec: Hashable) -> Any:
     """Read a text once, because a test reads its rules after every round."""
-    known: Any = validate(_parsed(text, where), where, cast("type", spec))
-    return Entry(known, text, _numbers(text, where))
+    spec_read: Any = validate(_parsed(text, where), where, cast("type", spec))
+    return Entry(spec_read, text, _numbers(text, where))
 
 
 @lru_cache(maxsize=128)
@@ -188,8 +188,8 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
         raise InputError(where, "base", change.base, f"{hint}known: {', '.join(names('bats'))}")
     base = load_bat(change.base)
     numbers = tuple(datums(document))
-    own = {datum.key for datum in numbers}
-    inherited = (datum for datum in base.sheet if not _replaced(datum.key, change, own))
+    changed = {datum.key for datum in numbers}
+    inherited = (datum for datum in base.sheet if not _replaced(datum.key, change, changed))
     return Entry(_modified(base.spec, change, where), text, (*numbers, *inherited))
 
 
@@ -231,21 +231,21 @@ def _modified(base: BatSpec, change: ModifiedBat, where: str) -> BatSpec:
     )
 
 
-def _replaced(key: str, change: ModifiedBat, own: set[str]) -> bool:
+def _replaced(key: str, change: ModifiedBat, changed: set[str]) -> bool:
     if key.startswith("published"):
         return True
     if key.startswith("body.hoop"):
         return change.hoop is not None
-    return key in own
+    return key in changed
 
 
 def source(kind: str, name: str) -> tuple[str, str]:
     """Return the text of an entry, and its name for error messages, without a catalog folder."""
-    given = _in_place.get()
-    if given is not None:
-        given.used.add((kind, name))
-        if (kind, name) in given.texts:
-            return given.texts[kind, name], name
+    in_place = _in_place.get()
+    if in_place is not None:
+        in_place.used.add((kind, name))
+        if (kind, name) in in_place.texts:
+            return in_place.texts[kind, name], name
     if name in names(kind):
         return _shipped(kind, name), f"{name}.toml"
     path = find(kind, name)
@@ -265,20 +265,20 @@ def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
     Yields the keys of all entries that are read meanwhile.
     """
     outer = _in_place.get()
-    given = SheetsInPlace({**(outer.texts if outer else {}), **texts}, set())
-    token = _in_place.set(given)
+    in_place = SheetsInPlace({**(outer.texts if outer else {}), **texts}, set())
+    token = _in_place.set(in_place)
     try:
-        yield given.used
+        yield in_place.used
     finally:
         _in_place.reset(token)
         if outer:
-            outer.used.update(given.used)
+            outer.used.update(in_place.used)
 
 
 def texts_in_place() -> Mapping[Key, str]:
     """Return the texts that stand in the place of files now."""
-    given = _in_place.get()
-    return given.texts if given else {}
+    in_place = _in_place.get()
+    return in_place.texts if in_place else {}
 
 
 def require_own_names(key: str, names: Sequence[str]) -> None:

@@ -39,10 +39,10 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
             key, value, message = ".".join(map(str, error["loc"])), None, "this key is missing"
         if unknown:
             *above, name = error["loc"]
-            known = _keys(spec, tuple(above))
+            keys = _keys(spec, tuple(above))
             missing = [str(each["loc"][-1]) for each in errors if each["type"] == "missing"]
-            hint = nearest(name, missing) or nearest(name, known)
-            value, message = None, f"unknown key, {hint}allowed here: {', '.join(known)}"
+            hint = nearest(name, missing) or nearest(name, keys)
+            value, message = None, f"unknown key, {hint}allowed here: {', '.join(keys)}"
         raise InputError(where, key or "file", value, message) from fault
 
 

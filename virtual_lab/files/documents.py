@@ -35,11 +35,11 @@ def read_bytes(path: Path, *, most: float = 2e9, last: int | None = None) -> byt
     Raises `InputError` if unreadable or above `most` bytes.
     """
     try:
-        found = path.stat()
+        status = path.stat()
         # a device or a pipe may never end
-        if stat.S_ISREG(found.st_mode) and found.st_size <= most:
+        if stat.S_ISREG(status.st_mode) and status.st_size <= most:
             with path.open("rb") as file:
-                file.seek(0 if last is None else max(found.st_size - last, 0))
+                file.seek(0 if last is None else max(status.st_size - last, 0))
                 return file.read()
     except OSError as fault:
         raise InputError(str(path), "file", None, f"cannot be read ({fault.strerror})") from fault
@@ -98,12 +98,12 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return a JSON object from its pairs, and refuse a key that appears twice."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    document = dict(pairs)
+    if len(document) < len(pairs):
         keys = [key for key, _ in pairs]
-        twice = next(key for key in found if keys.count(key) > 1)
+        twice = next(key for key in document if keys.count(key) > 1)
         raise ValueError(f"the key {twice!r} stands there twice")
-    return found
+    return document
 
 
 def _no_number(text: str) -> None:
@@ -147,7 +147,7 @@ def contents(folder: Path) -> dict[str, str]:
     A kind is ``file``, ``folder`` (an empty one), ``link`` (to files or folders, not followed),
     ``pipe``, ``socket`` or ``device``.
     """
-    found = {}
+    kinds = {}
     for root, folders, files in os.walk(folder):
         for name in (*folders, *files):
             path = Path(root, name)
@@ -155,8 +155,8 @@ def contents(folder: Path) -> dict[str, str]:
             if stat.S_ISDIR(mode) and any(path.iterdir()):
                 continue
             kind = next((word for test, word in KINDS if test(mode)), "device")
-            found[path.relative_to(folder).as_posix()] = kind
-    return dict(sorted(found.items()))
+            kinds[path.relative_to(folder).as_posix()] = kind
+    return dict(sorted(kinds.items()))
 
 
 def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.DataFrame:
@@ -207,10 +207,10 @@ def _require_whole_rows(data: bytes, where: str, delimiter: str, cells: int) -> 
     if b'"' in data:
         return  # quoted cells may contain the delimiter
     for number, line in enumerate(data.splitlines(), 1):
-        found = line.count(delimiter.encode()) + 1
-        if found < cells and line.strip():
+        count = line.count(delimiter.encode()) + 1
+        if count < cells and line.strip():
             allowed = f"the header has {cells} (is the record cut short?)"
-            raise InputError(where, f"line {number}", f"{found} cells", allowed)
+            raise InputError(where, f"line {number}", f"{count} cells", allowed)
 
 
 def _head(data: bytes, where: str, delimiter: str) -> list[str]:

@@ -38,7 +38,7 @@ def beyond(text: str, value: float, low: float, high: float, places: int) -> str
     places
         Fewest decimal places.
     """
-    shown = places
-    while low <= float(f"{value:.{shown}f}") <= high and not low <= value <= high:
-        shown += 1
-    return text.format(value, low, high, d=shown)
+    digits = places
+    while low <= float(f"{value:.{digits}f}") <= high and not low <= value <= high:
+        digits += 1
+    return text.format(value, low, high, d=digits)

@@ -47,11 +47,11 @@ def description_of(figure: str) -> str:
 
 def symbol_markup(text: str) -> str:
     """Return a text as SVG, the first ``letter_index`` in it as a symbol with its index."""
-    found = re.search(r"\b([A-Za-z])_(\w)\b", text)
-    if found is None:
+    match = re.search(r"\b([A-Za-z])_(\w)\b", text)
+    if match is None:
         return escape(text)
-    before, after = escape(text[: found.start()]), escape(text[found.end() :])
-    letter, index = found.groups()
+    before, after = escape(text[: match.start()]), escape(text[match.end() :])
+    letter, index = match.groups()
     lowered = f'<tspan dy="2" font-size="6">{index}</tspan>'
     raised = f'<tspan dy="-2">{after or "&#8203;"}</tspan>'
     return f'{before}<tspan font-style="italic">{letter}</tspan>{lowered}{raised}'

@@ -55,10 +55,10 @@ class Worker:
                 self.process = Popen(
                     self.command, env=os.environ | ONE_THREAD, stdin=PIPE, stdout=PIPE
                 )
-            asked, answers = cast("Any", self.process.stdin), cast("Any", self.process.stdout)
+            calls, answers = cast("Any", self.process.stdin), cast("Any", self.process.stdout)
         try:
-            asked.write(len(call).to_bytes(8, "big") + call)
-            asked.flush()
+            calls.write(len(call).to_bytes(8, "big") + call)
+            calls.flush()
             answer, fault = pickle.load(answers)
         except (OSError, EOFError, ValueError, pickle.UnpicklingError):  # ValueError: closed pipe
             raise WorkerLostError(f"its worker ended with {self.end()}") from None
@@ -86,7 +86,7 @@ class Worker:
 @contextmanager
 def workers(count: int, words: str = "") -> Iterator[Submit]:
     """Start `count` worker processes, which end with the context, even during a call."""
-    own = [Worker(words) for _ in range(count)]
+    processes = [Worker(words) for _ in range(count)]
     idle: SimpleQueue[Worker] = SimpleQueue()
 
     def call(function: Callable[..., Answer], *arguments: Any) -> Answer:
@@ -96,13 +96,13 @@ def workers(count: int, words: str = "") -> Iterator[Submit]:
         finally:
             idle.put(worker)
 
-    for each in own:
+    for each in processes:
         idle.put(each)
     with ThreadPoolExecutor(count) as pool:
         try:
             yield lambda function, *arguments: pool.submit(call, function, *arguments)
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
-            for each in own:
+            for each in processes:
                 each.dismiss()
             pool.shutdown()

@@ -20,14 +20,14 @@ from virtual_lab.files.drafts import remove_drafts
 def work() -> None:
     """Answer calls until the input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, which ends this process
-    asked: SimpleQueue[bytes] = SimpleQueue()
-    Thread(target=_hear, args=(asked,), daemon=True).start()
+    calls: SimpleQueue[bytes] = SimpleQueue()
+    Thread(target=_hear, args=(calls,), daemon=True).start()
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # output of libraries must not mix with the answers
     answer: tuple[Any, Exception | None]
     while True:
         try:
-            function, arguments = pickle.loads(asked.get())
+            function, arguments = pickle.loads(calls.get())
             answer = function(*arguments), None
         except Exception as fault:  # the parent raises it
             answer = None, fault
@@ -35,10 +35,10 @@ def work() -> None:
         answers.flush()
 
 
-def _hear(asked: SimpleQueue[bytes]) -> None:
+def _hear(calls: SimpleQueue[bytes]) -> None:
     """Pass on incoming calls. The end of the input ends this process at once."""
     while length := sys.stdin.buffer.read(8):
-        asked.put(sys.stdin.buffer.read(int.from_bytes(length, "big")))
+        calls.put(sys.stdin.buffer.read(int.from_bytes(length, "big")))
     remove_drafts()
     os._exit(0)
 

@@ -205,7 +205,7 @@ def constant_of(key: str) -> Constant | None:
     return CONSTANTS.get(re.sub(r"_\d+$", "", ".".join(key.split(".")[-2:])))
 
 
-def require_plausible(key: str, known: Estimate, where: str) -> None:
+def require_plausible(key: str, constant: Estimate, where: str) -> None:
     """Refuse a constant outside the range of its kind, or with a u wider than this range.
 
     A budget shifts the constant by its u; far outside the range the model is meaningless.
@@ -213,8 +213,8 @@ def require_plausible(key: str, known: Estimate, where: str) -> None:
     of = constant_of(key)
     low, high = (of.low, of.high) if of else (-GREATEST, GREATEST)
     for name, value, least, most in (
-        ("value", known.value, low, high),
-        ("u", known.u, 0.0, high - low),
+        ("value", constant.value, low, high),
+        ("u", constant.u, 0.0, high - low),
     ):
         if not least <= value <= most:
             unit = next(iter(DIMENSIONS[of.dimension])) if of else ""

@@ -138,10 +138,10 @@ def _strip(element: ElementTree.Element) -> None:
     for name, value in list(element.attrib.items()):
         plain = name.rpartition("}")[2]
         if plain == "href":
-            own = value.startswith("#")
+            harmless = value.startswith("#")
         else:
-            own = name == plain and plain[:2].lower() != "on" and not LOADING.search(value)
-        if not own:
+            harmless = name == plain and plain[:2].lower() != "on" and not LOADING.search(value)
+        if not harmless:
             del element.attrib[name]
         elif plain == "href":
             element.attrib["href"] = element.attrib.pop(name)

@@ -41,11 +41,11 @@ class Simulated(Spec):
 
     def as_json(self) -> dict[str, Any]:
         """Return the values of JSON, without what is not stated."""
-        found = asdict(self)
-        for rung in found["rungs"].values():
+        document = asdict(self)
+        for rung in document["rungs"].values():
             if rung["error"] is None:
                 del rung["error"]
-        return found
+        return document
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

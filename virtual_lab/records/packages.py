@@ -78,12 +78,12 @@ def data_package(
 
 
 def _field(column: TableColumn) -> dict[str, str]:
-    told = {"name": column.name, "type": column.type, "title": column.name.replace("_", " ")}
+    description = {"name": column.name, "type": column.type, "title": column.name.replace("_", " ")}
     if column.meaning:
-        told["description"] = column.meaning
+        description["description"] = column.meaning
     if column.type in ("number", "integer"):
-        told["unit"] = unit_of(column.name).ucum
-    return told
+        description["unit"] = unit_of(column.name).ucum
+    return description
 
 
 def crate(

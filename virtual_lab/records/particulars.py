@@ -264,8 +264,8 @@ def read_particulars(
         if not value:
             continue
         document = {**document, table: {**document.get(table, {}), name: value}}
-    found = particulars_of(document, str(path or ""), folder=path and path.parent)
-    return replace(found, replaces=replaces or found.replaces)
+    particulars = particulars_of(document, str(path or ""), folder=path and path.parent)
+    return replace(particulars, replaces=replaces or particulars.replaces)
 
 
 def particulars_of(
@@ -279,15 +279,15 @@ def particulars_of(
     if folder is not None and isinstance(table, Mapping) and isinstance(table.get("logo"), str):
         logo = table["logo"] and logo_of(table["logo"], folder, where)
         document = {**document, "laboratory": {**table, "logo": logo}}
-    found = validate(document, where, Particulars)
+    particulars = validate(document, where, Particulars)
     before = Particular("", "")
     for key in IN_TURN:
-        own = Particular(key, key)
-        day, earlier = own.of(found), before.of(found) if before.key else ""
+        day_row = Particular(key, key)
+        day, earlier = day_row.of(particulars), before.of(particulars) if before.key else ""
         if day and earlier and day < earlier:
             raise InputError(where, key, day, f"allowed: {before.key}, {earlier}, or later")
-        before = own if day else before
-    return found
+        before = day_row if day else before
+    return particulars
 
 
 def form() -> Iterator[str]:
@@ -316,5 +316,5 @@ def form() -> Iterator[str]:
 
 def _filled(tables: Mapping[str, Any]) -> dict[str, Any]:
     """Return tables without what is empty."""
-    found = {key: _filled(each) if isinstance(each, dict) else each for key, each in tables.items()}
-    return {key: each for key, each in found.items() if each}
+    inner = {key: _filled(each) if isinstance(each, dict) else each for key, each in tables.items()}
+    return {key: each for key, each in inner.items() if each}

@@ -99,8 +99,8 @@ class Record:
         for field in fields(self):
             if field.name in self.attached:
                 continue
-            given = np.asarray(getattr(self, field.name))
-            values = np.array(given, dtype=np.float64, copy=given.flags.writeable or None)
+            array = np.asarray(getattr(self, field.name))
+            values = np.array(array, dtype=np.float64, copy=array.flags.writeable or None)
             values.setflags(write=False)
             object.__setattr__(self, field.name, values)
         self.sizes()
@@ -226,10 +226,10 @@ def _check_numbers(
             raise InputError(where, axis, skipped, f"is missing, others go up to {numbers[-1]:g}")
     for column in columns:
         values = table[column.name].to_numpy(float)
-        known = np.abs(values) <= LARGEST
-        if not (known | (np.isnan(values) & column.may_be_missing)).all():
+        sound = np.abs(values) <= LARGEST
+        if not (sound | (np.isnan(values) & column.may_be_missing)).all():
             allowed = f"every row needs a finite number, of up to {LARGEST:g}"
-            raise InputError(where, column.name, values[~known][0], allowed)
+            raise InputError(where, column.name, values[~sound][0], allowed)
         if column.is_index:
             _check_index(values, column.name, first.get(column.name, 0), where)
 
@@ -251,8 +251,8 @@ def require_numbers(table: pd.DataFrame, where: str) -> None:
         if pd.api.types.is_numeric_dtype(cells):
             continue
         text = cells[pd.to_numeric(cells, errors="coerce").isna()].dropna()
-        shown = str(text.iloc[0]) if len(text) else None
-        raise InputError(where, str(name), shown, "must be numbers, without unit or decimal comma")
+        cell = str(text.iloc[0]) if len(text) else None
+        raise InputError(where, str(name), cell, "must be numbers, without unit or decimal comma")
 
 
 def _count(name: str, values: NDArray[Any], axes: tuple[str, ...], sizes: dict[str, int]) -> None:

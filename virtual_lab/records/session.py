@@ -311,32 +311,32 @@ def require_channel(stage: str, channel: str, where: Path) -> None:
             raise InputError(str(where), "channels", name, allowed)
 
 
-def _entries(known: Mapping[str, Estimate]) -> dict[str, Any]:
-    return {key: entry_of_constant(each) for key, each in known.items()}
+def _entries(constants: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {key: entry_of_constant(each) for key, each in constants.items()}
 
 
-def entry_of_constant(known: Estimate) -> dict[str, Any]:
+def entry_of_constant(constant: Estimate) -> dict[str, Any]:
     """Return a constant as a table of JSON, without what is not stated."""
-    entry: dict[str, Any] = {"value": known.value, "u": known.u}
-    if known.dof != inf:
-        entry["dof"] = known.dof
-    if known.source:
-        entry["source"] = known.source
+    entry: dict[str, Any] = {"value": constant.value, "u": constant.u}
+    if constant.dof != inf:
+        entry["dof"] = constant.dof
+    if constant.source:
+        entry["source"] = constant.source
     return entry
 
 
 def _known(entry: ConstantEntry, key: str, where: Path) -> Estimate:
-    known = _estimate(entry, f"calibration.{key}", where)
-    require_plausible(key, known, str(where))
-    return known
+    constant = _estimate(entry, f"calibration.{key}", where)
+    require_plausible(key, constant, str(where))
+    return constant
 
 
 def _variance(entry: ConstantEntry, name: str, where: Path) -> Estimate:
-    known = _estimate(entry, f"history.{name}", where)
-    if known.dof == inf:
+    variance = _estimate(entry, f"history.{name}", where)
+    if variance.dof == inf:
         allowed = "allowed: finite degrees of freedom"
         raise InputError(str(where), f"history.{name}.dof", None, allowed)
-    return known
+    return variance
 
 
 def _estimate(entry: ConstantEntry, key: str, where: Path) -> Estimate:
@@ -375,11 +375,11 @@ def _with_arrays(record: Record, entry: ChannelEntry, path: Path, start: bytes) 
         beside = path.with_name(f"{path.stem}-{name}.npy")
         try:
             with beside.open("rb") as file:
-                found = hashlib.file_digest(file, lambda: hashlib.sha256(start)).hexdigest()
+                sha256 = hashlib.file_digest(file, lambda: hashlib.sha256(start)).hexdigest()
             values = np.load(beside, mmap_mode="r", allow_pickle=False)
         except (OSError, ValueError) as fault:
             raise InputError(str(beside), "file", None, f"cannot be read ({fault})") from fault
-        if found != digest:
+        if sha256 != digest:
             raise InputError(str(beside), "sha256", None, RECORD_CHANGED)
         try:
             record = replace(record, **{name: values})

@@ -77,9 +77,9 @@ def board_of(text: str) -> Board:
     if charuco and marker >= square:
         raise InputError("", key, parts[2], f"a marker is smaller than its square, {parts[1]}")
     dictionary = parts[3].removeprefix("DICT_") if len(parts) == 4 else "4X4_1000"
-    known = [f"{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)]
-    if dictionary not in known:
-        raise InputError("", key, dictionary, f"allowed: {', '.join(known)}")
+    allowed = [f"{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)]
+    if dictionary not in allowed:
+        raise InputError("", key, dictionary, f"allowed: {', '.join(allowed)}")
     if charuco and columns * rows // 2 > int(dictionary.split("_")[1]):
         markers = columns * rows // 2
         raise InputError("", key, dictionary, f"the board has {markers} markers")

@@ -184,10 +184,10 @@ class RestingBatStation(CannonStation):
 
     def fly(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
         """Fire at the bat at rest, and return the true flights."""
-        here, own, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
+        here, streams, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
         name, slots, balls = self.name, plan.slot, struck.balls
-        launch = here.cannon.fire(plan.speed, own, f"{name}.launch", slots)
-        e0 = balls.draw_hits(..., launch.speed, own, f"{name}.hit", slots)
+        launch = here.cannon.fire(plan.speed, streams, f"{name}.launch", slots)
+        e0 = balls.draw_hits(..., launch.speed, streams, f"{name}.hit", slots)
         place = plan.place + launch.along
         across = launch.across - here.holder.height
         tilt = contact_angle(struck, place, across)

@@ -92,10 +92,10 @@ def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surrounding
         A shot that pymunk cannot simulate.
     """
     beyond, framed = _beyond_closed_form(passage, bat, around)
-    asked, count = plan.motion is MotionRung.PYMUNK, len(beyond)
-    if not asked:
+    pymunk, count = plan.motion is MotionRung.PYMUNK, len(beyond)
+    if not pymunk:
         passage = _stopped(passage, around, framed & ~beyond)
-    shots = np.arange(count) if asked else np.flatnonzero(beyond)
+    shots = np.arange(count) if pymunk else np.flatnonzero(beyond)
     if not shots.size:
         return FlownShots(passage)
     some = replace(passage, **_columns(passage, count, shots), **_shared(passage, shots))
@@ -103,8 +103,8 @@ def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surrounding
     after = np.where((beyond | framed)[shots], RECORD, 1e-3)
     blows = RestingBat(bat.profile, *(each[shots] for each in bat[1:]))
     scene = scene_of(some, blows, around.at(shots), after)
-    played = play_pymunk(scene) if asked else play_events(scene)
-    chosen = _all_met(played) if asked else _beyond_one_blow(played)
+    played = play_pymunk(scene) if pymunk else play_events(scene)
+    chosen = _all_met(played) if pymunk else _beyond_one_blow(played)
     pieces, turns = played.pieces, _turns(played.pieces, len(shots)).part(chosen)
     late, met = np.zeros(count), np.ones(count, dtype=bool)
     late[shots[chosen]] = pieces.time[turns.back] - pieces.time[turns.first]
@@ -294,9 +294,9 @@ def _turns(pieces: Pieces, shots: int) -> _Turns:
     row, at_frame = np.arange(len(shot)), struck == Target.FRAME
 
     def first_row(true: NDArray[np.bool_]) -> NDArray[np.int_]:
-        found = np.full(shots, len(row))
-        np.minimum.at(found, shot[true], row[true])
-        return found
+        lowest = np.full(shots, len(row))
+        np.minimum.at(lowest, shot[true], row[true])
+        return lowest
 
     first = first_row(struck == Target.BAT)
     first = np.where(first < len(row), first, first_row(struck == Target.START) + 1)
@@ -308,8 +308,10 @@ def _turns(pieces: Pieces, shots: int) -> _Turns:
     return _Turns(first, back, first_row(at_frame & (row > back[shot])))
 
 
-def _as_flown(scene: ShotScene, given: Passage, pieces: Pieces, turns: _Turns) -> dict[str, Array]:
-    """Return the columns of the flights that a scene replaces; `given` are the original flights."""
+def _as_flown(
+    scene: ShotScene, planned: Passage, pieces: Pieces, turns: _Turns
+) -> dict[str, Array]:
+    """Return the columns that a scene replaces in the `planned` flights."""
     first, shot = turns.first, pieces.shot[turns.first]
     begun = pieces.state.part(first - 1)
     before = moved(scene, begun, pieces.time[first] - pieces.time[first - 1], shot)
@@ -320,7 +322,7 @@ def _as_flown(scene: ShotScene, given: Passage, pieces: Pieces, turns: _Turns) -
     return {
         "speed_in": before.vx,
         "plane": contact - before.x,
-        "height": np.where(missed, before.y - up, np.asarray(given.height)[shot]),
+        "height": np.where(missed, before.y - up, np.asarray(planned.height)[shot]),
         "speed_out": -state.vx,
         "slope_out": -state.vy / np.where(state.vx == 0, np.nan, state.vx),
         "plane_out": contact - state.x,

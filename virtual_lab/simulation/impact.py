@@ -82,8 +82,9 @@ def blows_of(
         )
         return Blows(scenes, efficiency, np.full(efficiency.shape, CONTACT_TIME))
     model = specimen.collision(body, Pinned(body.length - at))
-    found = model.collide(scenes)
-    return Blows(scenes, found.collision_efficiency, found.contact_time, model.modes, found)
+    collisions = model.collide(scenes)
+    e_A, contact_time = collisions.collision_efficiency, collisions.contact_time
+    return Blows(scenes, e_A, contact_time, model.modes, collisions)
 
 
 def thrown_back(
@@ -160,7 +161,7 @@ def wall_restitution(scenes: Scenes) -> Array:
     """
     x, weights = gauss_points(64)  # exact to rounding for any ball
     share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # denser near zero compression
-    found, names = np.empty(len(scenes)), ("stiffness", "exponent", "ball_restitution")
+    e0, names = np.empty(len(scenes)), ("stiffness", "exponent", "ball_restitution")
     few = 256  # scenes per part, so that their forces fit in the cache
     for first in range(0, len(scenes), few):
         some = slice(first, first + few)
@@ -173,5 +174,5 @@ def wall_restitution(scenes: Scenes) -> Array:
         unloading = law.branch(Event.TURN, 1.0, loading)
         nodes: Any = share
         work = [(width * branch.force(nodes, 0.0)).sum(axis=1) for branch in (loading, unloading)]
-        found[some] = np.sqrt(work[1] / work[0])
-    return found
+        e0[some] = np.sqrt(work[1] / work[0])
+    return e0

@@ -220,8 +220,8 @@ class MotionRig(Rig, Protocol):
 @cache
 def installed_rigs() -> Mapping[str, Rig]:
     """Return every rig installed on this computer, by name."""
-    found = {point.name: point.load() for point in sorted(entry_points(group="virtual_lab.rigs"))}
-    return MappingProxyType(found)
+    rigs = {point.name: point.load() for point in sorted(entry_points(group="virtual_lab.rigs"))}
+    return MappingProxyType(rigs)
 
 
 def find_rig(name: str, stage: Stage) -> Rig:

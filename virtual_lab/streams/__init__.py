@@ -131,8 +131,8 @@ class Streams:
     def _numbers(
         self, name: str, shape: int | tuple[int, ...], slots: Slots | None, normal: bool
     ) -> Array:
-        own = (shape,) if isinstance(shape, int) else shape
-        leading, each = _leading(self.laboratory, slots), prod(own)
+        trailing = (shape,) if isinstance(shape, int) else shape
+        leading, each = _leading(self.laboratory, slots), prod(trailing)
         numbers = np.ascontiguousarray(self.laboratory, dtype=np.int64)  # at least one axis
         if slots is None:
             rows = np.zeros(prod(leading), np.int64)
@@ -142,7 +142,7 @@ class Streams:
         key = _key(self.seed, self.branch, name)
         if not _kernel()(key, numbers, rows, each, normal, out):
             raise InputError("draws", name, slots, "allowed as slots: 0 to 2^32 - 1")
-        return out.reshape(leading + own)
+        return out.reshape(leading + trailing)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,8 +154,8 @@ class Quiet:
     def normal(
         self, name: str, shape: int | tuple[int, ...] = (), slots: Slots | None = None
     ) -> Array:
-        own = (shape,) if isinstance(shape, int) else shape
-        return np.zeros(_leading(self.laboratory, slots) + own)
+        trailing = (shape,) if isinstance(shape, int) else shape
+        return np.zeros(_leading(self.laboratory, slots) + trailing)
 
     uniform = normal
 

@@ -16,10 +16,10 @@ KEYS = ("value", "unit", "u", "dof", "source")
 
 def read_constants(entries: Mapping[str, Any], where: str) -> dict[str, Estimate]:
     """Return the constants of a form in SI; `InputError` names the first that cannot be used."""
-    found = {key: _constant(key, entry, where) for key, entry in entries.items()}
-    for key, known in found.items():
-        require_plausible(key, known, where)
-    return found
+    constants = {key: _constant(key, entry, where) for key, entry in entries.items()}
+    for key, constant in constants.items():
+        require_plausible(key, constant, where)
+    return constants
 
 
 def _constant(key: str, entry: Any, where: str) -> Estimate:

@@ -104,23 +104,23 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
     table, headers = _renamed(table, form, meanings, str(path), where)
     _require_known(form.wide, meanings, "wide", where)
     table = _spread(table, form, kind.axes(), first, str(path), where)
-    found = _found(table, kind, meanings, str(path))
+    names = _found(table, kind, meanings, str(path))
     require_numbers(table.rename(columns=headers), str(path))
-    values = [found[column.name] for column in kind.columns.values() if not column.is_index]
+    values = [names[column.name] for column in kind.columns.values() if not column.is_index]
     if table[values].isna().all(axis=None):
         raise InputError(str(path), ", ".join(values), None, "hold no number yet")
-    record = table[list(found.values())].set_axis(list(found), axis="columns")
+    record = table[list(names.values())].set_axis(list(names), axis="columns")
     for column in kind.columns.values():
         # values that are constant along an axis need to be entered only once
         if column.axes != tuple(kind.axes()):
             once = record.groupby(list(column.axes))[column.name].transform("first")
             record = record.assign(**{column.name: record[column.name].fillna(once)})
-    factors = {column: meanings[name].factor for column, name in found.items()}
+    factors = {column: meanings[name].factor for column, name in names.items()}
     record = record.assign(**{key: record[key] * by for key, by in factors.items() if by != 1})
     try:
         return kind.from_table(record, str(path), first)
     except InputError as fault:
-        name = found.get(fault.key, fault.key)
+        name = names.get(fault.key, fault.key)
         value = fault.value
         if isinstance(value, float):
             value = value / factors.get(fault.key, 1.0)
@@ -129,8 +129,8 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
 
 def _meanings(kind: type[Record]) -> dict[str, _Meaning]:
     """Return the allowed names of all columns of a record's file, in our order."""
-    own = {axis: _Meaning(axis, 1.0) for axis in kind.axes()}
-    return own | {
+    indices = {axis: _Meaning(axis, 1.0) for axis in kind.axes()}
+    return indices | {
         name: _Meaning(column.name, factor)
         for column in kind.columns.values()
         for name, factor in column_names(column.name).items()
@@ -142,11 +142,11 @@ def _first(
 ) -> dict[str, int]:
     numbered = [column.name for column in kind.columns.values() if column.is_index]
     indices = [*kind.axes(), *numbered]
-    given = index_from if form.index_from is None else form.index_from
-    if not isinstance(given, Mapping):
-        return dict.fromkeys(indices, given)
-    _require_known(given, indices, "index_from", where)
-    return {index: given.get(index, index_from) for index in indices}
+    first = index_from if form.index_from is None else form.index_from
+    if not isinstance(first, Mapping):
+        return dict.fromkeys(indices, first)
+    _require_known(first, indices, "index_from", where)
+    return {index: first.get(index, index_from) for index in indices}
 
 
 def _renamed(
@@ -176,9 +176,9 @@ def _spread(
     """Return the table with its missing index columns, one value per row."""
     import pandas as pd
 
-    for key, given in (("fixed", form.fixed), ("rows", [form.rows] if form.rows else [])):
-        _require_known(given, axes, key, where)
-        for axis in given:
+    for key, axes_given in (("fixed", form.fixed), ("rows", [form.rows] if form.rows else [])):
+        _require_known(axes_given, axes, key, where)
+        for axis in axes_given:
             if axis in table:
                 raise InputError(where, key, axis, f"is a column of {path} too")
     table = table.assign(**form.fixed)
@@ -212,18 +212,18 @@ def _found(
     if unknown:
         allowed = f"allowed: {_allowed(kind)}; what is not to be read goes into ignore"
         raise InputError(path, "columns", ", ".join(unknown), allowed)
-    found: dict[str, str] = {}
+    names: dict[str, str] = {}
     for name in map(str, table):
         column = meanings[name].column
-        if column in found:
-            raise InputError(path, "columns", f"{found[column]}, {name}", "are the same column")
-        found[column] = name
+        if column in names:
+            raise InputError(path, "columns", f"{names[column]}, {name}", "are the same column")
+        names[column] = name
     wanted = [*kind.axes(), *(column.name for column in kind.columns.values())]
-    missing = [column for column in wanted if column not in found]
+    missing = [column for column in wanted if column not in names]
     if missing:
         allowed = f"missing: {', '.join(missing)} (needed: {_allowed(kind)})"
         raise InputError(path, "columns", _names(table), allowed)
-    return {column: found[column] for column in wanted}
+    return {column: names[column] for column in wanted}
 
 
 def _names(table: pd.DataFrame) -> str:
@@ -236,11 +236,12 @@ def _allowed(kind: type[Record]) -> str:
 
 
 def _require_known(
-    given: Mapping[str, object] | list[str],
-    known: Mapping[str, object] | list[str],
+    names: Mapping[str, object] | list[str],
+    allowed: Mapping[str, object] | list[str],
     key: str,
     where: str,
 ) -> None:
-    for name in given:
-        if name not in known:
-            raise InputError(where, key, name, f"{nearest(name, known)}allowed: {', '.join(known)}")
+    for name in names:
+        if name not in allowed:
+            hint = nearest(name, allowed)
+            raise InputError(where, key, name, f"{hint}allowed: {', '.join(allowed)}")

@@ -90,11 +90,11 @@ class Choice:
         inside = self.surrogate.box.inside(scenes)
         if inside.all():
             return self.surrogate.efficiency(scenes)
-        found = np.empty(len(scenes))
-        found[~inside] = self.model.collide(scenes.part(~inside)).collision_efficiency
+        e_A = np.empty(len(scenes))
+        e_A[~inside] = self.model.collide(scenes.part(~inside)).collision_efficiency
         if inside.any():
-            found[inside] = self.surrogate.efficiency(scenes.part(inside))
-        return found
+            e_A[inside] = self.surrogate.efficiency(scenes.part(inside))
+        return e_A
 
 
 def choose(
@@ -121,8 +121,8 @@ def choose(
     rungs = _rungs(body, support, probe)
     if rung is not None or standard_uncertainty is None:
         name = "rigid" if rung == "rigid" else _modal(BENDING_MODES)
-        asked = next(one for one in rungs if one.name == name)
-        return _because(asked, "was asked for" if rung else "is the default", probe)
+        choice = next(one for one in rungs if one.name == name)
+        return _because(choice, "was asked for" if rung else "is the default", probe)
     allowed = SHARE * standard_uncertainty
     for one in rungs:
         if one.error <= allowed:
@@ -135,14 +135,14 @@ def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
     """Return the rigid and the modal rungs, fastest first, with their errors on the probe."""
     modes, held = modes_of(body, support, BENDING_MODES + STIFF_MODES), support_words(support)
     stepped = [ModalModel.within(modes, n, held=held) for n in (*MODE_COUNTS, PROBING.modes)]
-    *found, true = _probed(modes, stepped, probe)
+    *by_model, true = _probed(modes, stepped, probe)
     rigid = RigidModel.of(body, support)
-    found.insert(0, rigid.collide(probe))
+    by_model.insert(0, rigid.collide(probe))
     models: list[CollisionModel] = [rigid, *stepped[:-1]]
     names = ("rigid", *(_modal(count) for count in MODE_COUNTS))
     return [
-        _measured(name, model, own, true)
-        for name, model, own in zip(names, models, found, strict=True)
+        _measured(name, model, collisions, true)
+        for name, model, collisions in zip(names, models, by_model, strict=True)
     ]
 
 
@@ -162,14 +162,14 @@ def _reference(body: BatBody, support: Support, probe: Scenes) -> Choice:
     modes = modes_of(body, support, PROBING.reference_modes + STIFF_MODES)
     most = ModalModel.within(modes, PROBING.reference_modes, held=model.held)
     bare = replace(most, modes=model.modes, stiff=most.stiff.above(most.stiff.count))
-    found, true = _probed(modes, [bare, most], probe)
-    return _measured(model.rung, model, found, true)
+    collisions, true = _probed(modes, [bare, most], probe)
+    return _measured(model.rung, model, collisions, true)
 
 
-def _measured(name: str, model: CollisionModel, found: Collisions, true: Collisions) -> Choice:
+def _measured(name: str, model: CollisionModel, collisions: Collisions, true: Collisions) -> Choice:
     """Return a collision model and its largest error of e_A over the probe, plus a margin."""
     again = bool(true.contacts.max() > 1)
-    gap = np.abs(found.collision_efficiency - true.collision_efficiency).max()
+    gap = np.abs(collisions.collision_efficiency - true.collision_efficiency).max()
     error = (PROBING.meeting_margin if again else PROBING.margin) * float(
         gap
     ) + PROBING.stepping_error
@@ -184,10 +184,10 @@ def _probed(modes: Modes, models: Sequence[ModalModel], probe: Scenes) -> list[C
     shapes, beam = patch_shape(modes, probe.impact_position, PATCH), modes.deflections.shape[1]
     tables = []
     for model in models:
-        own = model.modes.deflections.shape[1]
-        stiff = slice(own, own + model.stiff.count)
+        count = model.modes.deflections.shape[1]
+        stiff = slice(count, count + model.stiff.count)
         compliance = np.sum((shapes[:, stiff] / modes.angular_frequencies[stiff]) ** 2, axis=1)
-        tables.append(np.column_stack((shapes[:, :own], shapes[:, beam:], compliance)))
+        tables.append(np.column_stack((shapes[:, :count], shapes[:, beam:], compliance)))
     return collide_bats([(model, probe) for model in models], tables)
 
 
@@ -281,13 +281,13 @@ class Ladder:
         u, box = self.standard_uncertainty, self.box
         if self.rung is not None or u is None or box is None:
             return _together([(self(body, support), shots) for body, shots in struck], scenes)
-        found = np.empty(len(scenes))
+        e_A = np.empty(len(scenes))
         for body, shots in struck:
             if (body, support) not in self.fitted:
-                own = self.choice.of(body, support)
-                self.fitted[body, support] = _with_surrogate(own, self.probe, box, u)
-            found[shots] = self.fitted[body, support].efficiency(scenes.part(shots))
-        return found
+                choice = self.choice.of(body, support)
+                self.fitted[body, support] = _with_surrogate(choice, self.probe, box, u)
+            e_A[shots] = self.fitted[body, support].efficiency(scenes.part(shots))
+        return e_A
 
     def true_efficiencies(
         self, struck: Iterable[StruckBat], support: Support, scenes: Scenes
@@ -313,16 +313,16 @@ class Ladder:
 
 def _together(models: Sequence[tuple[CollisionModel, Shots]], scenes: Scenes) -> Array:
     """Return e_A of the scenes of several models, (n,). Modal models are stepped together."""
-    found = np.empty(len(scenes))
+    e_A = np.empty(len(scenes))
     stepped = [(one, shots) for one, shots in models if isinstance(one, ModalModel)]
     if len(stepped) > 1:
         batch = [(one, scenes.part(shots)) for one, shots in stepped]
-        for (_, shots), own in zip(stepped, collide_bats(batch), strict=True):
-            found[shots] = own.collision_efficiency
+        for (_, shots), collisions in zip(stepped, collide_bats(batch), strict=True):
+            e_A[shots] = collisions.collision_efficiency
         models = [each for each in models if not isinstance(each[0], ModalModel)]
     for one, shots in models:
-        found[shots] = one.collide(scenes.part(shots)).collision_efficiency
-    return found
+        e_A[shots] = one.collide(scenes.part(shots)).collision_efficiency
+    return e_A
 
 
 def probing_scenes(

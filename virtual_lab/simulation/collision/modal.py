@@ -103,11 +103,11 @@ def collide_bats(
         ]
     )
     followed = batch[0][0].stepper.follow(struck)
-    for (model, scenes), own in zip(batch, struck.by_bat(), strict=True):
-        scenes.require_sound(followed.failure[own], model.held)
+    for (model, scenes), rows in zip(batch, struck.by_bat(), strict=True):
+        scenes.require_sound(followed.failure[rows], model.held)
     return [
-        _collisions(model, scenes, shape, struck.part(own), followed.part(own))
-        for (model, scenes), shape, own in zip(batch, shapes, struck.by_bat(), strict=True)
+        _collisions(model, scenes, shape, struck.part(rows), followed.part(rows))
+        for (model, scenes), shape, rows in zip(batch, shapes, struck.by_bat(), strict=True)
     ]
 
 
@@ -180,8 +180,8 @@ def energy_split(
     strained = modes.angular_frequencies * displacements
     beam = modes.deflections.shape[1]
 
-    def share(own: slice) -> Array:
-        parts = (velocities[:, own], strained[:, own])
+    def share(modes: slice) -> Array:
+        parts = (velocities[:, modes], strained[:, modes])
         return np.asarray(sum(np.einsum("ij,ij->i", part, part) for part in parts) / (2 * energy))
 
     return EnergySplit(

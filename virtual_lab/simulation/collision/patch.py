@@ -69,14 +69,14 @@ class PatchTable:
         tile = ((z - starts[where]) / (steps - starts)[where]).astype(np.intp) // TILE
         tiles = 1 + tile.max(initial=0)
         each, back = np.unique(where * tiles + tile, return_inverse=True)
-        found = [
+        shapes = [
             self._spline(int(number // tiles), int(number % tiles))(z[back == k])
             for k, number in enumerate(each)
         ]
         order = np.argsort(back, kind="stable")
-        table = np.empty((z.size, found[0].shape[1] if found else 0))
-        if found:
-            table[order] = np.concatenate(found)
+        table = np.empty((z.size, shapes[0].shape[1] if shapes else 0))
+        if shapes:
+            table[order] = np.concatenate(shapes)
         return table
 
     @cached_property

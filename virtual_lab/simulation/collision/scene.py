@@ -56,7 +56,7 @@ class Scenes:
     exponent: Array  # a
 
     @classmethod
-    def of(cls, **given: ArrayLike) -> Self:
+    def of(cls, **values: ArrayLike) -> Self:
         """Return scenes from numbers or arrays, one per field, broadcast to (n,) and checked.
 
         Raises
@@ -65,7 +65,7 @@ class Scenes:
             Shapes that do not broadcast to one axis, an empty batch, a number that is not
             finite, or one outside its range.
         """
-        arrays = {name: np.asarray(value, dtype=np.float64) for name, value in given.items()}
+        arrays = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
         try:
             shape = np.broadcast_shapes((1,), *(array.shape for array in arrays.values()))
         except ValueError:

@@ -51,12 +51,13 @@ class CollisionBatch:
     @classmethod
     def together(cls, parts: Sequence[Self]) -> Self:
         """Return one batch with the scenes of several bats, in the order of the bats."""
-        own = {
+        arrays = {
             name: np.concatenate([getattr(part, name) for part in parts])
             for name in cls.__slots__
             if name != "bat"
         }
-        return cls(bat=np.repeat(np.arange(len(parts)), [len(part.speed) for part in parts]), **own)
+        counts = [len(part.speed) for part in parts]
+        return cls(bat=np.repeat(np.arange(len(parts)), counts), **arrays)
 
     def by_bat(self) -> list[slice]:
         """Return the slice of the scenes of each bat in a batch made by `together`."""
@@ -65,8 +66,8 @@ class CollisionBatch:
 
     def part(self, chosen: Counts | slice) -> Self:
         """Return some of the scenes."""
-        own = {name: getattr(self, name)[chosen] for name in self.__slots__ if name != "squares"}
-        return replace(self, **own)
+        arrays = {name: getattr(self, name)[chosen] for name in self.__slots__ if name != "squares"}
+        return replace(self, **arrays)
 
     def efficiency_gap(self, one: FinalStates, other: FinalStates) -> Array:
         """Return the difference in e_A between two integrations of these scenes, (n,)."""
@@ -169,19 +170,19 @@ class OneByOne:
         A scene that agrees with `other`, an earlier integration, has settled. A scene that never
         settles gets the failure `UNSETTLED`.
         """
-        found = replace(self, refinement=self.last_resort).follow(struck, window)
-        left = np.flatnonzero(~self._stays(struck, found, other))
+        states = replace(self, refinement=self.last_resort).follow(struck, window)
+        left = np.flatnonzero(~self._stays(struck, states, other))
         for refinement in (0.5, 2.0, 4.0):
             if not left.size:
                 break
             part = struck.part(left)
             new = replace(self, refinement=refinement * self.last_resort).follow(part, window)
-            stays = self._stays(part, found.part(left), new)
+            stays = self._stays(part, states.part(left), new)
             if refinement > 1:
-                found.put(left, new)
-            left = left[~stays & (found.failure[left] != Failure.ENDLESS)]
-        found.failure[left[found.failure[left] == Failure.SOUND]] = Failure.UNSETTLED
-        return found
+                states.put(left, new)
+            left = left[~stays & (states.failure[left] != Failure.ENDLESS)]
+        states.failure[left[states.failure[left] == Failure.SOUND]] = Failure.UNSETTLED
+        return states
 
     @staticmethod
     def _stays(struck: CollisionBatch, one: FinalStates, other: FinalStates) -> NDArray[np.bool_]:
@@ -282,7 +283,7 @@ class InStep:
 
         a, b, c, v = struck.exponent, struck.unloading, struck.inverse_mass, struck.speed
         first = self.first * ((a + 1) * v**2 / (2 * struck.stiffness * c)) ** (1 / (a + 1))
-        given = Given(
+        inputs = Given(
             exponent=a,
             unloading=b,
             log_k=np.log2(struck.stiffness),
@@ -300,7 +301,7 @@ class InStep:
             struck.bat,
             struck.shapes,
             # one array type; numba would compile the kernel again for each mixture of types
-            Given(*(np.require(each, np.float64, ["C", "W"]) for each in given)),
+            Given(*(np.require(each, np.float64, ["C", "W"]) for each in inputs)),
             (self.splitting.kicks, self.splitting.drifts),
             StepRule(self.growth, self.turn, self.brush, window),
         )

@@ -52,10 +52,10 @@ def usual_amplitude(record: Any, _: FaultContext) -> Arrays:
     return {end: getattr(record, end) * (USUAL_SWING / FAR_SWING) for end in ends}
 
 
-def clamp_forgotten(known: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
+def clamp_forgotten(constants: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
     """Moment of inertia of the pendulum's clamp not entered."""
     key = "bench.pendulum.clamp_inertia"
-    return {**known, key: replace(known[key], value=0.0)}
+    return {**constants, key: replace(constants[key], value=0.0)}
 
 
 def livelier(specimen: Specimen) -> Specimen:

@@ -54,11 +54,11 @@ class FaultSet:
             station = (fault.station and fault.station(station)) or station
         return station
 
-    def calibration(self, known: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
+    def calibration(self, constants: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
         """Return the calibrated constants as the laboratory entered them."""
         for fault in self.faults:
-            known = fault.calibration(known) if fault.calibration else known
-        return known
+            constants = fault.calibration(constants) if fault.calibration else constants
+        return constants
 
     def done(self, stage: Stage, plan: ShotPlan, specimen: Specimen) -> tuple[ShotPlan, Specimen]:
         """Return the plan and the specimen that are really used on this day."""

@@ -96,16 +96,16 @@ class FittedStation:
 
     def with_instrument(self, name: str, instrument: Instrument) -> Self:
         """Return the station with the instrument `name` replaced."""
-        own = self.instruments()[name]
-        (place,) = (part.name for part in fields(self) if getattr(self, part.name) is own)
+        current = self.instruments()[name]
+        (place,) = (part.name for part in fields(self) if getattr(self, part.name) is current)
         return replace(self, **{place: instrument})
 
     def at(self, owner: Owner) -> Self:
         """Return the station with the true constants of each shot's laboratory."""
-        own = {part.name: getattr(self, part.name) for part in fields(self)}
+        parts = {part.name: getattr(self, part.name) for part in fields(self)}
         instruments = {
             name: part.at(owner)
-            for name, part in own.items()
+            for name, part in parts.items()
             if isinstance(part, CalibratedInstrument)
         }
         return replace(self, **instruments)

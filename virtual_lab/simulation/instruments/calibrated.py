@@ -85,25 +85,25 @@ def drawn(
     of_each = numbers.copy() if laboratories else numbers.tolist()
     stated: dict[str, Stated] = {}
     true: dict[str, TrueConstant] = {}
-    for at, (key, known) in enumerate(sheet.items()):
+    for at, (key, constant) in enumerate(sheet.items()):
         error, chance = of_each[at], of_each[len(sheet) + at]
-        share = _share(chance, known.dof) if known.dof < inf else 1.0
-        stated[key] = at_all(known, laboratories, share)
-        true[key] = known.value + known.u * error
+        share = _share(chance, constant.dof) if constant.dof < inf else 1.0
+        stated[key] = at_all(constant, laboratories, share)
+        true[key] = constant.value + constant.u * error
     return stated, true
 
 
-def at_all(known: Estimate, laboratories: tuple[int, ...], share: Array | float = 1.0) -> Stated:
+def at_all(constant: Estimate, laboratories: tuple[int, ...], share: Array | float = 1.0) -> Stated:
     """Return an estimate, with u multiplied by `share`, for one laboratory or for a block (n,)."""
     if not laboratories:
-        return replace(known, u=known.u * float(share))
+        return replace(constant, u=constant.u * float(share))
     return Estimates(
-        value=np.full(laboratories, known.value),
-        u=np.broadcast_to(known.u * share, laboratories),
-        dof=np.full(laboratories, known.dof),
-        evaluation=known.evaluation,
-        source=known.source,
-        pool=known.pool,
+        value=np.full(laboratories, constant.value),
+        u=np.broadcast_to(constant.u * share, laboratories),
+        dof=np.full(laboratories, constant.dof),
+        evaluation=constant.evaluation,
+        source=constant.source,
+        pool=constant.pool,
     )
 
 
@@ -150,9 +150,9 @@ class CalibratedInstrument(Generic[S]):
 
     def calibration(self) -> dict[str, Any]:
         """Return the known constants: `Estimate` for one laboratory, `Estimates` for a block."""
-        known = {key: stated for key, stated in self.stated.items() if key not in self.unknown}
+        constants = {key: stated for key, stated in self.stated.items() if key not in self.unknown}
         exact = self.exact().items()
-        return known | {key: at_all(one, self.laboratories) for key, one in exact}
+        return constants | {key: at_all(one, self.laboratories) for key, one in exact}
 
     def errors(self) -> dict[str, Any]:
         """Return the true constants, to be sealed."""

@@ -66,9 +66,9 @@ class Cannon(CalibratedInstrument[CannonSpec]):
         Raises `InputError` if the cannon is not that fast.
         """
         if np.any(speed > self.spec.fastest):
-            asked, most = float(np.max(speed)) / MPH, self.spec.fastest / MPH
+            fastest, most = float(np.max(speed)) / MPH, self.spec.fastest / MPH
             allowed = f"{self.spec.title} fires up to {most:.4g} mph"
-            raise InputError("procedure.toml", "ball_speed", f"{asked:.4g} mph", allowed)
+            raise InputError("procedure.toml", "ball_speed", f"{fastest:.4g} mph", allowed)
         scatter = draws.normal(name, 4, slots).T
         return Launch(
             speed=speed + self.spec.speed_scatter * scatter[0],

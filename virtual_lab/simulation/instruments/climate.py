@@ -81,11 +81,11 @@ class ClimateLogger(CalibratedInstrument[ClimateLoggerSpec]):
         )
         humidity = np.clip(humidity, 0.05, 0.95)
         pressure = air_pressure(temperature, humidity, np.asarray(density)[..., None])
-        shown = {
+        readings = {
             name: quantise(
                 values + np.asarray(self.true[name])[..., None],
                 getattr(self.spec, f"{name}_resolution"),
             ).ravel()
             for name, values in zip(SHOWN, (temperature, humidity, pressure), strict=True)
         }
-        return ClimateReadings(**shown)
+        return ClimateReadings(**readings)

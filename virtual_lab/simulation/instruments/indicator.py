@@ -54,12 +54,12 @@ class Indicator(CalibratedInstrument[S]):
         A reading's noise belongs to its item's number in `items`, (item,), and to the repeat.
         Without them the items are in turn, of one laboratory of a block after another.
         """
-        shown = np.atleast_1d(np.asarray(values, dtype=float))
+        displayed = np.atleast_1d(np.asarray(values, dtype=float))
         if items is None:
-            owner, items = in_turn(self.laboratories, shown.size // prod(self.laboratories))
+            owner, items = in_turn(self.laboratories, displayed.size // prod(self.laboratories))
             draws = draws.at(owner)
         noise = self.spec.repeatability * draws.normal(name, repeats, items)
-        return quantise(shown[:, None] + noise, self.spec.resolution)
+        return quantise(displayed[:, None] + noise, self.spec.resolution)
 
 
 Distance = Annotated[float, Ge(0), Dimension("length")]
@@ -84,8 +84,8 @@ class Rule(Indicator[RuleSpec]):
 
     def measure(self, length: ArrayLike, repeats: int, draws: Draws, name: str) -> LengthReadings:
         """Read true lengths [m], shape (item,), `repeats` times each."""
-        shown = np.asarray(length) + self.true["offset"]
-        return LengthReadings(readings=self.read(shown, repeats, draws, name))
+        displayed = np.asarray(length) + self.true["offset"]
+        return LengthReadings(readings=self.read(displayed, repeats, draws, name))
 
 
 Mass = Annotated[float, Ge(0), Dimension("mass")]
@@ -115,5 +115,5 @@ class Scale(Indicator[ScaleSpec]):
         self, mass: ArrayLike, repeats: int, draws: Draws, name: str, items: Slots | None = None
     ) -> MassReadings:
         """Weigh `items` of true `mass` [kg], shape (item,), `repeats` times each."""
-        shown = self.true["span"] * np.asarray(mass) + self.true["zero"]
-        return MassReadings(readings=self.read(shown, repeats, draws, name, items))
+        displayed = self.true["span"] * np.asarray(mass) + self.true["zero"]
+        return MassReadings(readings=self.read(displayed, repeats, draws, name, items))

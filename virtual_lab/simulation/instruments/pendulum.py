@@ -100,13 +100,13 @@ class Pendulum(CalibratedInstrument[PendulumSpec]):
         # the period of a decaying swing follows from the amplitude at its middle
         factor = amplitude_factor(np.sqrt(amplitude[:-1] * amplitude[1:]))
         passages = np.cumsum(np.multiply.outer(period, [0.0, *factor]), axis=-1)
-        shown = np.asarray(true["clock"])[..., None] * passages
+        clock_times = np.asarray(true["clock"])[..., None] * passages
         ends = np.add.outer(true["amplitude_offset"], amplitude[[0, -1]])
         owner, slots = in_turn(self.laboratories, releases)
-        own = draws.at(owner)
-        start = spec.timer_resolution * own.uniform(f"{name}.start", 1, slots)
-        jitter = spec.timer_jitter * own.normal(f"{name}.jitter", spec.swings + 1, slots)
-        times = of_owners(shown, owner) + start + jitter
+        streams = draws.at(owner)
+        start = spec.timer_resolution * streams.uniform(f"{name}.start", 1, slots)
+        jitter = spec.timer_jitter * streams.normal(f"{name}.jitter", spec.swings + 1, slots)
+        times = of_owners(clock_times, owner) + start + jitter
         read = quantise(of_owners(ends, owner), spec.amplitude_resolution)
         first, last = np.broadcast_to(read, (slots.size, 2)).T
         return PendulumRecord(

@@ -19,16 +19,16 @@ def play_events(scene: ShotScene) -> PlayedShots:
     from virtual_lab.simulation.motion.event_kernel import MOST, Log, Own, Scene, carry_on
 
     count, bat, stop = scene.shots, scene.bat, scene.stop
-    own = np.empty((count, len(Own._fields)))
+    constants = np.empty((count, len(Own._fields)))
     columns = scene.ball_mass, scene.ball_drag, scene.ball_radius, scene.gravity, scene.duration
     for column, each in enumerate((*columns, bat.axis, bat.inertia)):
-        own[:, column] = each
+        constants[:, column] = each
     compiled = Scene(
         *radius_cubics(bat.profile),
         bat.steepest,
         stop.angle if stop else np.inf,
         stop.restitution if stop else 0.0,
-        own,
+        constants,
         _solids(scene),
     )
     rows = MOST + 2, count
@@ -50,8 +50,8 @@ def play_events(scene: ShotScene) -> PlayedShots:
         last = log.rows[shots] - 1
         place, speed = log.place[last, shots], log.speed[last, shots]
         efficiency = np.asarray(scene.efficiency(place, speed, shots))
-    kept = np.where(log.refused, 0, log.rows)
-    shot, row = np.nonzero(np.arange(kept.max(initial=0)) < kept[:, None])
+    lengths = np.where(log.refused, 0, log.rows)
+    shot, row = np.nonzero(np.arange(lengths.max(initial=0)) < lengths[:, None])
     return PlayedShots(
         refused=np.array(["", *Obstacle])[log.refused],
         pieces=Pieces(

@@ -75,8 +75,8 @@ class PlayedShots:
 
     def first(self, struck: str) -> Pieces:
         """Return the piece after the first contact with this object, for each shot that has one."""
-        own = np.flatnonzero(self.pieces.struck == struck)
-        return self.pieces.part(own[np.unique(self.pieces.shot[own], return_index=True)[1]])
+        rows = np.flatnonzero(self.pieces.struck == struck)
+        return self.pieces.part(rows[np.unique(self.pieces.shot[rows], return_index=True)[1]])
 
     def at(self, scene: ShotScene, times: ArrayLike) -> ShotState:
         """Return the states at `times` (s,) [s] as arrays (n, s), NaN for refused shots.

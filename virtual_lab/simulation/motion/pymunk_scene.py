@@ -153,26 +153,26 @@ class _Shot:
     def _stand(self, hall: Any) -> list[_Solid]:
         import pymunk
 
-        found = []
+        solids = []
         if stop := self.scene.stop:
             post = stop.post(self.scene.bat)
-            found.append(
+            solids.append(
                 (_Solid(pymunk.Circle(hall, stop.radius, post), Target.STOP), stop.restitution)
             )
         for frame in self.scene.frames:
             spec = frame.spec
             ends = [(float(frame.x), end) for end in frame.ends]
             bars = pymunk.Segment(hall, ends[0], ends[1], spec.radius)
-            found += [
+            solids += [
                 (_Solid(pymunk.Circle(hall, spec.radius, end), Target.FRAME), spec.restitution)
                 for end in ends
             ]
-            found.append((_Solid(bars, Target.FRAME, frame), spec.restitution))
-        for solid, restitution in found:
+            solids.append((_Solid(bars, Target.FRAME, frame), spec.restitution))
+        for solid, restitution in solids:
             solid.shape.elasticity = restitution
             solid.shape.filter = pymunk.ShapeFilter(mask=1)
             self.space.add(solid.shape)
-        return [solid for solid, _ in found]
+        return [solid for solid, _ in solids]
 
     def _pass_others(self, arbiter: Any, _space: Any, _data: Any) -> None:
         arbiter.process_collision = self.ahead is not None and self.ahead.shape in arbiter.shapes

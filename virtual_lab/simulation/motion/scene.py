@@ -38,9 +38,9 @@ class ShotState(NamedTuple):
     rate: Array
 
     @classmethod
-    def of(cls, **given: ArrayLike) -> Self:
+    def of(cls, **values: ArrayLike) -> Self:
         """Return a state from numbers or arrays, broadcast to (n,). Omitted ones are 0."""
-        wanted = (np.atleast_1d(given.get(name, 0.0)) for name in cls._fields)
+        wanted = (np.atleast_1d(values.get(name, 0.0)) for name in cls._fields)
         return cls(*(np.array(each, dtype=float) for each in np.broadcast_arrays(*wanted)))
 
     @classmethod

@@ -63,14 +63,14 @@ def moved(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> Shot
     # avoids 0 / 0 for a ball at rest
     share = 1 / np.where(speed > 0, speed, 1.0)
     way = distance_after(time, speed, drag) * share
-    kept = np.where(speed > 0, speed_after(time, speed, drag) * share, 1.0)
+    share_of_speed = np.where(speed > 0, speed_after(time, speed, drag) * share, 1.0)
     return ShotState(
         x=state.x + state.vx * way,
         y=state.y + (state.vy - gravity / 2 * time) * time,
         z=state.z + state.vz * way,
-        vx=state.vx * kept,
+        vx=state.vx * share_of_speed,
         vy=state.vy - gravity * time,
-        vz=state.vz * kept,
+        vz=state.vz * share_of_speed,
         angle=state.angle + state.rate * time,
         rate=state.rate + 0 * time,
     )

@@ -24,15 +24,15 @@ def loss_of_restitution(
     row, rank = np.arange(hits.size).repeat(hits), np.arange(ball.size) - first.repeat(hits)
     taken = np.zeros((hits.size, hits.max(initial=0)))
     taken[row, rank] = _taken(ageing, speed)[in_turn]
-    kept = exp(-rest / ageing.recovery_time)
+    remaining = exp(-rest / ageing.recovery_time)
     lasting = taken.cumsum(axis=1) - taken
     passing = np.zeros_like(taken)
     for turn in range(1, taken.shape[1]):  # one step for all balls
-        passing[:, turn] = kept * (passing[:, turn - 1] + taken[:, turn - 1])
+        passing[:, turn] = remaining * (passing[:, turn - 1] + taken[:, turn - 1])
     gone = (1 - ageing.recovering) * lasting + ageing.recovering * passing
-    found = np.empty(ball.shape)
-    found[in_turn] = gone[row, rank]
-    return found
+    loss = np.empty(ball.shape)
+    loss[in_turn] = gone[row, rank]
+    return loss
 
 
 def lasting_loss(ageing: BallAgeing, speed: Array) -> Array:

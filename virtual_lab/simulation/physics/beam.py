@@ -110,8 +110,8 @@ def radius_cubics(profile: Profile) -> tuple[Array, Array]:
 
     The coefficients start with the highest power. The cubics are those of `outer_diameter`.
     """
-    found = _interpolant(profile.z, profile.outer_diameter)
-    return found.x, found.c / 2
+    cubic = _interpolant(profile.z, profile.outer_diameter)
+    return cubic.x, cubic.c / 2
 
 
 def section(body: BatBody, z: Array) -> Section:
@@ -280,8 +280,8 @@ def _assemble(mesh: Mesh, body: BatBody) -> tuple[Array, Array]:
         (stiffness, turning, n, n),
     ):
         for first, element in zip(mesh.connectivity[:, 0].tolist(), block, strict=True):
-            own, other = first + row, first + column
-            matrix[own : own + len(element), other : other + len(element)] += element
+            top, left, size = first + row, first + column, len(element)
+            matrix[top : top + size, left : left + size] += element
     return mass, stiffness
 
 

@@ -113,11 +113,11 @@ def mesh_through(
     dropped.
     """
     merged = 1e-5  # distance below which two places share one boundary [m]
-    kept = np.unique(np.array(keep))
+    fixed = np.unique(np.array(keep))
     others = np.unique(np.array(places))
     others = others[np.diff(others, prepend=-np.inf) > merged]
-    clear = np.abs(others[:, None] - kept).min(axis=1) > merged
-    coarse = np.union1d(kept, others[clear])
+    clear = np.abs(others[:, None] - fixed).min(axis=1) > merged
+    coarse = np.union1d(fixed, others[clear])
     parts = [coarse[:1]]
     for left, right in pairwise(coarse):
         count = int(np.ceil((right - left) / size - 1e-9))

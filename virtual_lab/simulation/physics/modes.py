@@ -151,12 +151,12 @@ def modes_of(
 def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
     """Return the position [m] of the node nearest the tip for the first `count` bending modes."""
     z = np.linspace(0.0, modes.length, 2001)
-    found = []
+    nodes = []
     for mode in range(modes.rigid, modes.rigid + count):
         shape = modes.shape(z)[:, mode]
         first = int(np.flatnonzero(shape[:-1] * shape[1:] < 0)[0])
-        found.append(_crossing(modes, mode, float(z[first]), float(z[first + 1])))
-    return tuple(found)
+        nodes.append(_crossing(modes, mode, float(z[first]), float(z[first + 1])))
+    return tuple(nodes)
 
 
 def _hoop_frequency(hoop: HoopMode | None) -> Array:

@@ -146,9 +146,9 @@ def render_balls(
     toward = np.broadcast_to(lamp.toward, (regions, 3))
     if view is not None:
         # shading and seams of the side that faces the camera
-        seen = np.asarray(view, dtype=np.float64)
-        turns, toward = (np.einsum("rji,rj->ri", seen, vector) for vector in (turns, toward))
-        axes = axes @ seen
+        rotation = np.asarray(view, dtype=np.float64)
+        turns, toward = (np.einsum("rji,rj->ri", rotation, vector) for vector in (turns, toward))
+        axes = axes @ rotation
     shades = np.column_stack([toward, np.full((regions, 2), [lamp.ambient, lamp.softness])])
     neck = look.neck**2 / sqrt(1 - look.neck**2)
     features = np.array([look.albedo, look.seam_contrast, look.seam_width, neck])

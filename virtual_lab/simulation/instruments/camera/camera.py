@@ -49,9 +49,9 @@ class Camera(CalibratedInstrument[CameraSpec]):
         return {**self.true, **self.sensor.errors()}
 
     def altered(self, **true: float) -> Self:
-        own = {key: value for key, value in true.items() if key in self.true}
-        others = {key: value for key, value in true.items() if key not in own}
-        return replace(self, true={**self.true, **own}, sensor=self.sensor.altered(**others))
+        of_camera = {key: value for key, value in true.items() if key in self.true}
+        others = {key: value for key, value in true.items() if key not in of_camera}
+        return replace(self, true={**self.true, **of_camera}, sensor=self.sensor.altered(**others))
 
     @property
     def lens(self) -> TrueLens:
@@ -90,8 +90,8 @@ class Camera(CalibratedInstrument[CameraSpec]):
         image = lens.drawn(lens.seen(position + lift))
         inside = (image >= -0.5).all(axis=1)
         inside &= (image < [spec.sensor.columns - 0.5, spec.sensor.rows - 0.5]).all(axis=1)
-        kept = (inside.reshape(shots, count) | whole) & ~lost
-        row, column = np.nonzero(kept)
+        recorded = (inside.reshape(shots, count) | whole) & ~lost
+        row, column = np.nonzero(recorded)
         time = times[row, column]
         ends = time + exposure / 2 * np.array([[-1.0], [1.0]])
         touch = np.clip([course.contact[row], course.leaving[row]], ends[0], ends[1])
@@ -101,19 +101,19 @@ class Camera(CalibratedInstrument[CameraSpec]):
         )
         jitter = spec.clock.jitter * draws.normal(f"{name}.jitter", count, slots)
         axes, spin = course.axes(row, time)
-        shown = position.reshape(shots, count, 3)[row, column]
+        centres = position.reshape(shots, count, 3)[row, column]
         return Frames(
             layout=(shots, count),
             shot=row,
-            number=(np.cumsum(kept, axis=1) - 1)[row, column],
+            number=(np.cumsum(recorded, axis=1) - 1)[row, column],
             time=time,
             stamp=(stamps + jitter)[row, column],
-            position=shown,
+            position=centres,
             path=path,
             shares=(points - ends[0][:, None]) / exposure,
             axes=axes,
             turn=spin * exposure,
-            outlines=lens.outlines(shown + lift, course.passage.radius),
+            outlines=lens.outlines(centres + lift, course.passage.radius),
             brightness=flicker(spec, time, draws.uniform(f"{name}.flicker", slots=slots)[row]),
         )
 
@@ -143,7 +143,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         `behind` (n, row, column) are those without ball and bat, with steady lamps.
         """
         spec = self.spec
-        seen = render_balls(
+        balls = render_balls(
             frames.path,
             frames.outlines.radius,
             corners,
@@ -157,7 +157,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
             warp=frames.outlines.warp,
             view=frames.outlines.view,
         )
-        steady = seen.over(behind, spec.light.ball * spec.exposed)
+        steady = balls.over(behind, spec.light.ball * spec.exposed)
         if bat is not None:
             self.put(bat, bat.angle(frames.shot, frames.time), corners, steady)
         return np.asarray(steady * frames.brightness[:, None, None], np.float32)

@@ -39,10 +39,10 @@ def whole_frames(
     frames = camera.frames(course, draws, name, slots, whole=True)
     still, numbers = background(spec), frames.numbers(slots)
     corner = np.zeros((1, 2), np.int64)
-    kept = np.flatnonzero(frames.shot == 0)
+    selection = np.flatnonzero(frames.shot == 0)
     if count is not None:
-        kept = kept[np.linspace(0, kept.size - 1, count).astype(int)]
-    for number in kept:
+        selection = selection[np.linspace(0, selection.size - 1, count).astype(int)]
+    for number in selection:
         one = frames.part(slice(number, number + 1))
         reach = int(spec.window + np.abs(one.blur).max())
         left, top = np.clip(
@@ -56,9 +56,9 @@ def whole_frames(
         if pasted.size:
             window = camera.render(one, np.array([[left, top]]), pasted, bat)
             electrons[top : top + reach, left : left + reach] = window[0]
-        own = numbers[number : number + 1]
+        frame_slot = numbers[number : number + 1]
         grey = camera.sensor.expose(
-            electrons[None], corner, draws, f"{name}.whole", own, spec.clock.exposure
+            electrons[None], corner, draws, f"{name}.whole", frame_slot, spec.clock.exposure
         )
         yield float(one.stamp[0]), grey[0]
 
@@ -110,8 +110,8 @@ def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -
     reader.set(cv2.CAP_PROP_CONVERT_RGB, 0)
     count, same = 0, False
     while True:
-        found, grey = reader.read()
-        if not found:
+        more, grey = reader.read()
+        if not more:
             break
         if count == 0:
             same = np.array_equal(np.squeeze(grey), first)

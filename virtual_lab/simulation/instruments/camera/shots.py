@@ -42,9 +42,9 @@ class Frames:
 
     def part(self, some: slice) -> Self:
         """Return the frames of a slice."""
-        own = {part.name: getattr(self, part.name) for part in fields(self)}
-        del own["layout"]
-        return replace(self, **{name: values[some] for name, values in own.items()})
+        arrays = {part.name: getattr(self, part.name) for part in fields(self)}
+        del arrays["layout"]
+        return replace(self, **{name: values[some] for name, values in arrays.items()})
 
     def numbers(self, slots: Slots) -> Slots:
         """Return the number of each frame in its laboratory, (n,), given those of the shots."""

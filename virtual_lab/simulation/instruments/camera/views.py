@@ -109,8 +109,8 @@ def _shares(place: Array, width: Array, cells: int) -> list[tuple[NDArray[np.int
     nearest = np.clip(np.floor(place), -1, cells)
     before = 1 - _share(place - nearest, width)
     after = _share(place - nearest - 1, width)
-    own = nearest.astype(np.intp) + 2
-    return [(own - 1, before), (own, 1 - before - after), (own + 1, after)]
+    middle = nearest.astype(np.intp) + 2
+    return [(middle - 1, before), (middle, 1 - before - after), (middle + 1, after)]
 
 
 def _inks(dictionary: str, count: int) -> Array:
