@@ -21,7 +21,7 @@ from virtual_lab.simulation.cannon_station import (
     BallFlights,
     RestingBatSpec,
     RestingBatStation,
-    fitted,
+    commission,
 )
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
 from virtual_lab.simulation.instruments.calibrated import TrueConstant
@@ -90,7 +90,7 @@ class AstmPivot:
             ),
             frame=spec.frame,
             stop=spec.stop,
-            **fitted(spec, factory, self.name, LightGates, LightGateSpec),
+            **commission(spec, factory, self.name, LightGates, LightGateSpec),
         )
 
 
@@ -133,7 +133,7 @@ class AstmPivotStation(RestingBatStation):
             )
         else:
             encoder = self.encoder.read(self._recoil(specimen, fired), draws, name, slots)
-        timed = self.timed(fired, plan, draws)
+        timed = self.record_flights(fired, plan, draws)
         return replace(timed, records={**timed.records, "encoder": encoder})
 
     def _rate(self, bat: RigidBat[Any], fired: BallFlights) -> Array:
@@ -142,9 +142,9 @@ class AstmPivotStation(RestingBatStation):
         impulse = scenes.ball_mass * scenes.relative_speed * (1 + fired.blows.efficiency)
         impulse = impulse * np.cos(fired.tilt) * fired.flown.met
         rate = impulse * (axis - scenes.impact_position) / fired.bat.inertia
-        return rate - self._rubbed(rate, impulse, bat, axis)
+        return rate - self._friction_loss(rate, impulse, bat, axis)
 
-    def _rubbed(self, rate: Array, impulse: Array, bat: RigidBat[Any], axis: Array) -> Array:
+    def _friction_loss(self, rate: Array, impulse: Array, bat: RigidBat[Any], axis: Array) -> Array:
         """Return the rate lost by friction under the impact load, (shot,) [rad/s]; 0 at the COP."""
         reaction = np.abs(impulse - bat.mass * (axis - bat.z_cm) * rate)
         lost = (
@@ -185,7 +185,7 @@ class AstmPivotStation(RestingBatStation):
         moved, moving = collisions.modal_displacements, collisions.modal_velocities
         impulse = collisions.impulse * np.cos(tilt)
         start, rate = ((modal * turn)[:, : modes.rigid].sum(axis=1) for modal in (moved, moving))
-        rate = rate - self._rubbed(rate, impulse, bat, fired.bat.axis)
+        rate = rate - self._friction_loss(rate, impulse, bat, fired.bat.axis)
         slip, play = self._loose(impulse, rate, bat)
         shots, at_ticks = coasting(
             rate,

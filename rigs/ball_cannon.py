@@ -13,7 +13,7 @@ from typing import Any
 
 from virtual_lab import catalog
 from virtual_lab.records import AimMarks, BoardRecord, Record, ShotLog
-from virtual_lab.simulation.cannon_station import RestingBatSpec, RestingBatStation, fitted
+from virtual_lab.simulation.cannon_station import RestingBatSpec, RestingBatStation, commission
 from virtual_lab.simulation.instruments import InstrumentFactory
 from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
@@ -56,7 +56,7 @@ def parts(spec: BallCannonSpec, factory: InstrumentFactory) -> dict[str, Any]:
         "holder": Holder.commission(holder, factory.draws, "ball-cannon.holder"),
         "frame": spec.frame,
         "stop": spec.stop,
-    } | fitted(spec, factory, "ball-cannon", LightBoards, LightBoardSpec)
+    } | commission(spec, factory, "ball-cannon", LightBoards, LightBoardSpec)
 
 
 RIG = BallCannon()

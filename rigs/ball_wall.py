@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Le
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import GateRecord, Record, ShotLog
-from virtual_lab.simulation.cannon_station import CannonRigSpec, fitted
+from virtual_lab.simulation.cannon_station import CannonRigSpec, commission
 from virtual_lab.simulation.instruments import (
     FittedStation,
     Instrument,
@@ -53,7 +53,7 @@ class BallWall:
         return BallWallStation(
             rest=spec.rest,
             wall_restitution=spec.wall_restitution,
-            **fitted(spec, factory, self.name, LightGates, LightGateSpec),
+            **commission(spec, factory, self.name, LightGates, LightGateSpec),
         )
 
 

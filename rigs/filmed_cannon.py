@@ -83,12 +83,12 @@ class FilmedCannonStation(BallCannonStation):
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest, and time and film the ball in both directions."""
         flown = self.fly(plan, specimen, draws)
-        timed = self.timed(flown, plan, draws)
+        timed = self.record_flights(flown, plan, draws)
         course, bat = self.scene(flown, plan, specimen, draws)
         clip, truth = self.camera.watch(course, draws, CLIP, plan.slot, plan.detail, bat)
         return RigOutput(records={**timed.records, "camera": clip}, truth={**timed.truth, **truth})
 
-    def unfilmed(self) -> BallCannonStation:
+    def without_camera(self) -> BallCannonStation:
         """Return the rig with its camera off, which fires and times the same balls."""
         parts = {part.name: getattr(self, part.name) for part in fields(BallCannonStation)}
         return BallCannonStation(**parts)

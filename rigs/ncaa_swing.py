@@ -18,7 +18,7 @@ from annotated_types import Ge, Gt
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import AimMarks, BoardRecord, EncoderRecord, Record, ShotLog
-from virtual_lab.simulation.cannon_station import CannonRigSpec, CannonStation, fitted
+from virtual_lab.simulation.cannon_station import CannonRigSpec, CannonStation, commission
 from virtual_lab.simulation.impact import contact_angle, thrown_back
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
 from virtual_lab.simulation.instruments.calibrated import CalibratedSpec
@@ -88,7 +88,7 @@ class NcaaSwing:
             encoder=factory.commission(
                 Encoder.commission, EncoderSpec, spec.encoder, "ncaa-swing.encoder"
             ),
-            **fitted(spec, factory, self.name, LightBoards, LightBoardSpec),
+            **commission(spec, factory, self.name, LightBoards, LightBoardSpec),
         )
 
 

@@ -21,7 +21,7 @@ from virtual_lab.bench.entrance.served_day import DEBRIEFS, ServedDay
 from virtual_lab.bench.pages.page import day_page
 from virtual_lab.bench.web import server
 from virtual_lab.bench.web.server import application
-from virtual_lab.output.tables import quoted
+from virtual_lab.output.tables import quote
 
 SOUND = {"number": "1", "whole": "1", "text": "so", "doubt": "none"}  # by kind of argument
 HOST, TOKEN = "127.0.0.1:8377", "the token of the opened address"
@@ -445,7 +445,7 @@ def test_no_cell_of_a_table_sent_out_is_a_formula(browser: Browser) -> None:
     browser.do("note-deviation", because="=1+1")
     rows = list(csv.reader(StringIO(browser.ask("/notebook.csv").text)))
     assert rows[1][2:5] == ["Note a deviation", "no", "skipped step: another; reason: =1+1"]
-    assert [quoted(each) for each in ("=1", "+a", "-b", "@c", "\t=1", "-1.5", "plain")] == [
+    assert [quote(each) for each in ("=1", "+a", "-b", "@c", "\t=1", "-1.5", "plain")] == [
         "'=1",
         "'+a",
         "'-b",

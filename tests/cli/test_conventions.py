@@ -13,7 +13,7 @@ import pytest
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from virtual_lab.cli import cli
 from virtual_lab.output import progress as module
-from virtual_lab.output.progress import shown
+from virtual_lab.output.progress import show_progress
 
 
 def test_the_help_lists_every_command_under_what_it_is_for(run: Run) -> None:  # noqa: F811
@@ -116,7 +116,7 @@ def test_progress_has_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> Non
         monkeypatch.setattr(module, name, 0.02)
     found = {}
     for stream in (Terminal(), io.StringIO()):
-        with shown(stream) as progress:
+        with show_progress(stream) as progress:
             progress("laboratories", 0, 100)
             time.sleep(0.01)
             progress("laboratories", 50, 100)
@@ -130,7 +130,7 @@ def test_progress_has_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(lines) >= 2
     assert all(line.startswith("… laboratories: 50 of 100") for line in lines)
     monkeypatch.setattr(module, "PATIENCE", 60.0)
-    with shown(quick := Terminal()) as progress:
+    with show_progress(quick := Terminal()) as progress:
         progress("bats")
     assert quick.getvalue() == ""
 

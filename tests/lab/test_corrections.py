@@ -117,7 +117,7 @@ def moved(station: Station, name: str) -> Station:
 
 def altered(station: Station, part: str, **true: float) -> Station:
     """Return a station with some true constants of one of its instruments changed."""
-    return fitted_with(station, part, instrument_of(station, part).altered(**true))
+    return fitted_with(station, part, instrument_of(station, part).with_true(**true))
 
 
 def with_sheet(station: Any, part: str, **changes: Any) -> Any:

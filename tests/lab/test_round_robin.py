@@ -194,7 +194,7 @@ def test_no_sheet_is_parsed_for_a_further_laboratory(monkeypatch: pytest.MonkeyP
         return parse_toml(text, where)
 
     monkeypatch.setattr(reading, "parse_toml", parse)
-    reading._parsed.cache_clear()
+    reading._parse.cache_clear()
     doubts = round_robin.laboratory(2).session.origin.unverified_numbers
     assert parsed == []
     assert doubts == lab.TestSetup.of("r161", procedure="astm-f1881").unverified

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from virtual_lab.relations.pinhole import distorted, looking_down, undistorted
+from virtual_lab.relations.pinhole import distort, looking_down, undistort
 
 LENSES = [
     [-0.03, 0.02, 1e-4, -2e-4, 0.0],
@@ -17,13 +17,13 @@ PLACES = np.stack(np.meshgrid(np.linspace(-0.35, 0.35, 15), np.linspace(-0.25, 0
 @pytest.mark.parametrize("lens", LENSES)
 def test_undistorted_undoes_distorted(lens: list[float]) -> None:
     """To 1e-9, over pictures as wide as 40 degrees."""
-    assert np.abs(undistorted(distorted(PLACES, lens), lens) - PLACES).max() < 1e-9
+    assert np.abs(undistort(distort(PLACES, lens), lens) - PLACES).max() < 1e-9
 
 
 @pytest.mark.parametrize("lens", LENSES)
 def test_opencv_draws_what_was_undistorted_where_it_was(lens: list[float]) -> None:
     """`cv2.projectPoints` of the points found, at z = 1: the points given, to 1e-9."""
-    flat = undistorted(PLACES, lens).reshape(-1, 2)
+    flat = undistort(PLACES, lens).reshape(-1, 2)
     points = np.concatenate([flat, np.ones((len(flat), 1))], axis=1)
     still = np.zeros(3)
     drawn = cv2.projectPoints(points, still, still, np.eye(3), np.array(lens))[0]
@@ -34,9 +34,9 @@ def test_constants_may_be_columns() -> None:
     """Several lenses at once, as a budget calls it."""
     columns = [np.array(values)[:, None] for values in zip(*LENSES, strict=True)]
     row = PLACES.reshape(-1, 2)
-    both = undistorted(np.broadcast_to(row, (len(LENSES), *row.shape)), columns)
+    both = undistort(np.broadcast_to(row, (len(LENSES), *row.shape)), columns)
     for lens, found in zip(LENSES, both, strict=True):
-        assert found == pytest.approx(undistorted(row, lens), abs=1e-15)
+        assert found == pytest.approx(undistort(row, lens), abs=1e-15)
 
 
 def test_looking_down() -> None:

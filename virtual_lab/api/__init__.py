@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from virtual_lab.api.arguments import reads_arguments, shows_progress, takes_instruments
 from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
-from virtual_lab.output.progress import Progress, quiet, shown
+from virtual_lab.output.progress import Progress, quiet, show_progress
 from virtual_lab.sheets import Sheet
 
 if TYPE_CHECKING:
@@ -482,9 +482,9 @@ class Certificate:
 
     @cached_property
     def _records(self) -> PackedSession:
-        from virtual_lab.records.session import packed
+        from virtual_lab.records.session import pack
 
-        return packed(self.certification.session)
+        return pack(self.certification.session)
 
     @cached_property
     def _truth(self) -> bytes:
@@ -610,7 +610,7 @@ def certify(
     from virtual_lab.lab import TestSetup, certify_bat
     from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.records.particulars import read_particulars
-    from virtual_lab.simulation.rig import Reality, named
+    from virtual_lab.simulation.rig import Reality, member_of
     from virtual_lab.uncertainty.estimate import Estimates
     from virtual_lab.uncertainty.propagating import named_method
 
@@ -618,7 +618,7 @@ def certify(
     if ball is not None:
         other = Sheet.of("procedures", cast("str", procedure)).with_(ball=ball)
         rules = catalog.read(other.text, other.name, Procedure)
-    kind = named(Reality, "reality", reality)
+    kind = member_of(Reality, "reality", reality)
     if kind is not Reality.REAL:
         for key, value in (("seed", seed), ("number", number or None), ("test", test)):
             if value is not None:
@@ -834,7 +834,7 @@ def sweep(
         raise InputError("", "traces", traces, "allowed with certificates=FOLDER, which keep them")
     if progress is not None:
         return sweep_tests(*asked, **how, progress=progress)
-    with shown() as shown_progress:
+    with show_progress() as shown_progress:
         return sweep_tests(*asked, **how, progress=shown_progress)
 
 

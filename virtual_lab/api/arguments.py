@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.output.progress import shown
+from virtual_lab.output.progress import show_progress
 from virtual_lab.sheets import NAMED, Sheet
 
 P = ParamSpec("P")
@@ -283,7 +283,7 @@ def shows_progress(function: Callable[..., T]) -> Callable[..., T]:
     def called(*given: Any, **named: Any) -> T:
         if "progress" in named:
             return function(*given, **named)
-        with shown() as progress:
+        with show_progress() as progress:
             return function(*given, **named, progress=progress)
 
     return called

@@ -4,6 +4,7 @@ from virtual_lab.catalog.reading import (
     KINDS,
     Datum,
     Entry,
+    count_unverified,
     datums,
     find,
     load,
@@ -19,13 +20,13 @@ from virtual_lab.catalog.reading import (
     text,
     texts_in_place,
     title,
-    unverified,
 )
 
 __all__ = [
     "KINDS",
     "Datum",
     "Entry",
+    "count_unverified",
     "datums",
     "find",
     "load",
@@ -41,5 +42,4 @@ __all__ = [
     "text",
     "texts_in_place",
     "title",
-    "unverified",
 ]

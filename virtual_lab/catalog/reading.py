@@ -113,10 +113,10 @@ def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
     """Return the content of a file, and its numbers with their sources."""
     text, where = source(kind, name)
     numbers = load_bat(name).sheet if kind == "bats" else _numbers(text, where)
-    return _parsed(text, where), numbers
+    return _parse(text, where), numbers
 
 
-def unverified(kind: str, name: str) -> dict[str, str]:
+def count_unverified(kind: str, name: str) -> dict[str, str]:
     """Return the number of unverified values of a catalog entry and of the entries it names.
 
     A rig, for example, names its instruments. The result has the form
@@ -128,7 +128,7 @@ def unverified(kind: str, name: str) -> dict[str, str]:
     instruments = names("instruments") if kind == "rigs" else ()
     for part in document.values():
         if part in instruments:
-            counts |= unverified("instruments", part)
+            counts |= count_unverified("instruments", part)
     return counts
 
 
@@ -150,19 +150,19 @@ def read(text: str, where: str, spec: type[T]) -> Entry[T]:
 @lru_cache(maxsize=64)
 def _read(text: str, where: str, spec: Hashable) -> Any:
     """Read a text once, because a test reads its rules after every round."""
-    spec_read: Any = validate(_parsed(text, where), where, cast("type", spec))
+    spec_read: Any = validate(_parse(text, where), where, cast("type", spec))
     return Entry(spec_read, text, _numbers(text, where))
 
 
 @lru_cache(maxsize=128)
-def _parsed(text: str, where: str) -> dict[str, Any]:
+def _parse(text: str, where: str) -> dict[str, Any]:
     """Return a document, which nobody changes; each test reads the same ones again."""
     return parse_toml(text, where)
 
 
 @lru_cache(maxsize=128)
 def _numbers(text: str, where: str) -> tuple[Datum, ...]:
-    return tuple(datums(_parsed(text, where)))
+    return tuple(datums(_parse(text, where)))
 
 
 def load_bat(name: str) -> Entry[BatSpec]:
@@ -175,7 +175,7 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
 
     `wall_factor` can be a plain number instead of a table; its source is then ``not stated``.
     """
-    document = _parsed(text, where)
+    document = _parse(text, where)
     if "base" not in document:
         return Entry(validate(document, where, BatSpec), text, _numbers(text, where))
     factor = document.get("wall_factor")
@@ -189,8 +189,8 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
     base = load_bat(change.base)
     numbers = tuple(datums(document))
     changed = {datum.key for datum in numbers}
-    inherited = (datum for datum in base.sheet if not _replaced(datum.key, change, changed))
-    return Entry(_modified(base.spec, change, where), text, (*numbers, *inherited))
+    inherited = (datum for datum in base.sheet if not _is_replaced(datum.key, change, changed))
+    return Entry(_modify(base.spec, change, where), text, (*numbers, *inherited))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,7 +212,7 @@ class ModifiedBat(Spec):
     published: PublishedBat | None = None
 
 
-def _modified(base: BatSpec, change: ModifiedBat, where: str) -> BatSpec:
+def _modify(base: BatSpec, change: ModifiedBat, where: str) -> BatSpec:
     if change.wall_factor is not None and base.body.profile.wall is None:
         allowed = f"none: {change.base} is solid, it has no wall to thin"
         raise InputError(where, "wall_factor", f"{change.wall_factor:g}", allowed)
@@ -231,7 +231,7 @@ def _modified(base: BatSpec, change: ModifiedBat, where: str) -> BatSpec:
     )
 
 
-def _replaced(key: str, change: ModifiedBat, changed: set[str]) -> bool:
+def _is_replaced(key: str, change: ModifiedBat, changed: set[str]) -> bool:
     if key.startswith("published"):
         return True
     if key.startswith("body.hoop"):
@@ -247,13 +247,13 @@ def source(kind: str, name: str) -> tuple[str, str]:
         if (kind, name) in in_place.texts:
             return in_place.texts[kind, name], name
     if name in names(kind):
-        return _shipped(kind, name), f"{name}.toml"
+        return _shipped_text(kind, name), f"{name}.toml"
     path = find(kind, name)
     return read_text(path), path.name if path.is_relative_to(DATA) else str(path)
 
 
 @cache
-def _shipped(kind: str, name: str) -> str:
+def _shipped_text(kind: str, name: str) -> str:
     """Read a text once, because the rigs request their instruments in each laboratory."""
     return read_text(find(kind, name))
 

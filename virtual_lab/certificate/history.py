@@ -9,7 +9,7 @@ from pathlib import Path
 from virtual_lab.certificate.chain import result_folders, stated_and_reduced
 from virtual_lab.errors import InputError
 from virtual_lab.records.particulars import Particulars
-from virtual_lab.records.session import Session, packed
+from virtual_lab.records.session import Session, pack
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.uncertainty.scatter import HitVariance
 
@@ -75,7 +75,7 @@ def earlier_scatter(
 def _digest(session: Session) -> str:
     """Return the digest of the records, independent of the options of their evaluation."""
     plain = replace(session, history={}, uncertainty="first-order", particulars=Particulars())
-    return packed(plain).digest
+    return pack(plain).digest
 
 
 def _count(tests: int) -> str:

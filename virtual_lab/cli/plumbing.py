@@ -21,7 +21,7 @@ import click
 
 from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.files import check_new_folder, first_free, new_files
-from virtual_lab.output.progress import shown
+from virtual_lab.output.progress import show_progress
 from virtual_lab.output.tables import write_csv
 
 Function = Callable[..., Any]
@@ -113,7 +113,7 @@ def command(
                 """Return a context in which a form is made: if it fails, the folder stays saved."""
                 return without_if_it_fails(str(path), missing) if target else nullcontext()
 
-            with shown() if takes_progress else nullcontext() as progress:
+            with show_progress() if takes_progress else nullcontext() as progress:
                 found = function(**asked, **({"progress": progress} if takes_progress else {}))
                 if target is not None:
                     if progress is not None:

@@ -48,14 +48,14 @@ def one_process_at_a_time(compiled: Decorator) -> Decorator:
     """
 
     def decorated(function: Callable[..., None]) -> Any:
-        with _locked(Path(function.__code__.co_filename)):
+        with _lock(Path(function.__code__.co_filename)):
             return compiled(function)
 
     return decorated
 
 
 @contextmanager
-def _locked(path: Path) -> Iterator[None]:
+def _lock(path: Path) -> Iterator[None]:
     """Lock a file, which may be read-only, while the code in the context runs."""
     with path.open("rb") as file:
         with suppress(ImportError, OSError):

@@ -16,7 +16,7 @@ from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.session_reduction import BlockReduction
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.origin import RungTaken
-from virtual_lab.records.session import packed
+from virtual_lab.records.session import pack
 from virtual_lab.simulation.rig import MotionRung
 from virtual_lab.simulation.truth import SealedTruth
 from virtual_lab.units import Array
@@ -58,7 +58,7 @@ class BlockTest:
         reduced = self.reduced.of(laboratory, self.readings)
         session = of_all.session_of(one, rungs)
         if self.control:
-            digest = packed(self.control.certification.session).digest
+            digest = pack(self.control.certification.session).digest
             session = replace(session, control_sha256=digest)
         return BatTest(
             certification=self.certified.of(laboratory, session, reduced),

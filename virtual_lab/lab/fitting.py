@@ -103,7 +103,7 @@ def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     for rig in rigs:
         if rig in catalog.names("rigs"):
-            found |= catalog.unverified("rigs", rig)
+            found |= catalog.count_unverified("rigs", rig)
     return found
 
 

@@ -39,7 +39,7 @@ quiet = _Quiet()
 
 
 @contextmanager
-def shown(stream: TextIO | None = None) -> Iterator[Progress]:
+def show_progress(stream: TextIO | None = None) -> Iterator[Progress]:
     """Yield a `Progress` that writes to a stream, by default stderr, until the context ends."""
     stream = stream or sys.stderr
     if stream is None:  # a program without a terminal has no stderr

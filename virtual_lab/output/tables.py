@@ -118,7 +118,7 @@ def table_text(
     )
 
 
-def quoted(cell: object) -> str:
+def quote(cell: object) -> str:
     """Return a table cell in a form that no spreadsheet interprets as a formula.
 
     A text that begins with ``= + - @``, a tab or a line end gets an apostrophe; numbers do not.
@@ -140,9 +140,9 @@ def write_csv(table: pd.DataFrame, path: Path) -> None:
 
 def csv_text(table: pd.DataFrame) -> str:
     """Return a table as CSV, with texts that no spreadsheet interprets as formulas."""
-    safe = table.rename(columns=quoted)
+    safe = table.rename(columns=quote)
     for name in safe.select_dtypes(exclude=["number", "bool"]):
-        safe[name] = [quoted(cell) if isinstance(cell, str) else cell for cell in safe[name]]
+        safe[name] = [quote(cell) if isinstance(cell, str) else cell for cell in safe[name]]
     return str(safe.to_csv(index=False, lineterminator="\n"))
 
 

@@ -181,7 +181,7 @@ class Particulars(Spec):
     @property
     def stated(self) -> dict[str, Any]:
         """The stated particulars, as tables of JSON."""
-        return _filled(asdict(self))
+        return _without_empty(asdict(self))
 
     def printed(self, *, simulated: bool) -> Iterator[tuple[str, str]]:
         """Yield words and value of what is stated, in the order of a report.
@@ -314,7 +314,10 @@ def form() -> Iterator[str]:
         yield f'# {key.name} = ""'
 
 
-def _filled(tables: Mapping[str, Any]) -> dict[str, Any]:
+def _without_empty(tables: Mapping[str, Any]) -> dict[str, Any]:
     """Return tables without what is empty."""
-    inner = {key: _filled(each) if isinstance(each, dict) else each for key, each in tables.items()}
+    inner = {
+        key: _without_empty(each) if isinstance(each, dict) else each
+        for key, each in tables.items()
+    }
     return {key: each for key, each in inner.items() if each}

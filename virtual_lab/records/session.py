@@ -85,7 +85,7 @@ class PackedSession:
             np.save(folder / name, values, allow_pickle=False)
 
 
-def packed(session: Session) -> PackedSession:
+def pack(session: Session) -> PackedSession:
     """Return the files of a session."""
     channels: dict[str, dict[str, Any]] = {}
     start = _start_of_digests(session.origin)
@@ -127,7 +127,7 @@ def packed(session: Session) -> PackedSession:
 
 def save_session(session: Session, folder: Path) -> None:
     """Write a session into `folder`, which must exist and be empty."""
-    packed(session).write(folder)
+    pack(session).write(folder)
 
 
 def entry_of_origin(origin: Origin) -> dict[str, Any]:
@@ -252,7 +252,7 @@ def load_session(folder: Path) -> Session:
         ball=form.ball,
         rigs=form.rigs,
         procedure_text=read_text(folder / RULES),
-        calibration={key: _known(entry, key, where) for key, entry in form.calibration.items()},
+        calibration={key: _constant(entry, key, where) for key, entry in form.calibration.items()},
         records={
             stage: {
                 channel: _record(folder, (stage, channel), entry, where, start)
@@ -325,7 +325,7 @@ def entry_of_constant(constant: Estimate) -> dict[str, Any]:
     return entry
 
 
-def _known(entry: ConstantEntry, key: str, where: Path) -> Estimate:
+def _constant(entry: ConstantEntry, key: str, where: Path) -> Estimate:
     constant = _estimate(entry, f"calibration.{key}", where)
     require_plausible(key, constant, str(where))
     return constant

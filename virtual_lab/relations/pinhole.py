@@ -15,7 +15,7 @@ from virtual_lab.units import Array
 DOWN = np.diag([1.0, -1.0, -1.0])  # axes of a camera that looks straight down, with X to the right
 
 
-def distorted(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
+def distort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
     """Return the distorted positions of points in the plane z = 1, (…, 2).
 
     Parameters
@@ -38,7 +38,7 @@ def distorted(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array
     )
 
 
-def undistorted(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
+def undistort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
     """Return the points in the plane z = 1 whose distorted positions are `points`, (…, 2).
 
     The method is fixed-point iteration, exact to 1e-10 for a distortion of a few per cent.
@@ -53,11 +53,11 @@ def undistorted(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Arr
     drawn = np.asarray(points, dtype=np.float64)
     flat = drawn
     for _ in range(8):
-        flat = drawn - (distorted(flat, coefficients) - flat)
+        flat = drawn - (distort(flat, coefficients) - flat)
     return flat
 
 
-def projected(points: ArrayLike, focal: float, centre: ArrayLike, coefficients: Array) -> Array:
+def project(points: ArrayLike, focal: float, centre: ArrayLike, coefficients: Array) -> Array:
     """Return the pixels (…, 2) of points (…, 3) in axes of the camera.
 
     Parameters
@@ -72,7 +72,7 @@ def projected(points: ArrayLike, focal: float, centre: ArrayLike, coefficients: 
         Distortion k1, k2, p1, p2, k3.
     """
     place = np.asarray(points, dtype=np.float64)
-    flat = distorted(place[..., :2] / place[..., 2:], coefficients)
+    flat = distort(place[..., :2] / place[..., 2:], coefficients)
     return np.asarray(focal * flat + np.asarray(centre))
 
 

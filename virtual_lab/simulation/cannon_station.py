@@ -9,7 +9,7 @@ import numpy as np
 
 from virtual_lab.catalog.specs import Spec
 from virtual_lab.records import Record
-from virtual_lab.simulation.flights import FlownShots, RestingBat, Surroundings, flown
+from virtual_lab.simulation.flights import FlownShots, RestingBat, Surroundings, fly
 from virtual_lab.simulation.impact import (
     Blows,
     blows_of,
@@ -58,7 +58,7 @@ class RestingBatSpec(CannonRigSpec):
     stop: StopSpec
 
 
-def fitted(
+def commission(
     spec: CannonRigSpec, factory: InstrumentFactory, name: str, gates: type[Any], sheet: type[Any]
 ) -> dict[str, Any]:
     """Return the commissioned instruments of a rig, as the fields of its station.
@@ -175,9 +175,9 @@ class RestingBatStation(CannonStation):
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest and time the ball through all gates, inbound and rebound."""
-        return self.timed(self.fly(plan, specimen, draws), plan, draws)
+        return self.record_flights(self.fly(plan, specimen, draws), plan, draws)
 
-    def around(self, radius: TrueConstant) -> Surroundings:
+    def surroundings(self, radius: TrueConstant) -> Surroundings:
         """Return the objects around the bat, for balls of a radius [m]."""
         view = self.gates.spec.view(radius)
         return Surroundings(self.frame, self.stop, self.gates.distances, view)
@@ -207,7 +207,7 @@ class RestingBatStation(CannonStation):
         axis = np.broadcast_to(rigid.length - here.holder.from_knob, place.shape)
         inertia, efficiency = rigid.inertia(axis), blows.efficiency
         bat = RestingBat(profile, axis, inertia, place, across, efficiency, balls.mass)
-        shots = flown(passage, plan, bat, here.around(balls.spec.radius))
+        shots = fly(passage, plan, bat, here.surroundings(balls.spec.radius))
         contact = here.gates.arrival(shots.passage)
         return BallFlights(
             flown=shots,
@@ -219,7 +219,7 @@ class RestingBatStation(CannonStation):
             ball_restitution=e0,
         )
 
-    def timed(self, fired: BallFlights, plan: ShotPlan, draws: Draws) -> RigOutput:
+    def record_flights(self, fired: BallFlights, plan: ShotPlan, draws: Draws) -> RigOutput:
         """Return the records and the true values of balls in flight."""
         return RigOutput(
             records=self.records(fired.passage, fired.contact, fired.leaving, plan, draws),

@@ -24,7 +24,7 @@ from virtual_lab.simulation.motion.scene import (
     ShotState,
     StopSpec,
 )
-from virtual_lab.simulation.motion.touch import moved
+from virtual_lab.simulation.motion.touch import move
 from virtual_lab.simulation.rig import MotionRung, ShotPlan
 from virtual_lab.units import Array
 
@@ -77,7 +77,7 @@ class FlownShots(NamedTuple):
     kicks: tuple[tuple[int, float, float], ...] = ()
 
 
-def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
+def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
     """Return the flights at a pivoted bat at rest, by the plan's model of the motion.
 
     The closed form is used unless the ball may hit a frame on its way in, or the bat may return
@@ -94,11 +94,11 @@ def flown(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surrounding
     beyond, framed = _beyond_closed_form(passage, bat, around)
     pymunk, count = plan.motion is MotionRung.PYMUNK, len(beyond)
     if not pymunk:
-        passage = _stopped(passage, around, framed & ~beyond)
+        passage = _stop_at_frames(passage, around, framed & ~beyond)
     shots = np.arange(count) if pymunk else np.flatnonzero(beyond)
     if not shots.size:
         return FlownShots(passage)
-    some = replace(passage, **_columns(passage, count, shots), **_shared(passage, shots))
+    some = replace(passage, **_columns(passage, count, shots), **_common_constants(passage, shots))
     # without obstacles on the way back one millisecond is enough, since the ball has left the bat
     after = np.where((beyond | framed)[shots], RECORD, 1e-3)
     blows = RestingBat(bat.profile, *(each[shots] for each in bat[1:]))
@@ -217,7 +217,7 @@ def _at_hand(passage: Passage, bat: RestingBat, since: Array) -> NDArray[np.bool
     return np.asarray((since < RECORD) & ~above & ~(falls & (first < -reach)))
 
 
-def _stopped(passage: Passage, around: Surroundings, chosen: NDArray[np.bool_]) -> Passage:
+def _stop_at_frames(passage: Passage, around: Surroundings, chosen: NDArray[np.bool_]) -> Passage:
     """Return the flights, which end at the first frame that a rebounding ball does not clear."""
     shots = np.flatnonzero(chosen)
     if not shots.size:
@@ -252,7 +252,7 @@ def _columns(passage: Passage, count: int, chosen: Any = slice(None)) -> dict[st
     return {name: values[chosen].astype(float) for name, values in whole.items()}
 
 
-def _shared(passage: Passage, shots: NDArray[np.int_]) -> dict[str, Any]:
+def _common_constants(passage: Passage, shots: NDArray[np.int_]) -> dict[str, Any]:
     """Return radius and gravity of the `shots`, which are common to a laboratory."""
     each = {name: np.asarray(getattr(passage, name)) for name in ("radius", "gravity")}
     return {name: values[shots] if values.ndim else values for name, values in each.items()}
@@ -314,7 +314,7 @@ def _as_flown(
     """Return the columns that a scene replaces in the `planned` flights."""
     first, shot = turns.first, pieces.shot[turns.first]
     begun = pieces.state.part(first - 1)
-    before = moved(scene, begun, pieces.time[first] - pieces.time[first - 1], shot)
+    before = move(scene, begun, pieces.time[first] - pieces.time[first - 1], shot)
     state, up = pieces.state.part(turns.back), np.asarray(scene.frames[0].up)[shot]
     contact = scene.start.x[shot] + AHEAD  # position of the contact in closed form
     ends = np.append(pieces.state.x, -np.inf)[turns.frame]

@@ -55,7 +55,7 @@ class MotionRung(Enum):
 E = TypeVar("E", bound=Enum)
 
 
-def named(kind: type[E], key: str, name: str) -> E:
+def member_of(kind: type[E], key: str, name: str) -> E:
     """Return the member of an enumeration by its value. Raises `InputError` for `key` if none."""
     names = [each.value for each in kind]
     if name not in names:
@@ -166,7 +166,7 @@ class FilmingStation(Station, Protocol):
         """Return whole frames of a plan's first shot, (count, row, column), from 0 to 1."""
         ...
 
-    def unfilmed(self) -> Station:
+    def without_camera(self) -> Station:
         """Return the station with its camera switched off."""
         ...
 

@@ -201,7 +201,7 @@ class SealedTruth:
             "measurand": dict(self.measurand),
             "place_m": self.place.tolist(),
             "bat": {"name": self.bat.name, "body": asdict(self.bat.body)},
-            "bat_properties": _listed(self.bat_properties),
+            "bat_properties": _as_lists(self.bat_properties),
             "balls": {
                 "mass": self.balls.mass.tolist(),
                 "restitution": self.balls.restitution.tolist(),
@@ -209,13 +209,13 @@ class SealedTruth:
                 "spec": asdict(self.balls.spec),
             },
             "constants": dict(self.constants),
-            "shots": _listed(self.shots),
-            "wall_hits": _listed(self.wall_hits),
+            "shots": _as_lists(self.shots),
+            "wall_hits": _as_lists(self.wall_hits),
             "faults": list(self.faults),
         }
 
 
-def _listed(arrays: Mapping[str, Array]) -> dict[str, Any]:
+def _as_lists(arrays: Mapping[str, Array]) -> dict[str, Any]:
     """Return arrays as lists for JSON, with null for NaN (a ball that did not rebound)."""
     return {name: np.ma.masked_invalid(values).tolist(None) for name, values in arrays.items()}
 

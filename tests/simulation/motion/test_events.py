@@ -20,7 +20,7 @@ from virtual_lab.simulation.flights import (
     FlownShots,
     RestingBat,
     Surroundings,
-    flown,
+    fly,
     scene_of,
 )
 from virtual_lab.simulation.impact import thrown_back
@@ -61,7 +61,7 @@ class WeakShots(NamedTuple):
     def flown(self) -> FlownShots:
         every = np.arange(len(self.bat.place))
         plan = ShotPlan(slot=every, ball=every, speed=self.passage.speed_in, place=self.bat.place)
-        return flown(self.passage, plan, self.bat, self.around)
+        return fly(self.passage, plan, self.bat, self.around)
 
 
 def weak_shots(count: int, stops: Sequence[dict[str, float]] = STOPS) -> Iterator[WeakShots]:
@@ -72,7 +72,7 @@ def weak_shots(count: int, stops: Sequence[dict[str, float]] = STOPS) -> Iterato
         station, ball = laboratory.stations[Stage.IMPACT], laboratory.specimen.balls.spec
         if not isinstance(station, RestingBatStation):
             continue
-        body, around = laboratory.specimen.bat.body, station.around(ball.radius)
+        body, around = laboratory.specimen.bat.body, station.surroundings(ball.radius)
         for number, stop in enumerate(stops):
             rng = np.random.default_rng([number, *procedure.encode()])
             speed = laboratory.rules.spec.ball_speed * rng.uniform(0.97, 1.03, count)

@@ -15,7 +15,7 @@ from virtual_lab.simulation.motion import pymunk_scene
 from virtual_lab.simulation.motion.played import Target
 from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, longest_step, play_pymunk
 from virtual_lab.simulation.motion.scene import FrameSpec, PivotedBat, ShotScene
-from virtual_lab.simulation.motion.touch import moved, nearness
+from virtual_lab.simulation.motion.touch import move, nearness
 from virtual_lab.units import INCH
 
 EVERY = pytest.mark.parametrize("rung", ["closed-form", "events", "pymunk"])
@@ -167,7 +167,7 @@ def test_a_place_on_the_bat_slides_as_it_is_seen_to() -> None:
     played = scattered(12, seed=4, drag=0.0, gravity=0.0)
     every, step = np.arange(12), 1e-6
     before, after = (
-        nearness(played, moved(played, played.start, np.full(12, sign * step), every)).place
+        nearness(played, move(played, played.start, np.full(12, sign * step), every)).place
         for sign in (-1.0, 1.0)
     )
     found = nearness(played, played.start).sliding

@@ -18,7 +18,7 @@ from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.files import new_folder, read_json
-from virtual_lab.records.session import packed
+from virtual_lab.records.session import pack
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -60,7 +60,7 @@ class RehearsedDay:
             save_debrief(self.debrief, draft)
             if self.desk.day.reduced:
                 (draft / "records").mkdir()
-                records = packed(self.desk.session)
+                records = pack(self.desk.session)
                 records.write(draft / "records")
                 printed = certificate(self.desk.certification, session_digest=records.digest)
                 (draft / "certificate.json").write_text(printed.text, encoding="utf-8")

@@ -20,7 +20,7 @@ from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_json
 from virtual_lab.output.result import Rows
-from virtual_lab.output.tables import column, quoted
+from virtual_lab.output.tables import column, quote
 
 TRIED = (1, 2, 3)  # seeds for the trial of a scenario
 
@@ -115,7 +115,7 @@ def trends(folder: str | Path) -> Rows[CurvePoint]:
                 so_far.append(value)
                 mean = sum(so_far) / len(so_far)
                 points.append(
-                    CurvePoint(trainee=quoted(trainee), day=number, of=what, value=value, mean=mean)
+                    CurvePoint(trainee=quote(trainee), day=number, of=what, value=value, mean=mean)
                 )
     return Rows(name="trends", title="learning curves", rows=points)
 
@@ -136,8 +136,8 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
         if not kept.day.handed_in:
             unknown: dict[str, Any] = dict.fromkeys((*SCORES, "right", "brier"))
             return ClassDay(
-                trainee=quoted(trainee),
-                day=quoted(kept.scenario.title),
+                trainee=quote(trainee),
+                day=quote(kept.scenario.title),
                 verdict="not handed in",
                 **unknown,
                 found="",
@@ -149,8 +149,8 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
         save_debrief(debriefed(kept), folder)
     told = read_json(path)
     return ClassDay(
-        trainee=quoted(trainee),
-        day=quoted(told["title"]),
+        trainee=quote(trainee),
+        day=quote(told["title"]),
         verdict=told["verdict"],
         right=told["right_verdict"],
         brier=told["brier"],

@@ -92,7 +92,7 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
     plan, specimen = laboratory.setup.faults.done(Stage.IMPACT, asked, laboratory.specimen)
     fired = station.fly(plan, specimen, laboratory.draws)
     more = fired.flown.kicks or not np.all(fired.flown.met) or np.any(fired.flown.late)
-    around = station.around(specimen.balls.spec.radius)
+    around = station.surroundings(specimen.balls.spec.radius)
     scene = scene_of(fired.passage, fired.bat, around, 0.5 if more else FILM.after).alone(0)
     played = play_events(scene)
     return None if played.refused[0] else (scene, played)

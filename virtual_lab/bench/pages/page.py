@@ -25,7 +25,7 @@ from virtual_lab.bench.pages.tally import in_units, residual_chart, run_chart, s
 from virtual_lab.bench.pages.traces import traces_of
 from virtual_lab.errors import InputError
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.tables import quoted
+from virtual_lab.output.tables import quote
 from virtual_lab.output.template import page_template
 
 PACKAGE = "virtual_lab.bench.pages"
@@ -227,7 +227,7 @@ def notebook_table(desk: Desk, briefing: Mapping[str, Any]) -> str:
     for each in _entries(desk.day, briefing):
         struck = "yes" if each.struck else "no"
         cells = (each.number, each.minute, each.title, struck, each.given, each.readings)
-        rows.writerow([quoted(cell) for cell in cells])
+        rows.writerow([quote(cell) for cell in cells])
     return lines.getvalue()
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from virtual_lab.measurement.camera.windows import Sightings
 from virtual_lab.measurement.reduction.flights import Flights
 from virtual_lab.relations.flight import time_before
-from virtual_lab.relations.pinhole import looking_down, undistorted
+from virtual_lab.relations.pinhole import looking_down, undistort
 from virtual_lab.units import Array, Mask
 
 Constants = Mapping[str, Array]
@@ -152,7 +152,7 @@ def _rays(x: Constants, stage: str, seen: Sightings) -> list[Array]:
     lenses, which = np.unique(sets, axis=0, return_inverse=True)
     focal, centre_x, centre_y, *bend = (column[:, None, None] for column in lenses.T)
     flat = np.stack([(seen.x - centre_x) / focal, (seen.y - centre_y) / focal], axis=-1)
-    u, v = np.moveaxis(undistorted(flat, bend), -1, 0)
+    u, v = np.moveaxis(undistort(flat, bend), -1, 0)
     bent = 1 + 3 * bend[0] + 9 * bend[1] * (u**2 + v**2)
     rows = np.ravel(which) if columns[0].ndim else 0
     return [each[rows] for each in (u, v, bent)]

@@ -101,10 +101,10 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
     first = _first(kind, form, index_from, where)
     path = inside(folder, form.file, where, "file")
     table = read_table(path, delimiter=form.delimiter, decimal=form.decimal)
-    table, headers = _renamed(table, form, meanings, str(path), where)
+    table, headers = _rename(table, form, meanings, str(path), where)
     _require_known(form.wide, meanings, "wide", where)
     table = _spread(table, form, kind.axes(), first, str(path), where)
-    names = _found(table, kind, meanings, str(path))
+    names = _find_columns(table, kind, meanings, str(path))
     require_numbers(table.rename(columns=headers), str(path))
     values = [names[column.name] for column in kind.columns.values() if not column.is_index]
     if table[values].isna().all(axis=None):
@@ -149,7 +149,7 @@ def _first(
     return {index: first.get(index, index_from) for index in indices}
 
 
-def _renamed(
+def _rename(
     table: pd.DataFrame, form: ChannelForm, meanings: Mapping[str, _Meaning], path: str, where: str
 ) -> tuple[pd.DataFrame, dict[str, str]]:
     """Return the table with our names, and the header of each name in the file."""
@@ -204,13 +204,13 @@ def _spread(
     )
 
 
-def _found(
+def _find_columns(
     table: pd.DataFrame, kind: type[Record], meanings: Mapping[str, _Meaning], path: str
 ) -> dict[str, str]:
     """Return the name in the table of each column of the record, in the record's order."""
     unknown = [str(name) for name in table if name not in meanings]
     if unknown:
-        allowed = f"allowed: {_allowed(kind)}; what is not to be read goes into ignore"
+        allowed = f"allowed: {_allowed_columns(kind)}; what is not to be read goes into ignore"
         raise InputError(path, "columns", ", ".join(unknown), allowed)
     names: dict[str, str] = {}
     for name in map(str, table):
@@ -221,7 +221,7 @@ def _found(
     wanted = [*kind.axes(), *(column.name for column in kind.columns.values())]
     missing = [column for column in wanted if column not in names]
     if missing:
-        allowed = f"missing: {', '.join(missing)} (needed: {_allowed(kind)})"
+        allowed = f"missing: {', '.join(missing)} (needed: {_allowed_columns(kind)})"
         raise InputError(path, "columns", _names(table), allowed)
     return {column: names[column] for column in wanted}
 
@@ -230,7 +230,7 @@ def _names(table: pd.DataFrame) -> str:
     return ", ".join(map(str, table))
 
 
-def _allowed(kind: type[Record]) -> str:
+def _allowed_columns(kind: type[Record]) -> str:
     columns = (" or ".join(column_names(column.name)) for column in kind.columns.values())
     return "; ".join([*kind.axes(), *columns])
 

@@ -135,13 +135,13 @@ def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
     """Return the rigid and the modal rungs, fastest first, with their errors on the probe."""
     modes, held = modes_of(body, support, BENDING_MODES + STIFF_MODES), support_words(support)
     stepped = [ModalModel.within(modes, n, held=held) for n in (*MODE_COUNTS, PROBING.modes)]
-    *by_model, true = _probed(modes, stepped, probe)
+    *by_model, true = _collide_probe(modes, stepped, probe)
     rigid = RigidModel.of(body, support)
     by_model.insert(0, rigid.collide(probe))
     models: list[CollisionModel] = [rigid, *stepped[:-1]]
     names = ("rigid", *(_modal(count) for count in MODE_COUNTS))
     return [
-        _measured(name, model, collisions, true)
+        _measure_error(name, model, collisions, true)
         for name, model, collisions in zip(names, models, by_model, strict=True)
     ]
 
@@ -162,11 +162,13 @@ def _reference(body: BatBody, support: Support, probe: Scenes) -> Choice:
     modes = modes_of(body, support, PROBING.reference_modes + STIFF_MODES)
     most = ModalModel.within(modes, PROBING.reference_modes, held=model.held)
     bare = replace(most, modes=model.modes, stiff=most.stiff.above(most.stiff.count))
-    collisions, true = _probed(modes, [bare, most], probe)
-    return _measured(model.rung, model, collisions, true)
+    collisions, true = _collide_probe(modes, [bare, most], probe)
+    return _measure_error(model.rung, model, collisions, true)
 
 
-def _measured(name: str, model: CollisionModel, collisions: Collisions, true: Collisions) -> Choice:
+def _measure_error(
+    name: str, model: CollisionModel, collisions: Collisions, true: Collisions
+) -> Choice:
     """Return a collision model and its largest error of e_A over the probe, plus a margin."""
     again = bool(true.contacts.max() > 1)
     gap = np.abs(collisions.collision_efficiency - true.collision_efficiency).max()
@@ -176,7 +178,7 @@ def _measured(name: str, model: CollisionModel, collisions: Collisions, true: Co
     return Choice(name=name, model=model, error=error, meets_again=again)
 
 
-def _probed(modes: Modes, models: Sequence[ModalModel], probe: Scenes) -> list[Collisions]:
+def _collide_probe(modes: Modes, models: Sequence[ModalModel], probe: Scenes) -> list[Collisions]:
     """Return the collisions of the probe by each model.
 
     All models use the lowest of `modes`, so the mode shapes are interpolated once.

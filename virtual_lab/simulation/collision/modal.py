@@ -22,7 +22,7 @@ import numpy as np
 
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.simulation.collision.patch import PATCH, PatchTable, patch_shapes
-from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes, joined
+from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes, concatenate
 from virtual_lab.simulation.collision.stepping import FINE, CollisionBatch, FinalStates, Stepper
 from virtual_lab.simulation.physics.ball import unloading_exponent
 from virtual_lab.simulation.physics.beam import Support, support_words
@@ -77,7 +77,7 @@ class ModalModel:
         """
         few = 16_384  # scenes per part, which limits the memory of intermediate arrays
         parts = [scenes.part(slice(i, i + few)) for i in range(0, len(scenes), few)]
-        return joined([collide_bats([(self, part)])[0] for part in parts])
+        return concatenate([collide_bats([(self, part)])[0] for part in parts])
 
 
 def collide_bats(

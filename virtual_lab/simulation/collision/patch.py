@@ -43,7 +43,7 @@ def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
     places = np.clip(z[:, None] + half[:, None] * x, 0.0, bat.length)
     few = 4096  # positions per block, so that the interpolation matrix fits in the cache
     blocks = [bat.averages(places[i : i + few], pressure) for i in range(0, len(z), few)]
-    return [np.concatenate([modes.averaged(block) for block in blocks]) for modes in parts]
+    return [np.concatenate([modes.average(block) for block in blocks]) for modes in parts]
 
 
 @dataclass(frozen=True)

@@ -160,7 +160,7 @@ class Collisions:
     energy: EnergySplit
 
 
-def joined(parts: Sequence[Collisions]) -> Collisions:
+def concatenate(parts: Sequence[Collisions]) -> Collisions:
     """Return the collisions of several parts of a batch of one model as one batch."""
     if len(parts) == 1:
         return parts[0]

@@ -162,7 +162,7 @@ class OneByOne:
         followed.failure[(followed.failure == Failure.SOUND) & ~closed] = Failure.OPEN
         return followed
 
-    def settled(
+    def settle(
         self, struck: CollisionBatch, other: FinalStates, window: float = WINDOW
     ) -> FinalStates:
         """Integrate the scenes with steps halved until e_A settles.
@@ -264,7 +264,7 @@ class InStep:
             sure &= (np.abs(gap) < self.agree * self.tolerance) & (finer.contacts <= tries + 1)
             left = left[~sure]
         if left.size:
-            exact = OneByOne().settled(struck.part(left), followed.part(left), window)
+            exact = OneByOne().settle(struck.part(left), followed.part(left), window)
             exact.redone[:] = self.tries
             followed.put(left, exact)
         return followed

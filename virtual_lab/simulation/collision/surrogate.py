@@ -156,7 +156,7 @@ class Surrogate:
             error = float(np.abs(_evaluate(coefficients, check) - true).max())
             if error <= tolerance:
                 return cls(box=box, coefficients=coefficients, error=error)
-            nodes = _refined(coefficients)
+            nodes = _refine(coefficients)
             if np.prod(nodes) > FITTING.most_nodes:
                 allowed = f"{error:.1e} is reached with {coefficients.size} nodes, the most"
                 raise InputError("surrogate", "tolerance", tolerance, allowed)
@@ -202,7 +202,7 @@ def _nodes_needed(value: Callable[[Array], Array], tolerance: float) -> tuple[in
     return tuple(int(n) for n in np.maximum(fitting * needed, FITTING.least_nodes))
 
 
-def _refined(coefficients: Array) -> tuple[int, ...]:
+def _refine(coefficients: Array) -> tuple[int, ...]:
     """Return node counts with more nodes along the axis whose last coefficients are largest."""
     size = np.abs(coefficients)
     tails = [

@@ -71,7 +71,7 @@ def worn_out(specimen: Specimen) -> Specimen:
     return replace(specimen, balls=replace(specimen.balls, restitution=restitution))
 
 
-def cracked(specimen: Specimen) -> Specimen:
+def crack(specimen: Specimen) -> Specimen:
     """Bat cracked between the bench and the first hit: stiffness 10 % and f1 5 % lower."""
     bat, left = specimen.bat, 0.9
     material = replace(
@@ -100,7 +100,7 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
     return {"times": times}
 
 
-def swapped(record: Any, written: FaultContext) -> Arrays:
+def swap(record: Any, written: FaultContext) -> Arrays:
     """Gate records of two shots of one round exchanged."""
     slot = written.plan.slot
     first, second = (np.flatnonzero(slot == shot) for shot in (1, 4))
@@ -226,7 +226,7 @@ CATALOGUE: Mapping[str, Fault] = {
         _at_bench("ball-mass-typed", "ball-mass", misread(5.152 / 5.125)),
         Fault(name="ball-out-of-round", stage=None, channel="gates", record=out_of_round),
         Fault(name="ball-worn-out", stage=None, specimen=worn_out),
-        Fault(name="bat-cracked", specimen=cracked),
+        Fault(name="bat-cracked", specimen=crack),
         Fault(name="clamp-forgotten", stage=None, calibration=clamp_forgotten),
         # the scale showed ounces, and they were entered as grams
         _at_bench("ounces-as-grams", "ball-mass", misread(1e-3 / OUNCE)),
@@ -238,7 +238,7 @@ CATALOGUE: Mapping[str, Fault] = {
             channel="pendulum",
             record=usual_amplitude,
         ),
-        _at_bat("records-swapped", "gates", swapped),
+        _at_bat("records-swapped", "gates", swap),
         # a dish of 2 g was left on it when bat and balls were weighed
         Fault(
             name="scale-not-tared",

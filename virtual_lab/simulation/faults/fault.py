@@ -82,7 +82,7 @@ def constant_off(part: str, constant: str, *, times: float = 1.0, plus: float = 
         if not keys:
             return None
         off = {keys[-1]: true[keys[-1]] * times + plus}
-        return fitted_with(station, part, instrument.altered(**off))
+        return fitted_with(station, part, instrument.with_true(**off))
 
     return standing
 

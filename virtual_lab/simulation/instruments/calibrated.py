@@ -58,7 +58,7 @@ class CalibratedSpec(Spec):
         """Return the constants with their σ and degrees of freedom, by name."""
         names = [part.name[:-2] for part in fields(cast("Any", self)) if part.name.endswith("_u")]
         return {
-            name: certified(
+            name: stated_constant(
                 getattr(self, name), getattr(self, f"{name}_u"), getattr(self, f"{name}_dof", inf)
             )
             for name in names
@@ -68,7 +68,7 @@ class CalibratedSpec(Spec):
 S = TypeVar("S", bound=CalibratedSpec)
 
 
-def certified(value: float, sigma: float, dof: float = inf) -> Estimate:
+def stated_constant(value: float, sigma: float, dof: float = inf) -> Estimate:
     """Return a constant as stated on a sheet. An exact constant has infinite degrees of freedom."""
     return Estimate(value=value, u=sigma, dof=dof if sigma else inf)
 
@@ -158,7 +158,7 @@ class CalibratedInstrument(Generic[S]):
         """Return the true constants, to be sealed."""
         return dict(self.true)
 
-    def altered(self, **true: TrueConstant) -> Self:
+    def with_true(self, **true: TrueConstant) -> Self:
         """Return the instrument with other true constants but the same certificate.
 
         Raises `KeyError` for an unknown constant.

@@ -16,7 +16,7 @@ from annotated_types import Ge, Gt, Lt, MinLen
 
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import BoardRecord, PassageRecord
-from virtual_lab.simulation.instruments.calibrated import Freedom, certified, drawn
+from virtual_lab.simulation.instruments.calibrated import Freedom, drawn, stated_constant
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.light_gate import (
     BallGates,
@@ -78,11 +78,13 @@ class LightBoardSpec(GateSheet):
 
     def certificate(self) -> dict[str, Estimate]:
         """Return distance and height of each board, and clock: recorded = clock x true time."""
-        stated = {"clock": certified(1 + self.clock_fast, self.clock_u)}
+        stated = {"clock": stated_constant(1 + self.clock_fast, self.clock_u)}
         heights = self.heights or (0.0,) * len(self.distances)
         for index, (distance, height) in enumerate(zip(self.distances, heights, strict=True)):
-            stated[f"distance_{index}"] = certified(distance, self.distance_u, self.distance_dof)
-            stated[f"height_{index}"] = certified(height, self.height_u, self.height_dof)
+            stated[f"distance_{index}"] = stated_constant(
+                distance, self.distance_u, self.distance_dof
+            )
+            stated[f"height_{index}"] = stated_constant(height, self.height_u, self.height_dof)
         return stated
 
 

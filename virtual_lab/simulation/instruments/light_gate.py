@@ -24,7 +24,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     CalibratedSpec,
     Freedom,
     TrueConstant,
-    certified,
+    stated_constant,
 )
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.passage import Passage
@@ -57,9 +57,9 @@ class GateSheet(CalibratedSpec):
     def certificate(self) -> dict[str, Estimate]:
         """Return the distance of each gate, and the clock: recorded time = clock x true time."""
         return {
-            f"distance_{index}": certified(distance, self.distance_u, self.distance_dof)
+            f"distance_{index}": stated_constant(distance, self.distance_u, self.distance_dof)
             for index, distance in enumerate(self.distances)
-        } | {"clock": certified(1 + self.clock_fast, self.clock_u)}
+        } | {"clock": stated_constant(1 + self.clock_fast, self.clock_u)}
 
 
 def each_shot(constant: TrueConstant, shots: int) -> Array:
@@ -127,7 +127,9 @@ class BallGates(CalibratedInstrument[G], ABC):
             raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
         record = self.edges if detail is RecordDetail.FULL else self.sums
         written = record(WatchedBatch(passage, contact, leaving, draws, name, slots))
-        return written if passage.reach is None else passage.seen(written, self.distances)
+        return (
+            written if passage.reach is None else passage.without_unreached(written, self.distances)
+        )
 
     @abstractmethod
     def edges(self, batch: WatchedBatch) -> Record:
@@ -166,7 +168,7 @@ class LightGates(BallGates[LightGateSpec]):
         before, _ = passage.inbound((self.distances[:, None] + edge)[None])
         after, height = passage.outbound((self.distances[:, None] - edge)[None])
         inbound = contact[:, None, None] - before
-        outbound = leaving[:, None, None] + self._seen(after, height)
+        outbound = leaving[:, None, None] + self._blank_missed(after, height)
         times = np.stack([inbound, outbound], axis=1)
         spec = self.spec
         start = spec.tick * draws.uniform(f"{name}.start", (1, 1, 1), slots)
@@ -195,5 +197,5 @@ class LightGates(BallGates[LightGateSpec]):
             values.setflags(write=False)
         return PassageRecord(times=times, heights=heights)
 
-    def _seen(self, time: Array, height: Array) -> Array:
+    def _blank_missed(self, time: Array, height: Array) -> Array:
         return np.where(np.abs(height) < self.spec.half_height, time, np.nan)

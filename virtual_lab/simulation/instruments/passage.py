@@ -60,7 +60,7 @@ class Passage:
         """Height at which the rebound begins [m]."""
         return self.height if self.height_out is None else self.height_out
 
-    def seen(self, record: R, distances: Array) -> R:
+    def without_unreached(self, record: R, distances: Array) -> R:
         """Return a record of gates without the times of gates that a ball could not reach.
 
         `distances` are those of the gates, (gate,) or (shot, gate) [m].

@@ -17,7 +17,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     CalibratedSpec,
     Freedom,
     TrueConstant,
-    certified,
+    stated_constant,
 )
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws, in_turn, of_owners
@@ -57,15 +57,15 @@ class PendulumSpec(CalibratedSpec):
     def certificate(self) -> dict[str, Estimate]:
         """Return the certified constants of timer, amplitude scale, pivot and clamp."""
         return {
-            "clock": certified(1 + self.timer_fast, self.timer_clock_u),
-            "amplitude_offset": certified(
+            "clock": stated_constant(1 + self.timer_fast, self.timer_clock_u),
+            "amplitude_offset": stated_constant(
                 self.amplitude_offset, self.amplitude_u, self.amplitude_dof
             ),
-            "pivot_from_knob": certified(self.pivot_from_knob, self.pivot_u, self.pivot_dof),
-            "clamp_inertia": certified(
+            "pivot_from_knob": stated_constant(self.pivot_from_knob, self.pivot_u, self.pivot_dof),
+            "clamp_inertia": stated_constant(
                 self.clamp_inertia, self.clamp_inertia_u, self.clamp_inertia_dof
             ),
-            "clamp_moment": certified(
+            "clamp_moment": stated_constant(
                 self.clamp_moment, self.clamp_moment_u, self.clamp_moment_dof
             ),
         }

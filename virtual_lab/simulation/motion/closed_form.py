@@ -9,7 +9,7 @@ import numpy as np
 
 from virtual_lab.simulation.motion.played import Pieces, PlayedShots, Target
 from virtual_lab.simulation.motion.scene import ShotScene
-from virtual_lab.simulation.motion.touch import first_touch, moved, nearness, obstacles, parted
+from virtual_lab.simulation.motion.touch import first_touch, move, nearness, obstacles, rebound
 
 
 def play_closed_form(scene: ShotScene) -> PlayedShots:
@@ -17,13 +17,13 @@ def play_closed_form(scene: ShotScene) -> PlayedShots:
     everyone = np.arange(scene.shots)
     time = first_touch(scene, scene.start, np.full(scene.shots, scene.duration), everyone)
     hit = np.flatnonzero(np.isfinite(time))
-    before = moved(scene, scene.start.part(hit), time[hit], hit)
+    before = move(scene, scene.start.part(hit), time[hit], hit)
     near = nearness(scene, before)
-    after = parted(scene, before, near, scene.efficiency(near.place, near.approach, hit), hit)
+    after = rebound(scene, before, near, scene.efficiency(near.place, near.approach, hit), hit)
     why = obstacles(scene, near, after)
     refused = np.zeros(scene.shots, dtype=why.dtype)
     refused[hit] = why
     starts = np.flatnonzero(refused == "")
     begun = Pieces.of(starts, np.zeros(len(starts)), Target.START, scene.start.part(starts))
     struck = Pieces.of(hit, time[hit], Target.BAT, after, near.place, near.approach)
-    return PlayedShots(refused=refused, pieces=Pieces.joined([begun, struck.part(why == "")]))
+    return PlayedShots(refused=refused, pieces=Pieces.concatenate([begun, struck.part(why == "")]))

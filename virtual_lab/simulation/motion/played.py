@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.simulation.motion.scene import ShotScene, ShotState
-from virtual_lab.simulation.motion.touch import moved
+from virtual_lab.simulation.motion.touch import move
 from virtual_lab.units import Array
 
 
@@ -45,14 +45,14 @@ class Pieces(NamedTuple):
         return cls(number, time, np.full(time.shape, struck), place, speed, state)
 
     @classmethod
-    def joined(cls, parts: Sequence[Pieces]) -> Pieces:
+    def concatenate(cls, parts: Sequence[Pieces]) -> Pieces:
         """Return all pieces, sorted by shot and time."""
 
         def whole(name: str) -> Any:
             return np.concatenate([getattr(part, name) for part in parts])
 
         names = ("shot", "time", "struck", "place", "speed")
-        state = ShotState.joined([part.state for part in parts])
+        state = ShotState.concatenate([part.state for part in parts])
         unsorted = cls(**{name: whole(name) for name in names}, state=state)
         return unsorted.part(np.lexsort((unsorted.time, unsorted.shot)))
 
@@ -88,6 +88,6 @@ class PlayedShots:
         for column, moment in enumerate(moments):
             # pieces are sorted by time, so the last one that has begun overwrites the others
             begun = self.pieces.part(self.pieces.time <= moment)
-            here = moved(scene, begun.state, moment - begun.time, begun.shot)
+            here = move(scene, begun.state, moment - begun.time, begun.shot)
             whole[:, begun.shot, column] = np.array(here)
         return ShotState(*whole)

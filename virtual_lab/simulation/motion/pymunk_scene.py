@@ -23,10 +23,10 @@ from virtual_lab.simulation.motion.scene import GateFrame, ShotScene, ShotState
 from virtual_lab.simulation.motion.touch import (
     Obstacle,
     first_touch,
-    moved,
+    move,
     nearness,
     obstacles,
-    parted,
+    rebound,
     time_to_stop,
 )
 from virtual_lab.units import Array
@@ -112,7 +112,7 @@ def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
     nothing = Pieces.of(np.zeros(0), np.zeros(0), Target.START, ShotState.of().part(slice(0, 0)))
     return PlayedShots(
         refused=np.array([shot.refused for shot in shots], dtype=np.str_),
-        pieces=Pieces.joined([nothing, *pieces]),
+        pieces=Pieces.concatenate([nothing, *pieces]),
     )
 
 
@@ -212,7 +212,7 @@ class _Shot:
         """Let pymunk move the bodies by their mean velocities. Return the ball's, (2,) [m/s]."""
         if span == 0:
             return np.zeros(2)
-        start, after = self.state, moved(self.scene, self.state, np.array([span]), ONE)
+        start, after = self.state, move(self.scene, self.state, np.array([span]), ONE)
         mean = np.array([after.x[0] - start.x[0], after.z[0] - start.z[0]]) / span
         self.ball.position = float(start.x[0]), float(start.z[0])
         self.ball.velocity = float(mean[0]), float(mean[1])
@@ -244,7 +244,7 @@ class _Shot:
         if not self.solids or step == 0:
             return inf
         scene, start = self.scene, self.state
-        after = moved(scene, start, np.array([step]), ONE)
+        after = move(scene, start, np.array([step]), ONE)
         here, there = ((float(s.x[0]), float(s.z[0])) for s in (start, after))
         way = there[0] - here[0], there[1] - here[1]
         speed, first = float(np.hypot(start.vx[0], start.vz[0])), inf
@@ -257,7 +257,7 @@ class _Shot:
                 continue
             flown = hit.alpha * np.hypot(*way) + OVERLAP
             time = float(time_after(flown, speed, scene.ball_drag[0]))
-            height = moved(scene, start, np.array([time]), ONE).y
+            height = move(scene, start, np.array([time]), ONE).y
             cleared = solid.frame and solid.frame.clears(height, scene.ball_radius)[0]
             if time < first and not cleared:
                 first, self.ahead = time, solid
@@ -267,7 +267,7 @@ class _Shot:
         """Apply the collision of ball and bat, and return the new piece."""
         scene, near = self.scene, nearness(self.scene, self.state)
         efficiency = scene.efficiency(near.place, near.approach, ONE)
-        self.state = parted(scene, self.state, near, efficiency, ONE)
+        self.state = rebound(scene, self.state, near, efficiency, ONE)
         self.refused = str(obstacles(scene, near, self.state)[0])
         self.touching = True
         again = Target.BAT in self.struck

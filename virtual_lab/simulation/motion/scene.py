@@ -44,7 +44,7 @@ class ShotState(NamedTuple):
         return cls(*(np.array(each, dtype=float) for each in np.broadcast_arrays(*wanted)))
 
     @classmethod
-    def joined(cls, states: list[ShotState]) -> Self:
+    def concatenate(cls, states: list[ShotState]) -> Self:
         """Return one state with the shots of several states in a row."""
         return cls(*np.concatenate([np.array(state) for state in states], axis=1))
 

@@ -52,7 +52,7 @@ class Nearness(NamedTuple):
     turning: Array  # component of the normal that rotates the bat, positive in recoil
 
 
-def moved(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> ShotState:
+def move(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> ShotState:
     """Return the states of the `shots` of a scene after a `time` [s] of free motion.
 
     Drag slows the ball in the horizontal plane, and gravity acts on its height. Both are exact.
@@ -102,7 +102,7 @@ def nearness(scene: ShotScene, state: ShotState) -> Nearness:
     )
 
 
-def parted(
+def rebound(
     scene: ShotScene, state: ShotState, near: Nearness, efficiency: Array, shots: Shots
 ) -> ShotState:
     """Return the states of the `shots` after frictionless contacts with these values of e_A.
@@ -161,7 +161,7 @@ def first_touch(
     time = np.where(start < until, start, np.inf)
     still = np.flatnonzero(start < until)
     while len(still):
-        here = moved(scene, state.part(still), time[still], shots[still])
+        here = move(scene, state.part(still), time[still], shots[still])
         near = nearness(scene, here)
         going = near.gap > TOUCHING.near
         # only gravity can increase the speed; distances change by at most the gap
@@ -179,7 +179,7 @@ def first_touch(
     met = np.flatnonzero(np.isfinite(time))
     fast = np.hypot(state.vx[met], state.vz[met])
     for _ in range(TOUCHING.polishing):
-        near = nearness(scene, moved(scene, state.part(met), time[met], shots[met]))
+        near = nearness(scene, move(scene, state.part(met), time[met], shots[met]))
         sharp = near.approach > TOUCHING.sharp * fast
         later = np.where(sharp, near.gap / np.where(sharp, near.approach, 1.0), 0.0)
         time[met] = np.maximum(time[met] + later, 0.0)

@@ -23,7 +23,7 @@ def loss_of_restitution(
     _, first, hits = np.unique(ball[in_turn], return_index=True, return_counts=True)
     row, rank = np.arange(hits.size).repeat(hits), np.arange(ball.size) - first.repeat(hits)
     taken = np.zeros((hits.size, hits.max(initial=0)))
-    taken[row, rank] = _taken(ageing, speed)[in_turn]
+    taken[row, rank] = _loss_by_hit(ageing, speed)[in_turn]
     remaining = exp(-rest / ageing.recovery_time)
     lasting = taken.cumsum(axis=1) - taken
     passing = np.zeros_like(taken)
@@ -37,8 +37,8 @@ def loss_of_restitution(
 
 def lasting_loss(ageing: BallAgeing, speed: Array) -> Array:
     """Return the permanent loss of e0 caused by hits at `speed` [m/s], in the shape of `speed`."""
-    return (1 - ageing.recovering) * _taken(ageing, speed)
+    return (1 - ageing.recovering) * _loss_by_hit(ageing, speed)
 
 
-def _taken(ageing: BallAgeing, speed: Array) -> Array:
+def _loss_by_hit(ageing: BallAgeing, speed: Array) -> Array:
     return np.asarray(ageing.loss * (speed / ageing.speed) ** 2)

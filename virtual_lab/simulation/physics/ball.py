@@ -166,7 +166,7 @@ class HuntCrossley:
         s, weight = (1 + x) / 2, gauss / 2 * (a + 1)
         touch = log1p(c * speed)
         times = []
-        for end in (touch, -_released(c * speed)):
+        for end in (touch, -_solve_release(c * speed)):
             u = depth(end, end * s ** (a + 1))
             times.append(np.sum(weight * (s / u) ** a) * mass * abs(end) / (c * k))
         gone = np.linspace(0, touch, 10_001)
@@ -183,7 +183,7 @@ BallLaw = PowerLaw | HuntCrossley  # force of one ball in one collision, branch 
 LawOfBall = Callable[..., BallLaw]
 
 
-def _released(x: float) -> float:
+def _solve_release(x: float) -> float:
     """Return -ln(1 - c w), where w is the speed at release, for an approach with c v = x."""
     spent = x - log1p(x)
     return float(brentq(lambda p: p + expm1(-p) - spent, 0.0, spent + 2, xtol=1e-16, rtol=1e-15))

@@ -82,9 +82,9 @@ class Modes:
         """Return the deflection of each mode at positions `z` (...) [m], shape (..., N)."""
         places = np.asarray(z, dtype=np.float64)
         at = self.averages(places.reshape(-1, 1), np.ones(1))
-        return self.averaged(at).reshape(*places.shape, self.count)
+        return self.average(at).reshape(*places.shape, self.count)
 
-    def averaged(self, averages: csr_array) -> Array:
+    def average(self, averages: csr_array) -> Array:
         """Return the mean deflection of each mode, (n, N), with a matrix from `averages`."""
         beam = np.asarray(averages @ self.deflections)
         if self.hoop is None:

@@ -31,14 +31,14 @@ def test_projection_is_opencvs() -> None:
     matrix = np.array([[lens.focal, 0, lens.centre[0]], [0, lens.focal, lens.centre[1]], [0, 0, 1]])
     moved = -lens.rotation @ lens.place
     theirs = cv2.projectPoints(points, turn, moved, matrix, lens.distortion)[0].reshape(-1, 2)
-    assert np.abs(lens.drawn(lens.seen(points)) - theirs).max() < 1e-9
+    assert np.abs(lens.drawn(lens.to_camera(points)) - theirs).max() < 1e-9
     assert np.abs(rotation(turn.ravel()) - lens.rotation).max() < 1e-12
 
 
 def test_x_runs_right_and_y_up() -> None:
     """Seen from above, the ball flies to the right and the bat's tip is at the top."""
     lens = Camera.commission(SPEC, Quiet(), "lens").lens
-    origin, ahead, tip = lens.drawn(lens.seen([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]))
+    origin, ahead, tip = lens.drawn(lens.to_camera([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]))
     assert ahead[0] - origin[0] > 50
     assert tip[1] - origin[1] < -50
 
@@ -70,7 +70,7 @@ def test_a_rendered_sphere_lies_where_its_outline_is() -> None:
     lens = Camera.commission(SPEC, Streams(3), "lens").lens
     centre, radius = np.array([[0.22, 0.28, 0.01]]), 0.0365
     outline = lens.outlines(centre, radius)
-    place = lens.seen(centre)[0]
+    place = lens.to_camera(centre)[0]
     far = np.linalg.norm(place)
     axis = place / far
     side = np.cross(axis, [0.3, 0.5, -0.2])

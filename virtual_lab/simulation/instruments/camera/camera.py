@@ -48,10 +48,12 @@ class Camera(CalibratedInstrument[CameraSpec]):
     def errors(self) -> dict[str, float]:
         return {**self.true, **self.sensor.errors()}
 
-    def altered(self, **true: float) -> Self:
+    def with_true(self, **true: float) -> Self:
         of_camera = {key: value for key, value in true.items() if key in self.true}
         others = {key: value for key, value in true.items() if key not in of_camera}
-        return replace(self, true={**self.true, **of_camera}, sensor=self.sensor.altered(**others))
+        return replace(
+            self, true={**self.true, **of_camera}, sensor=self.sensor.with_true(**others)
+        )
 
     @property
     def lens(self) -> TrueLens:
@@ -87,7 +89,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         lost = draws.uniform(f"{name}.lost", count, slots) + 0.5 < spec.clock.drop_rate
         shot = np.repeat(np.arange(shots), count)
         position = course.at(shot, times.ravel())
-        image = lens.drawn(lens.seen(position + lift))
+        image = lens.drawn(lens.to_camera(position + lift))
         inside = (image >= -0.5).all(axis=1)
         inside &= (image < [spec.sensor.columns - 0.5, spec.sensor.rows - 0.5]).all(axis=1)
         recorded = (inside.reshape(shots, count) | whole) & ~lost
@@ -97,7 +99,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         touch = np.clip([course.contact[row], course.leaving[row]], ends[0], ends[1])
         points = np.stack([ends[0], touch[0], touch[1], ends[1]], axis=1)
         path = np.stack(
-            [lens.drawn(lens.seen(course.at(row, when) + lift)) for when in points.T], axis=1
+            [lens.drawn(lens.to_camera(course.at(row, when) + lift)) for when in points.T], axis=1
         )
         jitter = spec.clock.jitter * draws.normal(f"{name}.jitter", count, slots)
         axes, spin = course.axes(row, time)
@@ -216,10 +218,10 @@ class Camera(CalibratedInstrument[CameraSpec]):
             )
         whole = np.concatenate(pixels) if pixels else np.empty((0, spec.window, spec.window))
         return ClipRecord(
-            times=frames.laid(frames.stamp),
-            left=frames.laid(corners[:, 0].astype(np.float64)),
-            top=frames.laid(corners[:, 1].astype(np.float64)),
-            pixels=frames.laid(whole),
+            times=frames.as_table(frames.stamp),
+            left=frames.as_table(corners[:, 0].astype(np.float64)),
+            top=frames.as_table(corners[:, 1].astype(np.float64)),
+            pixels=frames.as_table(whole),
             background=self.empty(draws, f"{name}.empty", bat),
         )
 
@@ -257,5 +259,8 @@ class Camera(CalibratedInstrument[CameraSpec]):
         off = u[:, None] * draws.normal(f"{name}.sums", 2, frames.numbers(slots))
         x, y = (frames.outlines.middle + off).T
         return TrackRecord(
-            times=frames.laid(frames.stamp), x=frames.laid(x), y=frames.laid(y), u=frames.laid(u)
+            times=frames.as_table(frames.stamp),
+            x=frames.as_table(x),
+            y=frames.as_table(y),
+            u=frames.as_table(u),
         )

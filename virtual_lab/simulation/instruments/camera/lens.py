@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from virtual_lab.relations.pinhole import looking_down, projected
+from virtual_lab.relations.pinhole import looking_down, project
 from virtual_lab.simulation.instruments.camera.spec import DISTORTION
 from virtual_lab.units import Array
 
@@ -72,13 +72,13 @@ class TrueLens:
         """Rotation from axes of the rig to axes of the camera, (3, 3)."""
         return looking_down(self.tilt)
 
-    def seen(self, points: ArrayLike) -> Array:
+    def to_camera(self, points: ArrayLike) -> Array:
         """Return points of the rig [m], (…, 3), in axes of the camera."""
         return np.asarray((np.asarray(points, dtype=np.float64) - self.place) @ self.rotation.T)
 
     def drawn(self, points: ArrayLike) -> Array:
         """Return the pixels (…, 2) of points (…, 3) in axes of the camera."""
-        return projected(points, self.focal, self.centre, self.distortion)
+        return project(points, self.focal, self.centre, self.distortion)
 
     def outlines(self, centres: ArrayLike, radius: float) -> Outlines:
         """Return the images of spheres with `centres` (n, 3) in axes of the rig [m].
@@ -87,7 +87,7 @@ class TrueLens:
         is radius / distance. The lens maps the cross-section of the cone, a disc, to pixels. The
         stored map is exact to second order about the centre, and to third order on the rim.
         """
-        place = self.seen(centres)
+        place = self.to_camera(centres)
         far = np.linalg.norm(place, axis=1)
         way = place / far[:, None]
         view = _turned_to(way)

@@ -50,7 +50,7 @@ class Frames:
         """Return the number of each frame in its laboratory, (n,), given those of the shots."""
         return np.asarray(slots[self.shot] * self.layout[1] + self.number)
 
-    def laid(self, values: NDArray[Any]) -> NDArray[Any]:
+    def as_table(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return values (n, …) as a table (shot, frame, …), with NaN or 0 for a missing frame."""
         blank = np.nan if np.issubdtype(values.dtype, np.floating) else 0
         table = np.full((*self.layout, *values.shape[1:]), blank, values.dtype)
@@ -61,12 +61,12 @@ class Frames:
         """Return the true values to be sealed: times [s], positions [m], image positions [px]."""
         outlines = self.outlines
         return {
-            "frame_time": self.laid(self.time),
-            "frame_position": self.laid(self.position),
-            "frame_centre": self.laid(outlines.centre),  # image of the ball's centre
-            "frame_outline": self.laid(outlines.middle),  # centroid of its outline
-            "frame_radius": self.laid(outlines.radius),
-            "frame_blur": self.laid(self.blur),
+            "frame_time": self.as_table(self.time),
+            "frame_position": self.as_table(self.position),
+            "frame_centre": self.as_table(outlines.centre),  # image of the ball's centre
+            "frame_outline": self.as_table(outlines.middle),  # centroid of its outline
+            "frame_radius": self.as_table(outlines.radius),
+            "frame_blur": self.as_table(self.blur),
         }
 
 

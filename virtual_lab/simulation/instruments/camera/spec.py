@@ -15,7 +15,7 @@ from virtual_lab.catalog.specs import (
     Spec,
     YesNo,
 )
-from virtual_lab.simulation.instruments.calibrated import CalibratedSpec, certified
+from virtual_lab.simulation.instruments.calibrated import CalibratedSpec, stated_constant
 from virtual_lab.uncertainty.estimate import Estimate
 
 Length = Annotated[float, Dimension("length")]
@@ -62,7 +62,7 @@ class SensorSpec(CalibratedSpec):
 
     def certificate(self) -> dict[str, Estimate]:
         """Return the constants that a photon transfer measurement gives, with uncertainties."""
-        return {"gain": certified(self.gain, self.gain * self.gain_u)}
+        return {"gain": stated_constant(self.gain, self.gain * self.gain_u)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,17 +190,17 @@ class CameraSpec(CalibratedSpec):
         lens, pose, pixel = self.lens, self.pose, self.sensor.pixel
         focal = lens.focal_length / pixel
         stated = {
-            "focal": certified(focal, focal * lens.focal_length_u),
-            "clock": certified(1 + self.clock.clock_fast, self.clock.clock_u),
-            "plane": certified(pose.plane, pose.plane_u),
+            "focal": stated_constant(focal, focal * lens.focal_length_u),
+            "clock": stated_constant(1 + self.clock.clock_fast, self.clock.clock_u),
+            "plane": stated_constant(pose.plane, pose.plane_u),
         }
         sides = self.sensor.columns, self.sensor.rows
         for axis, side, off in zip("xy", sides, lens.centre, strict=True):
             middle = (side - 1) / 2 + off / pixel
-            stated[f"centre_{axis}"] = certified(middle, lens.centre_u / pixel)
+            stated[f"centre_{axis}"] = stated_constant(middle, lens.centre_u / pixel)
         for key, value, u in zip(DISTORTION, lens.distortion, lens.distortion_u, strict=True):
-            stated[key] = certified(value, u)
+            stated[key] = stated_constant(value, u)
         for axis, tilt, at in zip("xyz", pose.tilt, pose.place, strict=True):
-            stated[f"tilt_{axis}"] = certified(tilt, pose.tilt_u)
-            stated[f"place_{axis}"] = certified(at, pose.place_u)
+            stated[f"tilt_{axis}"] = stated_constant(tilt, pose.tilt_u)
+            stated[f"place_{axis}"] = stated_constant(at, pose.place_u)
         return stated

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.relations.board import Board
-from virtual_lab.relations.pinhole import DOWN, distorted, rotation
+from virtual_lab.relations.pinhole import DOWN, distort, rotation
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
 from virtual_lab.streams import Draws
@@ -70,7 +70,7 @@ def _drawn(
 ) -> Array:
     """Return the mean albedo in each pixel, (row, column)."""
     axes = lens.rotation @ turned  # axes of the board as columns, in axes of the camera
-    origin = lens.seen(place)
+    origin = lens.to_camera(place)
     reach = (axes[:, 2] @ origin) / (rays @ axes[:, 2])
     on_board = (reach[..., None] * rays - origin) @ axes / board.square
     u = on_board[..., 0] + board.columns / 2  # from the outer corner of the first square [squares]
@@ -148,5 +148,5 @@ def _rays(lens: TrueLens, shape: tuple[int, int]) -> Array:
     bent = (np.stack([x, y], axis=-1) - lens.centre) / lens.focal
     straight = bent.copy()
     for _ in range(12):  # each step reduces the error about tenfold
-        straight += bent - distorted(straight, lens.distortion)
+        straight += bent - distort(straight, lens.distortion)
     return np.concatenate([straight, np.ones((*shape, 1))], axis=-1)
