@@ -44,20 +44,23 @@ LAYOUT = Layout()
 class Pictures:
     """Pictures of a ball's course through a clip, small ones: sheet, film and plot."""
 
-    def __init__(self, found: FollowedClip) -> None:
+    def __init__(self, found: FollowedClip, *, film: bool = False) -> None:
         """Read the frames that are shown: those that were searched are kept as JPEG."""
         self.clip, self.contacts, self.places = found.clip, found.contacts, course_of(found)
         self.names = names_of(self.places)
         # factor of `y_m` that makes it point up
         self.up = -found.sharp.plane.sense if found.sharp else -1.0
-        self.film = _spread(len(self.places), LAYOUT.frames)
+        self.film = _spread(len(self.places), LAYOUT.frames * film)
+        seen = np.flatnonzero(np.isfinite(self.places["radius_px"]))
+        self.balls = seen[_spread(len(seen), LAYOUT.tiles)]
         times, steps = self.places["time_s"], np.array([-1, 0, 1])
         near = [int(np.abs(times - e.time.value).argmin()) + steps for e in self.contacts]
         sheet = np.concatenate([_spread(len(times), LAYOUT.tiles), *near])
         self.sheet = np.unique(np.clip(sheet, 0, len(times) - 1))
         self.scale = (LAYOUT.tile_px / np.prod(self.clip.shape)) ** 0.5
         rows, columns = (max(1, round(self.scale * each)) for each in self.clip.shape)
-        wanted = np.unique(self.places["frame"][np.concatenate([self.sheet, self.film])])
+        shown = np.concatenate([self.sheet, self.balls, self.film])
+        wanted = np.unique(self.places["frame"][shown])
         # the stored frames have 8 bits
         kept = found.watched.thumbs if self.clip.samples.dtype == np.uint8 else {}
         stored = {k: cv2.imdecode(kept[k], cv2.IMREAD_UNCHANGED) for k in wanted if k in kept}
@@ -119,13 +122,12 @@ class Pictures:
 
     def strobe(self) -> Image:
         """Picture that shows the ball at several of its places, as small as they are."""
-        seen = self.film[np.isfinite(self.places["radius_px"][self.film])]
         # standing things, also a bat, are shown as they are at the first contact
         times = self.places["time_s"][self.sheet]
         time = self.contacts[0].time.value if self.contacts else times[0]
         whole = self._still(self.sheet[np.abs(times - time).argmin()]).copy()
         rows, columns = np.ogrid[: whole.shape[0], : whole.shape[1]]
-        for k in seen[:: max(1, len(seen) // LAYOUT.tiles)]:
+        for k in self.balls:
             x, y = (spots(self.places)[k] + 0.5) * self.scale - 0.5
             reach = (self.places["reach_px"][k] + 2) * self.scale
             inside = np.hypot(columns - x, rows - y) < reach

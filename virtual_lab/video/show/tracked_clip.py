@@ -152,7 +152,7 @@ def save_track(
     from virtual_lab.video.show.pictures import Pictures
 
     progress("drawing")
-    pictures = Pictures(found)
+    pictures = Pictures(found, film=film)
     with new_folder(folder) as draft:
         write_table(course_rows(pictures.places), draft / "track.csv")
         write_table(flight_rows(found), draft / "speeds.csv")
