@@ -57,7 +57,9 @@ def undistort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array
     return flat
 
 
-def project(points: ArrayLike, focal: float, centre: ArrayLike, coefficients: Array) -> Array:
+def project_points(
+    points: ArrayLike, focal: float, centre: ArrayLike, coefficients: Array
+) -> Array:
     """Return the pixels (…, 2) of points (…, 3) in axes of the camera.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from virtual_lab.relations.pinhole import looking_down, project
+from virtual_lab.relations.pinhole import looking_down, project_points
 from virtual_lab.simulation.instruments.camera.spec import DISTORTION
 from virtual_lab.units import Array
 
@@ -78,7 +78,7 @@ class TrueLens:
 
     def drawn(self, points: ArrayLike) -> Array:
         """Return the pixels (…, 2) of points (…, 3) in axes of the camera."""
-        return project(points, self.focal, self.centre, self.distortion)
+        return project_points(points, self.focal, self.centre, self.distortion)
 
     def outlines(self, centres: ArrayLike, radius: float) -> Outlines:
         """Return the images of spheres with `centres` (n, 3) in axes of the rig [m].
