@@ -28,10 +28,9 @@ provide_cache(Path(__file__).parent)  # read as numba loads
 
 if TYPE_CHECKING:
     from virtual_lab.api import *  # noqa: F403
-    from virtual_lab.bench.entrance.operated_day import rehearse
 
-__all__ = ["__version__", "rehearse"]
-__all__ += api.__all__
+__all__ = ["__version__"]
+__all__ += list(api.PLACES)
 __version__ = VERSION
 
 
@@ -39,9 +38,11 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-def __getattr__(name: str) -> Any:
-    """Load an attribute at its first use."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = getattr(api, name)
-    return globals()[name]
+if not TYPE_CHECKING:  # a reader of types would take any name for one of ours
+
+    def __getattr__(name: str) -> Any:
+        """Load an attribute at its first use."""
+        if name not in __all__:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = getattr(api, name)
+        return globals()[name]

@@ -14,13 +14,23 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import parse_toml
+from virtual_lab.parameters import (
+    ANYTHING,
+    SEED,
+    WHOLE,
+    ParameterRule,
+    read_name,
+    read_path,
+    read_word,
+    several,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -229,13 +239,142 @@ class Sheet:
         return f"<p><b>{self.name}</b>: {self.title}</p>{table}"
 
 
+AnyEntry = str | Path | Sheet
+AnyEntries = str | Path | Sheet | Sequence[str | Path | Sheet]
+
+
+def entry_name(entry: AnyEntry) -> str:
+    """Return the name of an entry of the catalog, given as name, path or sheet."""
+    return entry.name if isinstance(entry, Sheet) else str(entry)
+
+
+def entry_names(entries: AnyEntries) -> tuple[str, ...]:
+    """Return the names of entries of the catalog, given as one or as a list."""
+    if isinstance(entries, str | Path | Sheet):
+        return (entry_name(entries),)
+    return tuple(map(entry_name, entries))
+
+
+def words_of(words: str | Sequence[str]) -> tuple[str, ...]:
+    """Return one word, or a list of words, as a tuple."""
+    return (words,) if isinstance(words, str) else tuple(words)
+
+
+def entry_rule(kind: str, more: str = "") -> ParameterRule:
+    """Return the rule of one entry of the catalog: a name, a path or a sheet."""
+    one = kind.removesuffix("s")
+    allowed = f"a {one}: its name (vl.shelf('{kind}')), a .toml file or a sheet, vl.{one}(…)"
+
+    def read(value: Any) -> str | Sheet:
+        if not isinstance(value, Sheet):
+            return read_name(value)
+        if value.kind != kind:
+            raise TypeError(value.kind)
+        return value
+
+    return ParameterRule(
+        read=read,
+        allowed=allowed + more,
+        complete=lambda: _names(kind),
+        metavar=one.upper(),
+    )
+
+
+def _names(*kinds: str) -> list[str]:
+    from virtual_lab import catalog
+
+    return [name for kind in kinds or catalog.KINDS for name in catalog.names(kind)]
+
+
+def _rigs_at_bats() -> list[str]:
+    """Return the names of the installed rigs that fire at bats."""
+    from virtual_lab.simulation.rig import Stage, installed_rigs
+
+    return [name for name, rig in installed_rigs().items() if rig.stage is Stage.IMPACT]
+
+
+def _instruments(value: Any) -> tuple[Sheet, ...]:
+    sheets = (value,) if isinstance(value, Sheet) else tuple(value)
+    for sheet in sheets:
+        if not isinstance(sheet, Sheet) or sheet.kind not in ("instruments", "rigs"):
+            raise TypeError(sheet)
+    return sheets
+
+
+def _instrument_in_file(text: str) -> Sheet:
+    """Return the sheet of ``NAME=FILE``: an instrument or rig of the catalog, with other values."""
+    name, _, path = text.partition("=")
+    if not path:
+        raise ValueError(text)
+    kind = "rigs" if name in _names("rigs") else "instruments"
+    sheet = Sheet.of(kind, path)
+    return Sheet(kind, Sheet.of(kind, name).name, sheet.text)
+
+
+def _study(value: Any) -> Path | dict[str, Any]:
+    """Return the path of a study, or its keys and values."""
+    if not isinstance(value, Mapping):
+        return read_path(value)
+    return {key: STUDY[key].read(each) if key in STUDY else each for key, each in value.items()}
+
+
+BAT, PROCEDURE = entry_rule("bats"), entry_rule("procedures")
+BATS, PROCEDURES = several(BAT), several(PROCEDURE)
+INSTRUMENT = ParameterRule(
+    read=_instruments,
+    parse=_instrument_in_file,
+    allowed="sheets of instruments: [vl.instrument('pivot-gates').with_(tick='2 us')]",
+    complete=lambda: [f"{name}=" for name in _names("instruments", "rigs")],
+    metavar="NAME=FILE",
+)
+# rules of the keys of a campaign's study
+STUDY = {
+    "bats": BATS,
+    "procedures": PROCEDURES,
+    "laboratories": WHOLE,
+    "repeats": WHOLE,
+    "seed": SEED,
+}
+
+AnyName = Annotated[
+    str | Path,
+    ParameterRule(read=read_name, allowed="a name, or a path", complete=_names, metavar="NAME"),
+]
+AnyBat = Annotated[AnyEntry, BAT]
+AnyBats = Annotated[AnyEntries, BATS]
+AnyBall = Annotated[AnyEntry, entry_rule("balls")]
+BallOrDiameter = Annotated[AnyEntry, ANYTHING]
+AnyProcedure = Annotated[AnyEntry, PROCEDURE]
+AnyProcedures = Annotated[AnyEntries, PROCEDURES]
+AnyCamera = Annotated[AnyEntry, entry_rule("instruments")]
+AnyRig = Annotated[AnyEntry, replace(entry_rule("rigs"), complete=_rigs_at_bats)]
+AnyInertia = Annotated[
+    AnyEntry,
+    replace(entry_rule("bats", ", or a text: '17000 oz in^2'"), metavar="BAT|'NUMBER UNIT'"),
+]
+Faults = Annotated[
+    str | Sequence[str],
+    several(
+        ParameterRule(
+            read=read_word, allowed="", complete=lambda: _names("faults"), metavar="FAULT"
+        ),
+        "names of faults (vl.shelf('faults'))",
+    ),
+]
+Instruments = Annotated[Sheet | Sequence[Sheet], replace(INSTRUMENT, several=INSTRUMENT)]
+AnyStudy = Annotated[
+    str | Path | Mapping[str, Any],
+    ParameterRule(read=_study, allowed="a study.toml, its keys and values, or None to resume"),
+]
+
+
 def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
     """Return the sheet of a rig, or of an instrument of it, that a key belongs to; the key there.
 
     Parameters
     ----------
     rigs
-        Names of rigs, by stage.
+        AnyEntries of rigs, by stage.
     key
         Stage and key of the rig's sheet, ``impact.pivot.from_knob_u``; where that names an
         instrument, a key of the instrument's sheet follows, ``impact.gates.distance_u``.

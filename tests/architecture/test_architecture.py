@@ -142,14 +142,14 @@ def test_the_wings_share_no_formula_of_a_result(imports: dict[str, set[str]]) ->
 
 
 def test_rooms_and_floors_are_few(imports: dict[str, set[str]]) -> None:
-    """26 rooms and 10 floors, the longest chain of rooms, at most; nine loose modules."""
+    """27 rooms and 10 floors, the longest chain of rooms, at most; nine loose modules."""
     below: dict[str, set[str]] = {room(module): set() for module in imports}
     for module, others in imports.items():
         below[room(module)] |= {room(other) for other in others} - {room(module)}
     height: dict[str, int] = {}
     for name in TopologicalSorter(below).static_order():
         height[name] = 1 + max((height[other] for other in below[name]), default=0)
-    assert len(below) <= 26
+    assert len(below) <= 27
     assert max(height.values()) <= 10
     assert len(list((ROOT / "virtual_lab").glob("*.py"))) <= 9
 

@@ -70,7 +70,7 @@ CERTIFY: dict[str, tuple[str, object, object, Effect]] = {
     "number": ("--seed 7 --number 3", 0, 3, lambda s: s.number),
     "ideal": ("--ideal", Reality.REAL, Reality.IDEAL, lambda s: s.reality),
     "noise_free": ("--noise-free", Reality.REAL, Reality.NOISE_FREE, lambda s: s.reality),
-    "rung": ("--collision modal", None, "modal", lambda s: s.rung),
+    "collision": ("--collision modal", None, "modal", lambda s: s.rung),
     "motion": (
         "--motion pymunk",
         MotionRung.CLOSED_FORM,

@@ -54,5 +54,5 @@ def test_a_rig_without_the_rung_refuses_it(tmp_path: Path) -> None:
 
 
 def test_an_unknown_motion_is_refused() -> None:
-    with pytest.raises(InputError, match="motion = 'slow'; allowed: closed-form, pymunk"):
+    with pytest.raises(InputError, match="motion = 'slow'; allowed: closed-form or pymunk"):
         api.certify("r161", motion="slow")

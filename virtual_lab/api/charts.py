@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.errors import InputError, nearest
 from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.parameters import ChartedPart, StablePart
+from virtual_lab.sheets import Instruments
 
 if TYPE_CHECKING:
     from virtual_lab.fidelity.results import SpeedChart, StabilityMap
 
-PARTS = ("collision", "motion", "camera")
-CHARTED = (*PARTS, "uncertainty", "laboratory")
 
-
-def chart(part: str, *, progress: Progress = quiet) -> SpeedChart:
+def chart(
+    part: ChartedPart, *, instruments: Instruments = (), progress: Progress = quiet
+) -> SpeedChart:
     """Return error and run time of every model of a part.
 
     Parameters
@@ -24,6 +23,8 @@ def chart(part: str, *, progress: Progress = quiet) -> SpeedChart:
     part
         ``collision``, ``motion``, ``camera``, ``uncertainty``: methods to propagate it, or
         ``laboratory``: all parts of a test.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Called with the present task.
 
@@ -32,11 +33,13 @@ def chart(part: str, *, progress: Progress = quiet) -> SpeedChart:
     InputError
         Another part.
     """
-    found: SpeedChart = _study(part, "chart", CHARTED)(progress)
+    found: SpeedChart = _study(part, "chart")(progress)
     return found
 
 
-def stability(part: str, *, progress: Progress = quiet) -> StabilityMap:
+def stability(
+    part: StablePart, *, instruments: Instruments = (), progress: Progress = quiet
+) -> StabilityMap:
     """Return a map of the conditions under which the numerical methods of a part are valid.
 
     Each point of the map is accurate, inaccurate, unstable or refused.
@@ -45,6 +48,8 @@ def stability(part: str, *, progress: Progress = quiet) -> StabilityMap:
     ----------
     part
         ``collision``, ``motion`` or ``camera``.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Function called with the current step.
 
@@ -53,12 +58,9 @@ def stability(part: str, *, progress: Progress = quiet) -> StabilityMap:
     InputError
         Any other part.
     """
-    found: StabilityMap = _study(part, "stability", PARTS)(progress)
+    found: StabilityMap = _study(part, "stability")(progress)
     return found
 
 
-def _study(part: str, kind: str, parts: Sequence[str]) -> Any:
-    if part not in parts:
-        allowed = f"{nearest(part, parts)}allowed: {', '.join(parts)}"
-        raise InputError("", kind, part, allowed)
+def _study(part: str, kind: str) -> Any:
     return getattr(import_module(f"virtual_lab.fidelity.{part}_{kind}"), f"{part}_{kind}")

@@ -17,18 +17,20 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import parse_toml, read_text
 from virtual_lab.files.drafts import draft_in
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.sheets import toml_text
+from virtual_lab.parameters import Address, Folder, Positive, Share
+from virtual_lab.sheets import AnyStudy, Instruments, toml_text
 
 ATTEMPTS = 2  # number of attempts per block, in case its worker is killed
 
 
 def campaign(
-    study: Path | Mapping[str, Any] | None,
-    folder: Path,
+    study: AnyStudy | None,
+    folder: Folder,
     *,
-    workers: int = 1,
-    blocks: str | None = None,
-    dask: str | None = None,
+    workers: Positive = 1,
+    blocks: Share | None = None,
+    dask: Address | None = None,
+    instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Account:
     """Certify bats in very many laboratories, into a folder of Parquet files.
@@ -49,6 +51,8 @@ def campaign(
         The share of the parts, ``"3/40"`` for the third fortieth; None for all.
     dask
         The address of a Dask scheduler whose workers see the same folder; `workers` are not used.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Called with the number of laboratories done.
 
@@ -59,6 +63,7 @@ def campaign(
         among the parts, a share that does not exist, a scheduler that does not answer, a folder
         that cannot be written, the extra ``campaign`` or ``dask`` missing.
     """
+    folder = Path(folder)
     parquet()  # raises an error if the extra is missing
     if workers < 1:
         raise InputError("", "workers", workers, "allowed: 1 and more")
@@ -89,8 +94,9 @@ def campaign(
     return replace(account, made=len(numbers) - len(made) - len(account.missing), again=again)
 
 
-def _begun(study: Path | Mapping[str, Any], folder: Path, progress: Progress) -> Campaign:
-    if isinstance(study, Path):
+def _begun(study: str | Path | Mapping[str, Any], folder: Path, progress: Progress) -> Campaign:
+    if not isinstance(study, Mapping):
+        study = Path(study)
         return Campaign.begin(read_study(study), read_text(study), folder, progress)
     change = {f'"{key}"': values for key, values in dict(study.get("change") or {}).items()}
     text = toml_text({**study, "change": change})

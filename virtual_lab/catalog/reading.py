@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, Generic, TypeVar, cast
+from typing import Annotated, Any, Generic, TypeVar, cast, get_args
 
 from virtual_lab.catalog.specs import (
     BatSpec,
@@ -31,9 +31,10 @@ from virtual_lab.catalog.specs import (
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import parse_toml, read_text
+from virtual_lab.parameters import Kind
 
 DATA = Path(str(files("virtual_lab.data")))
-KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults")
+KINDS: tuple[Kind, ...] = get_args(Kind)
 T = TypeVar("T")
 Key = tuple[str, str]  # kind and name of an entry
 

@@ -53,6 +53,7 @@ from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.model import CONTROL as RATIO
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import csv_text, table_text
+from virtual_lab.parameters import File, Folder
 from virtual_lab.records.packages import CRATE, PACKAGE
 from virtual_lab.records.session import SESSION, digest_of_text, load_session
 
@@ -133,7 +134,7 @@ class Verification(StudyResult):
         return "\n".join([*lines, *filter(None, [self.note]), worth])
 
 
-def verify(folder: str | Path, *, key: str | Path | None = None) -> Verification:
+def verify(folder: Folder, *, key: File | None = None) -> Verification:
     """Compare a result folder with itself, and with the results of this program for its records.
 
     Parameters

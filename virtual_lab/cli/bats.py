@@ -22,13 +22,14 @@ from virtual_lab.errors import InputError
 
 if TYPE_CHECKING:
     from virtual_lab.output.progress import Progress
+    from virtual_lab.parameters import Kind
 
 KINDS = ("bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults")
 
 
 @command("list", table=True)
 @click.argument("kind", required=False, metavar="[KIND]", type=click.Choice(KINDS))
-def list_(kind: str | None) -> Any:
+def list_(kind: Kind | None) -> Any:
     """List the catalog (bats, balls, procedures, instruments, rigs, conditions, faults)."""
     return api.shelf(kind)
 

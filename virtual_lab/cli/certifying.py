@@ -24,6 +24,7 @@ from virtual_lab.cli.plumbing import (
 if TYPE_CHECKING:
     from virtual_lab.api import Certificate
     from virtual_lab.output.progress import Progress
+    from virtual_lab.parameters import Paper, RealityName
 
 
 history_option = click.option(
@@ -115,7 +116,7 @@ def saved_so(
 )
 @click.option(
     "--collision",
-    "rung",
+    "collision",
     type=click.Choice(["rigid", "modal", "reference"]),
     help="Collision model  [default: the fastest that is accurate enough]",
 )
@@ -185,7 +186,7 @@ def certify(
     """Test BAT (a name or a .toml file) by a procedure and write its certificate."""
     if ideal and noise_free:
         usage("--ideal and --noise-free exclude each other")
-    reality = "ideal" if ideal else "noise-free" if noise_free else "real"
+    reality: RealityName = "ideal" if ideal else "noise-free" if noise_free else "real"
     return saved_so(
         pdf, paper, sign, lambda: api.certify(bat, reality=reality, progress=progress, **asked)
     )
@@ -243,7 +244,7 @@ def verify(folder: Path, key: Path | None) -> Any:
     show_default=True,
     help="Paper of the report.",
 )
-def report(folders: tuple[Path, ...], pdf: bool, paper: str) -> Any:
+def report(folders: tuple[Path, ...], pdf: bool, paper: Paper) -> Any:
     """Compare the certificates in result FOLDERS, or in the folders of one.
 
     It takes bats by one procedure, one bat by several procedures, laboratories of one bat, or

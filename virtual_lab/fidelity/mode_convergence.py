@@ -7,7 +7,6 @@ variant has 120 modes and the same contact.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import Column
+from virtual_lab.sheets import AnyBats, entry_names
 from virtual_lab.simulation.collision.modal import STIFF_MODES, ModalModel
 from virtual_lab.simulation.collision.patch import PATCH
 from virtual_lab.simulation.collision.scene import Scenes
@@ -25,7 +25,7 @@ from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.units import INCH, MPH
 
 
-def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows[dict[str, Any]]:
+def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> Rows[dict[str, Any]]:
     """Return the largest error of e_A against 120 bending modes, by the number of modes.
 
     The table has one row per bat, contact (``point`` or ``patch``) and treatment of the omitted
@@ -48,7 +48,7 @@ def convergence(bats: Sequence[str] = (), *, progress: Progress = quiet) -> Rows
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     place, speed = np.meshgrid(np.linspace(1, 12, 23) * INCH, np.array([60.0, 160.0]) * MPH)
     scenes = Scenes.with_ball(ball, impact_position=place.ravel(), relative_speed=speed.ravel())
-    rows, every_bat = [], bats or catalog.names("bats")
+    rows, every_bat = [], entry_names(bats) or catalog.names("bats")
     for number, bat in enumerate(every_bat):
         progress("bats", number, len(every_bat))
         every = modes_of(catalog.load_bat(bat).spec.body, Free(), converged + STIFF_MODES)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.measurement.session_reduction import SessionReduction
+from virtual_lab.parameters import Propagation
 from virtual_lab.uncertainty.budget import Budget, Component
 from virtual_lab.uncertainty.inputs import Input, InputName
 from virtual_lab.uncertainty.propagated import Propagated
@@ -27,7 +28,7 @@ LEAST_FREEDOM = 3.0
 
 
 def refined(
-    method: str,
+    method: Propagation,
     reduced: SessionReduction,
     linear: Budget,
     draws: int | None = None,

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.errors import InputError
+from virtual_lab.parameters import LARGEST_SEED, SEED_BITS
 
 __all__ = [
     "LABORATORIES",
@@ -47,8 +48,6 @@ Slots = NDArray[np.int_]
 # laboratory of each row, as an index into a block of laboratories; ... for a single laboratory
 Owner = NDArray[np.int_] | EllipsisType
 LABORATORIES = 2**32  # largest number of laboratories in one study
-SEED_BITS = 128  # length of a random seed, too long for trial and error
-LARGEST_SEED = 2**SEED_BITS - 1
 
 
 def of_owners(values: ArrayLike, owner: Owner) -> Any:

@@ -14,11 +14,15 @@ from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import Column
+from virtual_lab.sheets import AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.rig import Reality
 
 
 def bias(
-    procedure: str = "astm-f1881", *, progress: Progress = quiet
+    procedure: AnyProcedure = "astm-f1881",
+    *,
+    instruments: Instruments = (),
+    progress: Progress = quiet,
 ) -> Rows[dict[str, str | float | None]]:
     """Return the systematic error of the method: measured minus true value without randomness.
 
@@ -30,6 +34,8 @@ def bias(
     ----------
     procedure
         Name in the catalog, or path of a .toml file.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Function called with the number of bats done and in total.
 
@@ -38,6 +44,7 @@ def bias(
     InputError
         An unknown procedure, or a file that cannot be used.
     """
+    procedure = entry_name(procedure)
     rows, bats = [], catalog.names("bats")
     for number, bat in enumerate(bats):
         progress("bats", number, len(bats))

@@ -21,6 +21,8 @@ from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
+from virtual_lab.parameters import Seed
+from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import ShotPlan, Stage
 from virtual_lab.units import INCH, Array
@@ -53,12 +55,13 @@ class ClipCoverage:
 
 
 def clip_coverage(
-    bat: str = "r161",
+    bat: AnyBat = "r161",
     *,
-    procedure: str = "bbcor",
+    procedure: AnyProcedure = "bbcor",
     clips: int = 2000,
-    seed: int = 1,
+    seed: Seed = 1,
     summed: bool = False,
+    instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Rows[ClipCoverage]:
     """Film one shot in each of many laboratories; count intervals with the true value.
@@ -73,6 +76,8 @@ def clip_coverage(
         Number of laboratories, each with one shot, and the seed of the first.
     summed
         Whether the camera writes positions with the least possible scatter instead of windows.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Function called with the number of clips done and in total.
 
@@ -81,6 +86,7 @@ def clip_coverage(
     InputError
         Unknown names, fewer than 2 clips, or fewer than 2 with a result.
     """
+    bat, procedure = entry_name(bat), entry_name(procedure)
     if clips < 2:
         raise InputError("", "clips", clips, "allowed: 2 and more")
     found: list[Array] = []

@@ -26,7 +26,9 @@ from virtual_lab.measurement.procedure import variances_within
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
+from virtual_lab.parameters import Positive, Seed
 from virtual_lab.records import AimMarks
+from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.streams import Streams
 from virtual_lab.studies.rehearsal import Rehearsal
 from virtual_lab.uncertainty.budget import coverage_factors
@@ -84,15 +86,16 @@ class Coverage:
 
 
 def coverage(
-    bat: str,
+    bat: AnyBat,
     *,
-    procedure: str = "astm-f1881",
+    procedure: AnyProcedure = "astm-f1881",
     laboratories: int = 1000,
-    seed: int = 1,
+    seed: Seed = 1,
     summed: bool = False,
     individual: bool = False,
     earlier_tests: int = 0,
-    workers: int = 1,
+    workers: Positive = 1,
+    instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Rows[Coverage]:
     """Count the 95 % intervals that contain the true value, over many laboratories.
@@ -119,6 +122,8 @@ def coverage(
         Number of earlier tests of each laboratory whose scatter of the hits is used as well.
     workers
         Number of processes that share the laboratories.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Function called with the number of laboratories done and in total.
 
@@ -127,6 +132,7 @@ def coverage(
     InputError
         Unknown names, or fewer than 2 laboratories.
     """
+    bat, procedure = entry_name(bat), entry_name(procedure)
     round_robin = RoundRobin.of(bat, procedure, summed=summed, individual=individual)
     round_robin = replace(round_robin, history=earlier_tests)
     samples = each_laboratory(round_robin, sample, laboratories, seed, workers, progress)

@@ -30,6 +30,16 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import inline, number, record, table_text
+from virtual_lab.parameters import Numbers, Seed, SwingLawName, values_of
+from virtual_lab.sheets import (
+    AnyBall,
+    AnyBats,
+    AnyInertia,
+    AnyProcedures,
+    Instruments,
+    entry_name,
+    entry_names,
+)
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.studies.bats.compare import compare
@@ -198,15 +208,16 @@ class Critique(StudyResult):
 
 
 def critique(
-    bats: Sequence[str],
+    bats: AnyBats,
     *,
-    procedures: Sequence[str] = (),
-    swings: Sequence[float] = (),
-    swing_law: str = "power",
-    reference_inertia: str | None = None,
-    ball: str | None = None,
+    procedures: AnyProcedures = (),
+    swings: Numbers = (),
+    swing_law: SwingLawName = "power",
+    reference_inertia: AnyInertia | None = None,
+    ball: AnyBall | None = None,
     laboratories: int = 20,
-    seed: int = 1,
+    seed: Seed = 1,
+    instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Critique:
     """Return the rankings of bats by procedures, compared with the field.
@@ -226,6 +237,8 @@ def critique(
     laboratories, seed
         Number of laboratories that test every bat by every procedure, and the seed of the
         study.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Called with laboratory and procedure.
 
@@ -235,6 +248,9 @@ def critique(
         Fewer than 2 laboratories, two procedures of one name, or an error of `compare` or
         `certify_bat`.
     """
+    bats, procedures, swings = entry_names(bats), entry_names(procedures), values_of(swings)
+    reference_inertia = None if reference_inertia is None else entry_name(reference_inertia)
+    ball = None if ball is None else entry_name(ball)
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
     exponents = chosen_swings(swing_law, swings, (0.0, 0.3, 0.5))

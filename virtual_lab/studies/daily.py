@@ -7,7 +7,7 @@ get a fault; the charts have no information about it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,7 +24,9 @@ from virtual_lab.measurement.reduction.shot_algebra import measured_balls
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
+from virtual_lab.parameters import Seed, Wholes, wholes_of
 from virtual_lab.records import GateRecord
+from virtual_lab.sheets import AnyBall, Faults, Instruments, entry_name, words_of
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.physics.ageing import lasting_loss
 from virtual_lab.simulation.physics.beam import Free
@@ -161,16 +163,17 @@ class Daily(StudyResult):
 
 def daily(
     *,
-    ball: str = "check-ball",
+    ball: AnyBall = "check-ball",
     days: int = 60,
     baseline: int = 25,
     hits: int = 10,
     drift: float = 0.0,
     step: float = 0.0,
-    faults: Sequence[str] = (),
+    faults: Faults = (),
     since: int | None = None,
-    rules: Collection[int] = tuple(RULES),
-    seed: int = 1,
+    rules: Wholes = (1, 2, 3, 4),
+    seed: Seed = 1,
+    instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Daily:
     """Simulate the daily checks of one laboratory and draw control charts.
@@ -193,6 +196,8 @@ def daily(
         Western Electric rules to apply, 1 to 4.
     seed
         Seed of the laboratory; its hits are numbered through all days.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Function called with the current step.
 
@@ -202,6 +207,7 @@ def daily(
         Numbers out of range, an unknown ball, rule or fault, a ball that falls below the gates,
         a morning without a valid hit.
     """
+    ball, faults, rules = entry_name(ball), words_of(faults), wholes_of(rules)
     _check_counts(days, baseline, hits, rules)
     begin = baseline + 1 if since is None else since
     if not 1 <= begin <= days:

@@ -29,8 +29,10 @@ from virtual_lab.measurement.session_reduction import AIM_ALONG
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
+from virtual_lab.parameters import Positive, Seed
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.relations.pendulum import mean_amplitude_factor
+from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.physics.beam import barrel_radius
 from virtual_lab.studies.coverage import each_laboratory
 from virtual_lab.uncertainty.budget import HITS, Component
@@ -66,13 +68,14 @@ class _Case:
 
 
 def effects(
-    bat: str,
+    bat: AnyBat,
     *,
-    procedure: str = "astm-f1881",
+    procedure: AnyProcedure = "astm-f1881",
     laboratories: int = 1000,
-    seed: int = 1,
+    seed: Seed = 1,
     summed: bool = False,
-    workers: int = 1,
+    workers: Positive = 1,
+    instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Rows[Effect]:
     """Compare the stated and the realised effect of each component of the metric's budget.
@@ -96,6 +99,8 @@ def effects(
         Whether the instruments write sums instead of every reading and the bat is nominal.
     workers
         Number of processes that share the laboratories.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Function called with the number of laboratories done and in total.
 
@@ -104,6 +109,7 @@ def effects(
     InputError
         Unknown names, or too few laboratories for the number of terms.
     """
+    bat, procedure = entry_name(bat), entry_name(procedure)
     round_robin = RoundRobin.of(bat, procedure, summed=summed)
     found_of_all = each_laboratory(round_robin, _cases, laboratories, seed, workers, progress)
     cases = [case for block in found_of_all for case in block]

@@ -23,6 +23,16 @@ from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
+from virtual_lab.parameters import Seed
+from virtual_lab.sheets import (
+    AnyBat,
+    AnyProcedures,
+    Faults,
+    Instruments,
+    entry_name,
+    entry_names,
+    words_of,
+)
 
 PROCEDURES = ("astm-f1881", "bbcor")
 
@@ -107,12 +117,13 @@ class _Seen:
 
 
 def faults(
-    names: Sequence[str] = (),
+    names: Faults = (),
     *,
-    bat: str = "r161",
-    procedures: Sequence[str] = (),
+    bat: AnyBat = "r161",
+    procedures: AnyProcedures = (),
     laboratories: int = 60,
-    seed: int = 1,
+    seed: Seed = 1,
+    instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Rows[FaultOutcome]:
     """Simulate faults in many laboratories and compare the outcome with the predictions.
@@ -125,6 +136,8 @@ def faults(
         Names in the catalog; by default all procedures with predictions of the faults.
     laboratories, seed
         Number of laboratories, and the seed of the study.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Function called with the fault and the procedure that are simulated.
 
@@ -139,6 +152,7 @@ def faults(
         Unknown names, fewer than 2 laboratories, a procedure that no fault is predicted for, or
         a fault that is predicted for none of the procedures.
     """
+    names, bat, procedures = words_of(names), entry_name(bat), entry_names(procedures)
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
     sheets = [

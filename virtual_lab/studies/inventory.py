@@ -16,6 +16,8 @@ from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.output.result import Json, Rows
 from virtual_lab.output.tables import column, table_text
+from virtual_lab.parameters import Kind
+from virtual_lab.sheets import AnyName
 from virtual_lab.units import MPH
 
 
@@ -28,7 +30,7 @@ class ShelfEntry:
     title: str = column("what it is")
 
 
-def shelf(kind: str | None = None) -> Rows[ShelfEntry]:
+def shelf(kind: Kind | None = None) -> Rows[ShelfEntry]:
     """Return kind, name and title of the entries of the catalog.
 
     The rigs are those installed on this computer, including those of other packages.
@@ -175,7 +177,7 @@ class ShownCertificate:
         return self.text
 
 
-def show(name: str) -> ShownSheet | ShownCertificate:
+def show(name: AnyName) -> ShownSheet | ShownCertificate:
     """Return an entry of the catalog, or a certificate, ready to print.
 
     Parameters
@@ -189,6 +191,7 @@ def show(name: str) -> ShownSheet | ShownCertificate:
     InputError
         An unknown name (similar names are suggested), or a file without a certificate.
     """
+    name = str(name)
     if name.endswith(".json"):
         return ShownCertificate(certificate=read_document(Path(name)))
     for kind in catalog.KINDS:

@@ -8,7 +8,7 @@ laboratory tests three times: balls, hits and readings are new, its calibration 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -23,6 +23,8 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, PAGE_WIDTH_IN, STYLE, as_drawn
 from virtual_lab.output.tables import column
+from virtual_lab.parameters import Seed
+from virtual_lab.sheets import AnyBat, AnyProcedures, Instruments, entry_name, entry_names
 from virtual_lab.units import Array, Mask
 
 TESTS = (1, 3)  # numbers of tests per laboratory, of which the best counts
@@ -89,11 +91,12 @@ class OperatingCurves(Rows[OperatingPoint]):
 
 
 def operating(
-    bat: str,
+    bat: AnyBat,
     *,
-    procedures: Sequence[str] = ("astm-f1881",),
+    procedures: AnyProcedures = ("astm-f1881",),
     laboratories: int = 1000,
-    seed: int = 0,
+    seed: Seed = 0,
+    instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> OperatingCurves:
     """Return the probability that bats of this design pass, against their true metric.
@@ -109,6 +112,8 @@ def operating(
         Number of laboratories, each with three tests.
     seed
         Seed of the study.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Called after each block.
 
@@ -117,6 +122,7 @@ def operating(
     InputError
         Unknown names, a procedure without a limit, no laboratory.
     """
+    bat, procedures = entry_name(bat), entry_names(procedures)
     if laboratories < 1:
         raise InputError("", "laboratories", laboratories, "allowed: 1 and more")
     rows: list[OperatingPoint] = []

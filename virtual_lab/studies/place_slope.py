@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +12,7 @@ from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.procedure import aimed_place
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
+from virtual_lab.sheets import AnyBats, AnyProcedure, Instruments, entry_name, entry_names
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.units import INCH
@@ -27,7 +27,9 @@ class Slope:
     slope_per_in: float = column("slope of e_A", "1/in", "+.4f")
 
 
-def slope(bats: Sequence[str] = (), *, procedure: str = "astm-f1881") -> Rows[Slope]:
+def slope(
+    bats: AnyBats = (), *, procedure: AnyProcedure = "astm-f1881", instruments: Instruments = ()
+) -> Rows[Slope]:
     """Return the slope of e_A along the barrel [1/in] at the centre of percussion of each bat.
 
     Two more rows hold the mean and the standard deviation over the bats. Bat and ball are
@@ -41,13 +43,16 @@ def slope(bats: Sequence[str] = (), *, procedure: str = "astm-f1881") -> Rows[Sl
     procedure
         A procedure that tests one impact position: a name in the catalog, or the path of a .toml
         file.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
 
     Raises
     ------
     InputError
         Unknown names, a single bat, or a procedure that scans the barrel.
     """
-    bats = bats or ("r161", "ea70", "barrel-loaded", "knob-loaded")
+    procedure = entry_name(procedure)
+    bats = entry_names(bats) or ("r161", "ea70", "barrel-loaded", "knob-loaded")
     if len(bats) < 2:
         raise InputError("", "bats", len(bats), "allowed: 2 or more, for a standard deviation")
     rows = [_slope(bat, procedure) for bat in bats]

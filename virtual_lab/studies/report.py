@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
@@ -19,6 +19,7 @@ from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, description_of, figure
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.output.template import page_template
+from virtual_lab.parameters import Folders, Paper, paths_of
 
 PACKAGE = "virtual_lab.certificate"
 REPEATS = "repeats of one test"
@@ -252,9 +253,7 @@ class CertificateReport(StudyResult):
         return typeset(typst, source, view, {"paper": PAPERS[self.paper]}, ["ua-1"])
 
 
-def report(
-    folders: str | Path | Sequence[str | Path], *, pdf: bool = False, paper: str = "a4"
-) -> CertificateReport:
+def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> CertificateReport:
     """Return a report of the certificates in result folders.
 
     It compares bats by one procedure, one bat by several procedures, laboratories of one bat, or
@@ -276,8 +275,7 @@ def report(
     require_paper(paper)
     if pdf:
         require_pdf(paper)
-    given = [folders] if isinstance(folders, str | Path) else list(folders)
-    found = [one for each in map(Path, given) for one in result_folders(each)]
+    found = [one for each in paths_of(folders) for one in result_folders(each)]
     if len(found) < 2:
         raise InputError("", "folders", len(found), "needs two certificates and more")
     documents = {folder: read_document(folder / "certificate.json") for folder in found}

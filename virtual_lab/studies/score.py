@@ -16,6 +16,7 @@ from virtual_lab.lab.seal import TRUTH, Alteration, alterations
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
+from virtual_lab.parameters import Folder
 
 CERTIFICATE = "certificate.json"
 
@@ -113,7 +114,7 @@ class CertificateScore(StudyResult):
         return "\n".join([*lines, self.sealing] if self.sealing else lines)
 
 
-def score_folder(folder: str | Path) -> CertificateScore:
+def score_folder(folder: Folder) -> CertificateScore:
     """Compare the certificate in a result folder with the truth, and check the seal.
 
     Parameters

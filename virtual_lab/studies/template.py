@@ -16,12 +16,14 @@ from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.files import new_files, new_folder
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.gates import THICKNESS
+from virtual_lab.parameters import Folder
 from virtual_lab.records import REFERENCE_MASS, BoardRecord, GateRecord, Record, record_name
 from virtual_lab.records.constants import constant_of
 from virtual_lab.records.foreign.laboratory import BLANK, FORM
 from virtual_lab.records.foreign.table import column_names
 from virtual_lab.records.particulars import form
 from virtual_lab.records.session import Session
+from virtual_lab.sheets import AnyProcedure, entry_name
 from virtual_lab.studies.foreign import our_own
 from virtual_lab.units import DIMENSIONS
 
@@ -32,7 +34,7 @@ MAY_BE_LEFT_OUT = {  # optional channels of the bench: consequence of leaving th
 }
 
 
-def template(procedure: str, folder: str | Path) -> Path:
+def template(procedure: AnyProcedure, folder: Folder) -> Path:
     """Write the forms for another laboratory's records into a new folder, and return the folder.
 
     If an error is raised, no partial files are left.
@@ -49,6 +51,7 @@ def template(procedure: str, folder: str | Path) -> Path:
     InputError
         An unknown procedure, or a folder that is not empty or cannot be written.
     """
+    procedure = entry_name(procedure)
     session, folder = our_own(procedure), Path(folder)
     own = procedure.endswith(".toml")
     with new_folder(folder) as draft:

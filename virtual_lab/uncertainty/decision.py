@@ -14,6 +14,7 @@ from math import inf, isfinite
 import numpy as np
 
 from virtual_lab.errors import InputError
+from virtual_lab.parameters import Certain
 from virtual_lab.uncertainty.budget import coverage_factors
 from virtual_lab.uncertainty.inputs import Input, InputSource, source_of
 from virtual_lab.uncertainty.laws import LAWS
@@ -85,12 +86,12 @@ class Risks:
 
 
 def conformity(
-    value: float,
-    u: float,
+    value: Certain,
+    u: Certain,
     *,
-    lower: float | None = None,
-    upper: float | None = None,
-    dof: float = inf,
+    lower: Certain | None = None,
+    upper: Certain | None = None,
+    dof: Certain = inf,
 ) -> float:
     """Return the probability that the true value of one item conforms (JCGM 106, 7).
 
@@ -118,12 +119,12 @@ def conformity(
 
 def global_risk(
     prior: Input,
-    u: float,
+    u: Certain,
     *,
-    lower: float | None = None,
-    upper: float | None = None,
-    guard: float = 0.0,
-    dof: float = inf,
+    lower: Certain | None = None,
+    upper: Certain | None = None,
+    guard: Certain = 0.0,
+    dof: Certain = inf,
 ) -> Risks:
     """Return the risks of maker and customer for a process with the distribution `prior`.
 
@@ -146,14 +147,14 @@ def global_risk(
 
 
 def guard_band(
-    u: float,
+    u: Certain,
     *,
-    lower: float | None = None,
-    upper: float | None = None,
-    r: float | None = None,
-    target: float | None = None,
+    lower: Certain | None = None,
+    upper: Certain | None = None,
+    r: Certain | None = None,
+    target: Certain | None = None,
     prior: Input | None = None,
-    dof: float = inf,
+    dof: Certain = inf,
 ) -> tuple[float, float, float]:
     """Return guard band w and the acceptance limits (-inf or inf where there is none).
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import log2, sqrt
 from typing import TYPE_CHECKING, Any, cast
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from virtual_lab.errors import InputError
+from virtual_lab.parameters import AnyModel, Seed
 from virtual_lab.uncertainty.inputs import InputName, InputSource, read_inputs
 from virtual_lab.uncertainty.models import Model
 from virtual_lab.units import Array
@@ -32,11 +33,11 @@ class _Quantiles:
 
 
 def sobol_indices(
-    model: Callable[..., Any],
+    model: AnyModel,
     inputs: Mapping[InputName, Any],
     *,
     points: int = 16_384,
-    seed: int = 0,
+    seed: Seed = 0,
 ) -> pd.DataFrame:
     """Return Sobol's indices of a model, one row per pair of output and input.
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.errors import InputError, nearest
+from virtual_lab.parameters import AnyModel, Certain, DrawsRule, Propagation, Seed
 from virtual_lab.uncertainty.budget import (
     Components,
     Variants,
@@ -30,17 +31,17 @@ FIRST, SECOND = "first-order", "second-order"
 
 
 def propagate_inputs(
-    model: Callable[..., Any],
+    model: AnyModel,
     inputs: Mapping[InputName, Any],
     *,
     correlations: Correlations | None = None,
-    method: str = FIRST,
-    probability: float = 0.95,
+    method: Propagation = "first-order",
+    probability: Certain = 0.95,
     digits: int = 2,
     draws: int | None = None,
-    rule: str = "stein",
+    rule: DrawsRule = "stein",
     validate: bool = False,
-    seed: int = 0,
+    seed: Seed = 0,
     progress: Callable[[str, int, int], object] = lambda _text, _done, _total: None,
 ) -> Propagated:
     """Return the uncertainty of a function's result from those of its arguments.

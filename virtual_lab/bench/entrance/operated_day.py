@@ -18,7 +18,9 @@ from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.files import new_folder, read_json
+from virtual_lab.parameters import File, OperatorSeed, Seed
 from virtual_lab.records.session import pack
+from virtual_lab.sheets import AnyName, Instruments
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -72,12 +74,13 @@ class RehearsedDay:
 
 
 def rehearse(
-    scenario: str | Path = "plain-day",
+    scenario: AnyName = "plain-day",
     *,
     operator: str | Operator = "book",
-    script: str | Path | None = None,
-    seed: int | None = None,
-    operator_seed: int = 0,
+    script: File | None = None,
+    seed: Seed | None = None,
+    operator_seed: OperatorSeed = 0,
+    instruments: Instruments = (),
 ) -> RehearsedDay:
     """Let an operator carry out a day at the rehearsal bench.
 
@@ -92,6 +95,8 @@ def rehearse(
         Path of a .json file with actions, instead of an operator.
     seed, operator_seed
         Seeds of the laboratory (None draws one) and of the operator's slips.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
 
     Raises
     ------

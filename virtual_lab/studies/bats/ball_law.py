@@ -18,6 +18,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import columns_of
 from virtual_lab.relations.swing import bat_speed
+from virtual_lab.sheets import AnyBat, entry_name
 from virtual_lab.simulation.collision.reference import ReferenceModel
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.ball import (
@@ -50,7 +51,7 @@ LAWS = (
 )
 
 
-def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows[LawRow]:
+def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> Rows[LawRow]:
     """Return one row per law: ball on a wall, and peaks of the free bat in the standard game.
 
     Parameters
@@ -65,6 +66,7 @@ def sensitivity(bat: str, *, progress: Progress = quiet) -> Rows[LawRow]:
     InputError
         Unknown bat or a file that cannot be used.
     """
+    bat = entry_name(bat)
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
     ball = catalog.load("balls", game.ball, BallSpec).spec
     spec = catalog.load_bat(bat).spec

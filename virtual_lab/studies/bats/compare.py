@@ -15,6 +15,8 @@ from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import record
+from virtual_lab.parameters import Numbers, SwingLawName, values_of
+from virtual_lab.sheets import AnyBall, AnyBats, AnyInertia, Instruments, entry_name, entry_names
 from virtual_lab.studies.bats.curves import draw_comparison
 from virtual_lab.studies.bats.profile import BatProfile, chosen_swings, profiles
 from virtual_lab.studies.bats.text import Difference, Peaks, comparison_text, placed
@@ -130,12 +132,13 @@ class BatComparison(StudyResult):
 
 
 def profile(
-    bats: str | Sequence[str],
+    bats: AnyBats,
     *,
-    swings: float | Sequence[float] = (),
-    swing_law: str = "power",
-    reference_inertia: str | None = None,
-    ball: str | None = None,
+    swings: Numbers = (),
+    swing_law: SwingLawName = "power",
+    reference_inertia: AnyInertia | None = None,
+    ball: AnyBall | None = None,
+    instruments: Instruments = (),
 ) -> BatProfile | BatComparison:
     """Return the profile of one free bat, or the comparison of several, under game conditions.
 
@@ -150,14 +153,17 @@ def profile(
         for bat and batter, without an exponent.
     reference_inertia, ball
         As `compare` takes them.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
 
     Raises
     ------
     InputError
         As `compare`; or several exponents for one bat.
     """
-    several = (bats,) if isinstance(bats, str) else tuple(bats)
-    asked = (swings,) if isinstance(swings, int | float) else tuple(swings)
+    several, asked = entry_names(bats), values_of(swings)
+    reference_inertia = None if reference_inertia is None else entry_name(reference_inertia)
+    ball = None if ball is None else entry_name(ball)
     alone = len(several) == 1
     chosen = chosen_swings(swing_law, asked, PROFILE_SWINGS[:1] if alone else PROFILE_SWINGS)
     if not alone:

@@ -20,6 +20,7 @@ from virtual_lab.files import new_files
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
+from virtual_lab.parameters import File, Seed
 from virtual_lab.relations.peaks import peak
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
@@ -149,10 +150,10 @@ class FittedBat(StudyResult):
 
 
 def fit_bat(
-    path: str,
+    path: File,
     *,
     members: int = 12,
-    seed: int = 1,
+    seed: Seed = 1,
     progress: Progress = quiet,
 ) -> FittedBat:
     """Return a bat that fits the measurements in a file, and the spread of such bats.
@@ -173,6 +174,7 @@ def fit_bat(
     InputError
         A file that cannot be used, or data that no bat of the template fits.
     """
+    path = str(path)
     if not path.endswith(".toml"):
         raise InputError("", "measurements", path, "allowed: a .toml file")
     if members < 2:

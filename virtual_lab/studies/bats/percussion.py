@@ -25,7 +25,9 @@ from virtual_lab.measurement.session_reduction import SessionReduction, reduce_s
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
+from virtual_lab.parameters import Seed
 from virtual_lab.records.session import Session
+from virtual_lab.sheets import AnyBat, Instruments, entry_name
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
@@ -157,11 +159,12 @@ class _Stand:
 
 
 def percussion(
-    bat: str,
+    bat: AnyBat,
     *,
     laboratories: int = 10,
-    seed: int = 1,
+    seed: Seed = 1,
     shots: int = 6,
+    instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> PercussionStudy:
     """Return the errors of e_A at places along the barrel, 2 to 12 in from the tip.
@@ -174,6 +177,8 @@ def percussion(
         Number of laboratories, and the seed of the first.
     shots
         Shots per laboratory and place; a reading is their mean.
+    instruments
+        Sheets of instruments and rigs with changed values, as for `certify`.
     progress
         Called with the laboratory that is firing.
 
@@ -187,6 +192,7 @@ def percussion(
     InputError
         Fewer than 2 laboratories or shots, or an error of `certify_bat`.
     """
+    bat = entry_name(bat)
     for name, number in (("laboratories", laboratories), ("shots", shots)):
         if number < 2:
             raise InputError("", name, number, "allowed: 2 and more")

@@ -10,7 +10,7 @@ from os import fspath
 from pathlib import Path
 from typing import Any
 
-from virtual_lab.catalog import load, names
+from virtual_lab.catalog import load, names, texts_in_place
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.relations.board import length_of
@@ -58,8 +58,8 @@ def _within(value: float, least: float, most: float) -> float:
     return value
 
 
-def _ball(ball: str | Path | BallSpec) -> Said:
-    spec = ball if isinstance(ball, BallSpec) else _ball_sheet(fspath(ball))
+def _ball(ball: str | Path) -> Said:
+    spec = _ball_sheet(fspath(ball))
     if spec:
         diameter, u, more = 2 * spec.radius, 2 * spec.radius_u or None, {"ball_mass": spec.mass}
     else:
@@ -71,7 +71,7 @@ def _ball(ball: str | Path | BallSpec) -> Said:
 
 def _ball_sheet(text: str) -> BallSpec | None:
     """Sheet of a ball: a file, or the one catalog name that begins with `text`; None: a length."""
-    if text.endswith(".toml"):
+    if text.endswith(".toml") or ("balls", text) in texts_in_place():
         return load("balls", text, BallSpec).spec
     if re.match(r"\s*[-+.\d]", text):
         return None

@@ -1,0 +1,87 @@
+"""Calls as users write them, for mypy to judge: it accepts the sound ones and no other.
+
+Nothing here runs. A sound call with an error, and a wrong one without (its ``ignore`` is then
+unused), are both errors of `mypy`, which reads this file with the package.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import virtual_lab as vl
+
+
+def sound(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> None:
+    """Names, paths, sheets, one or several, in every place that takes them."""
+    bat, rules = vl.bat("r161"), vl.procedure(Path("mine.toml")).with_(valid_hits=9)
+    gates = vl.instrument("pivot-gates").with_(tick="2 us")
+    certificate = vl.certify(bat, procedure=rules, seed=7, instruments=[gates])
+    vl.certify("r161", procedure="bbcor", ball=vl.ball("game-2003"), instruments=gates)
+    vl.certify(folder / "mine.toml", rig=vl.rig("astm-pivot"), control_bat="check-cylinder")
+    vl.certify("r161", reality="ideal", collision="modal", motion="pymunk")
+    vl.certify("r161", faults=["aim-along", "gate-misses"], uncertainty="monte-carlo")
+    vl.certify("r161", history=[folder, "earlier"], laboratory=folder / "laboratory.toml")
+    certificate.save(folder / "test", pdf=True, paper="letter")
+    vl.load("out/r161").plot(folder / "hits.png")
+    vl.reduce(folder / "records", replaces="old", reason="a wrong ball")
+    vl.score(folder).save("score")
+    vl.verify(folder, key="public.pem")
+    vl.report([folder, "other"], pdf=True)
+    table = vl.sweep(["r161", bat], procedures=[rules, "bbcor"], laboratories=3, workers=2)
+    table["u"].mean()
+    vl.sweep(bat, certificates=folder, traces=True, instruments=(gates,))
+    vl.profile("r161", swings=0.3)
+    vl.profile(["r161", bat], swings=[0, 0.5], reference_inertia="17000 oz in^2", ball="game-2003")
+    vl.critique(("r161", bat), procedures="bbcor", swing_law="energy")
+    vl.coverage(bat, procedure=rules, summed=True, instruments=[gates]).plot("coverage.png")
+    vl.effects("r161", laboratories=200, instruments=[gates])
+    vl.clip_coverage(clips=3)
+    vl.operating(bat, procedures=[rules])
+    vl.bias(rules).rows[0]["bat"]
+    vl.faults("aim-along", procedures=["bbcor"])
+    vl.daily(ball=vl.ball("check-ball"), rules=[1, 2], drift=0.001)
+    vl.slope(bats=["r161", bat])
+    vl.percussion(bat).save(folder)
+    vl.convergence(["r161"])
+    vl.sensitivity(Path("mine.toml"))
+    vl.fit_bat(folder / "measured.toml", members=3)
+    vl.campaign({"bats": [bat], "procedures": "bbcor", "laboratories": 4, "seed": 1}, folder)
+    vl.campaign(None, "campaign", workers=2)
+    vl.chart("motion").save(folder)
+    vl.shelf("rigs").table["name"]
+    vl.show(folder / "certificate.json")
+    vl.template(rules, folder)
+    vl.track(folder / "clip.mp4", ball=vl.ball("baseball-2003"), tripod=True).save(folder)
+    vl.track(frames, ball="73mm", fps=240, frames="1:20").flights["speed_out_mps"]
+    vl.calibrate([folder, "more.png"], board="chessboard:14x9:40mm").save("camera.toml")
+    vl.board(folder, board="chessboard:14x9:40mm", camera=vl.instrument("camera-overhead"))
+    vl.rehearse("plain-day", operator="expert", seed=3)
+    risk = vl.risk(vl.Input(1.0, 0.1), 0.05, upper=1.2)
+    print(risk, vl.propagate(lambda a: 2 * a, {"a": vl.Input(1.0, 0.1)}, method="second-order"))
+    print(vl.sobol(lambda a, b: a * b, {"a": vl.Input(1, 0.1), "b": vl.Input(1, 0.1)}))
+
+
+def wrong() -> None:
+    """Names that do not exist, types and words that are not allowed: each is found."""
+    vl.certify()  # type: ignore[call-arg]
+    vl.certify(["r161", "ea70"])  # type: ignore[arg-type]
+    vl.certify("r161", "bbcor")  # type: ignore[call-arg]
+    vl.certify("r161", procedures="bbcor")  # type: ignore[call-arg]
+    vl.certify("r161", rung="modal")  # type: ignore[call-arg]
+    vl.certify("r161", seed="7")  # type: ignore[arg-type]
+    vl.certify("r161", reality="idael")  # type: ignore[arg-type]
+    vl.certify("r161", instruments=["pivot-gates"])  # type: ignore[list-item]
+    vl.certify("r161", ball=0.073)  # type: ignore[arg-type]
+    vl.sweep("r161", procedure="bbcor")  # type: ignore[call-arg]
+    vl.coverage("r161", laboratories=2.5)  # type: ignore[arg-type]
+    vl.coverage("r161", instrument="pivot-gates")  # type: ignore[call-arg]
+    vl.track("clip.mp4", tripot=True)  # type: ignore[call-arg]
+    vl.track("clip.mp4", ball=0.073)  # type: ignore[arg-type]
+    vl.calibrate("x.png", board=3)  # type: ignore[arg-type]
+    vl.shelf("bat")  # type: ignore[arg-type]
+    vl.chart("colision")  # type: ignore[arg-type]
+    vl.daily(drift="1")  # type: ignore[arg-type]
+    vl.verify(None)  # type: ignore[arg-type]
+    vl.certfy("r161")  # type: ignore[attr-defined]

@@ -1,0 +1,327 @@
+"""The camera: follow a ball through a clip, calibrate, and simulate pictures of a board."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.errors import InputError
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.parameters import (
+    BoardText,
+    File,
+    Folder,
+    LengthText,
+    PictureName,
+    PicturePaths,
+    Seed,
+    StatedNumber,
+    StatedText,
+    paths_of,
+)
+from virtual_lab.sheets import AnyCamera, BallOrDiameter, entry_name
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from virtual_lab.video.calibration.calibrating import Calibrated
+    from virtual_lab.video.follow.following import FollowedClip
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Track:
+    """Result of `track`: tables of flights, contacts and positions."""
+
+    found: FollowedClip
+    progress: Progress = quiet
+    film: bool = False  # whether `save` writes a film
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The result as in ``result.json``."""
+        from virtual_lab.video.show.track_text import track_document
+
+        return track_document(self.found)
+
+    @property
+    def text(self) -> str:
+        """The result for a terminal."""
+        from virtual_lab.video.show.track_text import track_text
+
+        return track_text(self.found)
+
+    @property
+    def motion(self) -> str:
+        """Return flights or none."""
+        return str(self.document["motion"])
+
+    @cached_property
+    def flights(self) -> pd.DataFrame:
+        """One row per flight, as in ``speeds.csv``, each quantity with its u."""
+        from virtual_lab.video.show.track_text import flight_rows
+
+        return _table(flight_rows(self.found))
+
+    @cached_property
+    def contacts(self) -> pd.DataFrame:
+        """One row per contact: time, frame, kind, restitution with its u."""
+        from virtual_lab.video.show.track_text import contact_rows
+
+        return _table(contact_rows(self.found))
+
+    @cached_property
+    def places(self) -> pd.DataFrame:
+        """One row per position, as in ``track.csv``."""
+        from virtual_lab.video.show.course import course_of, course_rows
+
+        return _table(course_rows(course_of(self.found)))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write track, result, plot, contact sheet, and a film on request into a new folder."""
+        from virtual_lab.video.show.tracked_clip import save_track
+
+        save_track(self.found, Path(folder), self.progress, film=self.film)
+        return Path(folder)
+
+    def __repr__(self) -> str:
+        from virtual_lab.video.show.track_text import track_title
+
+        return f"<Track of {track_title(self.found)}>"
+
+
+def track(
+    clip: str | Path | NDArray[Any],
+    *,
+    ball: BallOrDiameter | None = None,
+    mass: StatedText | None = None,
+    fps: StatedNumber | None = None,
+    exposure: StatedText | None = None,
+    gravity: StatedNumber | None = None,
+    frames: StatedText | None = None,
+    region: StatedText | None = None,
+    ball_at: StatedText | None = None,
+    scale: StatedText | None = None,
+    ruler: StatedText | None = None,
+    readout: StatedText | None = None,
+    global_shutter: bool = False,
+    phone: bool = False,
+    tripod: bool = False,
+    level: bool = False,
+    calibration: File | None = None,
+    corrected: File | None = None,
+    film_of_track: bool = False,
+    progress: Progress = quiet,
+) -> Track:
+    """Follow the ball through a clip, as ``virtual-lab track`` does.
+
+    Parameters
+    ----------
+    clip
+        A video, a folder of images, a TIFF stack or a .npy array; or an array of 8 or 16 bits,
+        (frame, row, column) or (frame, row, column, colour), with its rate as ``fps``.
+    ball
+        Diameter of the ball with its unit, ``"73mm±0.5mm"``; or a kind of ball, which gives its
+        drag too: ``"baseball"``, another name in the catalog (its beginning will do), a .toml file
+        or a sheet.
+    mass
+        Mass of the ball with its unit, ``"145g"``: gives its drag.
+    fps
+        Frames per second of real time, repeated frames included. By default the file's rate, or,
+        where the ball would not fall with g by it, the rate that makes it.
+    exposure
+        Exposure time of a frame, ``"1/120"`` or ``"8ms"``. A calibrated camera needs it, here or
+        in its file.
+    gravity
+        Local gravity [m/s²]; 9.81 ± 0.025 by default.
+    frames
+        First and last frame to use, ``"17:52"``.
+    region
+        Part of the picture to use, ``"X,Y,WIDTH,HEIGHT"`` [pixels].
+    ball_at
+        Position of the ball in a frame, ``"X,Y@FRAME"``, if other objects move too.
+    scale
+        Two points [pixels] and their distance, ``"X,Y:X,Y=50cm"``.
+    ruler
+        What sets the scale without `scale`: ``gravity`` (camera level to 5 deg), or the size of the
+        ``ball``. By default the one with the smaller uncertainty.
+    readout
+        Readout time of a rolling shutter for one frame, ``"16ms"``.
+    global_shutter
+        Whether all rows are exposed at once.
+    phone
+        Whether an ordinary phone took the clip: its frame rate is true, its shutter may roll, and
+        the size of the ball is known to 1 %.
+    tripod
+        Whether the camera stands still.
+    level
+        Whether the camera is level and square to the flight to 1 deg, as on a levelled stand; to
+        5 deg by default.
+    calibration, corrected
+        A calibration file; a track.csv of an earlier run, corrected by hand.
+    film_of_track
+        Whether `save` also writes the marked frames as a film, ``track.webp``.
+    progress
+        Called with what goes on.
+
+    Raises
+    ------
+    InputError
+        A clip that cannot be read, an unknown option, or a value of another form.
+    """
+    import numpy as np
+
+    from virtual_lab.video.show.tracked_clip import track_clip
+
+    if not isinstance(clip, str | Path | np.ndarray):
+        allowed = "expected a path, or a numpy array (frame, row, column) of 8 or 16 bits with fps="
+        raise InputError("", "clip", type(clip).__name__, allowed)
+    stated = {
+        "calibration": calibration,
+        "ball": ball,
+        "fps": fps,
+        "mass": mass,
+        "exposure": exposure,
+        "gravity": gravity,
+        "frames": frames,
+        "region": region,
+        "ball_at": ball_at,
+        "scale": scale,
+        "ruler": ruler,
+        "readout": readout,
+        "global_shutter": global_shutter,
+        "phone": phone,
+        "tripod": tripod,
+        "level": level,
+        "corrected": corrected,
+    }
+    file = clip if isinstance(clip, np.ndarray) else Path(clip)
+    found = track_clip(file, stated, progress=progress)
+    return Track(found=found, progress=progress, film=film_of_track)
+
+
+def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """Return rows as a table, with value and u in adjacent columns."""
+    import pandas as pd
+
+    from virtual_lab.video.show.track_text import in_columns
+
+    return pd.DataFrame([in_columns(row) for row in rows])
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Calibration:
+    """A camera calibrated with pictures of a board."""
+
+    found: Calibrated
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """Lens, pose and scale with their uncertainties."""
+        from virtual_lab.video.show.calibration import calibration_document
+
+        return calibration_document(self.found)
+
+    @property
+    def text(self) -> str:
+        """The calibration for a terminal."""
+        from virtual_lab.video.show.calibration import calibration_text
+
+        return calibration_text(self.found)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the .toml file that `track` reads, and a picture of the residuals beside it."""
+        from virtual_lab.files import new_files
+        from virtual_lab.video.show.calibration import calibration_toml, draw_calibration
+
+        target = Path(path)
+        with new_files(target.parent) as draft:
+            draw_calibration(self.found, draft / target.with_suffix(".png").name)
+            (draft / target.name).write_text(calibration_toml(self.found), encoding="utf-8")
+        return target
+
+    def __repr__(self) -> str:
+        return f"<Calibration with {len(self.document['views'])} pictures of a board>"
+
+
+def calibrate(
+    pictures: PicturePaths,
+    *,
+    board: BoardText,
+    plane: PictureName | None = None,
+    height: LengthText | None = None,
+    height_u: LengthText | None = None,
+    square_u: LengthText | None = None,
+) -> Calibration:
+    """Calibrate a camera with pictures of a board, as ``virtual-lab calibrate`` does.
+
+    Parameters
+    ----------
+    pictures
+        Images, folders of them, TIFF stacks or clips.
+    board
+        ``"charuco:14x9:40mm:30mm"`` or ``"chessboard:14x9:40mm"``, counted in squares.
+    plane
+        The picture in which the board lies flat; the first by default.
+    height, height_u
+        Height of the ball's plane above that board, and its standard uncertainty: ``"36.5mm"``.
+    square_u
+        Standard uncertainty of the side of a square.
+
+    Raises
+    ------
+    InputError
+        Pictures that cannot be read or do not show the board, lengths without a unit.
+    """
+    from virtual_lab.relations.board import board_of, length_of
+    from virtual_lab.video.calibration.calibrating import Plan
+    from virtual_lab.video.calibration.calibrating import calibrate_camera as fit
+    from virtual_lab.video.clips.reading import read_pictures
+
+    known = board_of(board)
+    plan = Plan(
+        board=known,
+        square_u=length_of(square_u or "0m", "--square-u", 0, known.square / 10),
+        height=length_of(height or "0m", "--height", -10, 10),
+        height_u=length_of(height_u or "0m", "--height-u", 0, 0.1),
+        plane=plane,
+    )
+    return Calibration(found=fit(read_pictures(paths_of(pictures)), plan))
+
+
+def board(
+    folder: Folder,
+    *,
+    board: BoardText,
+    camera: AnyCamera = "camera-overhead",
+    views: int = 10,
+    seed: Seed | None = None,
+) -> Path:
+    """Simulate pictures of a board, to try `calibrate`; return the folder.
+
+    Parameters
+    ----------
+    folder
+        The new folder: ``pictures/``, and ``truth/`` with the true lens.
+    board
+        As for `calibrate`.
+    camera
+        Name in the catalog, path or sheet.
+    views
+        How many pictures, 3 to 60.
+    seed
+        Seed of all random numbers; None: a random seed.
+
+    Raises
+    ------
+    InputError
+        No such camera, a folder that is not empty, too few pictures or too many.
+    """
+    from virtual_lab.lab.boards import film_board
+    from virtual_lab.relations.board import board_of
+
+    target = Path(folder)
+    film_board(entry_name(camera), board_of(board), target, views=views, seed=seed)
+    return target

@@ -1,0 +1,626 @@
+"""Certificates: test a bat, reduce or load records, and test many bats in many laboratories."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.parameters import (
+    CollisionName,
+    Correction,
+    File,
+    Folder,
+    Folders,
+    MotionName,
+    Positive,
+    Propagation,
+    RealityName,
+    Seed,
+    paths_of,
+)
+from virtual_lab.sheets import (
+    AnyBall,
+    AnyBat,
+    AnyBats,
+    AnyProcedure,
+    AnyProcedures,
+    AnyRig,
+    Faults,
+    Instruments,
+    Sheet,
+    entry_name,
+    entry_names,
+    words_of,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from virtual_lab.catalog import Entry
+    from virtual_lab.certificate.document import CertificateDocument
+    from virtual_lab.lab import BatTest
+    from virtual_lab.measurement.certification import Certification
+    from virtual_lab.measurement.procedure import Procedure
+    from virtual_lab.output.metrics import MetricFormat
+    from virtual_lab.records.session import PackedSession, Session
+    from virtual_lab.simulation.truth import SealedTruth
+    from virtual_lab.studies.score import QuantityScore
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Certificate:
+    """A certificate of a bat, with its shots, uncertainty budget, records and truth."""
+
+    certification: Certification
+    sealed: SealedTruth | None = None
+    control: Certificate | None = None  # certificate of the control bat
+    # function that films the first shot into a folder, if requested
+    film: Callable[[Path], None] | None = None
+    seed: int | None = None  # seed given by the user; None if random
+    pdf: bool = False  # whether `save` also writes a PDF
+    paper: str = "a4"  # paper size of page and PDF
+    key: Path | None = None  # private key with which `save` signs all files
+    stated: CertificateDocument | None = None  # document read from a folder
+
+    @cached_property
+    def printed(self) -> CertificateDocument:
+        """The certificate as the typed document behind text, page and figures."""
+        import hashlib
+
+        from virtual_lab.certificate.filling import certificate
+
+        if self.stated:
+            return self.stated
+        truth = hashlib.sha256(self._truth).hexdigest() if self.sealed else None
+        digest = self._records.digest
+        return certificate(self.certification, truth_digest=truth, session_digest=digest)
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The certificate as in ``certificate.json``."""
+        return self.printed.as_json()
+
+    @property
+    def text(self) -> str:
+        """The certificate for a terminal."""
+        from virtual_lab.certificate.text import certificate_text
+
+        return certificate_text(self.printed)
+
+    @cached_property
+    def shots(self) -> pd.DataFrame:
+        """One row per shot: instrument readings and reduced results."""
+        from virtual_lab.certificate.tables import shot_table
+
+        return shot_table(self.certification)
+
+    @cached_property
+    def budget(self) -> pd.DataFrame:
+        """The uncertainty budget of the metric, largest component first."""
+        from virtual_lab.certificate.tables import budget_table
+
+        metric = self.certification.metric
+        if metric is None:
+            reason = "; ".join(self.certification.reasons)
+            raise InputError("", "budget", None, f"the test gave no result: {reason}")
+        return budget_table(metric)
+
+    @property
+    def verdict(self) -> str:
+        """PASS, FAIL or INVALID."""
+        return self.certification.verdict.value
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the verdict is FAIL or INVALID; () if it is neither."""
+        return self.certification.reasons
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Names of the flags: what does not hang together in the records."""
+        return tuple(flag.name for flag in self.certification.flags)
+
+    @property
+    def value(self) -> float | None:
+        """The metric in its `unit`, None with too few valid hits."""
+        return self._in_print(self.printed.metric.value)
+
+    @property
+    def u(self) -> float | None:
+        """Standard uncertainty of the metric, in the same unit."""
+        return self._in_print(self.printed.metric.u)
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """95 % interval of the metric, in the same unit."""
+        found = self.printed.metric.interval_95
+        if found is None:
+            return None
+        low, high = (end / self._print.unit_si for end in found)
+        return low, high
+
+    @property
+    def unit(self) -> str:
+        """The printed unit of the metric; empty for a number without unit."""
+        return self._print.unit
+
+    @property
+    def _print(self) -> MetricFormat:
+        from virtual_lab.output.metrics import METRICS
+
+        return METRICS[self.printed.metric.name]
+
+    def _in_print(self, value: float | None) -> float | None:
+        return None if value is None else value / self._print.unit_si
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a figure of the metric of each hit with result, interval and limit; save it."""
+        from virtual_lab.studies.certificate_plot import plot_hits
+
+        figure = plot_hits(self.certification, self.printed.statement)
+        if path is not None:
+            figure.savefig(path)
+        return figure
+
+    def score(self) -> dict[str, QuantityScore]:
+        """Compare with the sealed truth: measured and true values, errors in units and in u.
+
+        Raises `InputError` without a truth or without a result.
+        """
+        from virtual_lab.studies.score import score
+
+        if self.sealed is None:
+            allowed = "these records came without a truth; it stays with the test: vl.score(FOLDER)"
+            raise InputError("", "score", None, allowed)
+        if self.certification.metric is None:
+            reason = "; ".join(self.certification.reasons)
+            raise InputError("", "score", None, f"the test gave no result: {reason}")
+        return score(self.document, self.sealed.document()["measurand"])
+
+    def save(
+        self,
+        folder: str | Path,
+        *,
+        pdf: bool | None = None,
+        paper: str | None = None,
+        key: str | Path | None = None,
+    ) -> Path:
+        """Write certificate, readings, raw records and truth into a new folder, and seal it.
+
+        Beside them stand ``datapackage.json`` (Frictionless) with meaning and unit of every column,
+        ``ro-crate-metadata.json`` (RO-Crate) with every file, and ``SHA256SUMS``.
+
+        With `pdf` the certificate comes as PDF/A-3a and PDF/UA-1, too, with ``certificate.json``
+        attached. `paper` is ``a4`` or ``letter``. The private `key` in a file (Ed25519, PEM) signs
+        ``SHA256SUMS`` (extra ``sign``). A film is lossless with time stamps, and comes with a
+        preview and the calibration file for ``virtual-lab track``.
+
+        Raises `InputError` if the folder is not empty or cannot be written, another paper is asked
+        for, no key stands in the file, or the extra is missing; no partial files are left. If only
+        a form cannot be made (page, PDF, film, signature), all else is saved, and
+        `IncompleteError` names it.
+        """
+        from virtual_lab.certificate.html import certificate_page
+        from virtual_lab.certificate.packages import descriptors, text_of_descriptor
+        from virtual_lab.certificate.pdf import (
+            certificate_pdf,
+            pdf_name,
+            require_paper,
+            require_pdf,
+        )
+        from virtual_lab.certificate.signing import require_key, write_sums
+        from virtual_lab.files import new_folder
+        from virtual_lab.lab.seal import TRUTH, write_seal
+        from virtual_lab.output.tables import write_csv
+
+        target = Path(folder)
+        pdf, paper = self.pdf if pdf is None else pdf, paper or self.paper
+        require_paper(paper)
+        if pdf and not self.pdf:  # otherwise checked before the test
+            require_pdf(paper)
+        if key:
+            require_key(Path(key), private=True)
+        missing: list[str] = []
+        with new_folder(target) as draft:
+            (draft / "certificate.json").write_text(self.printed.text, encoding="utf-8")
+            write_csv(self.shots, draft / "readings.csv")
+            (draft / "records").mkdir()
+            self._records.write(draft / "records")
+            if self.sealed:
+                (draft / TRUTH).parent.mkdir()
+                (draft / TRUTH).write_bytes(self._truth)
+            with without_if_it_fails("certificate.html", missing):
+                page = certificate_page(self.printed, paper)
+                (draft / "certificate.html").write_text(page, encoding="utf-8")
+            if pdf:
+                name = pdf_name(self.printed)
+                with without_if_it_fails(name, missing):
+                    (draft / name).write_bytes(certificate_pdf(self.printed, paper))
+            if self.control:
+                with without_if_it_fails("parts of control", missing):
+                    self.control.save(draft / "control", pdf=pdf, paper=paper)
+            if self.film:
+                with without_if_it_fails("film", missing), new_folder(draft / "film") as film:
+                    self.film(film)
+            session = self.certification.session
+            told = descriptors(self.printed, session, self.shots, draft)
+            for name, each in told.items():
+                (draft / name).write_text(text_of_descriptor(each), encoding="utf-8")
+            if self.sealed:
+                write_seal(draft)
+            write_sums(draft)
+            if signing := key or self.key:
+                with without_if_it_fails("signature", missing):
+                    write_sums(draft, Path(signing))
+        if missing:
+            raise IncompleteError(str(target), missing)
+        return target
+
+    @cached_property
+    def _records(self) -> PackedSession:
+        from virtual_lab.records.session import pack
+
+        return pack(self.certification.session)
+
+    @cached_property
+    def _truth(self) -> bytes:
+        import json
+
+        assert self.sealed is not None
+        return (json.dumps(self.sealed.document(), indent=1, allow_nan=False) + "\n").encode()
+
+    def __repr__(self) -> str:
+        from virtual_lab.output.metrics import METRICS
+        from virtual_lab.output.rounding import with_uncertainty
+
+        found = self.certification
+        words = f"{found.session.bat} by {found.procedure.name}: {self.verdict}"
+        if found.metric:
+            printed = METRICS[found.procedure.metric]
+            numbers = found.metric.value / printed.unit_si, found.metric.u / printed.unit_si
+            words += f", {printed.symbol} {with_uncertainty(*numbers)} {printed.unit}"
+        return f"<Certificate of {words.rstrip()}>"
+
+    def _repr_html_(self) -> str:
+        from virtual_lab.certificate.html import notebook_card
+
+        return notebook_card(self.printed)
+
+
+def certify(
+    bat: AnyBat,
+    *,
+    procedure: AnyProcedure = "astm-f1881",
+    ball: AnyBall | None = None,
+    instruments: Instruments = (),
+    rig: AnyRig | None = None,
+    seed: Seed | None = None,
+    number: int = 0,
+    reality: RealityName = "real",
+    collision: CollisionName | None = None,
+    motion: MotionName = "closed-form",
+    faults: Faults = (),
+    control_bat: AnyBat | None = None,
+    correction: Correction | None = None,
+    film: bool = False,
+    laboratory: File | None = None,
+    customer: str = "",
+    bat_serial: str = "",
+    bat_condition: str = "",
+    received: str = "",
+    operator: str = "",
+    notes: str = "",
+    replaces: Folder | None = None,
+    reason: str = "",
+    test: int | None = None,
+    history: Folders = (),
+    uncertainty: Propagation = "first-order",
+    progress: Progress = quiet,
+) -> Certificate:
+    """Test a bat by a procedure and return its certificate.
+
+    Parameters
+    ----------
+    bat, procedure, control_bat
+        Names in the catalog (``vl.shelf()``), paths of .toml files, or sheets (``vl.bat``,
+        ``vl.procedure``), whose values may be changed:
+        ``vl.procedure("bbcor").with_(valid_hits=8)``. A control bat is one whose e is known, for
+        rules that correct their balls by one: it is tested first, with the same balls.
+    ball
+        Likewise; replaces the ball of the procedure.
+    instruments
+        Sheets of instruments and rigs with changed values, which replace those of the catalog:
+        ``vl.instrument("pivot-gates").with_(distance_u="0.2 mm")``.
+    rig
+        A rig that records what the procedure needs; None takes the rig of the procedure.
+    seed
+        Seed of all random numbers; makes the test reproducible, not sealed. None: a random seed
+        of 128 bits, stored only in the sealed truth.
+    number
+        Number of the laboratory in the study of this seed: each has another bat, other balls and
+        other calibration errors.
+    reality
+        ``real``; ``noise-free``: no randomness, but vibration, counts, drag and friction;
+        ``ideal``: bat, balls and instruments equal their nominal values.
+    collision
+        Collision model: ``rigid``, ``modal`` or ``reference``; None takes the fastest that is
+        accurate enough, and the certificate names it with the reason.
+    motion
+        Motion of ball and bat: ``closed-form``, or ``pymunk``, one scene per shot.
+    faults
+        Names of faults of the test day (``vl.shelf("faults")``); only the sealed truth contains
+        them.
+    correction
+        ``METHOD:E0``, such as ``trampoline:0.5``: convert the result to a standard ball if the
+        procedure does not; the certificate marks it as assumed.
+    film
+        Whether `Certificate.save` writes a video of the first shot.
+    laboratory
+        Path of a file with who tests, for whom, and which instruments (``virtual-lab template
+        laboratory FILE`` writes an empty one): the certificate states it, and says what is missing.
+    customer, bat_serial, bat_condition, received, operator, notes
+        Such particulars of this test, in place of the file's.
+    replaces, reason
+        Folder of the result that this one replaces, and why: the certificate names both.
+    test
+        Number of the test in its laboratory: the same calibrations, another bat, other balls.
+    history
+        Folders of earlier tests of this bat design by the same procedure in this laboratory, three
+        and more: the scatter of their hits counts too.
+    uncertainty
+        ``first-order``, ``second-order`` or ``monte-carlo`` (until two digits of u are right).
+    progress
+        Called with the present task, one sentence at a time.
+
+    Raises
+    ------
+    InputError
+        An unknown name, a file that cannot be used, a seed that is no whole number from 0, a
+        number or test without a seed, one of them where nothing is random, a film at a rig without
+        a camera, a history of other tests.
+    """
+    from virtual_lab import catalog
+    from virtual_lab.certificate.chain import replaced_report
+    from virtual_lab.certificate.history import earlier_scatter
+    from virtual_lab.lab import TestSetup, certify_bat
+    from virtual_lab.measurement.procedure import Procedure
+    from virtual_lab.records.particulars import read_particulars
+    from virtual_lab.simulation.rig import Reality, member_of
+    from virtual_lab.uncertainty.estimate import Estimates
+
+    rules: str | Entry[Procedure] = entry_name(procedure)
+    if ball is not None:
+        other = Sheet.of("procedures", entry_name(procedure)).with_(ball=entry_name(ball))
+        rules = catalog.read(other.text, other.name, Procedure)
+    kind = member_of(Reality, "reality", reality)
+    if kind is not Reality.REAL:
+        for key, value in (("seed", seed), ("number", number or None), ("test", test)):
+            if value is not None:
+                allowed = f"leave it out: nothing is random where the reality is {reality}"
+                raise InputError("", key, value, allowed)
+    setup = TestSetup.of(
+        entry_name(bat),
+        procedure=rules,
+        rig=None if rig is None else entry_name(rig),
+        seed=seed if kind is Reality.REAL else 0,
+        number=number,
+        reality=kind,
+        rung=collision,
+        motion=motion,
+        faults=words_of(faults),
+        control_bat=None if control_bat is None else entry_name(control_bat),
+        correction=correction,
+        film=film,
+        test=test,
+        particulars=read_particulars(
+            None if laboratory is None else Path(laboratory),
+            {
+                "customer.name": customer,
+                "bat.serial": bat_serial,
+                "bat.condition": bat_condition,
+                "bat.received": received,
+                "test.operator": operator,
+                "test.notes": notes,
+            },
+            replaced_report(None if replaces is None else Path(replaces), reason),
+        ),
+    )
+    asked = {
+        "bat": setup.bat.spec.name,
+        "procedure": setup.rules.text,
+        "rig": setup.rig,
+        "laboratory": setup.particulars.laboratory.name,
+    }
+    scatter = earlier_scatter(paths_of(history), asked)
+    setup = replace(
+        setup,
+        history={name: Estimates.stacked([each]) for name, each in scatter.items()},
+        uncertainty=uncertainty,
+    )
+    return _certificate(certify_bat(setup, progress), seed)
+
+
+def _certificate(tested: BatTest, seed: int | None) -> Certificate:
+    return Certificate(
+        certification=tested.certification,
+        sealed=tested.sealed,
+        film=tested.film,
+        control=_certificate(tested.control, seed) if tested.control else None,
+        seed=seed,
+    )
+
+
+def load_folder(folder: Folder) -> Certificate:
+    """Return the certificate of a result folder, with shots, budget and figure.
+
+    The records are reduced again. The truth is not opened; use `score` to compare with it.
+
+    Parameters
+    ----------
+    folder
+        Result folder that `certify`, ``Certificate.save`` or ``virtual-lab certify`` wrote.
+
+    Raises
+    ------
+    InputError
+        A folder without a certificate or records, or a certificate that disagrees with its
+        records.
+    """
+    from virtual_lab.certificate.chain import stated_and_reduced
+
+    folder = Path(folder)
+    document, certification = stated_and_reduced(folder)
+    control = load_folder(folder / "control") if (folder / "control").is_dir() else None
+    return Certificate(certification=certification, stated=document, control=control)
+
+
+def reduce(
+    records: Folder,
+    *,
+    replaces: Folder | None = None,
+    reason: str = "",
+    history: Folders = (),
+) -> Certificate:
+    """Return the certificate of a folder of raw records, computed without the truth.
+
+    Parameters
+    ----------
+    records
+        Folder with a ``session.json`` (written by `certify`) or a ``laboratory.toml`` (the form of
+        another laboratory).
+    replaces, reason
+        Folder of the result that the new certificate replaces, and the reason. The certificate
+        states both.
+    history
+        Folders of earlier tests, as for `certify`. They take the place of the history that the
+        records name.
+
+    Raises
+    ------
+    InputError
+        A record, calibration or procedure that is missing or cannot be used; a folder without a
+        certificate to replace; a reason without a folder, or a folder without a reason; or a
+        history of other tests.
+    """
+    from virtual_lab.certificate.chain import replaced_report
+    from virtual_lab.certificate.history import earlier_scatter, kind_of
+
+    replaced = replaced_report(None if replaces is None else Path(replaces), reason)
+    folders = paths_of(history)
+
+    def asked(session: Session) -> Session:
+        particulars = session.particulars
+        return replace(
+            session,
+            particulars=replace(particulars, replaces=replaced) if replaced else particulars,
+            history=earlier_scatter(folders, kind_of(session), session) or session.history,
+        )
+
+    return Certificate(certification=_reduced(Path(records), asked))
+
+
+def _reduced(folder: Path, asked: Callable[[Session], Session]) -> Certification:
+    from virtual_lab.measurement.certification import certify_session
+    from virtual_lab.records.foreign.laboratory import FORM
+    from virtual_lab.records.session import SESSION, load_session
+
+    if (folder / FORM).exists():
+        from virtual_lab.studies.foreign import certify_laboratory
+
+        return certify_laboratory(folder, asked)
+    inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
+    if inner and not (folder / SESSION).exists():
+        raise InputError("", "records", str(folder), f"they are in {inner[0]}; give that folder")
+    return certify_session(asked(load_session(folder)))
+
+
+def sweep(
+    bats: AnyBats,
+    *,
+    procedures: AnyProcedures = ("astm-f1881",),
+    laboratories: int = 100,
+    seed: Seed = 1,
+    individual: bool = False,
+    workers: Positive = 1,
+    certificates: Folder | None = None,
+    traces: bool = False,
+    truth: bool = True,
+    instruments: Instruments = (),
+    progress: Progress = quiet,
+) -> pd.DataFrame:
+    """Test bats by procedures in many laboratories and return one row per test.
+
+    Bats are nominal and instruments write sums instead of every edge and count (as in
+    ``vl.coverage(…, summed=True)``), so that a test takes little time.
+
+    Parameters
+    ----------
+    bats, procedures
+        One or several: names, paths or sheets.
+    laboratories, seed
+        How many laboratories of a study: those of the seed by number, from 0.
+    individual
+        Whether every laboratory gets a made bat of its own, as `certify` does.
+    workers
+        Processes of this machine that share the laboratories.
+    certificates
+        Folder for a result folder of each test, ``BAT-PROCEDURE-NUMBER``, as ``Certificate.save``
+        writes them; `load`, `verify` and `report` take them.
+    traces
+        Whether instruments write every edge and count, as for `certify`: certificates then have
+        the encoder's records, figures of them, and a bat of its own in every laboratory. A folder
+        takes 540 kB with them, 190 kB without.
+    truth
+        Whether the certificates keep the sealed truth, which `score` compares with; 90 kB.
+    instruments
+        Sheets with changed values, as for `certify`.
+    progress
+        Called with the number of tests done; by default shown on stderr.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``bat``, ``procedure``, ``laboratory`` (its number), ``verdict``, ``reason`` (of FAIL or
+        INVALID, else empty), ``metric`` (its symbol), ``unit``, ``value``, ``u``, ``low`` and
+        ``high`` of the 95 % interval, ``true`` and ``error``, all in the unit; for e_A, e, r, e0
+        the value, its u and the true value (``restitution``, ``restitution_u``,
+        ``restitution_true``, …). A test without a result has NaN.
+
+    Raises
+    ------
+    InputError
+        Unknown names, files that cannot be used, a seed that is no whole number from 0, no
+        laboratory, no worker.
+    """
+    from virtual_lab.studies.sweep import sweep_tests
+
+    if traces and certificates is None:
+        raise InputError("", "traces", traces, "allowed with certificates=FOLDER, which keep them")
+    keep = None if certificates is None else partial(_keep, Path(certificates), seed, truth)
+    return sweep_tests(
+        entry_names(bats),
+        entry_names(procedures),
+        laboratories,
+        seed,
+        individual=individual,
+        workers=workers,
+        summed=not traces,
+        keep=keep,
+        progress=progress,
+    )
+
+
+def _keep(folder: Path, seed: int, truth: bool, test: BatTest) -> Path:
+    """Write the certificate of one test of a study, with its truth or without."""
+    session, number = test.certification.session, test.sealed.number
+    name = f"{session.bat}-{test.certification.procedure.name}-{number:05d}"
+    sealed = test.sealed if truth else None
+    return Certificate(certification=test.certification, sealed=sealed, seed=seed).save(
+        folder / name
+    )

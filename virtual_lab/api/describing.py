@@ -1,0 +1,173 @@
+"""Descriptions of public functions, read from signature and docstring in the source.
+
+No module of a function is imported, so that help and completion load nothing heavy.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from virtual_lab.errors import nearest
+from virtual_lab.parameters import ANYTHING, PLAIN, ParameterRule, read_callable, rule_of
+
+# modules that define types of parameters, and load fast
+TYPES = ("virtual_lab.parameters", "virtual_lab.sheets")
+CALLED = ParameterRule(read=read_callable, allowed="a function that is called with a sentence")
+BY_NAME = {kind.__name__: rule for kind, rule in PLAIN.items()} | {"Progress": CALLED}
+
+
+class Unread:
+    """A default value that is no literal; its text is shown."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+REQUIRED = inspect.Parameter.empty
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterDescription:
+    """A parameter of a public function, as its signature and docstring describe it."""
+
+    name: str
+    annotation: str
+    rule: ParameterRule
+    optional: bool  # whether None is allowed
+    default: Any  # REQUIRED, a literal, or `Unread`
+    keyword: bool
+    words: str
+
+    @property
+    def signed(self) -> inspect.Parameter:
+        """The parameter of the signature."""
+        kind = (
+            inspect.Parameter.KEYWORD_ONLY
+            if self.keyword
+            else inspect.Parameter.POSITIONAL_OR_KEYWORD
+        )
+        return inspect.Parameter(self.name, kind, default=self.default, annotation=self.annotation)
+
+
+@dataclass(frozen=True)
+class Description:
+    """A public function: its docstring and its parameters by name."""
+
+    doc: str
+    parameters: Mapping[str, ParameterDescription]
+
+    @cached_property
+    def signature(self) -> inspect.Signature:
+        """The signature of the function."""
+        return inspect.Signature([each.signed for each in self.parameters.values()])
+
+    @property
+    def words(self) -> str:
+        """The docstring before its first section."""
+        return re.split(r"\n+\w[\w ]*\n-+\n", self.doc)[0].strip()
+
+
+@cache
+def described(module: str, name: str) -> Description:
+    """Return the description of a function of a module."""
+    function = _header(module, name)
+    doc = inspect.cleandoc(ast.get_docstring(function) or "")
+    words = dict(_sentences(doc))
+    taken = function.args
+    by_place = [*taken.posonlyargs, *taken.args]
+    defaults = [None] * (len(by_place) - len(taken.defaults)) + [*taken.defaults]
+    every = [
+        *((each, default, False) for each, default in zip(by_place, defaults, strict=True)),
+        *(
+            (each, default, True)
+            for each, default in zip(taken.kwonlyargs, taken.kw_defaults, strict=True)
+        ),
+    ]
+    return Description(
+        doc,
+        {
+            each.arg: ParameterDescription(
+                name=each.arg,
+                annotation=ast.unparse(each.annotation) if each.annotation else "",
+                rule=_rule(each.annotation),
+                optional="None" in ast.unparse(each.annotation or ast.Constant("")).split(" | "),
+                default=REQUIRED if default is None else _value(default),
+                keyword=keyword,
+                words=words.get(each.arg, ""),
+            )
+            for each, default, keyword in every
+        },
+    )
+
+
+def advice(rule: ParameterRule, value: Any) -> str:
+    """Return what is allowed in place of a value, with the names that are nearest to it."""
+    hint = nearest(value, rule.complete()) if isinstance(value, str) else ""
+    return f"{hint}allowed: {rule.allowed}"
+
+
+def _header(module: str, name: str) -> ast.FunctionDef:
+    """Return a function without its body, which is not parsed."""
+    text = _source(module).read_text(encoding="utf-8")
+    found = re.search(rf'^def {name}\(.*?""".*?"""', text, re.DOTALL | re.MULTILINE)
+    assert found, (module, name)
+    (function,) = ast.parse(found[0]).body
+    assert isinstance(function, ast.FunctionDef)
+    return function
+
+
+def _source(module: str) -> Path:
+    """Return the file of a module, of which no package is imported."""
+    top, *parts = module.split(".")
+    spec = find_spec(top)
+    assert spec is not None, module
+    path = Path(str(spec.origin)).parent.joinpath(*parts)
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+def _rule(annotation: ast.expr | None) -> ParameterRule:
+    """Return the rule of an annotation, None aside."""
+    if isinstance(annotation, ast.BinOp):
+        parts = [
+            part for part in (annotation.left, annotation.right) if ast.unparse(part) != "None"
+        ]
+        annotation = parts[0] if len(parts) == 1 else None
+    if not isinstance(annotation, ast.Name):
+        return ANYTHING
+    if annotation.id in BY_NAME:
+        return BY_NAME[annotation.id]
+    for module in map(import_module, TYPES):
+        if hasattr(module, annotation.id):
+            return rule_of(getattr(module, annotation.id))
+    return ANYTHING
+
+
+def _value(default: ast.expr) -> Any:
+    try:
+        return ast.literal_eval(default)
+    except ValueError:
+        return Unread(ast.unparse(default))
+
+
+def _sentences(doc: str) -> Iterator[tuple[str, str]]:
+    """Yield the description of each parameter of a numpydoc docstring."""
+    section = re.search(
+        r"^Parameters\n-+\n(.*?)(?=\n\n\S+\n-+\n|\Z)", doc, re.DOTALL | re.MULTILINE
+    )
+    for found in re.finditer(
+        r"^(\S.*)\n((?:(?: .*)?\n?)*)", section[1] if section else "", re.MULTILINE
+    ):
+        for name in found[1].split(","):
+            yield name.strip(), inspect.cleandoc(found[2])

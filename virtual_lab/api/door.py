@@ -1,0 +1,120 @@
+"""The door of every public function: its arguments are read by the rules of their types.
+
+A sheet takes the place of a name: its text is put in the place of the catalog's file as long as
+the function runs.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from importlib import import_module
+from typing import Any
+
+from virtual_lab.api.describing import Description, advice, described
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.output.progress import show_progress
+from virtual_lab.sheets import NAMED, Sheet
+
+LABORATORY = "instruments"  # the parameter that changes the laboratory itself
+SHOWN = ("propagate", "sweep")  # functions whose progress is shown by default
+Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
+
+
+def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
+    """Return a public function, which loads its module when it is called.
+
+    `InputError` for an argument that is missing, unknown or not allowed, and for an instrument
+    that no rig of the test uses.
+    """
+    description = described(*place)
+
+    def called(*given: Any, **named: Any) -> Any:
+        from virtual_lab import catalog
+
+        bound = _bound(name, description, given, named)
+        store: Store = {}
+        for key, value in bound.arguments.items():
+            if value is not description.parameters[key].default:
+                bound.arguments[key] = _read(name, description, key, value, store)
+        function = getattr(import_module(place[0]), place[1])
+        waiting = name in SHOWN and "progress" not in bound.arguments
+        with (
+            catalog.sheets_in_place(store) as used,
+            show_progress() if waiting else nullcontext() as bar,
+        ):
+            more = {"progress": bar} if waiting else {}
+            result = function(*bound.args, **bound.kwargs, **more)
+        for sheet in bound.arguments.get(LABORATORY, ()):
+            if (sheet.kind, sheet.name) not in used:
+                known = sorted({each for kind, each in used if kind in ("instruments", "rigs")})
+                allowed = f"no rig of this test uses it; in use: {', '.join(known) or 'none'}"
+                raise InputError("", LABORATORY, sheet.name, allowed)
+        return result
+
+    called.__name__ = called.__qualname__ = name
+    called.__module__, called.__doc__ = place[0], description.doc
+    called.__signature__ = description.signature  # type: ignore[attr-defined]
+    return called
+
+
+def _bound(
+    name: str, description: Description, given: Sequence[Any], named: Mapping[str, Any]
+) -> inspect.BoundArguments:
+    """Return the arguments of a call by name; `InputError` for those that do not fit."""
+    parameters = description.parameters
+    for key in named:
+        if key not in parameters:
+            allowed = (
+                f"unknown argument, {nearest(key, parameters)}allowed: {', '.join(parameters)}"
+            )
+            raise InputError(f"vl.{name}", key, None, allowed)
+    by_place = [key for key, each in parameters.items() if not each.keyword]
+    if len(given) > len(by_place):
+        others = [f"{key}=…" for key in parameters if key not in by_place]
+        allowed = f"write it by name: {', '.join(others)}" if others else "is too many"
+        if by_place and parameters[by_place[-1]].rule.several:
+            allowed = f"several {by_place[-1]} are one list, [A, B]; or {allowed}"
+        value = given[len(by_place)]
+        raise InputError(f"vl.{name}", f"argument {len(by_place) + 1}", value, allowed)
+    try:
+        return description.signature.bind(*given, **named)
+    except TypeError as fault:
+        for key in by_place[len(given) :]:
+            if parameters[key].default is inspect.Parameter.empty and key not in named:
+                allowed = f"is missing; allowed: {parameters[key].rule.allowed}"
+                raise InputError(f"vl.{name}", key, None, allowed) from fault
+        raise InputError(
+            f"vl.{name}", str(fault), None, f"allowed: {', '.join(parameters)}"
+        ) from fault
+
+
+def _read(name: str, description: Description, key: str, value: Any, store: Store) -> Any:
+    rule = description.parameters[key].rule
+    if value is None and description.parameters[key].optional:
+        return None
+    try:
+        found = rule.read(value)
+    except InputError:
+        raise
+    except (TypeError, ValueError, OverflowError) as fault:
+        if callable(getattr(value, name, None)) and not isinstance(value, str):
+            allowed = f"has a function of its own: write .{name}() after it"
+            raise InputError("", key, value, allowed) from fault
+        shown_key = key if value is not None else f"{key} = None"
+        raise InputError("", shown_key, value, advice(rule, value) + rule.python) from fault
+    return found if key == LABORATORY and _placed(found, store) else _placed(found, store)
+
+
+def _placed(value: Any, store: Store) -> Any:
+    """Return a value with names in the place of sheets, whose texts are put into the store."""
+    if isinstance(value, tuple):
+        return tuple(_placed(each, store) for each in value)
+    if not isinstance(value, Sheet):
+        return value
+    kind = value.kind
+    if store.setdefault((kind, value.name), value.text) != value.text:
+        way = "with_(name=…) gives one another" if kind in NAMED else "allowed: one of them"
+        raise InputError("", kind, value.name, f"two different sheets have this name; {way}")
+    return value.name

@@ -1,0 +1,226 @@
+"""Types of public parameters. Each type carries its rule, for Python and for the shell alike.
+
+A rule has one reader, one sentence of what is allowed, and one completer. A ``Literal`` and the
+plain types need no rule of their own: `rule_of` derives it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
+from math import isnan
+from operator import index
+from os import fspath
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+SEED_BITS = 128  # length of a random seed, too long for trial and error
+LARGEST_SEED = 2**SEED_BITS - 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterRule:
+    """The rule for the values of a parameter.
+
+    `read` returns a value of Python in the form that the function takes. It raises `TypeError` or
+    `ValueError` for a value that is not allowed. `parse` converts a word of the shell to such a
+    value.
+    """
+
+    read: Callable[[Any], Any]
+    allowed: str
+    parse: Callable[[str], Any] = str
+    complete: Callable[[], Iterable[str]] = tuple
+    metavar: str = "TEXT"
+    several: ParameterRule | None = None  # rule of one value, if the parameter takes a list
+    flag: bool = False
+    python: str = ""  # advice for callers in Python, behind the sentence of what is allowed
+
+
+def read_word(value: Any) -> str:
+    """Return a text; `TypeError` for anything else."""
+    if not isinstance(value, str):
+        raise TypeError(value)
+    return value
+
+
+def read_name(value: Any) -> str:
+    """Return a name or path as a text."""
+    return read_word(fspath(value))
+
+
+def read_path(value: Any) -> Path:
+    """Return a path."""
+    return Path(read_name(value))
+
+
+def read_number(value: Any) -> float:
+    """Return a number of any type as a float; `TypeError` for a text or a truth value."""
+    if isinstance(value, bool | str):
+        raise TypeError(value)
+    return float(value)
+
+
+def read_callable(value: Any) -> Any:
+    """Return a function; `TypeError` for anything else."""
+    if not callable(value):
+        raise TypeError(value)
+    return value
+
+
+def _certain(value: Any) -> float:
+    number = read_number(value)
+    if isnan(number):
+        raise ValueError(number)
+    return number
+
+
+def _yes_or_no(value: Any) -> bool:
+    if value not in (True, False):
+        raise ValueError(value)
+    return bool(value)
+
+
+def whole(
+    least: int = 0, most: int = 2**63 - 1, words: str = "", python: str = ""
+) -> ParameterRule:
+    """Return the rule of a whole number from `least` to `most`, of any integer type."""
+
+    def read(value: Any) -> int:
+        if isinstance(value, bool):
+            raise TypeError(value)
+        number = index(value)
+        if not least <= number <= most:
+            raise ValueError("beyond its limits")
+        return number
+
+    allowed = f"one whole number from {words or least}"
+    return ParameterRule(read=read, allowed=allowed, parse=int, metavar="NUMBER", python=python)
+
+
+def choice(*values: str) -> ParameterRule:
+    """Return the rule of a word out of a few."""
+
+    def read(value: Any) -> str:
+        if read_word(value) not in values:
+            raise ValueError(value)
+        return str(value)
+
+    *others, last = values
+    allowed = f"{', '.join(others)} or {last}" if others else last
+    return ParameterRule(
+        read=read, allowed=allowed, complete=lambda: values, metavar=f"[{'|'.join(values)}]"
+    )
+
+
+def several(one: ParameterRule, words: str = "") -> ParameterRule:
+    """Return the rule of one value or a list of them, read as a tuple."""
+
+    def read(value: Any) -> tuple[Any, ...]:
+        if not _is_list(value):
+            return (one.read(value),)
+        values = tuple(one.read(item) for item in value)
+        if not values:
+            raise ValueError("empty")
+        return values
+
+    return ParameterRule(
+        read=read,
+        allowed=f"{words or one.allowed}; one, or a list of at least one",
+        complete=one.complete,
+        metavar=one.metavar,
+        several=one,
+    )
+
+
+def _is_list(value: Any) -> bool:
+    """Return whether a value has items in an order, and is no text, table of keys or sheet."""
+    return isinstance(value, Iterable) and not isinstance(value, str | bytes | Path | Mapping | Set)
+
+
+WHOLE = whole()
+NUMBER = ParameterRule(read=read_number, allowed="a number", parse=float, metavar="NUMBER")
+CERTAIN_NUMBER = ParameterRule(read=_certain, allowed="a number", parse=float, metavar="NUMBER")
+FLAG = ParameterRule(read=_yes_or_no, allowed="True or False", flag=True)
+TEXT = ParameterRule(read=read_word, allowed="a text")
+FILE = ParameterRule(read=read_path, allowed="a path", metavar="FILE")
+FOLDER = ParameterRule(read=read_path, allowed="the path of a folder", metavar="FOLDER")
+ANYTHING = ParameterRule(read=lambda value: value, allowed="")
+PLAIN: Mapping[Any, ParameterRule] = {bool: FLAG, int: WHOLE, float: NUMBER, str: TEXT}
+
+SEED = whole(
+    0, LARGEST_SEED, f"0 to 2^{SEED_BITS} - 1", python="; for several, vl.sweep(laboratories=20)"
+)
+
+Seed = Annotated[int, SEED]
+OperatorSeed = Annotated[int, replace(SEED, python="")]
+Positive = Annotated[int, whole(1)]
+Wholes = Annotated[int | Sequence[int], several(WHOLE)]
+Certain = Annotated[float, CERTAIN_NUMBER]
+Numbers = Annotated[float | Sequence[float], several(NUMBER)]
+BoardText = Annotated[
+    str,
+    replace(
+        TEXT,
+        allowed="'charuco:14x9:40mm:30mm' or 'chessboard:14x9:40mm'",
+        metavar="KIND:COLUMNSxROWS:SQUARE[:MARKER]",
+    ),
+]
+LengthText = Annotated[str, replace(TEXT, allowed="a length with its unit: '36.5mm'")]
+PictureName = Annotated[str, replace(TEXT, allowed="the name of a picture")]
+Correction = Annotated[
+    str, replace(TEXT, allowed="METHOD:E0, such as 'trampoline:0.5'", metavar="METHOD:E0")
+]
+Share = Annotated[
+    str,
+    replace(TEXT, allowed="a share of the parts: '3/40' for the third fortieth", metavar="N/M"),
+]
+Address = Annotated[
+    str,
+    replace(TEXT, allowed="the address of a scheduler: 'tcp://HOST:8786'", metavar="ADDRESS"),
+]
+# read by the function itself, in the form of the command line
+StatedText = Annotated[str, ANYTHING]
+StatedNumber = Annotated[float, replace(ANYTHING, parse=float, metavar="NUMBER")]
+File = Annotated[str | Path, FILE]
+PicturePaths = Annotated[str | Path | Sequence[str | Path], several(FILE, "paths of pictures")]
+Folder = Annotated[str | Path, FOLDER]
+Folders = Annotated[str | Path | Sequence[str | Path], several(FOLDER)]
+Kind = Literal["bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults"]
+Paper = Literal["a4", "letter"]
+RealityName = Literal["real", "noise-free", "ideal"]
+CollisionName = Literal["rigid", "modal", "reference"]
+MotionName = Literal["closed-form", "pymunk"]
+StablePart = Literal["collision", "motion", "camera"]
+ChartedPart = Literal["collision", "motion", "camera", "uncertainty", "laboratory"]
+SwingLawName = Literal["power", "energy"]
+DrawsRule = Literal["stein", "7.9"]
+Propagation = Literal["first-order", "second-order", "monte-carlo"]
+AnyModel = Annotated[
+    Callable[..., Any], ParameterRule(read=read_callable, allowed="a function of named inputs")
+]
+
+
+def paths_of(folders: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
+    """Return one path, or a list of them, as a tuple."""
+    return (Path(folders),) if isinstance(folders, str | Path) else tuple(map(Path, folders))
+
+
+def values_of(values: float | Sequence[float]) -> tuple[float, ...]:
+    """Return one number, or a list of numbers, as a tuple."""
+    return (float(values),) if isinstance(values, int | float) else tuple(map(float, values))
+
+
+def wholes_of(values: int | Sequence[int]) -> tuple[int, ...]:
+    """Return one whole number, or a list of them, as a tuple."""
+    return (values,) if isinstance(values, int) else tuple(values)
+
+
+def rule_of(annotation: Any) -> ParameterRule:
+    """Return the rule of a type: the one it carries, or that of its plain type or choices."""
+    for note in getattr(annotation, "__metadata__", ()):
+        if isinstance(note, ParameterRule):
+            return note
+    if get_origin(annotation) is Literal:
+        return choice(*get_args(annotation))
+    return PLAIN.get(annotation, ANYTHING)
