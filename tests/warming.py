@@ -60,6 +60,14 @@ def _camera() -> None:
         ESTIMATORS[EDGE](pictures(case).given)
 
 
+def _flights() -> None:
+    import numpy as np
+
+    from virtual_lab.video.follow.drag_kernel import fly_with_drag
+
+    fly_with_drag(np.zeros((1, 1, 4)), np.zeros((1, 1, 2)), np.zeros(1), np.zeros(1), 1)
+
+
 def _alone() -> None:
     from virtual_lab.studies.bats.profile import profiles
     from virtual_lab.studies.paper import CLAIMS
@@ -71,6 +79,7 @@ def _alone() -> None:
 def _others() -> None:
     _scans()  # first: the bats' scans follow their test at one place
     _camera()
+    _flights()
     _alone()
 
 

@@ -332,23 +332,18 @@ def _alike(left: Array, of: Ints) -> float:
 
 def _fly(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
     """States (…, place, 4) after times (place,), by Runge and Kutta's method."""
-    later, slowing = dt[:, None], np.asarray(drag)[..., None, None]
     if not np.any(drag):
+        later = dt[:, None]
         place = states[..., :2] + states[..., 2:] * later + pull * later**2 / 2
         return np.concatenate([place, states[..., 2:] + pull * later], axis=-1)
+    from virtual_lab.video.follow.drag_kernel import fly_with_drag
 
-    def rate(v: Array) -> Array:
-        return pull - slowing * np.hypot(v[..., :1], v[..., 1:]) * v
-
-    place, velocity = states[..., :2], states[..., 2:]
-    step = later / FLIGHT_FIT.runge_kutta_steps
-    for _ in range(FLIGHT_FIT.runge_kutta_steps):
-        one = rate(velocity)
-        two = rate(velocity + step / 2 * one)
-        three = rate(velocity + step / 2 * two)
-        place = place + step * (velocity + step / 6 * (one + two + three))
-        velocity = velocity + step / 6 * (one + 2 * (two + three) + rate(velocity + step * three))
-    return np.concatenate([place, velocity], axis=-1)
+    flown, pulls = np.empty(states.shape), np.empty((*states.shape[:-1], 2))
+    flown[...], pulls[...] = states, pull
+    slowing = np.atleast_1d(np.asarray(drag, float))
+    rows, pulls = flown.reshape(-1, *flown.shape[-2:]), pulls.reshape(-1, *pulls.shape[-2:])
+    fly_with_drag(rows, pulls, slowing, dt, FLIGHT_FIT.runge_kutta_steps)
+    return flown
 
 
 def _project(places: Array, tilt: Array, centre: Array) -> Array:
