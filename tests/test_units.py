@@ -4,7 +4,7 @@ from fractions import Fraction
 from math import isclose, radians
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from virtual_lab import units
@@ -78,6 +78,7 @@ def test_factor_of_every_unit(dimension: str, unit: str) -> None:
 
 @pytest.mark.parametrize(("dimension", "unit"), EVERY)
 @given(value=st.floats(1e-250, 1e250) | st.floats(-1e250, -1e-250) | st.just(0.0))
+@settings(max_examples=20)
 def test_there_and_back(dimension: str, unit: str, value: float) -> None:
     """A product and its quotient differ from the start by two roundings at most (IEEE 754)."""
     back = units.from_si(units.to_si(value, unit, dimension), unit, dimension)

@@ -284,10 +284,11 @@ def _until_fire(look):
 
 def test_the_debrief_sets_an_experts_day_beside_the_trainees() -> None:
     """The same bat, balls and draws: hits of the same ball at the same place are the same hit."""
-    found = debriefed("careless", "gate-moved")
+    longer = debriefed("careless")
+    assert len(longer.hits) == longer.shots > longer.expert.shots
+    found = debriefed("book", "gate-moved")
     assert found.expert.doubts == ("gate-moved",)
     assert "Measure the distances of the gates" in found.expert.checks
-    assert len(found.hits) == max(found.shots, found.expert.shots)
     same = [(mine, theirs) for mine, theirs in debriefed("book").hits]
     assert all(mine == theirs for mine, theirs in same)
     review = found.fault_reviews[0]

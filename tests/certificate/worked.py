@@ -768,7 +768,7 @@ class Test:
 
         def ends(values: np.ndarray) -> np.ndarray:
             curve = np.polynomial.Polynomial.fit(place, values, 5)
-            fine = np.linspace(place.min(), place.max(), 400_001)
+            fine = np.linspace(place.min(), place.max(), 40_001)
             heights = curve(fine)
             top = int(np.argmax(heights))
             below = heights < heights[top] - drop
