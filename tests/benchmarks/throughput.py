@@ -32,6 +32,7 @@ from virtual_lab.lab import RoundRobin, by_the_book, certify_block
 from virtual_lab.measurement.procedure import Curve, metric_of
 from virtual_lab.measurement.reduction.observations import observe_balls, observe_impact
 from virtual_lab.measurement.reduction.shot_algebra import (
+    ShotResults,
     bat_properties,
     measured_balls,
     shot_results,
@@ -157,7 +158,7 @@ def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
         )
         records = {**session.records, "impact": play.records}
         readings = observe_impact(SessionBlock.of(replace(session, records=records)))
-        results = shot_results(known, bat, balls, readings, rules.reduction_settings)
+        results = shot_results(ShotResults, known, bat, balls, readings, rules.reduction_settings)
         return metric(Curve.measured(results), bat)
 
     return work

@@ -17,6 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from tests.conftest import Play
 from tests.laboratories import certify, opened
+from tests.measurement.reduction.planted import plant
 from virtual_lab import catalog
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.errors import InputError
@@ -25,8 +26,6 @@ from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY, _of_continuous, tru
 from virtual_lab.lab.true_metric import TrueCurve
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.rules import BallCorrection
-from virtual_lab.measurement.reduction import shot_kernel
-from virtual_lab.measurement.reduction.shot_kernel import shots_of_sets
 from virtual_lab.simulation.rig import ImpactStation, Reality, Stage
 from virtual_lab.studies.bats.profile import profiles
 
@@ -229,24 +228,10 @@ def test_the_width_is_that_of_the_highest_of_several_hills() -> None:
     assert hills(0.99) == pytest.approx(20e-3, rel=1e-3)
 
 
-def short_of_recoil(*arguments: object) -> list[np.ndarray]:
-    """Results of the shots with nine tenths of r in Eq. (6)."""
-    found = dict(zip(shot_kernel.RESULTS, shots_of_sets(*arguments), strict=True))
-    e_A, r, lot_r = (
-        found[name] for name in ("collision_efficiency", "recoil_factor", "lot_recoil_factor")
-    )
-    found["restitution"] = e_A * (1 + 0.9 * r) + 0.9 * r
-    found["bat_performance_factor"] = found["restitution"] / found["ball_restitution"]
-    lot = found["bat_performance_factor"] * found["lot_ball_restitution"]
-    found["lot_restitution"] = lot
-    found["lot_collision_efficiency"] = (lot - lot_r) / (1 + lot_r)
-    return list(found.values())
-
-
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
 def test_a_wrong_equation_6_shows(procedure: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """In an ideal laboratory, and in the scores of eight real ones."""
-    monkeypatch.setattr(shot_kernel, "shots_of_sets", short_of_recoil)
+    plant(monkeypatch, "restitution_from_efficiency", lambda e_A, r: e_A * (1 + 0.9 * r) + 0.9 * r)
     ideal = opened("r161", procedure=procedure, seed=1, reality=Reality.IDEAL)
     tested = by_the_book(ideal).of(0)
     assert tested.certification.metric is not None

@@ -24,6 +24,7 @@ from virtual_lab.measurement.reduction.observations import (
 from virtual_lab.measurement.reduction.shot_algebra import (
     BatProperties,
     ReductionSettings,
+    SetResults,
     measured_balls,
     shot_results,
 )
@@ -120,9 +121,8 @@ def play(
     variants = Variants.of(
         known | {name: each.row(0) for name, each in ball_constants(balls).items()}
     )
-    shots = shot_results(
-        variants.columns, BAT, measured_balls(variants.columns, balls), readings, ASKED
-    )
+    lot = measured_balls(variants.columns, balls)
+    shots = shot_results(SetResults, variants.columns, BAT, lot, readings, ASKED)
     lot = shots.lot_restitution
     hits = {
         "BPF": shots.bat_performance_factor,

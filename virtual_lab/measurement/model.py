@@ -10,7 +10,7 @@ from virtual_lab.measurement.reduction.flights import FlightModel
 from virtual_lab.measurement.reduction.observations import BallReadings, ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import (
     BatProperties,
-    ShotResults,
+    SetResults,
     bat_properties,
     measured_balls,
     shot_results,
@@ -48,7 +48,7 @@ class MeasurementModel:
         return self.quantities(constants, bat, self.shots(constants, bat))
 
     def quantities(
-        self, constants: Mapping[str, Array], bat: BatProperties, shots: ShotResults
+        self, constants: Mapping[str, Array], bat: BatProperties, shots: SetResults
     ) -> dict[str, Array]:
         """Return the quantities of `__call__` from the bat and the shots for these constants."""
         found = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
@@ -61,9 +61,10 @@ class MeasurementModel:
         constants: Mapping[str, Array],
         bat: BatProperties,
         flown: FlightModel | None = None,
-    ) -> ShotResults:
+    ) -> SetResults:
         """Return the results of the shots, with flights from the readings or from `flown`."""
         return shot_results(
+            SetResults,
             constants,
             bat,
             measured_balls(constants, self.balls),

@@ -7,8 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from virtual_lab.measurement.procedure import HitWeights, Procedure
-from virtual_lab.measurement.reduction.kinematics import restitution_from_efficiency
-from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults, recoil_factor
+from virtual_lab.measurement.reduction.kinematics import (
+    bat_performance_factor,
+    inverse_effective_mass,
+    recoil_factor,
+    restitution_from_efficiency,
+)
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,13 +33,17 @@ def other_support(
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # the lot's mean ball, from the recoil factor with the support named by the rules
     ball = shots.ball_mass * shots.lot_recoil_factor / shots.recoil_factor
-    recoil = recoil_factor(which, bat, ball, shots.place, procedure.pivot_from_knob)
+    axis = bat.length - procedure.pivot_from_knob
+    recoil = np.asarray(
+        recoil_factor(ball, inverse_effective_mass(which == "free", bat, axis, shots.place))
+    )
     restitution = np.asarray(restitution_from_efficiency(shots.lot_collision_efficiency, recoil))
+    factor = np.asarray(bat_performance_factor(restitution, shots.lot_ball_restitution))
     used = outcome.used
     weights = outcome.weights[used]
     return OtherSupport(
         which=which,
         recoil_factor=float(recoil[used] @ weights),
         restitution=float(restitution[used] @ weights),
-        bat_performance_factor=float((restitution / shots.lot_ball_restitution)[used] @ weights),
+        bat_performance_factor=float(factor[used] @ weights),
     )

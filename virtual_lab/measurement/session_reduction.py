@@ -362,6 +362,7 @@ def reduce_shots(
     best = {name: known.value[owner, None, None] for name, known in constants.items()}
     bat = preparation.bat.select(owner)
     results = shot_results(
+        ShotResults,
         best,
         bat,
         preparation.lot.select(owner),

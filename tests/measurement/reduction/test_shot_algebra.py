@@ -17,6 +17,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     BatProperties,
     MeasuredBalls,
     ReductionSettings,
+    ShotResults,
     bat_properties,
     shot_results,
 )
@@ -214,7 +215,7 @@ def worked(x: dict[str, np.ndarray]):
         turn_rate=np.zeros_like,
         window_speed=26.8224,
     )
-    return shot_results(x, bat, balls, readings, asked)
+    return shot_results(ShotResults, x, bat, balls, readings, asked)
 
 
 def test_a_collision_by_hand() -> None:

@@ -15,7 +15,13 @@ from virtual_lab.measurement.camera.filmed import CameraResults, filmed, frames_
 from virtual_lab.measurement.camera.windows import Sightings, sight
 from virtual_lab.measurement.reduction.flights import FlightModel
 from virtual_lab.measurement.reduction.gates import GateReadings, heights_moved
-from virtual_lab.measurement.reduction.shot_algebra import ShotResults, bat_properties, drag_of
+from virtual_lab.measurement.reduction.shot_algebra import (
+    SetResults,
+    ball_masses,
+    bat_properties,
+    drag_of,
+    of_ball,
+)
 from virtual_lab.measurement.session_reduction import SessionReduction, best_values, constants_known
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.records.session import Session
@@ -55,7 +61,7 @@ class CameraComparison:
     hits: int  # number of hits of the result that both gates and camera measured
     missed: int  # number of hits of the result that were not measured by both
     filmed: CameraResults
-    shots: ShotResults
+    shots: SetResults
     # standard uncertainty of each shot's speed_in, speed_out, efficiency, place and angle
     u: Mapping[str, Array]
 
@@ -110,8 +116,8 @@ def compare_camera(session: Session, reduced: SessionReduction) -> CameraCompari
 class _Both:
     """Results of the shots for any values of the constants by gates and by video, (..., shot)."""
 
-    gates: ShotResults
-    video: ShotResults
+    gates: SetResults
+    video: SetResults
     filmed: CameraResults
 
     @property
@@ -130,10 +136,11 @@ def _by_both(
     reduced: SessionReduction, seen: Sightings, x: Mapping[str, Array], by_gates: FlightModel
 ) -> _Both:
     bat = bat_properties(x)
-    gates = reduced.model.shots(x, bat, by_gates)
-    drag = drag_of(x, gates.ball_mass)
+    model = reduced.model
+    gates = model.shots(x, bat, by_gates)
+    drag = drag_of(x, of_ball(ball_masses(x, model.balls), model.readings.ball))
     found = filmed(x, "impact", seen, drag, by_gates(x, drag))
-    video = reduced.model.shots(x, bat, lambda *_: found.flights)
+    video = model.shots(x, bat, lambda *_: found.flights)
     return _Both(gates=gates, video=video, filmed=found)
 
 

@@ -17,7 +17,7 @@ from virtual_lab.measurement.reduction.kinematics import (
     parallel_axis,
     restitution_of_standard_ball,
 )
-from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties, SetResults
 from virtual_lab.units import Array
 
 
@@ -32,7 +32,7 @@ class Curve:
     ball_restitution: Array
 
     @classmethod
-    def measured(cls, shots: ShotResults) -> Curve:
+    def measured(cls, shots: SetResults) -> Curve:
         """Return the curve from shots, one place per shot."""
         return cls(
             place=shots.place,

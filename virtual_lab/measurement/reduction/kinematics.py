@@ -1,20 +1,41 @@
-"""Closed forms of the ball-bat collision, for reduction and studies, not for the simulation.
+"""Equations of the ball-bat collision, for reduction and studies, not for the simulation.
 
 Symbols: ``e_A`` collision efficiency, ``e`` restitution of ball and bat, ``e0`` of the ball
 on a rigid wall, ``r`` recoil factor, ``m`` ball mass, ``M`` bat mass. Every function
 broadcasts over numbers and arrays, works in SI (or any coherent units) and passes NaN
 through: a shot without a rebound is a result, not an error. Equation numbers are those of
 the 2003 paper (source key ``nathan2003``).
+
+`reduced` applies them to a shot in the order of the paper. `compiled_reduction` compiles it, with
+the equations, for many sets of constants. Both are in this file because numba's cache notices
+changes of no other file than that of the compiled function.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import cache
+from types import FunctionType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = float | NDArray[np.float64]
+CONSTANTS = (  # names of the constants of `reduced`
+    *("mass", "length", "z_cm", "inertia_cm", "turn_rate", "pivot_from_knob", "aim", "encoder"),
+    *("lot_mass", "lot_restitution", "speed", "slope", "place_slope", "slope_error"),
+)
+SET = np.dtype([(name, np.float64) for name in CONSTANTS], align=True)
+# names of the results of `reduced`: those needed for every set of constants, and the others
+RESULTS = (
+    *("place", "lot_ball_restitution", "lot_recoil_factor", "asked_recoil_factor"),
+    *("bat_performance_factor", "lot_restitution", "lot_collision_efficiency"),
+    *("rebound_efficiency", "recoil_efficiency"),
+)
+DETAILS = (
+    *("ball_mass", "bat_speed", "relative_speed", "recoil_rate", "recoil_factor"),
+    *("ball_restitution", "window_ball_restitution", "collision_efficiency", "restitution"),
+)
 
 
 class EnergyFractions(NamedTuple):
@@ -55,14 +76,29 @@ def efficiency_from_restitution(e: Floats, r: Floats) -> Floats:
     return (e - r) / (1 + r)
 
 
+def recoil_factor(m: Floats, inverse_M_eff: Floats) -> Floats:
+    """Return r from the mass of the ball and 1/M_eff of the bat. Eq. (7)."""
+    return m * inverse_M_eff
+
+
+def inverse_mass_free(M: Floats, I_cm: Floats, d: Floats) -> Floats:
+    """Return 1/M_eff [1/kg] of a free bat struck `d` [m] from its centre of mass. Eq. (8)."""
+    return 1 / M + d**2 / I_cm
+
+
+def inverse_mass_pivoted(I_p: Floats, b: Floats) -> Floats:
+    """Return 1/M_eff [1/kg] of a pivoted bat struck at a distance `b` [m] from it. Eq. (9)."""
+    return b**2 / I_p
+
+
 def recoil_factor_free(m: Floats, M: Floats, I_cm: Floats, d: Floats) -> Floats:
     """Return r of a free bat struck `d` [m] from its centre of mass. Eqs. (7), (8)."""
-    return m * (1 / M + d**2 / I_cm)
+    return recoil_factor(m, inverse_mass_free(M, I_cm, d))
 
 
 def recoil_factor_pivoted(m: Floats, I_p: Floats, b: Floats) -> Floats:
     """Return r of a pivoted bat struck at a distance `b` [m] from the pivot. Eqs. (7), (9)."""
-    return m * b**2 / I_p
+    return recoil_factor(m, inverse_mass_pivoted(I_p, b))
 
 
 def parallel_axis(I_cm: Floats, M: Floats, d: Floats) -> Floats:
@@ -102,6 +138,39 @@ def rebound_speed_from_recoil(
     return I_p * omega / (m * b) - v_ball
 
 
+def struck_place(aimed: Floats, aim: Floats, along: Floats) -> Floats:
+    """Return the position [m] at which a ball met the bat, from the tip.
+
+    `aim` is the distance of the line of fire from its nominal line along the bat [m], and `along`
+    the recorded deviation of the ball from the line of fire [m].
+    """
+    return aimed + aim - along
+
+
+def square_rebound(v_in: Floats, v_out: Floats, cosine: Floats) -> Floats:
+    """Return the speed [m/s] at right angles to a bat that is not square to the line of fire.
+
+    A smooth ball keeps its velocity along the bat and rebounds at right angles to it. `v_in` and
+    `v_out` are the speeds along the line of fire.
+    """
+    return (v_out + v_in * (1 - cosine**2)) / cosine
+
+
+def head_on_efficiency(e_A: Floats, sine_square: Floats) -> Floats:
+    """Return e_A of a head-on hit from that of a hit off the bat's axis, which is always lower."""
+    return (e_A + sine_square) / (1 - sine_square)
+
+
+def efficiency_at_aim(e_A: Floats, off: Floats, slope: Floats, error: Floats) -> Floats:
+    """Return e_A at the aimed position from e_A at a distance `off` [m] from it."""
+    return e_A - (slope * off + error)
+
+
+def restitution_at_speed(e0: Floats, slope: Floats, faster: Floats) -> Floats:
+    """Return e0 of a ball at a speed that is `faster` [m/s] than the one to which `e0` refers."""
+    return e0 + slope * faster
+
+
 def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floats:
     """Return e with a ball of restitution `standard`, from `e` measured with a ball of `e0`.
 
@@ -114,3 +183,134 @@ def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floa
         stiffer = (1 - e**2) / (e**2 - e0**2)
         sprung = np.sqrt((standard**2 * stiffer + 1) / (stiffer + 1))
     return np.where(e > e0, sprung, e * standard / e0)
+
+
+def inverse_effective_mass(free: bool, bat: Any, axis: Floats, place: Floats) -> Floats:
+    """Return 1/M_eff [1/kg] of a bat struck at `place`, free or on its axis. Eqs. (8), (9).
+
+    `bat` has the fields `mass`, `z_cm` and `inertia_cm`. Positions are those from the tip [m].
+    """
+    if free:
+        return inverse_mass_free(bat.mass, bat.inertia_cm, place - bat.z_cm)
+    I_p = parallel_axis(bat.inertia_cm, bat.mass, axis - bat.z_cm)
+    return inverse_mass_pivoted(I_p, axis - place)
+
+
+def reduced(
+    settings: Any, x: Any, ball: Any, shot: Any
+) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
+    """Return the `RESULTS` and the `DETAILS` of a shot, from numbers or arrays that broadcast.
+
+    Parameters
+    ----------
+    settings
+        Whether e_A is corrected to the aimed position, whether it is computed from the recoil, and
+        whether r is that of a free bat. Then the distance of the axis from the knob that the
+        procedure requires [m], the nominal speed of the ball, and the speed at which balls are
+        judged [m/s].
+    x
+        The `CONSTANTS`, as fields: those of the bat; its nominal angular rate [rad/s]; the
+        distances of the rig's axis from the knob and of the line of fire from its nominal line [m];
+        the angle of a count times the rate of the clock [rad]; mass [kg] and e0 of the lot's mean
+        ball; the speed to which the e0 of balls refers [m/s]; the slopes of e0 over speed [s/m] and
+        of e_A along the barrel [1/m], and the error of e_A caused by the latter.
+    ball
+        Mass [kg] and e0 of the ball.
+    shot
+        Speeds of the ball before and after [m/s], sin² of the contact angle, aimed position [m],
+        deviation of the ball along the bat [m], cosine of the bat's angle, angular rate of the
+        swing [rad/s], rate of the recoil [counts/s].
+    """
+    at_aim, by_recoil, free, pivot_from_knob, ball_speed, window_speed = settings
+    v_in, v_out, sine_square, aimed, along, cosine, swing_rate, counts = shot
+    m, mean_e0 = ball
+    # the line of fire passes the axis at the distance `abreast`; a bat that is not square to it
+    # is struck farther out
+    axis = x.length - x.pivot_from_knob
+    struck = struck_place(aimed, x.aim, along)
+    abreast = axis - struck
+    b = abreast / cosine
+    v_ball, v_bat, omega = v_in * cosine, b * swing_rate, x.encoder * counts
+    # e_A by Eq. (2), from the rebound of the ball and from the recoil of a bat that was at rest
+    v_f = square_rebound(v_in, v_out, cosine)
+    by_ball = head_on_efficiency(collision_efficiency(v_ball, v_bat, v_f), sine_square)
+    I_p = parallel_axis(x.inertia_cm, x.mass, axis - x.z_cm)
+    v_f = rebound_speed_from_recoil(I_p, omega, m, b, v_in)
+    by_bat = head_on_efficiency(collision_efficiency(v_in, 0.0, v_f), sine_square)
+    seen = by_bat if by_recoil else by_ball
+    e_A = efficiency_at_aim(seen, struck - aimed, x.place_slope, x.slope_error)
+    place = aimed if at_aim else struck
+    # r by Eqs. (7) to (9), about the axis that the procedure requires: e_A hardly depends on the
+    # axis, so a misplaced axis changes only the angular momentum above
+    axis = x.length - pivot_from_knob
+    inverse_M_eff = inverse_effective_mass(free, x, axis, place)
+    r, lot_r = recoil_factor(m, inverse_M_eff), recoil_factor(x.lot_mass, inverse_M_eff)
+    asked_r = recoil_factor(x.lot_mass, inverse_effective_mass(free, x, axis, aimed))
+    # e by Eq. (6) and BPF by Eq. (5), with e0 at the relative speed
+    e = restitution_from_efficiency(e_A, r)
+    v_rel = v_ball + v_bat
+    e0 = restitution_at_speed(mean_e0, x.slope, v_rel - x.speed)
+    factor = bat_performance_factor(e, e0)
+    # e and e_A of the lot's mean ball at the nominal relative speed
+    nominal = ball_speed + x.turn_rate * (axis - aimed)
+    lot_e0 = restitution_at_speed(x.lot_restitution, x.slope, nominal - x.speed)
+    lot_e = factor * lot_e0
+    lot_e_A = efficiency_from_restitution(lot_e, lot_r)
+    window_e0 = restitution_at_speed(mean_e0, x.slope, window_speed - x.speed)
+    place = place + abreast - b
+    return (
+        (place, lot_e0, lot_r, asked_r, factor, lot_e, lot_e_A, by_ball, by_bat),
+        (m, v_bat, v_rel, omega, r, e0, window_e0, e_A, e),
+    )
+
+
+def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, results: Any) -> None:
+    """Fill in the results of `reduced` for each set of constants, arrays (block, set, shot).
+
+    Parameters
+    ----------
+    settings
+        Those of `reduced`.
+    sets
+        Constants with the fields of `SET`, (block, set).
+    balls
+        Masses [kg] and e0 of the balls, each (block, set, ball).
+    ball
+        Index of the ball of each shot.
+    shots
+        Readings of the shots in the order of `reduced`.
+    results
+        Arrays for the `RESULTS`, and those for the `DETAILS`, empty if not needed.
+    """
+    (masses, restitutions), (results, details) = balls, results
+    for n in range(sets.shape[0]):
+        for k in range(sets.shape[1]):
+            for i in range(ball.shape[2]):
+                at, hit = (n, k, i), (n, k, ball[n, k, i])
+                shot = (
+                    *(shots[0][at], shots[1][at], shots[2][at], shots[3][at]),
+                    *(shots[4][at], shots[5][at], shots[6][at], shots[7][at]),
+                )
+                of_ball = masses[hit], restitutions[hit]
+                found, more = reduced(settings, sets[n, k], of_ball, shot)
+                for field in range(len(results)):
+                    results[field][at] = found[field]
+                if details[0].size:
+                    for field in range(len(details)):
+                        details[field][at] = more[field]
+
+
+@cache
+def compiled_reduction() -> Any:
+    """Return `reduce_sets`, compiled with all functions of this module."""
+    from numba import njit, typeof
+    from numba.extending import register_jitable
+
+    for value in list(globals().values()):
+        if isinstance(value, FunctionType) and value.__module__ == __name__:
+            register_jitable(value)
+    number, index = (np.broadcast_to(np.zeros(1, kind), (2, 2, 2)) for kind in (float, np.int64))
+    settings, sets = (True,) * 3 + (0.0,) * 3, np.empty((1, 1), SET)
+    filled = tuple((np.empty((1, 1, 1)),) * len(names) for names in (RESULTS, DETAILS))
+    types = map(typeof, (settings, sets, (number,) * 2, index, (number,) * 8, filled))
+    return njit(tuple(types), cache=True, error_model="numpy")(reduce_sets)

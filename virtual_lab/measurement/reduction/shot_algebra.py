@@ -8,8 +8,9 @@ the same functions with shifted constants, a block of laboratories with a leadin
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from dataclasses import dataclass, fields
+from math import prod
+from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,12 @@ from numpy.typing import NDArray
 from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.measurement.reduction.flights import FlightModel, Flights
 from virtual_lab.measurement.reduction.kinematics import (
+    CONSTANTS,
+    DETAILS,
+    RESULTS,
+    SET,
+    compiled_reduction,
     parallel_axis,
-    recoil_factor_free,
-    recoil_factor_pivoted,
 )
 from virtual_lab.measurement.reduction.observations import (
     SLOPE_REPEATABILITY,
@@ -32,6 +36,7 @@ from virtual_lab.relations.pendulum import inertia_from_period, mean_amplitude_f
 from virtual_lab.units import Array, Mask
 
 Constants = Mapping[str, Array]
+R = TypeVar("R", bound="SetResults")
 # beginnings of the names of constants that the flight of a ball depends on
 FLIGHT = ("bench.scale.", "hall.", "ball.radius")
 # the same with the constants of the instruments that time the flight
@@ -68,36 +73,42 @@ class MeasuredBalls(AlignedArrays):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShotResults(AlignedArrays):
-    """Results of each shot, shape (..., shot)."""
+class SetResults(AlignedArrays):
+    """Results of each shot for every set of constants, shape (..., shot)."""
 
-    speed: Array  # speed of the ball at the bat [m/s]
-    bat_speed: Array  # speed of the struck point toward the ball; 0 for a bat at rest [m/s]
-    relative_speed: Array  # [m/s]
-    recoil_rate: Array  # angular rate of a bat that was at rest, at the end of contact [rad/s]
-    swing_rate: Array  # angular rate of a swung bat at contact; 0 for a bat at rest [rad/s]
-    rebound_speed: Array  # rebound speed of the ball along the line of fire [m/s]
-    rebound_slope: Array  # height gained per metre of distance in the rebound [m/m]
-    ball_mass: Array  # mass of the ball [kg]
     place: Array  # impact position to which e_A refers, from the barrel tip [m]
-    recoil_factor: Array  # recoil factor r with the support named by the procedure
-    ball_restitution: Array  # e0 of the ball at the relative speed of the shot
-    collision_efficiency: Array  # e_A at `place`, corrected for the offset across the bat
-    restitution: Array
-    bat_performance_factor: Array
-    # e0 of the ball at the speed at which the procedure judges balls
-    window_ball_restitution: Array
-    # e0 of the lot's mean ball at the nominal relative speed; the next three fields
+    # e0 of the lot's mean ball at the nominal relative speed; the results named `lot_...`
     # refer to the same ball and speed
     lot_ball_restitution: Array
-    lot_recoil_factor: Array
+    lot_recoil_factor: Array  # recoil factor r with the support named by the procedure
+    asked_recoil_factor: Array  # lot_recoil_factor at the aimed position
+    bat_performance_factor: Array
     lot_restitution: Array
     lot_collision_efficiency: Array
-    asked_recoil_factor: Array  # lot_recoil_factor at the aimed position
     rebound_efficiency: Array  # e_A from the ball's rebound; NaN: the gates did not see it
     recoil_efficiency: Array  # e_A from the bat's recoil; NaN: not recorded
 
     aligned: ClassVar = EVERY_FIELD
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShotResults(SetResults):
+    """All results of each shot, for the best values of the constants, shape (..., shot)."""
+
+    speed: Array  # speed of the ball at the bat [m/s]
+    rebound_speed: Array  # rebound speed of the ball along the line of fire [m/s]
+    rebound_slope: Array  # height gained per metre of distance in the rebound [m/m]
+    swing_rate: Array  # angular rate of a swung bat at contact; 0 for a bat at rest [rad/s]
+    ball_mass: Array  # mass of the ball [kg]
+    bat_speed: Array  # speed of the struck point toward the ball; 0 for a bat at rest [m/s]
+    relative_speed: Array  # [m/s]
+    recoil_rate: Array  # angular rate of a bat that was at rest, at the end of contact [rad/s]
+    recoil_factor: Array  # recoil factor r with the support named by the procedure
+    ball_restitution: Array  # e0 of the ball at the relative speed of the shot
+    # e0 of the ball at the speed at which the procedure judges balls
+    window_ball_restitution: Array
+    collision_efficiency: Array  # e_A at `place`, corrected for the offset across the bat
+    restitution: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,15 +155,20 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
     return both - x["bench.pendulum.clamp_inertia"] - parallel_axis(0.0, mass, lever)
 
 
+def ball_masses(x: Constants, readings: BallReadings) -> Array:
+    """Return the masses of the balls [kg]."""
+    return (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
+
+
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     """Return the balls' masses and their mean e0 over the wall hits, at the hits' mean speed.
 
     Most sets differ only in constants that a hit at the wall does not depend on, so the hits are
     reduced only for the sets that differ in one that matters.
     """
-    from virtual_lab.measurement.reduction.shot_kernel import balls_of_sets
+    from virtual_lab.measurement.reduction.wall_kernel import balls_of_sets
 
-    mass = (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
+    mass = ball_masses(x, readings)
     sets = _sets_of(x, AT_WALL, ADDED)
     own = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_WALL)}
     drag = of_ball(drag_of(own, sets.chosen(mass)), np.maximum(readings.ball, 0))
@@ -237,6 +253,7 @@ def of_ball(values: Array, ball: NDArray[np.intp]) -> Array:
 
 
 def shot_results(
+    kind: type[R],
     x: Constants,
     bat: BatProperties,
     balls: MeasuredBalls,
@@ -244,14 +261,22 @@ def shot_results(
     asked: ReductionSettings,
     flown: FlightModel | None = None,
     used: Mask | None = None,
-) -> ShotResults:
-    """Return e_A by Eq. (2) or by angular momentum, e by Eq. (6), BPF by Eq. (5).
+) -> R:
+    """Return the results of the shots by the equations of `kinematics.reduced`.
 
-    `flown` returns the flights by another instrument than that of the readings. `used` are the
-    balls that define the mean of the lot, (..., ball); None: all.
+    Parameters
+    ----------
+    kind
+        `ShotResults`, or `SetResults` for those needed for many sets of constants.
+    x, bat, balls
+        Constants, and the bat and the balls measured with them.
+    readings, asked
+        Readings of the shots, and the settings of the procedure.
+    flown
+        Flights by another instrument than that of the readings, as a function.
+    used
+        Mask of the balls that define the mean of the lot, (..., ball); None: all.
     """
-    from virtual_lab.measurement.reduction.shot_kernel import RESULTS, shots_of_sets
-
     if flown:
         flights = flown(x, drag_of(x, of_ball(balls.mass, readings.ball)))
     else:
@@ -265,39 +290,65 @@ def shot_results(
     if readings.recoil:
         counts, encoder = readings.recoil.rate, _turn(x, "encoder") * clock
     used = np.ones(balls.mass.shape[-1], dtype=bool) if used is None else used
-    of_set = (
-        asked.pivot_from_knob,
-        asked.ball_speed,
-        asked.window_speed,
-        asked.turn_rate(bat.length),
-        *(bat.mass, bat.length, bat.z_cm, bat.inertia_cm),
-        x["impact.pivot.from_knob"],
-        x.get("impact.cannon.along", 0.0),
-        encoder,
-        *(balls.slope, balls.speed),
-        *(x.get(PLACE_SLOPE, 0.0), x.get(SLOPE_ERROR, 0.0)),
+    constants = {
+        **{name: getattr(bat, name) for name in ("mass", "length", "z_cm", "inertia_cm")},
+        "turn_rate": asked.turn_rate(bat.length),
+        "pivot_from_knob": x["impact.pivot.from_knob"],
+        "aim": x.get("impact.cannon.along", 0.0),
+        "encoder": encoder,
+        "lot_mass": _mean_of(balls.mass, used),
+        "lot_restitution": _mean_of(balls.restitution, used),
+        "speed": balls.speed,
+        "slope": balls.slope,
+        "place_slope": x.get(PLACE_SLOPE, 0.0),
+        "slope_error": x.get(SLOPE_ERROR, 0.0),
+    }
+    shots = (
+        *(flights.speed_in, flights.speed_out, _sine_square(x, bat, flights), readings.place),
+        *(readings.along if "impact.cannon.along" in x else 0.0, cosine, swing_rate, counts),
     )
-    along = readings.along if "impact.cannon.along" in x else 0.0
-    of_shot = (
-        *(flights.speed_in, flights.speed_out, _sine_square(x, bat, flights)),
-        *(readings.place, along, cosine, swing_rate, counts),
+    values = (*constants.values(), *shots, readings.ball)
+    shape = np.broadcast_shapes(*(np.shape(each)[:-1] for each in values))
+    block = (prod(shape[:-1]), prod(shape[-1:]))
+    number = readings.ball.shape[-1]
+
+    def wide(each: Any, many: int) -> NDArray[Any]:
+        return np.broadcast_to(each, (*shape, many)).reshape(*block, many)
+
+    sets = np.empty((*shape, 1), SET)
+    for name in CONSTANTS:
+        sets[name] = constants[name]
+    names = [each.name for each in fields(kind)]
+    found = {
+        name: np.empty((*block, number) if name in names else (0, 0, 0))
+        for name in RESULTS + DETAILS
+    }
+    compiled_reduction()(
+        (
+            *(PLACE_SLOPE in x, asked.reads == "recoil", asked.recoil == "free"),
+            *(asked.pivot_from_knob, asked.ball_speed, asked.window_speed),
+        ),
+        sets.reshape(block),
+        tuple(wide(each, balls.mass.shape[-1]) for each in (balls.mass, balls.restitution)),
+        wide(readings.ball, number),
+        tuple(wide(each, number) for each in shots),
+        tuple(tuple(found[name] for name in group) for group in (RESULTS, DETAILS)),
     )
-    with np.errstate(all="ignore"):  # NaN: not seen
-        found = shots_of_sets(
-            PLACE_SLOPE in x,
-            asked.reads == "recoil",
-            asked.recoil == "free",
-            *(_less_shots(each) for each in of_set),
-            *(balls.mass, balls.restitution, used, readings.ball),
-            *(_with_shots(each, readings.ball.shape[-1]) for each in of_shot),
-        )
-    return ShotResults(
-        speed=flights.speed_in,
-        swing_rate=np.broadcast_to(swing_rate, found[0].shape),
-        rebound_speed=flights.speed_out,
-        rebound_slope=flights.slope_out,
-        **dict(zip(RESULTS, found, strict=True)),
-    )
+    found = {name: found[name].reshape(*shape, number) for name in found if name in names}
+    found["speed"], found["rebound_speed"] = flights.speed_in, flights.speed_out
+    found["rebound_slope"] = flights.slope_out
+    found["swing_rate"] = np.broadcast_to(swing_rate, (*shape, number))
+    return kind(**{name: found[name] for name in names})
+
+
+def _mean_of(values: Array, used: Mask) -> Array:
+    """Return the mean over the used balls, (..., 1), NaN without one.
+
+    The sum is that of the balls one after another, whatever the layout of the array.
+    """
+    total = np.cumsum(np.where(used, values, 0.0), axis=-1)[..., -1:]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(total / np.sum(used, axis=-1, keepdims=True))
 
 
 def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Flights:
@@ -308,35 +359,8 @@ def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Fl
     flights = readings.flights.corrected(own, drag_of(own, mass))
     if sets.rows is None:
         return flights
-    return Flights(
-        speed_in=sets.spread(flights.speed_in),
-        speed_out=sets.spread(flights.speed_out),
-        offset=sets.spread(flights.offset),
-        slope_in=sets.spread(flights.slope_in),
-        slope_out=sets.spread(flights.slope_out),
-    )
-
-
-def _less_shots(values: Array | float) -> Array:
-    """Return a constant, a number or (..., k, 1), without the axis of shots."""
-    return np.asarray(values) if np.ndim(values) == 0 else np.asarray(values)[..., 0]
-
-
-def _with_shots(values: Array | float, shots: int) -> Array:
-    """Return values with an axis of so many shots, (..., shot)."""
-    return np.broadcast_to(values, (*np.shape(values)[:-1], shots))
-
-
-def recoil_factor(
-    support: str, bat: BatProperties, mass: Array, place: Array, pivot_from_knob: float
-) -> Array:
-    """Return r of a ball of `mass` [kg] at `place` [m], the bat free or on its pivot."""
-    if support == "free":
-        free = recoil_factor_free(mass, bat.mass, bat.inertia_cm, place - bat.z_cm)
-        return np.asarray(free)
-    axis = bat.length - pivot_from_knob
-    inertia = parallel_axis(bat.inertia_cm, bat.mass, axis - bat.z_cm)
-    return np.asarray(recoil_factor_pivoted(mass, inertia, axis - place))
+    names = [each.name for each in fields(Flights)]
+    return Flights(**{name: sets.spread(getattr(flights, name)) for name in names})
 
 
 def drag_of(x: Constants, mass: Array) -> Array:

@@ -20,7 +20,7 @@ from virtual_lab.lab import Laboratory, TestSetup, by_the_book
 from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.procedure import aimed_place
 from virtual_lab.measurement.reduction.observations import along_of
-from virtual_lab.measurement.reduction.shot_algebra import ShotResults, bat_properties
+from virtual_lab.measurement.reduction.shot_algebra import SetResults, bat_properties
 from virtual_lab.measurement.session_reduction import SessionReduction, reduce_session
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
@@ -295,7 +295,7 @@ def _stated(reduced: SessionReduction, field: str, error: Array) -> float:
     if many < 2:
         return np.nan
 
-    def mean(shots: ShotResults) -> Array:
+    def mean(shots: SetResults) -> Array:
         return cast("Array", getattr(shots, field)[..., seen].mean(axis=-1))
 
     def mean_field(x: Mapping[str, Array]) -> dict[str, Array]:

@@ -1,0 +1,63 @@
+"""Compiled means of the hits at the wall, for many sets of constants at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import guvectorize
+
+from virtual_lab.files.caches import one_process_at_a_time
+
+ROW = "float64[:]"
+
+
+@one_process_at_a_time(
+    guvectorize(  # type: ignore[no-untyped-call]
+        [f"void({ROW}, int64[:], {','.join([ROW] * 7)})"],
+        "(ball),(hit),(hit),(hit),(hit)->(ball),(ball),(),()",
+        nopython=True,
+        cache=True,
+    )
+)
+def balls_of_sets(
+    masses: Any,
+    ball: Any,
+    nominal: Any,
+    speed_in: Any,
+    speed_out: Any,
+    restitution: Any,
+    faster: Any,
+    speed: Any,
+    slope: Any,
+) -> None:
+    """Fill in mean e0 and excess speed of each ball, the mean nominal speed, and the slope of e0.
+
+    The excess speed is the mean measured speed of a ball's hits minus the mean nominal speed of all
+    hits [m/s]. The slope of e0 over speed [s/m] is the one within each ball. Its instrumental
+    variable is the nominal speed, because the error of a measured speed is in e0, too: the slope is
+    the rise of e0 with the nominal speed, divided by that of the measured speed. A hit with a
+    negative ball is ignored.
+    """
+    many, middle = np.zeros(masses.size), np.zeros(masses.size)
+    restitution[:], faster[:], speed[0] = 0.0, 0.0, 0.0
+    for i in range(ball.size):
+        own = ball[i]
+        if own >= 0:
+            many[own] += 1
+            middle[own] += nominal[i]
+            speed[0] += nominal[i]
+            restitution[own] += speed_out[i] / speed_in[i]
+    speed[0] /= many.sum()
+    for own in range(masses.size):
+        restitution[own] /= many[own]
+        middle[own] /= many[own]
+    rise, width = 0.0, 0.0
+    for i in range(ball.size):
+        own = ball[i]
+        if own >= 0:
+            faster[own] += (speed_in[i] - speed[0]) / many[own]
+            off = nominal[i] - middle[own]
+            rise += speed_out[i] / speed_in[i] * off
+            width += speed_in[i] * off
+    slope[0] = rise / width
