@@ -81,67 +81,59 @@ def compare_camera(session: Session, reduced: SessionReduction) -> CameraCompari
         return None
     best, variants = best_values(reduced.constants), Variants.of(reduced.constants)
     seen = sight(record, best, "impact")
-    found = _by_both(reduced, seen, best, gates.corrected)
+    by_gates, by_video, camera = _by_both(reduced, seen, best, gates.corrected)
     moved = _by_both(reduced, seen, variants.columns, gates.corrected)
-    risen = _by_both(reduced, seen, best, heights_moved(gates)).quantities
-    both = np.isfinite(found.video.rebound_efficiency) & np.isfinite(found.gates.rebound_efficiency)
+    risen = _by_both(reduced, seen, best, heights_moved(gates))
+    both = np.isfinite(by_video.rebound_efficiency) & np.isfinite(by_gates.rebound_efficiency)
     used, weights = reduced.outcome.used & both, reduced.outcome.weights
     compared: dict[str, ComparedQuantity] = {}
     if used.any() and np.isfinite(weights[used]).all():
         share = weights[used] / weights[used].sum()
         place = np.round(reduced.readings.place, 6)[used]
         for name, field in COMPARED.items():
-            by_gates, by_video = (getattr(e, field)[:, used] for e in (moved.gates, moved.video))
-            compared[name] = _compared(variants, by_gates, by_video, share, place)
-    frames = frames_u(best, "impact", seen, found.filmed)
+            of_gates, of_video = (getattr(each, field)[:, used] for each in moved[:2])
+            compared[name] = _compared(variants, of_gates, of_video, share, place)
+    moved_by, risen_by = _per_shot(*moved[1:]), _per_shot(*risen[1:])
+    frames = frames_u(best, "impact", seen, camera)
     u = {
         name: np.sqrt(
-            variants.u(moved.quantities[name]) ** 2
+            variants.u(moved_by[name]) ** 2
             + frames[name] ** 2
-            + np.sum((risen[name] - value) ** 2, axis=0)
+            + np.sum((risen_by[name] - value) ** 2, axis=0)
         )
-        for name, value in found.quantities.items()
+        for name, value in _per_shot(by_video, camera).items()
     }
     return CameraComparison(
         quantities=compared,
         hits=int(used.sum()),
         missed=int((reduced.outcome.used & ~both).sum()),
-        filmed=found.filmed,
-        shots=found.video,
+        filmed=camera,
+        shots=by_video,
         u=u,
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Both:
-    """Results of the shots for any values of the constants by gates and by video, (..., shot)."""
-
-    gates: SetResults
-    video: SetResults
-    filmed: CameraResults
-
-    @property
-    def quantities(self) -> dict[str, Array]:
-        """Camera results of each shot."""
-        return {
-            "speed_in": self.filmed.flights.speed_in,
-            "speed_out": self.filmed.flights.speed_out,
-            "efficiency": self.video.rebound_efficiency,
-            "place": self.filmed.place,
-            "angle": self.filmed.angle_in,
-        }
-
-
 def _by_both(
     reduced: SessionReduction, seen: Sightings, x: Mapping[str, Array], by_gates: FlightModel
-) -> _Both:
+) -> tuple[SetResults, SetResults, CameraResults]:
+    """Results of the shots by gates and by video, and the camera's own, (..., shot)."""
     bat = bat_properties(x)
     model = reduced.model
     gates = model.shots(x, bat, by_gates)
     drag = drag_of(x, of_ball(ball_masses(x, model.balls), model.readings.ball))
     found = filmed(x, "impact", seen, drag, by_gates(x, drag))
-    video = model.shots(x, bat, lambda *_: found.flights)
-    return _Both(gates=gates, video=video, filmed=found)
+    return gates, model.shots(x, bat, lambda *_: found.flights), found
+
+
+def _per_shot(video: SetResults, camera: CameraResults) -> dict[str, Array]:
+    """Camera results of each shot by the names in `CameraComparison.u`."""
+    return {
+        "speed_in": camera.flights.speed_in,
+        "speed_out": camera.flights.speed_out,
+        "efficiency": video.rebound_efficiency,
+        "place": camera.place,
+        "angle": camera.angle_in,
+    }
 
 
 def _compared(

@@ -120,42 +120,26 @@ def _u(seen: Sightings, parts: Array) -> Array:
 def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[Array, Array]:
     """Centre of the ball in the rig's axes from its picture: X, Y (..., shot, frame) [m]."""
 
-    def of(name: str) -> Array:
-        return np.asarray(x[f"{stage}.camera.{name}"])[..., None]
+    def of(names: str) -> list[Array]:
+        return [np.asarray(x[f"{stage}.camera.{name}"])[..., None] for name in names.split()]
 
-    u, v, bent = _rays(x, stage, seen)
-    tilt = np.stack(
-        [np.asarray(x[f"{stage}.camera.tilt_{axis}"]).reshape(-1) for axis in "xyz"], axis=-1
-    )
-    several = np.ndim(x[f"{stage}.camera.tilt_x"]) > 0
-    turn = looking_down(tilt)[:, None, None] if several else looking_down(tilt[0])
-    below = of("place_z") - of("plane") - height
-    # the image of a sphere lies farther out than that of its centre, by 1 / (1 - R²/Z²)
-    shrink = 1 - (np.asarray(x["ball.radius"])[..., None] / below) ** 2 * bent
-    u, v = u * shrink, v * shrink
-    way = [
-        turn[..., 0, axis] * u + turn[..., 1, axis] * v + turn[..., 2, axis] for axis in range(3)
-    ]
-    reach = -below / way[2]
-    return of("place_x") + reach * way[0], of("place_y") + reach * way[1]
-
-
-def _rays(x: Constants, stage: str, seen: Sightings) -> list[Array]:
-    """Directions of pixels in axes of the camera, x/z, y/z, (..., shot, frame).
-
-    The third result is the factor of the shift of a disc's middle from its centre by lens
-    distortion. Many sets of constants share a lens, and each lens is computed once.
-    """
-    names = ("focal", "centre_x", "centre_y", "k1", "k2", "p1", "p2", "k3")
-    columns = np.broadcast_arrays(*(x[f"{stage}.camera.{name}"] for name in names))
-    sets = np.stack([np.ravel(column) for column in columns], axis=1)
-    lenses, which = np.unique(sets, axis=0, return_inverse=True)
-    focal, centre_x, centre_y, *bend = (column[:, None, None] for column in lenses.T)
+    # many sets of constants share a lens, so each lens is computed once
+    columns = np.broadcast_arrays(*of("focal centre_x centre_y k1 k2 p1 p2 k3"))
+    lenses, which = np.unique(np.reshape(columns, (8, -1)), axis=1, return_inverse=True)
+    focal, centre_x, centre_y, *bend = lenses[..., None, None]
     flat = np.stack([(seen.x - centre_x) / focal, (seen.y - centre_y) / focal], axis=-1)
     u, v = np.moveaxis(undistort(flat, bend), -1, 0)
+    # factor of the shift of a disc's middle from its centre by lens distortion
     bent = 1 + 3 * bend[0] + 9 * bend[1] * (u**2 + v**2)
-    rows = np.ravel(which) if columns[0].ndim else 0
-    return [each[rows] for each in (u, v, bent)]
+    u, v, bent = (each[which if columns[0].ndim > 1 else 0] for each in (u, v, bent))
+    place_x, place_y, place_z, plane = of("place_x place_y place_z plane")
+    below = place_z - plane - height
+    # the image of a sphere lies farther out than that of its centre, by 1 / (1 - R²/Z²)
+    shrink = 1 - (np.asarray(x["ball.radius"])[..., None] / below) ** 2 * bent
+    turn = looking_down(np.concatenate(of("tilt_x tilt_y tilt_z"), axis=-1))
+    axes = np.moveaxis(turn[..., None, :, :], (-1, -2), (0, 1))
+    right, up, away = (shrink * (u * a + v * b) + c for a, b, c in axes)
+    return place_x - below / away * right, place_y - below / away * up
 
 
 def _from_first(seen: Sightings) -> Array:
