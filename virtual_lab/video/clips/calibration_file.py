@@ -15,7 +15,6 @@ from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_toml
 
-Positive = Annotated[Real, Gt(0)]
 Uncertainty = Annotated[Real, Ge(0)]
 EXACT = 0.0  # standard uncertainty of a value for which none is given
 Place = Annotated[Real, Ge(-1000), Le(1000)]  # m

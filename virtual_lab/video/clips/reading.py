@@ -34,6 +34,8 @@ def open_source(path: Path | Frame) -> Source:
     `path`: a file or a folder; or the frames, (frame, row, column) or with a last axis of colours,
     blue first as OpenCV has them.
     """
+    import cv2
+
     if isinstance(path, np.ndarray):
         return _array(Path("array"), lambda: path)
     if path.is_dir():
@@ -46,15 +48,9 @@ def open_source(path: Path | Frame) -> Source:
         return _array(path, partial(np.lib.format.open_memmap, path, "r"))
     if kind in HIGHSPEED:
         return HIGHSPEED[kind](path)
-    if kind not in IMAGES or (kind == ".png" and _is_animation(path)):
+    if kind not in IMAGES or (kind == ".png" and cv2.imcount(str(path)) > 1):
         return _video(path)
     return _images(path, [path])
-
-
-def _is_animation(path: Path) -> bool:
-    import cv2
-
-    return cv2.imcount(str(path)) > 1
 
 
 def _image_files(folder: Path) -> list[Path]:
