@@ -11,7 +11,7 @@ from virtual_lab.bench.day.operators import Look, Operator, operator_of
 from virtual_lab.bench.day.scenario import Scenario
 from virtual_lab.bench.day.table import MAKE_READY, preparation
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.keeping import laboratory_of, played, taken
+from virtual_lab.bench.machines.stored_day import laboratory_of, play_actions, run_operator
 from virtual_lab.bench.scoring.debrief import Debrief, debrief
 
 __all__ = [
@@ -108,7 +108,7 @@ def with_change(name: str, **arguments: Any) -> list[Asked]:
 
 
 def day_of(days: Iterable[Asked], *faults: str) -> Day:
-    return played(apparatus(*faults), asked(days))
+    return play_actions(apparatus(*faults), asked(days))
 
 
 @cache
@@ -118,13 +118,13 @@ def _plain() -> Day:
 
 def after_plain(*more: Asked) -> Day:
     """Return the plain day, and what is done after it."""
-    return taken(apparatus(), lambda _: iter(asked(more)), _plain())
+    return run_operator(apparatus(), lambda _: iter(asked(more)), _plain())
 
 
 @cache
 def experts(*faults: str) -> Day:
     """Return the expert's day that every debrief with these faults is held against."""
-    return taken(apparatus(*faults), operator_of("expert"))
+    return run_operator(apparatus(*faults), operator_of("expert"))
 
 
 def debrief_of(day: Day, *faults: str) -> Debrief:

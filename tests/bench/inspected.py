@@ -20,7 +20,7 @@ from virtual_lab.bench.day.operators import Look
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.day.table import detectable, preparation
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.keeping import laboratory_of, taken
+from virtual_lab.bench.machines.stored_day import laboratory_of, run_operator
 from virtual_lab.bench.pages.page import day_page
 
 CHECKS = (
@@ -81,7 +81,7 @@ def page_of(scenario: str, fault: str | None, seed: int) -> str:
     """Return the page of a day with one fault, or none, after everything was checked."""
     today = replace(load_scenario(scenario).spec, faults=(fault,) if fault else ())
     machines = Apparatus(laboratory_of(today, seed, b""))
-    day = taken(machines, looker(SHOTS[scenario]))  # type: ignore[arg-type]
+    day = run_operator(machines, looker(SHOTS[scenario]))  # type: ignore[arg-type]
     return day_page(Desk(day), today.briefing())
 
 

@@ -18,7 +18,7 @@ from virtual_lab.bench.day.day import Day, ready_steps
 from virtual_lab.bench.day.operators import Look, Operator, operator_of
 from virtual_lab.bench.day.scenario import SCORES, load_scenario
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.keeping import laboratory_of, taken
+from virtual_lab.bench.machines.stored_day import laboratory_of, run_operator
 from virtual_lab.bench.scoring.debrief import debrief
 
 RATE = 0.1
@@ -119,7 +119,7 @@ def scores_of(count: int) -> Scores:
         apparatus = Apparatus(laboratory_of(today, seed, b""))
         expert: Day | None = None
         for name, player in PLAYERS.items():
-            day = taken(apparatus, player(seed), listed=today.may_go_wrong)
+            day = run_operator(apparatus, player(seed), listed=today.may_go_wrong)
             expert = expert or day  # who comes first
             closing = debrief(apparatus, day, today, expert=expert, scores_only=True)
             found[name].append([score.value for score in closing.scores])

@@ -32,7 +32,7 @@ from virtual_lab.bench.day.scenario import Scenario, load_scenario
 from virtual_lab.bench.day.table import detectable, preparation
 from virtual_lab.bench.entrance.served_day import ServedDay
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.keeping import laboratory_of, taken
+from virtual_lab.bench.machines.stored_day import laboratory_of, run_operator
 
 SOUND, DECOY = "plain-day", "monday"  # a decoy says that something may be wrong, and nothing is
 CHECKS = ("weigh-check-mass", "tap-bat", "fire-check-ball", "gauge-gates", "fire-check-cylinder")
@@ -42,7 +42,7 @@ TOGETHER = 10  # days after which expert and book are classified
 
 def day_of(scenario: Scenario, operator: str, seed: int) -> Day:
     apparatus = Apparatus(laboratory_of(scenario, seed, b""))
-    return taken(apparatus, operator_of(operator, seed))
+    return run_operator(apparatus, operator_of(operator, seed))
 
 
 def named(day: Day) -> set[str]:
@@ -54,7 +54,7 @@ def found(fault: str, seeds: Iterable[int]) -> int:
     days = 0
     for seed in seeds:
         scenario = replace(load_scenario((SOUND, DECOY)[seed % 2]).spec, faults=(fault,))
-        day = taken(Apparatus(laboratory_of(scenario, seed, b"")), detector(fault))
+        day = run_operator(Apparatus(laboratory_of(scenario, seed, b"")), detector(fault))
         days += any(doubt.fault == fault for doubt in doubts(Desk(day)))
     return days
 

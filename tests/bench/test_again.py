@@ -15,7 +15,7 @@ from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.entrance.review import summary, trends
 from virtual_lab.bench.entrance.served_day import ServedDay
-from virtual_lab.bench.machines.keeping import KeptDay, played
+from virtual_lab.bench.machines.stored_day import StoredDay, play_actions
 from virtual_lab.bench.scoring.debrief import debrief
 from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.errors import InputError
@@ -63,15 +63,15 @@ def test_a_time_line_has_minutes_and_shots() -> None:
 def handed_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("days") / "Ada" / "1"
     folder.parent.mkdir()
-    kept = KeptDay.begin(folder, load_scenario("tuesday"), 3)
+    kept = StoredDay.begin(folder, load_scenario("tuesday"), 3)
     for action in asked([*PLAIN, *END]):
         kept.do(action)
     return folder
 
 
 def test_a_branch_draws_as_the_day_and_is_practice(handed_in: Path, tmp_path: Path) -> None:
-    source = KeptDay(handed_in)
-    again = KeptDay.branch(handed_in, 15, tmp_path / "again")
+    source = StoredDay(handed_in)
+    again = StoredDay.branch(handed_in, 15, tmp_path / "again")
     assert (again.day.practice, len(again.day.events)) == (15, 15)
     for event in source.day.events[15:]:
         assert again.do(Action(name=event.action, arguments=event.arguments)) == event
@@ -83,21 +83,21 @@ def test_a_branch_from_an_entry_that_is_none_is_refused(
     entry: int, handed_in: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match=r"entry = .*allowed: 0 to"):
-        KeptDay.branch(handed_in, entry, tmp_path / "again")
+        StoredDay.branch(handed_in, entry, tmp_path / "again")
     assert not (tmp_path / "again").exists()
 
 
 def test_a_day_that_goes_on_has_no_branch(tmp_path: Path) -> None:
-    KeptDay.begin(tmp_path / "day", load_scenario("tuesday"), 3).do(action_of("tare"))
+    StoredDay.begin(tmp_path / "day", load_scenario("tuesday"), 3).do(action_of("tare"))
     with pytest.raises(InputError, match="has not been handed in"):
-        KeptDay.branch(tmp_path / "day", 1, tmp_path / "again")
+        StoredDay.branch(tmp_path / "day", 1, tmp_path / "again")
 
 
 def test_curves_leave_practice_out(handed_in: Path, tmp_path: Path) -> None:
     """Two days alike: the mean of each score is that score, and no third day is counted."""
     for name in ("1", "2"):
         shutil.copytree(handed_in, tmp_path / "Ada" / name)
-    KeptDay.branch(handed_in, 15, tmp_path / "Ada" / "3").taken(operator_of("book"))
+    StoredDay.branch(handed_in, 15, tmp_path / "Ada" / "3").run_operator(operator_of("book"))
     assert len(summary(tmp_path).rows) == 2
     points = [row for row in trends(tmp_path).rows if row.of == "protocol"]
     assert [(row.trainee, row.day, row.value, row.mean) for row in points] == [
@@ -121,4 +121,4 @@ def test_the_page_leads_from_the_debrief_to_the_entry_and_to_practice(handed_in:
 def test_an_own_result_after_the_certificate_is_refused() -> None:
     given = [*PLAIN, *END[:2], ("enter-result", {"BPF": 0.95})]
     with pytest.raises(InputError, match="has been reduced"):
-        played(apparatus(), asked(given))
+        play_actions(apparatus(), asked(given))

@@ -11,7 +11,7 @@ from tests.laboratories import certified
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.table import MAKE_READY
-from virtual_lab.bench.machines.keeping import played
+from virtual_lab.bench.machines.stored_day import play_actions
 from virtual_lab.errors import InputError
 
 DEGREE = pi / 180
@@ -195,12 +195,12 @@ def test_the_same_ball_again(plain: Desk) -> None:
     desk = Desk(day_of(days))
     log = desk.session.records["impact"]["log"]
     assert (log.ball == 0).all()
-    fired = apparatus().fired(desk.day)
+    fired = apparatus().shots(desk.day)
     e0 = [float(play.truth["ball_restitution"][0]) for _, play in fired]
     balls = apparatus().laboratory.specimen.balls.restitution
     sound = [
         float(play.truth["ball_restitution"][0]) - balls[int(plan.ball[0])] + balls[0]
-        for plan, play in apparatus().fired(plain.day)
+        for plan, play in apparatus().shots(plain.day)
     ]
     lost = np.array(sound) - e0
     assert lost[0] == pytest.approx(0, abs=1e-4)
@@ -248,7 +248,7 @@ def test_without_a_reading_there_is_no_result(name: str, missing: str) -> None:
     day = day_of(without(name))
     assert missing in Desk(day).missing
     with pytest.raises(InputError, match=missing):
-        played(apparatus(), asked([*without(name), ("reduce", {})]))
+        play_actions(apparatus(), asked([*without(name), ("reduce", {})]))
 
 
 @pytest.mark.parametrize("name", ["weigh-bat", "measure-length", "swing", "measure-balance"])

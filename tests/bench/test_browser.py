@@ -73,7 +73,7 @@ def press(page: Any, name: str) -> None:
 
 
 def names(day: ServedDay) -> list[str]:
-    return [event.action for event in day.kept.day.events]
+    return [event.action for event in day.stored.day.events]
 
 
 def test_a_day_by_the_book_is_one_key(visit: Visit) -> None:
@@ -91,9 +91,9 @@ def test_a_day_by_the_book_is_one_key(visit: Visit) -> None:
         refused_or_opened = "Not done" in page.title() or focus == "debrief"
         assert refused_or_opened or page.evaluate(LOADED)
     assert pressed <= 60
-    assert day.kept.day.verdict == "PASS"
-    assert [chosen.accepted for chosen in day.kept.day.decisions.values()].count(True) == 6
-    assert not day.kept.day.decisions[1].accepted  # the slow one
+    assert day.stored.day.verdict == "PASS"
+    assert [chosen.accepted for chosen in day.stored.day.decisions.values()].count(True) == 6
+    assert not day.stored.day.decisions[1].accepted  # the slow one
     assert "Top view of the true motion" in page.inner_text("#shot")
     page.keyboard.press("Enter")
     page.wait_for_selector("text=Your verdict: PASS", timeout=60_000)  # it may be made first
@@ -113,7 +113,7 @@ def test_a_fault_is_found(visit: Visit) -> None:
     page.get_by_label("confidence [%]").first.fill("0,9")
     press(page, "Note a suspected fault")
     assert names(day) == ["gauge-gates", "gauge-gates", "note-doubt"]
-    assert day.kept.day.events[-1].arguments == {"doubt": "gate-moved", "confidence": 0.9}
+    assert day.stored.day.events[-1].arguments == {"doubt": "gate-moved", "confidence": 0.9}
     page.locator("#result > summary").click()
     page.get_by_label("verdict").select_option("INVALID")
     press(page, "Give the verdict")
@@ -223,7 +223,7 @@ def test_a_phone_and_a_keyboard_are_enough(visit: Visit) -> None:
     page.keyboard.press("Shift+Tab")
     enter(page)
     assert enter(page) == "debrief"
-    assert day.kept.day.handed_in
+    assert day.stored.day.handed_in
 
 
 def to_controls(page: Any, name: str) -> None:

@@ -15,23 +15,23 @@ from virtual_lab.bench.day.actions import ARGUMENTS, action_of
 from virtual_lab.bench.day.log import LOG, DayLog, SequenceError
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.day.table import action_table
-from virtual_lab.bench.machines.keeping import SECRET, KeptDay
+from virtual_lab.bench.machines.stored_day import SECRET, StoredDay
 from virtual_lab.errors import InputError
 
 
 @pytest.fixture
-def rehearsal(tmp_path: Path) -> KeptDay:
-    return KeptDay.begin(tmp_path / "day", load_scenario("plain-day"), 3)
+def rehearsal(tmp_path: Path) -> StoredDay:
+    return StoredDay.begin(tmp_path / "day", load_scenario("plain-day"), 3)
 
 
 def test_every_action_is_in_the_table_and_every_argument_of_one() -> None:
     assert ARGUMENTS.keys() <= action_table().actions.keys()
 
 
-def test_a_day_taken_up_again_is_the_day(rehearsal: KeptDay) -> None:
+def test_a_day_taken_up_again_is_the_day(rehearsal: StoredDay) -> None:
     for action in asked(PLAIN[:20]):
         rehearsal.do(action)
-    again = KeptDay(rehearsal.log.path.parent)
+    again = StoredDay(rehearsal.log.path.parent)
     assert again.day == rehearsal.day
     assert again.day.seconds == sum(event.seconds for event in again.day.events)
     assert (
@@ -40,11 +40,11 @@ def test_a_day_taken_up_again_is_the_day(rehearsal: KeptDay) -> None:
     )
 
 
-def test_a_double_click_makes_one_entry(rehearsal: KeptDay) -> None:
+def test_a_double_click_makes_one_entry(rehearsal: StoredDay) -> None:
     rehearsal.do(action_of("tare"), 1)
     with pytest.raises(SequenceError, match="entry 2 is next"):
         rehearsal.do(action_of("tare"), 1)
-    stale = KeptDay(rehearsal.log.path.parent)
+    stale = StoredDay(rehearsal.log.path.parent)
     rehearsal.do(action_of("weigh-bat"))
     with pytest.raises(SequenceError):  # a second server that does not know of it
         stale.do(action_of("weigh-bat"))
@@ -59,7 +59,7 @@ def test_a_double_click_makes_one_entry(rehearsal: KeptDay) -> None:
         "INSERT OR REPLACE INTO entries VALUES (1, '{}')",
     ],
 )
-def test_the_log_only_grows(rehearsal: KeptDay, statement: str) -> None:
+def test_the_log_only_grows(rehearsal: StoredDay, statement: str) -> None:
     rehearsal.do(action_of("tare"))
     with closing(rehearsal.log._open()) as base, pytest.raises(sqlite3.DatabaseError):
         base.execute(statement)
@@ -72,7 +72,7 @@ def test_the_log_knows_no_secret(tmp_path: Path) -> None:
     text = load_scenario("plain-day").text
     path.write_text(text.replace("procedure =", 'faults = ["gate-moved"]\nprocedure ='), "utf-8")
     seed = 918273645546372819
-    begun = KeptDay.begin(tmp_path / "day", load_scenario(str(path)), seed)
+    begun = StoredDay.begin(tmp_path / "day", load_scenario(str(path)), seed)
     for action in asked(PLAIN[:13]):
         begun.do(action)
     secret = tmp_path / "day" / SECRET
@@ -170,7 +170,7 @@ def test_a_decimal_comma_is_read() -> None:
     ],
 )
 def test_what_is_impossible_is_refused_and_leaves_no_entry(
-    rehearsal: KeptDay, days: list, message: str
+    rehearsal: StoredDay, days: list, message: str
 ) -> None:
     *before, last = asked(days)
     for action in before:
@@ -180,7 +180,7 @@ def test_what_is_impossible_is_refused_and_leaves_no_entry(
     assert len(rehearsal.log.events()) == len(before)
 
 
-def test_nothing_is_changed_after_the_reduction(rehearsal: KeptDay) -> None:
+def test_nothing_is_changed_after_the_reduction(rehearsal: StoredDay) -> None:
     for action in asked([*PLAIN, ("reduce", {})]):
         rehearsal.do(action)
     for late in (("reject", {"shot": 1, "because": "x"}), ("fire", {}), ("reduce", {})):
@@ -191,4 +191,4 @@ def test_nothing_is_changed_after_the_reduction(rehearsal: KeptDay) -> None:
     with pytest.raises(InputError, match="handed in"):
         rehearsal.do(action_of("note-doubt", {"doubt": "none"}))
     with pytest.raises(InputError, match="is not empty"):
-        KeptDay.begin(rehearsal.log.path.parent, load_scenario("plain-day"))
+        StoredDay.begin(rehearsal.log.path.parent, load_scenario("plain-day"))

@@ -4,7 +4,7 @@ import pytest
 
 from tests.bench.days import PLAIN, Asked, apparatus, asked, day_of, debrief_of, without
 from virtual_lab.bench.day.desk import Desk
-from virtual_lab.bench.machines.keeping import played
+from virtual_lab.bench.machines.stored_day import play_actions
 from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.bench.scoring.deviations import (
     DENIED,
@@ -84,7 +84,7 @@ def test_a_step_made_good_is_justified_once_it_is() -> None:
 
 def test_what_is_justified_is_not_marked_down_and_what_is_denied_is() -> None:
     def protocol(step: str, *more: Asked) -> float:
-        day = played(apparatus(), asked([*without(step), *more, *END]))
+        day = play_actions(apparatus(), asked([*without(step), *more, *END]))
         closing = debrief_of(day)
         assert len(closing.deviations) == len(more)
         assert not more or f"<strong>{closing.deviations[0].judged}</strong>" in debrief_page(
@@ -104,7 +104,7 @@ def test_an_odd_hit_may_be_rejected_and_a_sound_one_not() -> None:
         shots = [s for s, why in enumerate(desk.reasons) if not why]
         shot = next((s for s in shots if oddity(desk, s)), shots[0])
         reject = ("reject", {"shot": shot + 1, "because": "look at the trace"})
-        day = played(apparatus(*faults), asked([*PLAIN, reject, *END]))
+        day = play_actions(apparatus(*faults), asked([*PLAIN, reject, *END]))
         closing = debrief_of(day, *faults)
         assert closing.deviations[-1].judged == (JUSTIFIED if faults else DENIED)
         wrong = [each.what for each in closing.costly if each.what.startswith(f"hit {shot + 1} ")]
@@ -116,7 +116,7 @@ def test_an_odd_hit_may_be_rejected_and_a_sound_one_not() -> None:
 def test_a_check_that_a_sign_asked_for_costs_nothing() -> None:
     twice = [("gauge-gates", {}), ("gauge-gates", {"use": "gauge"})]
     for faults in ((), ("gate-moved",)):
-        day = played(apparatus(*faults), asked([*twice, *PLAIN, *END]))
+        day = play_actions(apparatus(*faults), asked([*twice, *PLAIN, *END]))
         closing = debrief_of(day, *faults)
         assert [each.entry for each in closing.deviations] == ([2] if faults else [])
         words = {each.name: each.because for each in closing.scores}["economy"]

@@ -12,8 +12,8 @@ from tests.bench.test_web import served as served_day
 from virtual_lab import lab
 from virtual_lab.bench.day.actions import action_of
 from virtual_lab.bench.day.day import DayEvent
-from virtual_lab.bench.machines.keeping import laboratory_of
 from virtual_lab.bench.machines.sketching import film_as_seen
+from virtual_lab.bench.machines.stored_day import laboratory_of
 
 FILMED = {"procedure": "bbcor", "rig": "filmed-cannon"}
 HEIGHT, WIDTH = 202, 322  # of a frame in the picture, with its edge
@@ -84,7 +84,7 @@ def test_frames_are_served_as_seen_and_after_the_reveal_as_they_were(tmp_path: P
         ):
             browser.day.do(action_of(name, given))
     filmed, plain = browsers
-    assert "camera" not in filmed.day.kept.day.events[-1].records
+    assert "camera" not in filmed.day.stored.day.events[-1].records
     assert plain.ask("/film?shot=1").status == 404
     assert 'src="/film?shot=1&amp;as=seen"' in filmed.ask("/").text
     assert 'src="/film' not in plain.ask("/").text

@@ -23,7 +23,7 @@ from tests.bench.days import PLAIN, Asked, day_of
 from virtual_lab.bench.day.log import DayLog
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.entrance.served_day import ServedDay
-from virtual_lab.bench.machines.keeping import LOG
+from virtual_lab.bench.machines.stored_day import LOG
 from virtual_lab.bench.web.server import application
 
 FEW, MANY = 4, 100

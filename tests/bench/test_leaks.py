@@ -18,7 +18,7 @@ from tests.bench.test_web import Browser
 from virtual_lab.bench.day.actions import action_of
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.entrance.served_day import ServedDay
-from virtual_lab.bench.machines.keeping import LOG, SECRET
+from virtual_lab.bench.machines.stored_day import LOG, SECRET
 
 PAGES = (
     "/",
@@ -174,7 +174,7 @@ def test_no_canary_of_the_truth_is_sent_or_logged(tmp_path: Path) -> None:
             sent += everything(browser)
     browser.do("give-verdict", verdict="PASS")
     sent.append(browser.ask("/").text)
-    secret = room.kept.apparatus.finish(room.kept.desk).sealed.document()
+    secret = room.stored.apparatus.finish(room.stored.desk).sealed.document()
     known = {known.value for known in room.desk.session.calibration.values()}
     parts = ("bat_properties", "balls", "constants", "measurand", "shots", "wall_hits")
     canaries = set(truths({key: secret[key] for key in parts})) - known
@@ -184,7 +184,7 @@ def test_no_canary_of_the_truth_is_sent_or_logged(tmp_path: Path) -> None:
     assert leaks("".join(sent).encode(), canaries, SENT) == set()
     log = (tmp_path / "day" / LOG).read_bytes()
     assert leaks(log, canaries, RAW) == set()
-    entries = json.dumps([[dict(e.arguments), e.shown] for e in room.kept.log.events()])
+    entries = json.dumps([[dict(e.arguments), e.shown] for e in room.stored.log.events()])
     assert leaks(entries.encode(), canaries, SENT) == set()
 
 

@@ -30,7 +30,7 @@ from virtual_lab.bench.day.readings import doubts
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.day.table import detectable
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.keeping import laboratory_of, played, taken
+from virtual_lab.bench.machines.stored_day import laboratory_of, play_actions, run_operator
 from virtual_lab.bench.scoring.debrief import Debrief, TimeLine, debrief
 from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.cli import cli
@@ -43,11 +43,11 @@ END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
 def day_by(name: str, *faults: str) -> Day:
     if name == "expert":
         return experts(*faults)
-    return taken(apparatus(*faults), operator_of(name, 4))
+    return run_operator(apparatus(*faults), operator_of(name, 4))
 
 
 @cache
-def debriefed(name: str, *faults: str) -> Debrief:
+def debrief_by(name: str, *faults: str) -> Debrief:
     return debrief_of(day_by(name, *faults), *faults)
 
 
@@ -56,7 +56,7 @@ def scores(found: Debrief) -> dict[str, float]:
 
 
 def test_the_book_takes_the_plain_test() -> None:
-    found = debriefed("book")
+    found = debrief_by("book")
     assert found.verdict == found.right_verdict == "PASS"
     assert found.costly == ()
     assert scores(found) == pytest.approx(dict.fromkeys(scores(found), 1.0), abs=1e-6)
@@ -67,14 +67,14 @@ def test_the_book_takes_the_plain_test() -> None:
 def test_an_expert_adds_checks_and_changes_no_result() -> None:
     done = {event.action for event in day_by("expert").events}
     assert {"tap-bat", "weigh-check-mass", "fire-check-cylinder", "gauge-gates"} <= done
-    assert debriefed("expert").value == debriefed("book").value
-    assert debriefed("expert").false_alarms == ()
-    assert debriefed("expert").minutes > debriefed("book").minutes
+    assert debrief_by("expert").value == debrief_by("book").value
+    assert debrief_by("expert").false_alarms == ()
+    assert debrief_by("expert").minutes > debrief_by("book").minutes
 
 
 @pytest.mark.parametrize("fault", ["scale-not-tared", "encoder-half-counts"])
 def test_an_expert_finds_what_the_book_does_not(fault: str) -> None:
-    assert debriefed("expert", fault).found == (fault,)
+    assert debrief_by("expert", fault).found == (fault,)
     assert fault not in {doubt.fault for doubt in doubts(Desk(day_by("book")))}
 
 
@@ -84,13 +84,13 @@ def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
     A cracked bat has no remedy. Balls of another lot than those at the wall leave no trace, and
     the book does not look.
     """
-    gauged, weighed = debriefed("expert", "gate-moved"), debriefed("expert", "scale-not-tared")
-    cracked = debriefed("expert", "bat-cracked")
+    gauged, weighed = debrief_by("expert", "gate-moved"), debrief_by("expert", "scale-not-tared")
+    cracked = debrief_by("expert", "bat-cracked")
     assert gauged.verdict == gauged.right_verdict == "PASS"
     assert weighed.verdict == weighed.right_verdict == "PASS"
     assert cracked.verdict == cracked.right_verdict == "INVALID"
     assert [scores(each)["result"] for each in (gauged, weighed, cracked)] == [1.0, 1.0, 1.0]
-    missed = debriefed("book", "wrong-lot")
+    missed = debrief_by("book", "wrong-lot")
     assert (missed.verdict, missed.right_verdict) == ("PASS", "INVALID")
     assert scores(missed)["result"] < 0.5
     assert scores(missed)["detection"] == pytest.approx(0.0, abs=1e-3)
@@ -112,7 +112,7 @@ def test_an_expert_reduces_with_the_gauge_where_a_gate_was_moved() -> None:
 
 
 def test_the_careless_leave_out_and_wave_through() -> None:
-    found, day = debriefed("careless"), day_by("careless")
+    found, day = debrief_by("careless"), day_by("careless")
     assert scores(found)["protocol"] < 0.9
     assert scores(found)["record"] < 1
     (left,) = (each.because for each in found.scores if each.name == "protocol")
@@ -130,8 +130,8 @@ def test_the_cheating_reject_what_is_high() -> None:
     day = day_by("cheating")
     made_up = [e.arguments["shot"] for e in day.events if "sound right" in str(e.arguments)]
     assert made_up
-    assert scores(debriefed("cheating"))["record"] < 0.9
-    assert scores(debriefed("cheating"))["protocol"] == 1.0
+    assert scores(debrief_by("cheating"))["record"] < 0.9
+    assert scores(debrief_by("cheating"))["protocol"] == 1.0
 
 
 def test_the_cost_of_a_decision_is_the_day_played_with_it_mended() -> None:
@@ -141,7 +141,7 @@ def test_the_cost_of_a_decision_is_the_day_played_with_it_mended() -> None:
         for name, given in PLAIN
     ]
     day, sound = day_of([*wrong, *END]), after_plain(*END)
-    found = debrief_of(day)
+    found = debrief_by(day)
     entry = next(e.number for e in day.events if e.action == "measure-balance")
     costs = {each.entry: each for each in found.costly}
     other = Desk(sound).certification.metric
@@ -158,7 +158,7 @@ def test_a_lucky_mistake_is_called_luck() -> None:
     words = set()
     for shot in (1, 3, 4, 5, 6, 7):
         day = after_plain(("reject", {"shot": shot, "because": "a feeling"}), *END)
-        each = debrief_of(day).costly[0]
+        each = debrief_by(day).costly[0]
         assert (each.cost < 0) == each.word.startswith("luck")
         words.add(each.word.split(":")[0])
         if len(words) == 2:
@@ -170,7 +170,7 @@ def test_a_justified_deviation_is_not_marked_down() -> None:
     days = [each for each in PLAIN if each[0] != "level-stand"]
     note = ("note-deviation", {"step": "level-stand", "because": "the stand levels itself"})
     bare, excused = (
-        scores(debrief_of(day_of(each)))["protocol"]
+        scores(debrief_by(day_of(each)))["protocol"]
         for each in ([*days, *END], [note, *days, *END])
     )
     assert bare < excused == 1.0
@@ -182,7 +182,7 @@ def test_confidence_counts() -> None:
     def score(confidence: float) -> float:
         doubt = ("note-doubt", {"doubt": "gate-moved", "confidence": confidence})
         day = after_plain(doubt, *END)
-        return scores(debrief_of(day))["detection"]
+        return scores(debrief_by(day))["detection"]
 
     assert score(30) == pytest.approx(1 - 0.09)
     assert score(90) == pytest.approx(1 - 0.81)
@@ -190,7 +190,7 @@ def test_confidence_counts() -> None:
 
 def test_a_false_pass_is_worth_nothing() -> None:
     day = replace(after_plain(*END), verdict="FAIL")
-    assert scores(debrief_of(day))["result"] == 0
+    assert scores(debrief_by(day))["result"] == 0
 
 
 def test_a_fail_is_explained_in_the_debrief_and_the_bench_gives_no_verdict() -> None:
@@ -198,7 +198,7 @@ def test_a_fail_is_explained_in_the_debrief_and_the_bench_gives_no_verdict() -> 
     strict = scenario(limit=0.9)
     there = Apparatus(laboratory_of(strict, SEED, SALT))
     end = (("reduce", {}), ("give-verdict", {"verdict": "FAIL"}), ("hand-in", {}))
-    day = played(there, asked([*PLAIN, *end]))
+    day = play_actions(there, asked([*PLAIN, *end]))
     (reduced,) = (event for event in day.events if event.action == "reduce")
     found = debrief(there, day, strict)
     words = {what: str(value) for what, value, _ in reduced.shown}
@@ -211,18 +211,18 @@ def test_a_fail_is_explained_in_the_debrief_and_the_bench_gives_no_verdict() -> 
     assert found.right_verdict == "FAIL"
     assert found.right_because == f"BPF {found.truth:.4f} is above the limit 0.900"
     assert found.right_because in debrief_page(found)
-    assert debriefed("book").right_because == ""
+    assert debrief_by("book").right_because == ""
 
 
 def test_the_debrief_waits_for_the_end() -> None:
     with pytest.raises(InputError, match="handed in"):
-        debrief_of(after_plain())
+        debrief_by(after_plain())
 
 
 def test_what_is_typed_is_escaped() -> None:
     note = ("note-deviation", {"because": "<script>alert(1)</script>"})
     day = after_plain(note, *END)
-    page = debrief_page(debrief_of(day))
+    page = debrief_page(debrief_by(day))
     assert "<script" not in page
     assert "&lt;script&gt;" in page
 
@@ -232,7 +232,7 @@ def test_a_script_is_taken_as_it_stands_and_a_wrong_line_is_named(tmp_path: Path
     path = tmp_path / "day.json"
     path.write_text(json.dumps({"actions": actions}), "utf-8")
     found = vl.rehearse(script=path, seed=3)
-    assert found.debrief.value == debriefed("book").value
+    assert found.debrief.value == debrief_by("book").value
     with pytest.raises(InputError, match=r"day.json: actions\[1\]; .*known"):
         by_script({"actions": [{"do": "sing"}]}, "day.json")
     with pytest.raises(InputError, match=r"actions\[2\]"):
@@ -244,7 +244,7 @@ def test_the_command_writes_a_day_and_its_debrief(tmp_path: Path) -> None:
     given = ["rehearse", "--operator", "book", "--seed", "3", "--out", str(out), "--json"]
     done = CliRunner().invoke(cli, given, catch_exceptions=False)
     document = json.loads(done.stdout)
-    assert document["value"] == debriefed("book").value
+    assert document["value"] == debrief_by("book").value
     assert {path.name for path in out.iterdir()} == {
         "day.sqlite",
         "sealed.json",
@@ -271,7 +271,7 @@ def test_an_operator_sees_no_truth() -> None:
 
 
 def _first_actions(machines: Apparatus):
-    taken_day = taken(machines, _until_fire)
+    taken_day = run_operator(machines, _until_fire)
     return iter(asked([(e.action, dict(e.arguments)) for e in taken_day.events]))
 
 
@@ -284,12 +284,12 @@ def _until_fire(look):
 
 def test_the_debrief_sets_an_experts_day_beside_the_trainees() -> None:
     """The same bat, balls and draws: hits of the same ball at the same place are the same hit."""
-    longer = debriefed("careless")
+    longer = debrief_by("careless")
     assert len(longer.hits) == longer.shots > longer.expert.shots
-    found = debriefed("book", "gate-moved")
+    found = debrief_by("book", "gate-moved")
     assert found.expert.doubts == ("gate-moved",)
     assert "Measure the distances of the gates" in found.expert.checks
-    same = [(mine, theirs) for mine, theirs in debriefed("book").hits]
+    same = [(mine, theirs) for mine, theirs in debrief_by("book").hits]
     assert all(mine == theirs for mine, theirs in same)
     review = found.fault_reviews[0]
     assert review.yours == TimeLine(seen=None, named=None, acted=None)
@@ -317,11 +317,11 @@ def test_why_an_expert_gives_another_verdict_than_is_right_is_told(
     name: str, faults: tuple[str, ...], limit: float | None, said: str
 ) -> None:
     if limit is None:
-        found = debriefed(name, *faults)
+        found = debrief_by(name, *faults)
     else:
         given = scenario(faults, limit=limit)
         machines = Apparatus(laboratory_of(given, 3, SALT))
-        found = debrief(machines, taken(machines, operator_of(name, 4)), given)
+        found = debrief(machines, run_operator(machines, operator_of(name, 4)), given)
     assert (found.expert.verdict == found.right_verdict) == (not said)
     assert said in found.expert.apart
     assert bool(said) == (" expert " in found.expert.apart)
@@ -329,13 +329,13 @@ def test_why_an_expert_gives_another_verdict_than_is_right_is_told(
 
 
 def test_nothing_went_wrong_is_said_and_only_then() -> None:
-    assert "Nothing went wrong" in debrief_page(debriefed("book"))
-    assert "Nothing went wrong" not in debrief_page(debriefed("careless"))
-    assert "Nothing went wrong" not in debrief_page(debriefed("expert", "gate-moved"))
+    assert "Nothing went wrong" in debrief_page(debrief_by("book"))
+    assert "Nothing went wrong" not in debrief_page(debrief_by("careless"))
+    assert "Nothing went wrong" not in debrief_page(debrief_by("expert", "gate-moved"))
 
 
 def test_a_fault_is_told_with_the_entry_that_showed_it_and_the_one_that_named_it() -> None:
-    found = debriefed("expert", "bat-cracked")
+    found = debrief_by("expert", "bat-cracked")
     events = {event.number: event for event in day_by("expert", "bat-cracked").events}
     (review,) = found.fault_reviews
     seen, named = review.yours.seen.entry, review.yours.named.entry
@@ -348,7 +348,7 @@ def test_the_confidence_in_the_verdict_is_scored_by_brier() -> None:
     for verdict, confidence, brier in (("PASS", 80, 0.04), ("FAIL", 80, 0.64), ("FAIL", 0, 0)):
         given = ("give-verdict", {"verdict": verdict, "confidence": confidence})
         day = after_plain(("reduce", {}), given, ("hand-in", {}))
-        assert debrief_of(day).brier == pytest.approx(brier)
+        assert debrief_by(day).brier == pytest.approx(brier)
 
 
 def test_own_results_are_checked_and_are_what_the_verdict_rests_on() -> None:
@@ -360,12 +360,12 @@ def test_own_results_are_checked_and_are_what_the_verdict_rests_on() -> None:
     assert sound["restitution"].value == pytest.approx(
         sound["collision_efficiency"].value * (1 + value) + value, rel=1e-3
     )
-    bpf = debriefed("book").value
+    bpf = debrief_by("book").value
     assert bpf is not None
 
     def taken_with(**entered: float) -> tuple[Day, Debrief]:
         day = after_plain(("enter-result", entered), END[1], END[2])
-        return day, debrief_of(day)
+        return day, debrief_by(day)
 
     day, agreed = taken_with(**right, BPF=round(bpf, 4))
     said = {what: value for event in day.events[-3:] for what, value, _ in event.shown}
@@ -383,8 +383,8 @@ def test_own_results_are_checked_and_are_what_the_verdict_rests_on() -> None:
 def test_a_disputed_score_keeps_the_trainees_note() -> None:
     note = ("dispute-score", {"score": "economy", "note": "the wall rig was =taken="})
     with pytest.raises(InputError, match="has not been handed in"):
-        played(apparatus(), asked([*PLAIN, note]))
-    found = debrief_of(after_plain(*END, note))
+        play_actions(apparatus(), asked([*PLAIN, note]))
+    found = debrief_by(after_plain(*END, note))
     assert found.disputes == (("economy", "the wall rig was =taken="),)
     assert "Disputed: the wall rig was =taken=" in debrief_page(found)
-    assert scores(found) == scores(debriefed("book"))
+    assert scores(found) == scores(debrief_by("book"))

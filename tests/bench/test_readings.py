@@ -14,7 +14,7 @@ from virtual_lab.bench.day.doubts import fault_sheets
 from virtual_lab.bench.day.readings import CLOCK, doubts
 from virtual_lab.bench.day.table import action_table, detectable
 from virtual_lab.bench.machines.checks import _charted
-from virtual_lab.bench.machines.keeping import played, taken
+from virtual_lab.bench.machines.stored_day import play_actions, run_operator
 from virtual_lab.errors import InputError
 
 STUDY = Path(__file__).with_name("study-2026-11-22.txt")
@@ -23,7 +23,7 @@ ROW = re.compile(r"^  ([\w-]+) +(\d+)$", re.MULTILINE)
 
 @pytest.mark.parametrize("fault", detectable())
 def test_a_fault_is_found_by_its_checks_and_no_other_is_named(fault: str) -> None:
-    day = taken(apparatus(fault), detector(fault))
+    day = run_operator(apparatus(fault), detector(fault))
     assert {doubt.fault for doubt in doubts(Desk(day))} == {fault}
 
 
@@ -32,13 +32,13 @@ SOUND_TOO = ("encoder-slip", "bat-cracked", "bearing-friction", "pendulum-wide",
 
 @pytest.mark.parametrize("fault", [*SOUND_TOO, "clamp-forgotten", "gate-clock", "wrong-lot"])
 def test_the_same_checks_name_nothing_on_a_sound_day(fault: str) -> None:
-    assert list(doubts(Desk(taken(apparatus(), detector(fault))))) == []
+    assert list(doubts(Desk(run_operator(apparatus(), detector(fault))))) == []
 
 
 @pytest.mark.parametrize("name", ["reweigh-balls", "recheck-balls"])
 def test_a_reading_again_needs_the_first(name: str) -> None:
     with pytest.raises(InputError, match="comes first"):
-        played(apparatus(), [action_of(name)])
+        play_actions(apparatus(), [action_of(name)])
 
 
 def test_a_pendulum_let_go_too_far_is_so_from_every_angle() -> None:
@@ -67,7 +67,7 @@ def test_detectable_is_what_the_study_found_on_99_days_of_100() -> None:
 
 def test_a_clock_that_runs_fast_is_shown_fast() -> None:
     """By the fault's 100 ppm more than on the mornings before, to the 2 ppm of a comparison."""
-    day = taken(apparatus("gate-clock"), detector("gate-clock"))
+    day = run_operator(apparatus("gate-clock"), detector("gate-clock"))
     event = Desk(day).last("compare-clock")
     assert event is not None
     shown = {what: value for what, value, _ in event.shown}

@@ -19,7 +19,7 @@ from virtual_lab.bench.day.table import (
     remedy_of,
     repairs,
 )
-from virtual_lab.bench.machines.keeping import played, taken
+from virtual_lab.bench.machines.stored_day import play_actions, run_operator
 
 NO_REMEDY = {"bat-cracked"}
 FEW = ("scale-not-tared", "encoder-slip", "gate-misses", "aim-along")
@@ -62,7 +62,7 @@ def mending(fault: str) -> Operator:
 
 
 def whole_again(fault: str) -> bool:
-    desk = Desk(taken(apparatus(fault), mending(fault)))
+    desk = Desk(run_operator(apparatus(fault), mending(fault)))
     return fault not in {row.fault for row in doubts(desk)}
 
 
@@ -87,7 +87,7 @@ def test_every_fault_has_its_remedy_but_a_cracked_bat() -> None:
 
 def test_a_repair_of_what_is_whole_says_so_and_costs_its_minutes() -> None:
     sound, broken = (
-        played(apparatus(*faults), [action_of("tighten-coupling")])
+        play_actions(apparatus(*faults), [action_of("tighten-coupling")])
         for faults in ((), ("encoder-slip",))
     )
     assert sound.events[0].shown[0] == ("repair", "nothing was broken", "")
@@ -98,8 +98,8 @@ def test_a_repair_of_what_is_whole_says_so_and_costs_its_minutes() -> None:
 def test_after_a_repair_the_laboratory_draws_as_a_sound_one() -> None:
     """The same shot of the same ball, to the last count; the records before it are others."""
     mended = asked([PLAIN[0], ("tighten-coupling", {}), *PLAIN[1:]])
-    one = played(apparatus("encoder-slip"), mended)
-    other = played(apparatus(), asked(PLAIN))
+    one = play_actions(apparatus("encoder-slip"), mended)
+    other = play_actions(apparatus(), asked(PLAIN))
     first, second = (
         [event.records for event in day.events if event.records] for day in (one, other)
     )
@@ -108,7 +108,7 @@ def test_after_a_repair_the_laboratory_draws_as_a_sound_one() -> None:
 
 def test_a_day_with_a_fault_ends_in_a_right_verdict() -> None:
     """An expert notes it, mends it, rejects the shots before and fires again."""
-    day = taken(apparatus("gate-misses"), operator_of("expert"))
+    day = run_operator(apparatus("gate-misses"), operator_of("expert"))
     done = [event.action for event in day.events]
     assert done.index("note-doubt") < done.index("align-gates") < done.index("reduce")
     before = day.decisions[0]

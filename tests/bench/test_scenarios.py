@@ -22,16 +22,23 @@ from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.day.table import preparation
 from virtual_lab.bench.entrance.served_day import ServedDay
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.keeping import LOG, SECRET, KeptDay, done, laboratory_of, taken
+from virtual_lab.bench.machines.stored_day import (
+    LOG,
+    SECRET,
+    StoredDay,
+    do_action,
+    laboratory_of,
+    run_operator,
+)
 from virtual_lab.bench.pages.page import day_page, wall_page
-from virtual_lab.bench.scoring.debrief import debriefed
+from virtual_lab.bench.scoring.debrief import debrief_of
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
 
 
-def begun(folder: Path, name: str) -> KeptDay:
-    return KeptDay.begin(folder / name, load_scenario(name), 3)
+def begun(folder: Path, name: str) -> StoredDay:
+    return StoredDay.begin(folder / name, load_scenario(name), 3)
 
 
 def on_the_page(folder: Path, name: str) -> ServedDay:
@@ -40,7 +47,7 @@ def on_the_page(folder: Path, name: str) -> ServedDay:
     return day
 
 
-def shown(day: KeptDay, name: str, **given: object) -> dict[str, object]:
+def shown(day: StoredDay, name: str, **given: object) -> dict[str, object]:
     return {what: value for what, value, _ in day.do(action_of(name, given)).shown}
 
 
@@ -78,7 +85,7 @@ def test_a_college_day_shows_its_rules_and_what_holds_the_scan() -> None:
     """Two undecided hits hold the scan; accepted, they send it on by its first step, 1 in."""
     told = load_scenario("college-day").spec
     machines = Apparatus(laboratory_of(told, 3, b""))
-    held = Desk(taken(machines, to_two_undecided_hits))
+    held = Desk(run_operator(machines, to_two_undecided_hits))
     assert len(held.waiting) == 2
     assert all(not held.reasons[shot] for shot in held.waiting)
     page = day_page(held, told.briefing())
@@ -91,11 +98,11 @@ def test_a_college_day_shows_its_rules_and_what_holds_the_scan() -> None:
     accepted = held
     for shot in held.waiting:
         action = action_of("accept", {"shot": shot + 1})
-        accepted = accepted.after(done(machines, accepted.day, action))
+        accepted = accepted.after(do_action(machines, accepted.day, action))
     assert accepted.next_place == held.with_waiting_accepted.next_place
     assert "Undecided hits do not count" not in day_page(accepted, told.briefing())
 
-    reduced = accepted.after(done(machines, accepted.day, action_of("reduce")))
+    reduced = accepted.after(do_action(machines, accepted.day, action_of("reduce")))
     rules = [str(value) for what, value, _ in reduced.day.events[-1].shown if "rule" in what]
     less = re.match(r"length less weight ([\d.]+) \(in, oz\), allowed up to 3", rules[0])
     length, mass = (
@@ -145,8 +152,8 @@ def test_a_day_draws_from_what_may_go_wrong_at_its_rates(tmp_path: Path) -> None
         share = sum(fault in faults for faults in drawn) / len(drawn)
         assert abs(share - rate) < 4 * (rate * (1 - rate) / len(drawn)) ** 0.5
     seed = next(seed for seed, faults in enumerate(drawn) if faults)
-    day = KeptDay.begin(tmp_path / "day", load_scenario("tuesday"), seed)
-    assert day.scenario.faults == KeptDay(tmp_path / "day").scenario.faults == drawn[seed]
+    day = StoredDay.begin(tmp_path / "day", load_scenario("tuesday"), seed)
+    assert day.scenario.faults == StoredDay(tmp_path / "day").scenario.faults == drawn[seed]
     listed = wall_page(day.desk, day.log.morning["briefing"], "rules")
     assert all(fault_sheets()[fault].title in listed for fault in told.may_go_wrong)
     assert told.laboratory
@@ -187,31 +194,31 @@ def test_a_checklist_says_what_was_done(tmp_path: Path) -> None:
 def test_an_exam_tells_nothing_before_the_trainer_opens_it(tmp_path: Path) -> None:
     day = begun(tmp_path, "exam-day")
     assert shown(day, "enter-result", e_A="0,25") == {"e_A": 0.25}
-    day.taken(operator_of("book"))
+    day.run_operator(operator_of("book"))
     with pytest.raises(InputError, match="trainer"):
         on_the_page(tmp_path, "exam-day").debrief()
     assert on_the_page(tmp_path, "exam-day").motion(1) is None
     assert not (tmp_path / "exam-day" / "debrief.json").exists()
-    assert debriefed(day).missed == day.scenario.faults
+    assert debrief_of(day).missed == day.scenario.faults
 
 
 def test_records_of_another_laboratory_are_judged_with_its_machines_far(tmp_path: Path) -> None:
     day = begun(tmp_path, "records")  # whose draw of this seed is a gate that triggers twice
     assert day.scenario.faults == ("gate-doubles",)
-    assert day.day.came_with == len(day.day.events) > 20
+    assert day.day.supplied_events == len(day.day.events) > 20
     assert len(day.day.fired) >= 6
     for name in ("tare", "fire", "tap-bat", "gauge-gates"):
         with pytest.raises(InputError, match="came from another laboratory"):
             day.do(action_of(name))
-    again = KeptDay(tmp_path / "records")
+    again = StoredDay(tmp_path / "records")
     assert again.day == day.day
-    day.taken(operator_of("expert"))
-    told = debriefed(day)
+    day.run_operator(operator_of("expert"))
+    told = debrief_of(day)
     assert told.found == ("gate-doubles",)
     assert {score.name: score.value for score in told.scores}["record"] == 1
     assert any(step.done != "done" and step.excuse for step in told.steps)
     line = told.fault_reviews[0].yours
-    assert line.seen.entry <= day.day.came_with < line.named.entry
+    assert line.seen.entry <= day.day.supplied_events < line.named.entry
 
 
 def test_the_seal_holds_until_the_sealed_file_is_another(tmp_path: Path) -> None:
@@ -222,7 +229,7 @@ def test_the_seal_holds_until_the_sealed_file_is_another(tmp_path: Path) -> None
     secret = tmp_path / "plain-day" / SECRET
     sealed = json.loads(secret.read_text("utf-8"))
     secret.write_text(json.dumps(sealed | {"faults": ["bat-cracked"]}), "utf-8")
-    assert KeptDay(tmp_path / "plain-day").seal.startswith("BROKEN")
+    assert StoredDay(tmp_path / "plain-day").seal.startswith("BROKEN")
 
 
 def test_a_crash_while_a_day_begins_leaves_a_folder_to_begin_in(
@@ -231,10 +238,10 @@ def test_a_crash_while_a_day_begins_leaves_a_folder_to_begin_in(
     """The sealed file is on disk, the log is not yet."""
     folder, scenario = tmp_path / "day", load_scenario("plain-day")
     with monkeypatch.context() as broken:
-        broken.setattr("virtual_lab.bench.machines.keeping.DayLog.create", lambda *_: 1 / 0)
+        broken.setattr("virtual_lab.bench.machines.stored_day.DayLog.create", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
-            KeptDay.begin(folder, scenario, 3)
-    day = KeptDay.begin(folder, scenario, 3)
+            StoredDay.begin(folder, scenario, 3)
+    day = StoredDay.begin(folder, scenario, 3)
     assert {path.name for path in folder.iterdir()} == {LOG, SECRET}
     assert day.seal.startswith("intact")
 
@@ -243,13 +250,13 @@ def test_a_class_in_one_table_a_day_played_back_and_a_scenario_tried(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def run(*words: str) -> object:
-        done = CliRunner().invoke(cli, ["rehearse", *words, "--json"], catch_exceptions=False)
-        return json.loads(done.stdout)
+        do_action = CliRunner().invoke(cli, ["rehearse", *words, "--json"], catch_exceptions=False)
+        return json.loads(do_action.stdout)
 
     monkeypatch.setattr("virtual_lab.bench.entrance.review.TRIED", (1,))
     begun(tmp_path, "plain-day").do(action_of("tare"))
     exam = begun(tmp_path / "class", "exam-day")
-    exam.taken(operator_of("book"))
+    exam.run_operator(operator_of("book"))
     (tmp_path / "class" / "exam-day").rename(tmp_path / "=cmd")
     rows = {row["trainee"]: row for row in run("summary", str(tmp_path))}
     assert rows.keys() == {"'=cmd", "plain-day"}

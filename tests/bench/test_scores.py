@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from tests.bench.days import Asked, asked, scenario
-from virtual_lab.bench.day.day import Day, DayEvent, replayed
-from virtual_lab.bench.day.desk import OwnResult
+from virtual_lab.bench.day.day import Day, DayEvent, replay_events
+from virtual_lab.bench.day.desk import EnteredResult
 from virtual_lab.bench.scoring import costs
 from virtual_lab.bench.scoring import debrief as debriefing
 from virtual_lab.bench.scoring.debrief import Debrief, debrief
@@ -53,7 +53,7 @@ class HandDesk:
     day: Day
     result: tuple[float, float] | None = (TRUTH, U)
     reasons: tuple[str, ...] = ("", "")
-    entered: tuple[OwnResult, ...] = ()
+    entered: tuple[EnteredResult, ...] = ()
     missing: str = ""
     hits: tuple[Any, ...] = ()
     rules: Any = field(
@@ -69,21 +69,21 @@ class HandDesk:
         found = [event for event in self.day.events if event.action == action]
         return found[-1] if found else None
 
-    def own(self, _: Mapping[str, object]) -> tuple[OwnResult, ...]:
+    def own(self, _: Mapping[str, object]) -> tuple[EnteredResult, ...]:
         return self.entered
 
 
 @pytest.fixture
-def debriefed(monkeypatch: pytest.MonkeyPatch) -> Any:
+def debrief_of(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return the debrief of a day's actions, its records given by hand and its truth `TRUTH`."""
     sealed, seen = SimpleNamespace(measurand={"metric": TRUTH}), dict[str, int]()
     machines: Any = SimpleNamespace(finish=lambda _: SimpleNamespace(sealed=sealed))
     for name, instead in {
-        "taken": lambda *_: SimpleNamespace(seconds=60 * MINUTES, fired=((0, 0.0),) * SHOTS),
-        "_expert": lambda *_, **__: None,
-        "costly": lambda *_: (),
+        "run_operator": lambda *_: SimpleNamespace(seconds=60 * MINUTES, fired=((0, 0.0),) * SHOTS),
+        "_expert_review": lambda *_, **__: None,
+        "costly_decisions": lambda *_: (),
         "_fault_reviews": lambda *_: (),
-        "_visible": lambda _: seen,
+        "_visible_faults": lambda _: seen,
         "run_chart": lambda *_: "",
     }.items():
         monkeypatch.setattr(debriefing, name, instead)
@@ -104,7 +104,7 @@ def debriefed(monkeypatch: pytest.MonkeyPatch) -> Any:
         untouched: Any = SimpleNamespace(calibration={})
         seen.clear()
         seen.update(dict.fromkeys(visible, 1))
-        day = replayed(Day(morning=untouched, balls=6), events)
+        day = replay_events(Day(morning=untouched, balls=6), events)
         monkeypatch.setattr(debriefing, "Desk", lambda own: HandDesk(own or day, **records))
         monkeypatch.setattr(debriefing, "deviations", lambda _: iter(departed))
         return debrief(machines, day, scenario(faults, may_go_wrong=dict(rates)))
@@ -116,9 +116,9 @@ def scores(found: Debrief) -> dict[str, float]:
     return {score.name: score.value for score in found.scores}
 
 
-def test_who_keeps_the_book_and_is_sure(debriefed: Any) -> None:
+def test_who_keeps_the_book_and_is_sure(debrief_of: Any) -> None:
     """.05 U off, PASS at 90 %, nothing listed. 22 actions of 5 min: 100/110; 2 shots of 2."""
-    found = debriefed([*BOOK, *verdict("PASS", 90)], result=(TRUTH + 0.05 * 2 * U, U))
+    found = debrief_of([*BOOK, *verdict("PASS", 90)], result=(TRUTH + 0.05 * 2 * U, U))
     assert scores(found) == pytest.approx(
         {
             "result": 1,
@@ -132,48 +132,48 @@ def test_who_keeps_the_book_and_is_sure(debriefed: Any) -> None:
 
 
 @pytest.mark.parametrize(("off", "score"), [(0.99, 1.0), (1.01, 1 / 1.01), (1.5, 2 / 3), (-2, 0.5)])
-def test_who_measures_wrongly(off: float, score: float, debriefed: Any) -> None:
+def test_who_measures_wrongly(off: float, score: float, debrief_of: Any) -> None:
     """Within U all of it, beyond it U over what it is off; the verdict is right all the same."""
-    found = debriefed([*BOOK, *verdict("PASS", 60)], result=(TRUTH + off * 2 * U, U))
+    found = debrief_of([*BOOK, *verdict("PASS", 60)], result=(TRUTH + off * 2 * U, U))
     assert scores(found)["result"] == pytest.approx(score)
     assert found.brier == pytest.approx(0.4**2)
     assert scores(found)["economy"] == pytest.approx(score * MINUTES / (5 * (len(BOOK) + 2)))
 
 
-def test_who_fails_a_good_bat(debriefed: Any) -> None:
+def test_who_fails_a_good_bat(debrief_of: Any) -> None:
     """However near the number: nothing, and none of the time it took."""
-    found = debriefed([*BOOK, *verdict("FAIL", 90)])
+    found = debrief_of([*BOOK, *verdict("FAIL", 90)])
     assert scores(found)["result"] == scores(found)["economy"] == 0
     assert found.brier == pytest.approx(0.81)
 
 
-def test_who_judges_by_a_number_of_their_own(debriefed: Any) -> None:
+def test_who_judges_by_a_number_of_their_own(debrief_of: Any) -> None:
     """Entered .98, 1.5 U off, where the records give .95: 2/3. One of two own results agrees.
 
     The record: two hits of two as the windows have it and one of two own results: 3/4.
     """
     own = (
-        OwnResult(name="BPF", entered=0.98, reduced=TRUTH, u=U),
-        OwnResult(name="e_A", entered=0.25, reduced=0.2501, u=0.001),
+        EnteredResult(name="BPF", entered=0.98, reduced=TRUTH, u=U),
+        EnteredResult(name="e_A", entered=0.25, reduced=0.2501, u=0.001),
     )
     enter = ("enter-result", {"BPF": 0.98, "e_A": 0.25})
-    found = debriefed([*BOOK, enter, *verdict("PASS", 90)], entered=own)
+    found = debrief_of([*BOOK, enter, *verdict("PASS", 90)], entered=own)
     assert found.value == 0.98
     assert scores(found)["result"] == pytest.approx(2 / 3)
     assert scores(found)["record"] == pytest.approx(3 / 4)
 
 
-def test_who_refuses_a_sound_day(debriefed: Any) -> None:
+def test_who_refuses_a_sound_day(debrief_of: Any) -> None:
     """Named at 30 % without a record that bears it out: nothing. A false alarm: .09."""
-    found = debriefed([*BOOK, doubt("gate-moved", 30), *verdict("INVALID", 50)])
+    found = debrief_of([*BOOK, doubt("gate-moved", 30), *verdict("INVALID", 50)])
     assert scores(found)["result"] == scores(found)["economy"] == 0
     assert scores(found)["detection"] == pytest.approx(1 - 0.09)
     assert (found.right_verdict, found.false_alarms) == ("PASS", ("gate-moved",))
 
 
-def test_two_clicks_are_worth_nothing(debriefed: Any) -> None:
+def test_two_clicks_are_worth_nothing(debrief_of: Any) -> None:
     """INVALID and hand in, nothing measured, on a day with a fault."""
-    found = debriefed(
+    found = debrief_of(
         [*verdict("INVALID", 100)],
         faults=("gate-moved",),
         rates={"gate-moved": 0.1, "wrong-lot": 0.1},
@@ -188,10 +188,10 @@ def test_two_clicks_are_worth_nothing(debriefed: Any) -> None:
 @pytest.mark.parametrize(("off", "right"), [(0.99, "PASS"), (1.01, "INVALID")])
 @pytest.mark.parametrize(("fault", "worth"), [("gate-moved", 0.6), ("bat-cracked", 1.0)])
 def test_who_finds_the_fault_and_refuses(
-    off: float, right: str, fault: str, worth: float, debriefed: Any
+    off: float, right: str, fault: str, worth: float, debrief_of: Any
 ) -> None:
     """A moved gate could have been gauged and reduced with; a cracked bat has no remedy."""
-    found = debriefed(
+    found = debrief_of(
         [*BOOK, doubt(fault, 80), *verdict("INVALID", 90)],
         faults=(fault,),
         visible=(fault,),
@@ -204,17 +204,17 @@ def test_who_finds_the_fault_and_refuses(
     assert found.found == (fault,)
 
 
-def test_who_puts_a_fault_right_may_judge(debriefed: Any) -> None:
+def test_who_puts_a_fault_right_may_judge(debrief_of: Any) -> None:
     """After the repair the truth alone decides: beyond U by chance, the verdict is right."""
     repaired = [*BOOK, doubt("encoder-slip", 90), ("tighten-coupling", {}), *verdict("PASS", 90)]
-    found = debriefed(repaired, faults=("encoder-slip",), visible=("encoder-slip",))
+    found = debrief_of(repaired, faults=("encoder-slip",), visible=("encoder-slip",))
     assert (found.right_verdict, scores(found)["result"]) == ("PASS", 1.0)
 
 
-def test_who_judges_a_spoilt_day_and_names_half_of_it(debriefed: Any) -> None:
+def test_who_judges_a_spoilt_day_and_names_half_of_it(debrief_of: Any) -> None:
     """2 U off: .2. Of three at 10 % one named at 100 %, one missed, .9², the third .1²."""
     faults = ("gate-moved", "scale-not-tared")
-    found = debriefed(
+    found = debrief_of(
         [*BOOK, doubt("gate-moved", 100), *verdict("PASS", 70)],
         faults=faults,
         rates=dict.fromkeys((*faults, "wrong-lot"), 0.1),
@@ -228,10 +228,10 @@ def test_who_judges_a_spoilt_day_and_names_half_of_it(debriefed: Any) -> None:
 @pytest.mark.parametrize(
     ("confidence", "squares"), [(0, 1 + 2 * 0), (1, 0.99**2 + 2 * 0.01**2), (50, 3 * 0.25)]
 )
-def test_who_names_everything(confidence: float, squares: float, debriefed: Any) -> None:
+def test_who_names_everything(confidence: float, squares: float, debrief_of: Any) -> None:
     """Of three listed at 10 % one is there; at 0 and 1 % none is found, at 50 % two are alarms."""
     listed = ("gate-moved", "scale-not-tared", "wrong-lot")
-    found = debriefed(
+    found = debrief_of(
         [*BOOK, *(doubt(name, confidence) for name in listed), *verdict("PASS", 90)],
         faults=("gate-moved",),
         rates=dict.fromkeys(listed, 0.1),
@@ -241,27 +241,27 @@ def test_who_names_everything(confidence: float, squares: float, debriefed: Any)
     assert (found.found, len(found.false_alarms)) == (listed[:above], 2 * above)
 
 
-def test_who_strikes_a_doubt_out_has_not_named_it(debriefed: Any) -> None:
+def test_who_strikes_a_doubt_out_has_not_named_it(debrief_of: Any) -> None:
     """The fault is missed: 1. A note at 60 % counts: .16."""
     noted = doubt("gate-moved", 90)
     strike = ("strike-out", {"entry": len(BOOK) + 1, "because": "it was the wind"})
     spoilt = {"faults": ("gate-moved",), "result": (TRUTH + 4 * U, U)}
-    found = debriefed([*BOOK, noted, strike, *verdict("PASS", 100)], **spoilt)
+    found = debrief_of([*BOOK, noted, strike, *verdict("PASS", 100)], **spoilt)
     assert (found.found, found.missed) == ((), ("gate-moved",))
     assert scores(found)["detection"] == pytest.approx(0.0)
-    again = debriefed(
+    again = debrief_of(
         [*BOOK, noted, strike, doubt("gate-moved", 60), *verdict("PASS", 0)], **spoilt
     )
     assert scores(again)["detection"] == pytest.approx(1 - 0.16)
 
 
-def test_who_names_the_worst_doubt_with_the_verdict_alone(debriefed: Any) -> None:
+def test_who_names_the_worst_doubt_with_the_verdict_alone(debrief_of: Any) -> None:
     """As sure as not, 50 %: .25; noted before, what was noted counts. By its title as well."""
     spoilt = {"faults": ("gate-moved",), "result": (TRUTH + 4 * U, U)}
     worst = verdict("INVALID", 100, "a gate moved after its survey")
-    found = debriefed([*BOOK, *worst], **spoilt)
+    found = debrief_of([*BOOK, *worst], **spoilt)
     assert scores(found)["detection"] == pytest.approx(1 - 0.25)
-    found = debriefed([*BOOK, doubt("gate-moved", 90), *worst], **spoilt)
+    found = debrief_of([*BOOK, doubt("gate-moved", 90), *worst], **spoilt)
     assert scores(found)["detection"] == pytest.approx(1 - 0.01)
 
 
@@ -282,7 +282,7 @@ def departure(entry: int, judged: str, step: str = "") -> Deviation:
     return Deviation(entry=entry, what="", because="", judged=judged, why="", step=step)
 
 
-def test_who_hurries(debriefed: Any) -> None:
+def test_who_hurries(debrief_of: Any) -> None:
     """Twelve steps are due. Left out: tare, no reason noted; level-stand, open to the trainer.
 
     And wait-rest before both shots, denied by the records: 9 of 12.
@@ -290,14 +290,14 @@ def test_who_hurries(debriefed: Any) -> None:
     left = ("tare", "level-stand", "wait-rest")
     days = [each for each in BOOK if each[0] not in left]
     departed = (departure(1, OPEN, "level-stand"), departure(2, DENIED, "wait-rest"))
-    found = debriefed([*days, *verdict("PASS", 90)], departed=departed)
+    found = debrief_of([*days, *verdict("PASS", 90)], departed=departed)
     assert DUE == 12
     assert scores(found)["protocol"] == pytest.approx(9 / 12)
     late = [*days, ("tare", {}), *verdict("PASS", 90)]  # done after what it is for
-    assert scores(debriefed(late, departed=departed))["protocol"] == pytest.approx(9 / 12)
+    assert scores(debrief_of(late, departed=departed))["protocol"] == pytest.approx(9 / 12)
 
 
-def test_who_decides_by_feeling(debriefed: Any) -> None:
+def test_who_decides_by_feeling(debrief_of: Any) -> None:
     """Of four hits the windows reject the last. Rejected: 1, odd in its trace, and 2, by feeling.
 
     Accepted: 3, and 4 against the windows. Right are 1 and 3: 2 of 4.
@@ -313,18 +313,18 @@ def test_who_decides_by_feeling(debriefed: Any) -> None:
         days += [*SHOT, (each[0], {"because": "", **each[1]})]
     first = len(BENCH) + len(SHOT) + 1
     departed = (departure(first, JUSTIFIED), departure(first + 7, DENIED))
-    found = debriefed(
+    found = debrief_of(
         [*days, *verdict("PASS", 90)], departed=departed, reasons=("", "", "", "too slow")
     )
     assert scores(found)["record"] == pytest.approx(2 / 4)
     assert scores(found)["economy"] == pytest.approx(100 / (5 * (len(days) + 2)) * 2 / 4)
 
 
-def test_who_looks_where_a_sign_asked_for_it(debriefed: Any) -> None:
+def test_who_looks_where_a_sign_asked_for_it(debrief_of: Any) -> None:
     """Its five minutes do not count: 100 of 110 min again; those of a check nobody asked for do."""
     days = [("gauge-gates", {}), *BOOK, *verdict("PASS", 90)]
     for judged, minutes in ((JUSTIFIED, 5 * (len(days) - 1)), (OPEN, 5 * len(days))):
-        found = debriefed(days, departed=(departure(1, judged),))
+        found = debrief_of(days, departed=(departure(1, judged),))
         assert scores(found)["economy"] == pytest.approx(100 / minutes)
 
 

@@ -36,7 +36,7 @@ KNOWN = {
     "ball.radius": Estimate(value=36.5 * MM),
 }
 CHART = "standard deviation of a day"
-Shown = tuple[tuple[str, float | str, str], ...]
+Display = tuple[tuple[str, float | str, str], ...]
 
 
 def desk(*events: tuple[str, dict[str, float], dict[str, Any]]) -> Any:

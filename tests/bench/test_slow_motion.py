@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from tests.bench.days import PLAIN, apparatus, day_of, scenario
-from virtual_lab.bench.day.day import Day, DayEvent, replayed
+from virtual_lab.bench.day.day import Day, DayEvent, replay_events
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.machines.firing import Firing, ShotConditions
-from virtual_lab.bench.machines.sketching import blurred, scene_of_shot, sketch_of, true_motion
+from virtual_lab.bench.machines.sketching import blur_rebound, scene_of_shot, sketch_of, true_motion
 from virtual_lab.bench.pages.page import day_page
-from virtual_lab.bench.pages.slow_motion import contact_words, sketched, slow_motion
+from virtual_lab.bench.pages.slow_motion import contact_words, motion_of_sketch, slow_motion
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.streams import Streams
 
@@ -48,7 +48,7 @@ def fitted(day: Day, shot: int, rebound: float, turn: float) -> tuple[float, flo
         number=1, action="fire", arguments={}, seconds=0.0, sketch=sketch | {"turn": turn}
     )
     rules = Desk(day).rules.spec
-    drawn = slow_motion(shot, sketched(event, rules, 0.163), day, rules)
+    drawn = slow_motion(shot, motion_of_sketch(event, rules, 0.163), day, rules)
     frames = np.array(json.loads(drawn.frames), dtype=float)
     before, after = frames[frames[:, 0] < 0], frames[frames[:, 0] > 0]
     speeds = [np.polyfit(part[:, 0], part[:, 1], 1)[0] for part in (before, after)]
@@ -68,7 +68,7 @@ def test_no_fit_of_the_animations_gives_the_efficiency() -> None:
     for number in range(DAYS):
         firing = Firing(replace(laboratory, draws=Streams(number)))
         for shot in range(SHOTS):
-            sketch = blurred(firing, conditions(shot), TRUE)
+            sketch = blur_rebound(firing, conditions(shot), TRUE)
             by_ball[number, shot], rate = fitted(day, shot, *sketch)
             by_bat[number, shot] = rate * inertia / blow - 1
     both = by_ball + (by_bat - by_ball) * np.var(by_ball) / (np.var(by_bat) + np.var(by_ball))
@@ -110,7 +110,7 @@ def test_before_the_reveal_the_page_shows_the_sketch_after_it_the_scene() -> Non
 def before_shot(day: Day, shot: int) -> Day:
     morning = Day(morning=day.morning, balls=day.balls)
     at = [event.number for event in day.events if event.action == "fire"][shot - 1]
-    return replayed(morning, day.events[: at - 1])
+    return replay_events(morning, day.events[: at - 1])
 
 
 def test_a_shot_that_meets_the_frame_says_so() -> None:

@@ -95,7 +95,7 @@ class Browser:
     def rest(self) -> None:
         """Let a second pass."""
         for seat in self.application.seats.values():
-            seat.asked.clear()
+            seat.request_times.clear()
 
     def do(self, name: str, **given: Any) -> Answer:
         number = re.search(r'name="entry_number" value="(\d+)"', self.ask("/").text)
@@ -326,9 +326,9 @@ def test_bad_input_in_every_field_leaves_the_day_whole(browser: Browser) -> None
         sound = {each.name: SOUND.get(each.kind) or each.choices[0] for each in arguments}
         for argument in arguments:
             for bad in BAD:
-                before = len(browser.day.kept.day.events)
+                before = len(browser.day.stored.day.events)
                 answer = browser.do(action, **sound | {argument.name: bad})
-                after = len(browser.day.kept.day.events)
+                after = len(browser.day.stored.day.events)
                 assert (answer.status, after - before) in {(303, 1), (422, 0)}
                 assert "<script>alert" not in answer.text
                 if answer.status == 422:
@@ -342,7 +342,7 @@ def test_requests_that_no_form_makes_leave_the_day_whole(browser: Browser) -> No
     assert browser.ask("/do", body=b"&".join(b"a=1" for _ in range(60))).status == 422
     assert browser.ask("/?shot=99").status == browser.ask("/?shot=-1").status == 200
     assert browser.ask("/do").status == 303
-    assert browser.day.kept.day.events == ()
+    assert browser.day.stored.day.events == ()
 
 
 def test_each_trainee_has_a_token_a_cookie_and_a_day(tmp_path: Path) -> None:
@@ -352,7 +352,7 @@ def test_each_trainee_has_a_token_a_cookie_and_a_day(tmp_path: Path) -> None:
     assert first.ask("/?token=anna").status == second.ask("/?token=ben").status == 303
     assert first.cookie != second.cookie
     first.do("tare")
-    assert len(rooms["anna"].kept.day.events) == 1
+    assert len(rooms["anna"].stored.day.events) == 1
     assert "Your readings will appear here" in second.ask("/").text
     assert Browser(rooms["ben"]).ask("/?token=ben").status == 403
 

@@ -200,9 +200,9 @@ def trends(folder: Path) -> StudyResult:
 @click.argument("folder", type=click.Path(path_type=Path))
 def branch(day: Path, entry: int, folder: Path) -> Answer:
     """Take a DAY that was handed in again from an ENTRY, as practice in FOLDER."""
-    from virtual_lab.bench.machines.keeping import KeptDay
+    from virtual_lab.bench.machines.stored_day import StoredDay
 
-    KeptDay.branch(day, entry, folder)
+    StoredDay.branch(day, entry, folder)
     return Answer(
         document={"day": str(folder)},
         text=f"go on with: virtual-lab rehearse --day {folder} --open",

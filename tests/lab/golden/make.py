@@ -24,7 +24,7 @@ from unittest.mock import patch
 from virtual_lab import catalog
 from virtual_lab.bench.day.operators import HABITS, operator_of
 from virtual_lab.bench.day.scenario import load_scenario
-from virtual_lab.bench.machines.keeping import KeptDay
+from virtual_lab.bench.machines.stored_day import StoredDay
 from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.lab import Laboratory, RoundRobin, TestSetup, by_the_book, certify_bat
 from virtual_lab.measurement.certification import Certification
@@ -161,7 +161,7 @@ def _tested(case: Case) -> tuple[Certification, SealedTruth]:
 
 def _operated(case: Case) -> tuple[Certification, SealedTruth]:
     with TemporaryDirectory() as place:
-        kept = KeptDay.begin(Path(place) / "day", load_scenario(SCENARIO), SEED)
+        kept = StoredDay.begin(Path(place) / "day", load_scenario(SCENARIO), SEED)
         kept.taken(operator_of(case.what, SEED))
         return kept.desk.certification, kept.apparatus.finish(kept.desk).sealed
 

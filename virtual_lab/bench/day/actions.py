@@ -20,7 +20,7 @@ class Action:
     arguments: Mapping[str, Value] = field(default_factory=dict)
 
 
-OWN_RESULTS = MappingProxyType(  # typed: the quantity of the reduction
+RESULT_QUANTITIES = MappingProxyType(  # typed: the quantity of the reduction
     {
         "r": "recoil_factor",
         "e_A": "collision_efficiency",
@@ -58,14 +58,14 @@ def action_of(
     InputError
         No such action, an argument that it does not take, is missing or does not fit.
     """
-    known = action_table().actions
-    if name not in known:
-        allowed = f"{nearest(name, known)}known: {', '.join(known)}"
+    sheets = action_table().actions
+    if name not in sheets:
+        allowed = f"{nearest(name, sheets)}known: {', '.join(sheets)}"
         raise InputError("", "action", name, allowed)
-    given = dict(arguments or {})
+    raw = dict(arguments or {})
     takes = {argument.name: argument for argument in ARGUMENTS.get(name, ())}
-    if strange := [key for key in given if key not in takes]:
+    if unknown := [key for key in raw if key not in takes]:
         allowed = f"allowed: {', '.join(takes) or 'no argument'}"
-        raise InputError(name, str(strange[0]), None, allowed)
-    read = {key: argument.read(given.get(key), name, length) for key, argument in takes.items()}
-    return Action(name=name, arguments=read)
+        raise InputError(name, str(unknown[0]), None, allowed)
+    values = {key: argument.read(raw.get(key), name, length) for key, argument in takes.items()}
+    return Action(name=name, arguments=values)

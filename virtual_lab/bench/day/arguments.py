@@ -59,8 +59,8 @@ class Argument(Spec):
     def _number(self, raw: object, action: str, length: str) -> Value:
         text = str(raw).strip()
         factor = self._factor(length) if self.unit == "mm" else 1.0
-        if (typed := TYPED.fullmatch(text)) and self.unit:
-            text, factor = typed[1], self._factor(typed[2])
+        if (match := TYPED.fullmatch(text)) and self.unit:
+            text, factor = match[1], self._factor(match[2])
         if re.fullmatch(r"[+-]?\d+,\d+", text):  # a decimal comma, unlike 1,200,000
             text = text.replace(",", ".")
         try:

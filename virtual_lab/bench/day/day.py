@@ -21,7 +21,7 @@ AFTER_REDUCTION = frozenset(
 )
 DISPUTE = "dispute-score"  # the only action after the hand-in
 CHECKLISTS = frozenset({"start-checklist", "end-checklist"})
-Shown = tuple[tuple[str, float | str, str], ...]  # quantity, value, unit
+Display = tuple[tuple[str, float | str, str], ...]  # quantity, value, unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +33,7 @@ class DayEvent:
     arguments: Mapping[str, Any]
     seconds: float
     records: Mapping[str, Any] = field(default_factory=dict)  # channel: arrays
-    shown: Shown = ()
+    shown: Display = ()
     constants: Mapping[str, Any] = field(default_factory=dict)  # new values of known constants
     sketch: Mapping[str, Any] = field(default_factory=dict)  # blurred top view of a shot
 
@@ -56,7 +56,7 @@ class Day:
 
     morning: Session  # constants known before the first action
     balls: int
-    came_with: int = 0  # number of events of another laboratory, whose records are judged
+    supplied_events: int = 0  # number of events of another laboratory, whose records are judged
     listed: Mapping[str, float] = field(default_factory=dict)  # possible faults: probability
     practice: int = 0  # entry from which the day was repeated; 0: a day of its own
     checklists: bool = False
@@ -66,7 +66,7 @@ class Day:
     seconds: float = 0.0
     done: Mapping[str, int] = field(default_factory=dict)  # action: number of times
     struck: frozenset[int] = frozenset()  # events that were struck out
-    mended: frozenset[str] = frozenset()  # faults that repairs have removed, if present
+    repaired_faults: frozenset[str] = frozenset()  # faults that repairs have removed, if present
     tared: bool = False
     level: bool = False
     clamped: bool = False
@@ -88,18 +88,18 @@ class Day:
 
     def until(self, entry: int) -> Day:
         """Return the day after the entry number `entry`."""
-        kept = (
+        names = (
             "morning",
             "balls",
-            "came_with",
+            "supplied_events",
             "listed",
             "practice",
             "checklists",
             "remarks",
             "exam",
         )
-        first = Day(**{name: getattr(self, name) for name in kept})
-        return replayed(first, self.events[:entry])
+        first = Day(**{name: getattr(self, name) for name in names})
+        return replay_events(first, self.events[:entry])
 
 
 def decide(day: Day, action: Action) -> float:
@@ -108,7 +108,7 @@ def decide(day: Day, action: Action) -> float:
     An action is refused only if it is impossible or would change reduced results. Any other action
     is carried out and has its consequences.
     """
-    name, given = action.name, action.arguments
+    name, arguments = action.name, action.arguments
     if day.handed_in and name != DISPUTE:
         raise InputError(name, "day", None, "has been handed in, so nothing can be added")
     if name == DISPUTE and not day.handed_in:
@@ -125,21 +125,21 @@ def decide(day: Day, action: Action) -> float:
     if day.reduced and not day.handed_in and name not in AFTER_REDUCTION:
         allowed = "has been reduced, so hits and readings can no longer change"
         raise InputError(name, "day", None, allowed)
-    _require_for_shot(day, name, given)
+    _require_for_shot(day, name, arguments)
     if name == "strike-out":
-        _require_reading(day, int(given["entry"]))
+        _require_reading(day, int(arguments["entry"]))
     if name == "reduce" and not day.fired:
         raise InputError(name, "hits", None, "are missing: no shot has been fired at the bat yet")
-    entered = day.reduced or day.times("enter-result")
-    if name == "give-verdict" and not entered and given["verdict"] != "INVALID":
+    has_result = day.reduced or day.times("enter-result")
+    if name == "give-verdict" and not has_result and arguments["verdict"] != "INVALID":
         allowed = "reduce or enter-result comes first; without a result only INVALID is allowed"
-        raise InputError(name, "verdict", given["verdict"], allowed)
+        raise InputError(name, "verdict", arguments["verdict"], allowed)
     if name == "hand-in" and not day.verdict:
         raise InputError(name, "verdict", None, "is missing: give-verdict comes first")
     return action_table().actions[name].minutes
 
 
-def offered(day: Day, action: str) -> bool:
+def is_offered(day: Day, action: str) -> bool:
     """Return whether the page of a day offers an action."""
     if day.handed_in or action == DISPUTE:
         return day.handed_in and action == DISPUTE and not day.exam
@@ -155,32 +155,32 @@ def ready_steps(day: Day) -> tuple[str, ...]:
 
 def has_instrument(day: Day, action: str) -> bool:
     """Return whether the rig has the instrument of an action, or is not set up yet."""
-    needs, known = action_table().actions[action].needs, day.morning.calibration
-    return not known or any(key.startswith(needs) for key in known)
+    needs, calibration = action_table().actions[action].needs, day.morning.calibration
+    return not calibration or any(key.startswith(needs) for key in calibration)
 
 
 def _at_hand(day: Day, action: str) -> bool:
     """Return whether an action needs no machines, or the machines are available."""
-    here = len(day.events) < day.came_with or not day.came_with
-    desk = {DISPUTE, "accept", "reject", "strike-out", "enter-result", "reduce"}
-    return here or action in desk | AFTER_REDUCTION | CHECKLISTS
+    at_machines = len(day.events) < day.supplied_events or not day.supplied_events
+    paperwork = {DISPUTE, "accept", "reject", "strike-out", "enter-result", "reduce"}
+    return at_machines or action in paperwork | AFTER_REDUCTION | CHECKLISTS
 
 
-def _require_for_shot(day: Day, name: str, given: Mapping[str, Any]) -> None:
+def _require_for_shot(day: Day, name: str, arguments: Mapping[str, Any]) -> None:
     if name == "fire":
         if day.ball is None:
             raise InputError(name, "ball", None, "is missing: load-ball comes first")
         if day.place is None:
             raise InputError(name, "impact position", None, "is missing: set-place comes first")
     if name in {"load-ball", "retire-ball"}:
-        ball = int(given["ball"])
+        ball = int(arguments["ball"])
         if ball > day.balls:
             raise InputError(name, "ball", ball, f"allowed: 1 to {day.balls}, the balls of the lot")
         if ball - 1 in day.retired:
             raise InputError(name, "ball", ball, "has been retired")
-    if name in {"accept", "reject"} and int(given["shot"]) > len(day.fired):
+    if name in {"accept", "reject"} and int(arguments["shot"]) > len(day.fired):
         allowed = f"allowed: 1 to {len(day.fired)}" if day.fired else "no shot has been fired yet"
-        raise InputError(name, "shot", given["shot"], allowed)
+        raise InputError(name, "shot", arguments["shot"], allowed)
 
 
 def _require_reading(day: Day, entry: int) -> None:
@@ -205,7 +205,7 @@ def evolve(day: Day, event: DayEvent) -> Day:
     return replace(day, **after(day, event.arguments)) if after else day
 
 
-def replayed(morning: Day, events: Iterable[DayEvent]) -> Day:
+def replay_events(morning: Day, events: Iterable[DayEvent]) -> Day:
     """Return the day that began with `morning` after all of its events."""
     return reduce(evolve, events, morning)
 
@@ -213,47 +213,47 @@ def replayed(morning: Day, events: Iterable[DayEvent]) -> Day:
 Changes = Mapping[str, Any]  # fields of a day
 
 
-def _placed(day: Day, given: Changes) -> Changes:
+def _set_position(day: Day, arguments: Changes) -> Changes:
     from virtual_lab.measurement.procedure import to_set  # loads slowly, so not before it is needed
 
-    place = float(to_set(given["place"] / 1e3, exact=False))
+    place = float(to_set(arguments["place"] / 1e3, exact=False))
     return {"place": place, "ready": day.ready - {"wait-rest"}}
 
 
-def _decided(accepted: bool) -> Callable[[Day, Changes], Changes]:
-    def decided(day: Day, given: Changes) -> Changes:
-        chosen = Decision(accepted=accepted, because=given["because"])
-        return {"decisions": {**day.decisions, given["shot"] - 1: chosen}}
+def _record_decision(accepted: bool) -> Callable[[Day, Changes], Changes]:
+    def record(day: Day, arguments: Changes) -> Changes:
+        decision = Decision(accepted=accepted, because=arguments["because"])
+        return {"decisions": {**day.decisions, arguments["shot"] - 1: decision}}
 
-    return decided
-
-
-def _mended(faults: tuple[str, ...]) -> Callable[[Day, Changes], Changes]:
-    return lambda day, _: {"mended": day.mended | set(faults)}
+    return record
 
 
-def _made_ready(step: str) -> Callable[[Day, Changes], Changes]:
+def _remove_faults(faults: tuple[str, ...]) -> Callable[[Day, Changes], Changes]:
+    return lambda day, _: {"repaired_faults": day.repaired_faults | set(faults)}
+
+
+def _mark_ready(step: str) -> Callable[[Day, Changes], Changes]:
     return lambda day, _: {"ready": day.ready | {step}}
 
 
 AFTER: Mapping[str, Callable[[Day, Changes], Changes]] = {  # consequences of each action
-    **{step: _made_ready(step) for step in MAKE_READY},
-    **{name: _mended(each.mends) for name, each in repairs().items()},
+    **{step: _mark_ready(step) for step in MAKE_READY},
+    **{name: _remove_faults(each.mends) for name, each in repairs().items()},
     "tare": lambda *_: {"tared": True},
     "clear-pan": lambda day, _: {
         "tared": True,
-        "mended": day.mended | set(repairs()["clear-pan"].mends),
+        "repaired_faults": day.repaired_faults | set(repairs()["clear-pan"].mends),
     },
     "level-stand": lambda *_: {"level": True},
-    "fit-clamp": lambda _, given: {"clamped": given["fitted"] == "yes"},
-    "re-aim": lambda day, given: {
-        "shift": (*day.shift, (given["along"] / 1e3, given["across"] / 1e3))
+    "fit-clamp": lambda _, arguments: {"clamped": arguments["fitted"] == "yes"},
+    "re-aim": lambda day, arguments: {
+        "shift": (*day.shift, (arguments["along"] / 1e3, arguments["across"] / 1e3))
     },
-    "set-place": _placed,
-    "load-ball": lambda _, given: {"ball": given["ball"] - 1},
-    "retire-ball": lambda day, given: {
-        "retired": day.retired | {given["ball"] - 1},
-        "ball": None if day.ball == given["ball"] - 1 else day.ball,
+    "set-place": _set_position,
+    "load-ball": lambda _, arguments: {"ball": arguments["ball"] - 1},
+    "retire-ball": lambda day, arguments: {
+        "retired": day.retired | {arguments["ball"] - 1},
+        "ball": None if day.ball == arguments["ball"] - 1 else day.ball,
     },
     "clear-scrap": lambda day, _: {"scrap": 0, "ready": day.ready | {"clear-scrap"}},
     "fire": lambda day, _: {
@@ -261,10 +261,10 @@ AFTER: Mapping[str, Callable[[Day, Changes], Changes]] = {  # consequences of ea
         "ready": frozenset(),
         "scrap": day.scrap + 1,
     },
-    "accept": _decided(True),
-    "reject": _decided(False),
-    "strike-out": lambda day, given: {"struck": day.struck | {given["entry"]}},
+    "accept": _record_decision(True),
+    "reject": _record_decision(False),
+    "strike-out": lambda day, arguments: {"struck": day.struck | {arguments["entry"]}},
     "reduce": lambda *_: {"reduced": True},
-    "give-verdict": lambda _, given: {"verdict": given["verdict"]},
+    "give-verdict": lambda _, arguments: {"verdict": arguments["verdict"]},
     "hand-in": lambda *_: {"handed_in": True},
 }

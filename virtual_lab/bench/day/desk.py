@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from virtual_lab.bench.day.actions import OWN_RESULTS
+from virtual_lab.bench.day.actions import RESULT_QUANTITIES
 from virtual_lab.bench.day.day import Day, DayEvent, Decision, evolve
 from virtual_lab.bench.day.entries import record_of
 from virtual_lab.bench.day.table import action_table
@@ -64,7 +64,7 @@ def _with_shot(session: Session, event: DayEvent) -> Session:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DecidedHit:
+class HitResult:
     """A shot at the bat: its results from the records [SI], None if not seen, and the decision."""
 
     ball: int  # from 1
@@ -77,10 +77,10 @@ class DecidedHit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OwnResult:
+class EnteredResult:
     """A result that the trainee entered, with the result from the records."""
 
-    name: str  # key of OWN_RESULTS
+    name: str  # key of RESULT_QUANTITIES
     entered: float
     reduced: float | None  # None: the records give none
     u: float | None
@@ -94,8 +94,8 @@ class OwnResult:
 
     @property
     def agrees(self) -> bool:
-        off = self.off
-        return off is not None and abs(off) <= action_table().consequences.own_agrees
+        deviation = self.off
+        return deviation is not None and abs(deviation) <= action_table().consequences.own_agrees
 
 
 @dataclass(frozen=True)
@@ -129,17 +129,17 @@ class Desk:
     @cached_property
     def reduced(self) -> SessionReduction:
         """Reduction of the hits so far, with the accepted ones valid."""
-        found = self.by_rules
-        judgement = self._chosen(found.shots)
+        by_rules = self.by_rules
+        judgement = self._chosen(by_rules.shots)
         return replace(
-            found,
+            by_rules,
             judgement=judgement,
             outcome=outcome_of(
-                found.procedure,
-                found.readings.place,
+                by_rules.procedure,
+                by_rules.readings.place,
                 judgement.valid,
-                found.shot_metric,
-                found.sought,
+                by_rules.shot_metric,
+                by_rules.sought,
             ),
         )
 
@@ -157,17 +157,17 @@ class Desk:
         metric = self.certification.metric
         return metric.value, metric.u
 
-    def own(self, entered: Mapping[str, object]) -> list[OwnResult]:
+    def own(self, entered: Mapping[str, object]) -> list[EnteredResult]:
         """Return each result of an entry together with that of the records."""
-        given = self.certification.quantities if self.result else {}
+        quantities = self.certification.quantities if self.result else {}
         return [
-            OwnResult(
+            EnteredResult(
                 name=name,
                 entered=float(str(entered[name])),
-                reduced=float(given[key].value) if key in given else None,
-                u=float(given[key].u) if key in given else None,
+                reduced=float(quantities[key].value) if key in quantities else None,
+                u=float(quantities[key].u) if key in quantities else None,
             )
-            for name, key in OWN_RESULTS.items()
+            for name, key in RESULT_QUANTITIES.items()
             if entered.get(name, "") != ""
         ]
 
@@ -177,29 +177,34 @@ class Desk:
         return self.by_rules.judgement.reasons if self.day.fired else ()
 
     @property
-    def hits(self) -> list[DecidedHit]:
+    def hits(self) -> list[HitResult]:
         """Every shot so far, without results while records are missing."""
         rows = np.full((len(self.day.fired), 4), np.nan)
         if self.day.fired and not self.missing:
-            shots, found = self.by_rules.shots, self.by_rules
+            shots, reduction = self.by_rules.shots, self.by_rules
             rows = np.stack(
-                [found.readings.place, shots.speed, shots.collision_efficiency, found.shot_metric],
+                [
+                    reduction.readings.place,
+                    shots.speed,
+                    shots.collision_efficiency,
+                    reduction.shot_metric,
+                ],
                 axis=1,
             )
-        seen = [[float(each) if np.isfinite(each) else None for each in row] for row in rows]
-        chosen = [self.day.decisions.get(shot) for shot in range(len(rows))]
+        results = [[float(each) if np.isfinite(each) else None for each in row] for row in rows]
+        decisions = [self.day.decisions.get(shot) for shot in range(len(rows))]
         return [
-            DecidedHit(
+            HitResult(
                 ball=ball + 1,
                 place=place,
                 speed=speed,
                 efficiency=efficiency,
                 metric=metric,
-                decision=given.word if given else UNDECIDED,
-                because=given.because if given else "",
+                decision=decision.word if decision else UNDECIDED,
+                because=decision.because if decision else "",
             )
-            for (ball, _), (place, speed, efficiency, metric), given in zip(
-                self.day.fired, seen, chosen, strict=True
+            for (ball, _), (place, speed, efficiency, metric), decision in zip(
+                self.day.fired, results, decisions, strict=True
             )
         ]
 
@@ -222,15 +227,19 @@ class Desk:
         rules, place = self.rules.spec, self.preparation.percussion
         if not self.day.fired:
             nothing = np.zeros(0)
-            asked = next_places(rules, place, nothing, nothing.astype(bool), nothing)
+            positions = next_places(rules, place, nothing, nothing.astype(bool), nothing)
         else:
-            counted = self.reduced
-            asked = next_places(
-                rules, place, counted.readings.place, counted.judgement.valid, counted.sought.value
+            reduction = self.reduced
+            positions = next_places(
+                rules,
+                place,
+                reduction.readings.place,
+                reduction.judgement.valid,
+                reduction.sought.value,
             )
         return (
-            float(to_set(asked[:1] - along_of(self.session), exact=False)[0])
-            if asked.size
+            float(to_set(positions[:1] - along_of(self.session), exact=False)[0])
+            if positions.size
             else None
         )
 
@@ -250,15 +259,15 @@ class Desk:
         accepted = Decision(accepted=True, because="within the windows")
         decisions = {**dict.fromkeys(self.waiting, accepted), **self.day.decisions}
         following = Desk(replace(self.day, decisions=decisions))
-        kept = UNTOUCHED_BY_DECISIONS & self.__dict__.keys()
-        following.__dict__.update({name: self.__dict__[name] for name in kept})
+        names = UNTOUCHED_BY_DECISIONS & self.__dict__.keys()
+        following.__dict__.update({name: self.__dict__[name] for name in names})
         return following
 
     @property
     def rule_off(self) -> bool:
         """Whether the rule must still be set to the next impact position."""
-        asked, stands = self.next_place, self.day.place
-        return asked is not None and (stands is None or abs(asked - stands) > 1e-6)
+        position, rule = self.next_place, self.day.place
+        return position is not None and (rule is None or abs(position - rule) > 1e-6)
 
     @property
     def next_ball(self) -> int:
@@ -270,28 +279,28 @@ class Desk:
 
     def last(self, action: str) -> DayEvent | None:
         """Return the last entry of an action that is not struck out."""
-        found = [
+        events = [
             e for e in self.day.events if e.action == action and e.number not in self.day.struck
         ]
-        return found[-1] if found else None
+        return events[-1] if events else None
 
     def after(self, event: DayEvent) -> Desk:
         """Return the desk after an event, keeping the results that the event does not change."""
-        following, known = Desk(evolve(self.day, event)), self.__dict__
-        kept = frozenset({"rules"})
+        following, cache = Desk(evolve(self.day, event)), self.__dict__
+        unchanged = frozenset({"rules"})
         if event.action == "fire":
-            kept = frozenset({"rules", "preparation"})
-            if "session" in known:
+            unchanged = frozenset({"rules", "preparation"})
+            if "session" in cache:
                 following.__dict__["session"] = _with_shot(self.session, event)
         elif not (event.records or event.constants or event.action == "strike-out"):
-            kept = UNTOUCHED_BY_DECISIONS
-        following.__dict__.update({name: known[name] for name in kept if name in known})
+            unchanged = UNTOUCHED_BY_DECISIONS
+        following.__dict__.update({name: cache[name] for name in unchanged if name in cache})
         return following
 
     def _chosen(self, results: ShotResults) -> Judgement:
-        given = self.day.decisions
+        decisions = self.day.decisions
         reasons = [UNDECIDED] * len(results.speed)
-        for shot, decision in given.items():
+        for shot, decision in decisions.items():
             reasons[shot] = "" if decision.accepted else decision.because
             if decision.accepted and not np.isfinite(results.collision_efficiency[shot]):
                 reasons[shot] = "accepted, but its records give no e_A"

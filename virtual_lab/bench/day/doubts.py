@@ -32,14 +32,14 @@ def doubt_of(words: str, action: str, key: str) -> str:
 
     A trainee's own words begin with “other:” and name no fault.
     """
-    known = known_doubts()
-    by_title = {title.lower(): name for name, title in known.items()}
-    if words in {*known, "none", "no result"}:
+    titles = known_doubts()
+    names = {title.lower(): name for name, title in titles.items()}
+    if words in {*titles, "none", "no result"}:
         return words
-    if words.lower() in by_title:
-        return by_title[words.lower()]
+    if words.lower() in names:
+        return names[words.lower()]
     if words.lower().startswith("other:") and is_line(words, LONGEST_TEXT):
         return words
-    near = nearest(words, known.values())
-    allowed = f"{near}allowed: a fault of the list, none, or your own words after “other:”"
+    suggestion = nearest(words, titles.values())
+    allowed = f"{suggestion}allowed: a fault of the list, none, or your own words after “other:”"
     raise InputError(action, key, words, allowed)

@@ -39,14 +39,14 @@ def entry_of_session(session: Session) -> dict[str, Any]:
         "procedure_text": session.procedure_text,
         "simulation": cast("Simulated", session.origin).as_json(),
         "calibration": {
-            name: entry_of_constant(known) for name, known in session.calibration.items()
+            name: entry_of_constant(estimate) for name, estimate in session.calibration.items()
         },
     }
 
 
 def session_of_entry(entry: Mapping[str, Any]) -> Session:
     """Return the session of an entry."""
-    calibration = {name: Estimate(**known) for name, known in entry["calibration"].items()}
-    rest = {name: value for name, value in entry.items() if name != "simulation"}
-    known = {"origin": Simulated(**entry["simulation"]), "calibration": calibration}
-    return Session(**{**rest, **known, "records": {}})
+    calibration = {name: Estimate(**parts) for name, parts in entry["calibration"].items()}
+    fields = {name: value for name, value in entry.items() if name != "simulation"}
+    origin = {"origin": Simulated(**entry["simulation"]), "calibration": calibration}
+    return Session(**{**fields, **origin, "records": {}})

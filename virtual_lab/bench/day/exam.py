@@ -37,11 +37,11 @@ class ClassSheet(Spec):
 
 def load_class(path: Path) -> ClassSheet:
     """Return the class of a .toml file; `InputError` if the file or its scenario is no exam."""
-    found = read(read_text(path), str(path), ClassSheet).spec
-    if load_scenario(found.scenario).spec.feedback != "never":
+    sheet = read(read_text(path), str(path), ClassSheet).spec
+    if load_scenario(sheet.scenario).spec.feedback != "never":
         allowed = 'allowed: a scenario with feedback = "never"'
-        raise InputError(str(path), "scenario", found.scenario, allowed)
-    return found
+        raise InputError(str(path), "scenario", sheet.scenario, allowed)
+    return sheet
 
 
 class WatchedDay(Protocol):
@@ -52,7 +52,7 @@ class WatchedDay(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TraineeShown:
+class TraineeProgress:
     """Progress of one trainee, without the truth."""
 
     name: str
@@ -84,19 +84,19 @@ class Hall:
 
     def join_again(self, day: object) -> None:
         """Note that the trainee of a day signed in again from another browser."""
-        name = next(name for name, each in self.days.items() if each is day)
+        name = next(name for name, trainee_day in self.days.items() if trainee_day is day)
         self.joined[name] = f"{datetime.now():%H:%M}"
 
-    def trainees(self) -> Iterator[TraineeShown]:
+    def trainees(self) -> Iterator[TraineeProgress]:
         """Yield the progress of each trainee."""
-        for name, day in self.days.items():
-            now = day.desk.day
-            state = "at work" if now.events else "not begun"
-            yield TraineeShown(
+        for name, served in self.days.items():
+            day = served.desk.day
+            state = "at work" if day.events else "not begun"
+            yield TraineeProgress(
                 name=name,
-                state="handed in" if now.handed_in else "reduced" if now.reduced else state,
-                entries=len(now.events),
-                minutes=f"{now.seconds / 60:.0f}",
-                shots=len(now.fired),
+                state="handed in" if day.handed_in else "reduced" if day.reduced else state,
+                entries=len(day.events),
+                minutes=f"{day.seconds / 60:.0f}",
+                shots=len(day.fired),
                 joined=self.joined.get(name, ""),
             )

@@ -44,11 +44,11 @@ class DayLog:
             with closing(self._open()) as base:
                 rows = base.execute("SELECT entry FROM entries WHERE number = 0").fetchall()
             self.morning: dict[str, Any] = json.loads(rows[0][0])
-            found = self.morning["schema"]
+            schema = self.morning["schema"]
         except (sqlite3.DatabaseError, IndexError, KeyError, ValueError) as fault:
             raise InputError(str(path), "log", None, f"is no log of a day ({fault})") from fault
-        if found != SCHEMA:
-            raise InputError(str(path), "schema", found, f"allowed: {SCHEMA}")
+        if schema != SCHEMA:
+            raise InputError(str(path), "schema", schema, f"allowed: {SCHEMA}")
 
     @classmethod
     def create(cls, path: Path, morning: Mapping[str, Any]) -> DayLog:
@@ -64,16 +64,16 @@ class DayLog:
     @property
     def first(self) -> Day:
         """Return the day before its first event, including those of another laboratory."""
-        session, told = session_of_entry(self.morning["session"]), self.morning["briefing"]
+        session, briefing = session_of_entry(self.morning["session"]), self.morning["briefing"]
         return Day(
             morning=session,
             balls=read(session.procedure_text, "procedure.toml", Procedure).spec.balls,
-            came_with=int(self.morning["came_with"]),
-            listed=told.get("may_go_wrong", {}),
-            practice=told.get("practice", 0),
-            checklists=told.get("checklists", False),
-            remarks=told["feedback"] == "during",
-            exam=told["feedback"] == "never",
+            supplied_events=int(self.morning["came_with"]),
+            listed=briefing.get("may_go_wrong", {}),
+            practice=briefing.get("practice", 0),
+            checklists=briefing.get("checklists", False),
+            remarks=briefing["feedback"] == "during",
+            exam=briefing["feedback"] == "never",
         )
 
     def append(self, event: DayEvent) -> None:
@@ -111,5 +111,5 @@ def _put(base: sqlite3.Connection, number: int, document: Mapping[str, Any]) -> 
 
 
 def _event(number: int, entry: Mapping[str, Any]) -> DayEvent:
-    shown = tuple((what, value, unit) for what, value, unit in entry["shown"])
-    return DayEvent(**{**entry, "number": number, "shown": shown})
+    display = tuple((quantity, value, unit) for quantity, value, unit in entry["shown"])
+    return DayEvent(**{**entry, "number": number, "shown": display})

@@ -15,7 +15,7 @@ import numpy as np
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import ready_steps
 from virtual_lab.bench.day.desk import Desk
-from virtual_lab.bench.day.protocol import excused, left_out
+from virtual_lab.bench.day.protocol import excuses_of, left_out
 from virtual_lab.bench.day.readings import doubts
 from virtual_lab.bench.day.table import (
     action_table,
@@ -46,20 +46,22 @@ class Habits:
 
     def looks_for(self, listed: Mapping[str, float]) -> set[str]:
         """Return the actions that the operator carries out to find faults."""
-        known = detectable()
-        sought = [name for name in listed if name in known] if self.listed else list(known)
-        return {each for name in sought for each in known[name].actions} if self.checks else set()
+        detection = detectable()
+        faults = [name for name in listed if name in detection] if self.listed else list(detection)
+        return (
+            {each for name in faults for each in detection[name].actions} if self.checks else set()
+        )
 
-    def slips(self, chance: float, what: str, number: int = 0) -> bool:
+    def slips(self, chance: float, slip: str, number: int = 0) -> bool:
         """Return whether a slip of probability `chance` happens this time."""
-        drawn = Streams(self.seed).uniform(f"operator.{what}", slots=np.array([number]))
-        return bool(drawn[0] + 0.5 < chance)
+        number_drawn = Streams(self.seed).uniform(f"operator.{slip}", slots=np.array([number]))
+        return bool(number_drawn[0] + 0.5 < chance)
 
 
 def _take(look: Look, habits: Habits) -> Iterator[Action]:
     """Yield the actions of a day by the procedure, as far as the habits allow."""
-    if look().day.came_with:
-        yield from _judged(look)
+    if look().day.supplied_events:
+        yield from _decide_hits(look)
         yield from _end(look, habits)
         return
     checks = habits.looks_for(look().day.listed)
@@ -67,48 +69,48 @@ def _take(look: Look, habits: Habits) -> Iterator[Action]:
         careful = name in {"tare", "level-stand", "fit-clamp"}
         if careful and habits.slips(habits.forgets, name):
             continue
-        yield action_of(name, _how(name, habits))
+        yield action_of(name, _arguments_of(name, habits))
         for check, sheet in action_table().actions.items():
             if check in checks and sheet.check_after == name:
                 yield action_of(check)
         if checks:
-            yield from _put_right(look)
+            yield from _repair_faults(look)
     yield from _hits(look, habits)
     yield from _end(look, habits)
 
 
-def _judged(look: Look) -> Iterator[Action]:
+def _decide_hits(look: Look) -> Iterator[Action]:
     """Yield decisions on another laboratory's hits by the windows, and notes on omitted steps."""
     for shot, why in enumerate(look().reasons if not look().missing else ()):
-        given = look().day.decisions.get(shot)
-        if given is None or given.accepted == bool(why):
+        decision = look().day.decisions.get(shot)
+        if decision is None or decision.accepted == bool(why):
             because = {"because": why} if why else {}
             yield action_of("reject" if why else "accept", {"shot": shot + 1, **because})
-    noted = excused(look().day)
-    steps = dict.fromkeys(each.step for each in left_out(look().day) if each.step not in noted)
+    excuses = excuses_of(look().day)
+    steps = dict.fromkeys(each.step for each in left_out(look().day) if each.step not in excuses)
     for step in steps:
         yield action_of("note-deviation", {"step": step, "because": "left out in the records"})
 
 
-def _put_right(look: Look) -> Iterator[Action]:
+def _repair_faults(look: Look) -> Iterator[Action]:
     """Yield a note on each suspected fault, its repair, and the readings to be repeated."""
-    while new := [row for row in doubts(look()) if row.fault not in _noted(look())]:
+    while new := [row for row in doubts(look()) if row.fault not in _noted_faults(look())]:
         row, sheets = new[0], action_table().actions
         sure = 100 * detectable()[row.fault].sure
         yield action_of("note-doubt", {"doubt": row.fault, "confidence": sure})
-        remedy = None if look().day.came_with else remedy_of(row.fault)
+        remedy = None if look().day.supplied_events else remedy_of(row.fault)
         if remedy is None:
             continue
-        name, given = remedy
+        name, arguments = remedy
         worn = {"ball": int(str(row.words[0]))} if name == "retire-ball" else {}
-        yield action_of(name, {**given, **worn})
+        yield action_of(name, {**arguments, **worn})
         again = [each for each in sheets[name].again if look().day.times(each)]
         yield from map(action_of, again)
         if sheets[name].part == "rig" or "hit-wall" in again:
-            yield from _struck(look, sheets[name].title)
+            yield from _reject_earlier_shots(look, sheets[name].title)
 
 
-def _struck(look: Look, repair: str) -> Iterator[Action]:
+def _reject_earlier_shots(look: Look, repair: str) -> Iterator[Action]:
     """Yield rejections of the shots that were fired before a repair."""
     day = look().day
     for shot in range(len(day.fired)):
@@ -116,11 +118,11 @@ def _struck(look: Look, repair: str) -> Iterator[Action]:
             yield action_of("reject", {"shot": shot + 1, "because": f"{BEFORE} “{repair}”"})
 
 
-def _noted(desk: Desk) -> set[str]:
+def _noted_faults(desk: Desk) -> set[str]:
     return {str(e.arguments["doubt"]) for e in desk.day.events if e.action == "note-doubt"}
 
 
-def _how(name: str, habits: Habits) -> Mapping[str, object]:
+def _arguments_of(name: str, habits: Habits) -> Mapping[str, object]:
     if name != "swing" or not habits.slips(habits.hurries, "swing"):
         return {}
     return {"clock": "hand", "swings": 3, "amplitude": 15}
@@ -141,7 +143,7 @@ def _hits(look: Look, habits: Habits) -> Iterator[Action]:
         if shot + 1 == FIRST_SHOTS and "fire-check-cylinder" in habits.looks_for(look().day.listed):
             yield action_of("fire-check-cylinder")
         if habits.checks:
-            yield from _put_right(look)
+            yield from _repair_faults(look)
         if shot not in look().day.decisions:
             yield _decision(look(), habits)
 
@@ -167,31 +169,31 @@ def _lowest(desk: Desk) -> bool:
 
 def _can_spare(desk: Desk) -> bool:
     """Return whether enough further hits are allowed if the last one is rejected."""
-    left = desk.rules.spec.attempts - len(desk.day.fired)
-    return left >= desk.rules.spec.valid_hits - int(desk.reduced.judgement.valid.sum())
+    attempts_left = desk.rules.spec.attempts - len(desk.day.fired)
+    return attempts_left >= desk.rules.spec.valid_hits - int(desk.reduced.judgement.valid.sum())
 
 
 def _end(look: Look, habits: Habits) -> Iterator[Action]:
-    sure: dict[str, float] = {}
+    certain: dict[str, float] = {}
     if habits.checks:
-        if "tap-bat" in habits.looks_for(look().day.listed) and not look().day.came_with:
+        if "tap-bat" in habits.looks_for(look().day.listed) and not look().day.supplied_events:
             yield action_of("tap-bat")
-        yield from _put_right(look)
-        known = {doubt.fault: detectable()[doubt.fault].sure for doubt in doubts(look())}
-        sure = {fault: each for fault, each in known.items() if each >= 0.9}
+        yield from _repair_faults(look)
+        sure = {doubt.fault: detectable()[doubt.fault].sure for doubt in doubts(look())}
+        certain = {fault: each for fault, each in sure.items() if each >= 0.9}
     if look().missing or not look().day.fired:
         yield action_of("give-verdict", {"verdict": "INVALID", "doubt": "no result"})
     else:
         yield action_of("reduce")
-        found = look().certification.verdict.value
-        invalid = bool(sure) or found == "INVALID"
-        certain = max(sure.values(), default=0.9) if invalid else _confidence(look())
-        given = {
-            "verdict": "INVALID" if invalid else found,
-            "confidence": round(100 * certain, 1),
-            "doubt": next(iter(sure), "none"),
+        verdict = look().certification.verdict.value
+        invalid = bool(certain) or verdict == "INVALID"
+        confidence = max(certain.values(), default=0.9) if invalid else _confidence(look())
+        arguments = {
+            "verdict": "INVALID" if invalid else verdict,
+            "confidence": round(100 * confidence, 1),
+            "doubt": next(iter(certain), "none"),
         }
-        yield action_of("give-verdict", given)
+        yield action_of("give-verdict", arguments)
     yield action_of("hand-in")
 
 
@@ -237,9 +239,9 @@ def by_script(script: Mapping[str, Any], where: str) -> Operator:
     for number, entry in enumerate(entries, 1):
         if not isinstance(entry, dict) or not isinstance(entry.get("do"), str):
             raise InputError(where, f"actions[{number}]", entry, 'expected {"do": NAME, …}')
-        given = {key: value for key, value in entry.items() if key != "do"}
+        arguments = {key: value for key, value in entry.items() if key != "do"}
         try:
-            actions.append(action_of(entry["do"], given))
+            actions.append(action_of(entry["do"], arguments))
         except InputError as fault:
             raise InputError(where, f"actions[{number}]", None, str(fault)) from fault
     return lambda _: iter(actions)

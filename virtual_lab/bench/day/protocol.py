@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from virtual_lab.bench.day.day import Day, Shown, ready_steps
+from virtual_lab.bench.day.day import Day, Display, ready_steps
 from virtual_lab.bench.day.table import PREPARING, action_table
 
 
@@ -22,13 +22,13 @@ class StepDue:
 def steps_due(day: Day) -> Iterator[StepDue]:
     """Yield every step that was due on a day so far, in the order in which they were due."""
     since: set[str] = set()
-    seen: set[str] = set()
+    actions: set[str] = set()
     shot = 0
     for at, event in enumerate(day.events):
         for step, before in PREPARING.items():
-            if event.action == before and before not in seen:
-                yield StepDue(step=step, before=at, done=step in seen)
-        seen.add(event.action)
+            if event.action == before and before not in actions:
+                yield StepDue(step=step, before=at, done=step in actions)
+        actions.add(event.action)
         since.add(event.action)
         if event.action == "fire":
             for step in (*ready_steps(day), "load-ball"):
@@ -43,7 +43,7 @@ def left_out(day: Day) -> list[StepDue]:
     return [each for each in steps_due(day) if not each.done]
 
 
-def excused(day: Day) -> dict[str, str]:
+def excuses_of(day: Day) -> dict[str, str]:
     """Return the omitted steps that were noted as deviations, each with its reason."""
     return {
         str(event.arguments["step"]): str(event.arguments["because"])
@@ -52,7 +52,7 @@ def excused(day: Day) -> dict[str, str]:
     }
 
 
-def remarks(day: Day) -> Shown:
+def remarks(day: Day) -> Display:
     """Return remarks on the last event of a day: the steps that should have preceded it."""
     last = len(day.events) - 1
     sheets = action_table().actions
@@ -63,7 +63,7 @@ def remarks(day: Day) -> Shown:
     )
 
 
-def checklist(day: Day, *, end: bool) -> Shown:
+def checklist(day: Day, *, end: bool) -> Display:
     """Return the checklist before the first shot, or before the verdict if `end`."""
     sheets = action_table().actions
     if not end:
@@ -78,6 +78,6 @@ def checklist(day: Day, *, end: bool) -> Shown:
             f"{sheets['tap-bat'].title} again": "tap-bat" in after,
             "Every hit accepted or rejected": not undecided,
             "A reason noted for every skipped step": {each.step for each in left_out(day)}
-            <= excused(day).keys(),
+            <= excuses_of(day).keys(),
         }
     return tuple((title, "done" if done else "not done", "") for title, done in lines.items())

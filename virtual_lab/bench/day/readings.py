@@ -58,7 +58,7 @@ class CheckRow:
         def number(value: float) -> str:
             return f"{value + 0.0:.{places}f}".replace("-0." + "0" * places, "0." + "0" * places)
 
-        off = None if self.certificate is None else self.reading - self.certificate
+        difference = None if self.certificate is None else self.reading - self.certificate
         limits = (
             f"± {number(self.high - self.certificate)}"
             if self.certificate is not None
@@ -73,7 +73,7 @@ class CheckRow:
             what=self.what,
             reading=number(self.reading),
             certificate="–" if self.certificate is None else number(self.certificate),
-            off="–" if off is None else f"{off:+.{places}f}",
+            off="–" if difference is None else f"{difference:+.{places}f}",
             u=digits(self.u) if self.u else "counted",
             limit=limits,
             unit=self.unit,
@@ -105,12 +105,12 @@ class PrintedRow(NamedTuple):
 
 def doubts(desk: Desk) -> Iterator[CheckRow]:
     """Yield the rows beyond their limits, one per fault that no other fault explains."""
-    found: dict[str, CheckRow] = {}
+    first_rows: dict[str, CheckRow] = {}
     for row in rows_of(desk):
         if not row.within:
-            found.setdefault(row.fault, row)
-    for name, row in found.items():
-        if not found.keys() & set(detectable()[name].unless):
+            first_rows.setdefault(row.fault, row)
+    for name, row in first_rows.items():
+        if not first_rows.keys() & set(detectable()[name].unless):
             yield row
 
 
@@ -131,14 +131,14 @@ def _row(
 ) -> CheckRow:
     """Return a row, with `words` for the placeholders of its sheet's text.
 
-    `limits` are `low` and `high`, or `reach` on both sides of the certificate. Without them the
+    `limits` are `low` and `high`, or `tolerance` on both sides of the certificate. Without them the
     limits are the number of u stated by the sheet.
     """
     sheet = detectable()[fault]
     low, high = limits.get("low", -inf), limits.get("high", inf)
     if certificate is not None and not limits.keys() & {"low", "high"}:
-        reach = limits.get("reach", sheet.beyond * u)
-        low, high = certificate - reach, certificate + reach
+        tolerance = limits.get("reach", sheet.beyond * u)
+        low, high = certificate - tolerance, certificate + tolerance
     return CheckRow(
         fault=fault,
         what=sheet.reading.format(*words),
@@ -164,11 +164,11 @@ def _scatter(fault: str) -> float:
 
 def _scale(desk: Desk) -> Iterator[CheckRow]:
     if event := desk.last("weigh-check-mass"):
-        readings = [value for what, value in _numbers(event) if what.startswith("reading")]
-        known, mass = desk.session.calibration, action_table().consequences.check_mass
-        zero, span = known["bench.scale.zero"], known["bench.scale.span"]
+        readings = [value for quantity, value in _numbers(event) if quantity.startswith("reading")]
+        calibration, mass = desk.session.calibration, action_table().consequences.check_mass
+        zero, span = calibration["bench.scale.zero"], calibration["bench.scale.span"]
         at = 1e3 * (span.value * mass + zero.value)
-        u = 1e3 * hypot(zero.u, span.u * mass, known["bench.scale.resolution"].value)
+        u = 1e3 * hypot(zero.u, span.u * mass, calibration["bench.scale.resolution"].value)
         yield _row("scale-not-tared", event, float(np.mean(readings)), at, u)
 
 
@@ -176,16 +176,20 @@ def _bench(desk: Desk) -> Iterator[CheckRow]:
     bat, length, balance = (
         desk.last(name) for name in ("weigh-bat", "measure-length", "measure-balance")
     )
-    known = desk.session.calibration
+    calibration = desk.session.calibration
     if bat:
-        u = 1e3 * hypot(known["bench.scale.zero"].u, known["bench.scale.resolution"].value)
+        u = 1e3 * hypot(
+            calibration["bench.scale.zero"].u, calibration["bench.scale.resolution"].value
+        )
         least = 800 * (1 - _beyond("bat-ounces-as-grams"))
         yield _row("bat-ounces-as-grams", bat, _mean(bat), None, u, low=least)
     if length and balance and balance.arguments["end"] == "tip":
-        long, fault = _mean(length), "balance-from-knob"
-        u = 1e3 * hypot(known["bench.stand.offset"].u, known["bench.stand.resolution"].value)
-        share = _mean(balance) / long
-        yield _row(fault, balance, share, None, u / long, high=_beyond(fault))
+        length_mm, fault = _mean(length), "balance-from-knob"
+        u = 1e3 * hypot(
+            calibration["bench.stand.offset"].u, calibration["bench.stand.resolution"].value
+        )
+        share = _mean(balance) / length_mm
+        yield _row(fault, balance, share, None, u / length_mm, high=_beyond(fault))
 
 
 def _pendulum(desk: Desk) -> Iterator[CheckRow]:
@@ -205,37 +209,37 @@ def _pendulum(desk: Desk) -> Iterator[CheckRow]:
 
 
 def _weighed_again(desk: Desk) -> Iterator[CheckRow]:
-    event, done = desk.last("reweigh-balls"), [each.action for each in desk.day.events]
+    event, actions = desk.last("reweigh-balls"), [each.action for each in desk.day.events]
     if (
-        event and "tare" in done[: done.index("weigh-balls")]
+        event and "tare" in actions[: actions.index("weigh-balls")]
     ):  # otherwise the scale may have changed
         values = [value for _, value in _numbers(event)]
         u = 1e3 * desk.session.calibration["bench.scale.resolution"].value
-        shown, entered = float(np.mean(values[::2])), float(np.mean(values[1::2]))
-        yield _row("ball-mass-typed", event, shown, entered, u, len(values) // 2)
+        on_display, entered = float(np.mean(values[::2])), float(np.mean(values[1::2]))
+        yield _row("ball-mass-typed", event, on_display, entered, u, len(values) // 2)
 
 
 def _hit_again(desk: Desk) -> Iterator[CheckRow]:
     event, morning = desk.last("recheck-balls"), desk.last("hit-wall")
     if event and morning:
-        shown = [value for _, value in _numbers(event)]
-        now, before = (np.array(shown[first::2]) for first in (0, 1))
-        u = _lot_scatter(morning) / sqrt(now.size)  # repeated readings of one ball scatter less
-        more = float(np.mean(now / before))
-        yield _row("wrong-lot", event, more, 1.0, u, high=1 + _beyond("wrong-lot"))
+        values = [value for _, value in _numbers(event)]
+        today, before = (np.array(values[first::2]) for first in (0, 1))
+        u = _lot_scatter(morning) / sqrt(today.size)  # repeated readings of one ball scatter less
+        ratio = float(np.mean(today / before))
+        yield _row("wrong-lot", event, ratio, 1.0, u, high=1 + _beyond("wrong-lot"))
 
 
 def _pivot(desk: Desk) -> Iterator[CheckRow]:
     if event := desk.last("measure-pivot"):
         key = "impact.pivot.from_knob"
-        known = desk.day.morning.calibration[key]
-        u = 1e3 * hypot(known.u, action_table().consequences.pivot_rule_u)
+        surveyed = desk.day.morning.calibration[key]
+        u = 1e3 * hypot(surveyed.u, action_table().consequences.pivot_rule_u)
         measured = dict(_numbers(event))["axis from the knob, measured"]
         yield _row("pivot-off", event, measured, 1e3 * desk.session.calibration[key].value, u)
 
 
 def _clock(desk: Desk) -> Iterator[CheckRow]:
-    for _, event, today, chart, sd in _charted(desk, "compare-clock"):
+    for _, event, today, chart, sd in _chart_values(desk, "compare-clock"):
         yield _row("gate-clock", event, today, chart, sd)
 
 
@@ -263,18 +267,18 @@ def _lot_scatter(hit: DayEvent) -> float:
 
 def _gates(desk: Desk) -> Iterator[CheckRow]:
     event = desk.last("gauge-gates")
-    shown = dict(_numbers(event)) if event else {}
+    values = dict(_numbers(event)) if event else {}
     gate = 1
-    while event and f"gate {gate}, gauged" in shown:
+    while event and f"gate {gate}, gauged" in values:
         key = f"impact.gates.distance_{gate - 1}"
         u = 1e3 * hypot(desk.day.morning.calibration[key].u, action_table().consequences.gauge_u)
         stated = 1e3 * desk.session.calibration[key].value
-        yield _row("gate-moved", event, shown[f"gate {gate}, gauged"], stated, u, gate)
+        yield _row("gate-moved", event, values[f"gate {gate}, gauged"], stated, u, gate)
         gate += 1
 
 
 def _wall(desk: Desk) -> Iterator[CheckRow]:
-    for _, event, today, chart, sd in _charted(desk, "fire-check-ball"):
+    for _, event, today, chart, sd in _chart_values(desk, "fire-check-ball"):
         yield _row("wall-drift", event, today, chart, sd)
 
 
@@ -282,20 +286,22 @@ def _paper(desk: Desk) -> Iterator[CheckRow]:
     event = desk.last("aim-paper")
     if event is None:
         return
-    shown, known = dict(_numbers(event)), desk.session.calibration
-    across = 2e3 * known["ball.radius"].value
+    values, calibration = dict(_numbers(event)), desk.session.calibration
+    diameter = 2e3 * calibration["ball.radius"].value
     marks = record_of(event.records["aim"]) if event.records else None
-    for way, aimed in (("along", "impact.cannon.along"), ("across", "impact.pivot.height")):
-        at = known.get(aimed, Estimate(value=0.0))
-        made = np.asarray(getattr(marks, way, np.zeros(1)))
-        scatter = float(np.std(made, ddof=1) / sqrt(made.size)) if made.size > 1 else 0.0
-        fault, u = f"aim-{way}", 1e3 * hypot(at.u, scatter, 1e-4)
-        mean, reach = shown[f"mean {way}"], _beyond(f"aim-{way}") * across
-        yield _row(fault, event, mean, 1e3 * at.value, u, reach=reach)
+    for direction, key in (("along", "impact.cannon.along"), ("across", "impact.pivot.height")):
+        aim = calibration.get(key, Estimate(value=0.0))
+        positions = np.asarray(getattr(marks, direction, np.zeros(1)))
+        scatter = (
+            float(np.std(positions, ddof=1) / sqrt(positions.size)) if positions.size > 1 else 0.0
+        )
+        fault, u = f"aim-{direction}", 1e3 * hypot(aim.u, scatter, 1e-4)
+        mean, tolerance = values[f"mean {direction}"], _beyond(f"aim-{direction}") * diameter
+        yield _row(fault, event, mean, 1e3 * aim.value, u, reach=tolerance)
 
 
 def _cylinder(desk: Desk) -> Iterator[CheckRow]:
-    for name, event, today, chart, sd in _charted(desk, "fire-check-cylinder"):
+    for name, event, today, chart, sd in _chart_values(desk, "fire-check-cylinder"):
         if name.startswith("rotation"):
             half = today < chart * (1 - _beyond("encoder-half-counts"))
             fault = "encoder-half-counts" if half else "bearing-friction"
@@ -317,8 +323,8 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
     since = shots_before_repair(desk)
     if len(fired) == since or desk.missing:
         return
-    found, last = desk.by_rules, fired[-1]
-    missed = ~found.readings.flights.raw.complete[since:]
+    reduction, last = desk.by_rules, fired[-1]
+    missed = ~reduction.readings.flights.raw.complete[since:]
     yield _row("gate-misses", last, float(missed.sum()), 0.0, 0.0, missed.size, high=0.0)
     record = desk.session.records["impact"]["gates"]
     if isinstance(record, GateRecord | BoardRecord):
@@ -328,22 +334,22 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
         step: [shot for shot in range(since, len(fired)) if (step, shot) not in hurried]
         for step in ("wait-pressure", "wait-rest")
     }
-    asked, tolerance = desk.rules.spec.ball_speed, desk.rules.spec.windows.speed_tolerance
-    speeds = found.shots.speed[waited["wait-pressure"]]
+    nominal, tolerance = desk.rules.spec.ball_speed, desk.rules.spec.windows.speed_tolerance
+    speeds = reduction.shots.speed[waited["wait-pressure"]]
     speeds = speeds[np.isfinite(speeds)]
     if speeds.size:
         fault, middle = "cannon-slow", float(np.median(speeds))
-        u, least = _scatter(fault) * tolerance, asked - _beyond(fault) * tolerance
-        yield _row(fault, last, middle, asked, u, low=least)
-    turning, allowed = found.readings.recoil, desk.rules.spec.windows.rate_before
-    if turning is not None and allowed and waited["wait-rest"]:
+        u, least = _scatter(fault) * tolerance, nominal - _beyond(fault) * tolerance
+        yield _row(fault, last, middle, nominal, u, low=least)
+    recoil, rate_limit = reduction.readings.recoil, desk.rules.spec.windows.rate_before
+    if recoil is not None and rate_limit and waited["wait-rest"]:
         turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / tau
-        rate = float(np.median(np.abs(turning.before[waited["wait-rest"]]))) / turn
+        rate = float(np.median(np.abs(recoil.before[waited["wait-rest"]]))) / turn
         fault = "bat-not-at-rest"
-        u, most = _scatter(fault) * allowed, _beyond(fault) * allowed
+        u, most = _scatter(fault) * rate_limit, _beyond(fault) * rate_limit
         yield _row(fault, last, rate, 0.0, u, high=most)
-    if turning is not None and len(fired) - since >= ROUGH_SHOTS:
-        rough = turning.residual[since:]
+    if recoil is not None and len(fired) - since >= ROUGH_SHOTS:
+        rough = recoil.residual[since:]
         for fault, number, at in (
             ("encoder-slip", float(np.ptp(rough)), 0.0),
             ("encoder-play", float(rough.min()), COUNTING),
@@ -378,8 +384,8 @@ def beam_passages(record: Record) -> Array:
 
 def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[CheckRow]:
     """Yield the comparison of the times for which balls break the first and the last gate."""
-    long = beam_passages(record)[shots.start : shots.stop]
-    ratio = long[:, 0] / long[:, -1]
+    passages = beam_passages(record)[shots.start : shots.stop]
+    ratio = passages[:, 0] / passages[:, -1]
     early = ratio > 1 + _beyond("sabot-trip")
     if isinstance(record, BoardRecord):  # sabots shed fragments occasionally on any day
         most, words = (
@@ -401,15 +407,15 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
         yield replace(row, fault=fault) if struck else row
 
 
-def _charted(desk: Desk, action: str) -> Iterator[tuple[str, DayEvent, float, float, float]]:
+def _chart_values(desk: Desk, action: str) -> Iterator[tuple[str, DayEvent, float, float, float]]:
     """Yield each number of a check standard: name, entry, today's value, chart's value, and u."""
     event = desk.last(action)
     if event is None:
         return
-    shown = dict(_numbers(event))
-    for name in dict.fromkeys(what.rpartition(", ")[0] for what in shown):
+    values = dict(_numbers(event))
+    for name in dict.fromkeys(label.rpartition(", ")[0] for label in values):
         today, chart, sd = (
-            shown[f"{name}, {word}"] for word in ("today", "chart", "standard deviation of a day")
+            values[f"{name}, {word}"] for word in ("today", "chart", "standard deviation of a day")
         )
         # a chart of a dozen mornings is known to 0.2 % at best
         u = sd if action == "compare-clock" else hypot(sd, 0.002 * chart)
@@ -421,9 +427,9 @@ def _mean(event: DayEvent) -> float:
 
 
 def _numbers(event: DayEvent) -> Iterator[tuple[str, float]]:
-    for what, value, _ in event.shown:
+    for quantity, value, _ in event.shown:
         if not isinstance(value, str):
-            yield what, float(value)
+            yield quantity, float(value)
 
 
 LOOKS = (

@@ -50,9 +50,9 @@ class Scenario(Spec):
 
     def briefing(self) -> dict[str, object]:
         """Return the part that a trainee may know, in the form of JSON."""
-        told = ("title", "task", "guidance", "feedback", "checklists", "units", "minutes", "shots")
+        keys = ("title", "task", "guidance", "feedback", "checklists", "units", "minutes", "shots")
         lists = {key: dict(getattr(self, key)) for key in ("may_go_wrong", "laboratory")}
-        return {key: getattr(self, key) for key in told} | lists
+        return {key: getattr(self, key) for key in keys} | lists
 
     def drawn(self, seed: int) -> Scenario:
         """Return the scenario of one day, with faults drawn from a seed unless they are given."""
@@ -82,5 +82,5 @@ def load_scenario(name: str) -> Entry[Scenario]:
 @cache
 def scenarios_to_choose() -> Mapping[str, Scenario]:
     """Return the shipped scenarios by name, without exams, which only a trainer can give."""
-    found = {name: load_scenario(name).spec for name in catalog.names("bench/scenarios")}
-    return {name: each for name, each in found.items() if each.feedback != "never"}
+    scenarios = {name: load_scenario(name).spec for name in catalog.names("bench/scenarios")}
+    return {name: each for name, each in scenarios.items() if each.feedback != "never"}

@@ -122,13 +122,13 @@ def in_buttons(sentence: str) -> str:
         )
     sheets = action_table().actions
     names = "|".join(sheets)
-    found = rf"^({names})(?=:)|\b({names})(?= comes first| or )|\b(\w+(?:-\w+)+)\b"
+    pattern = rf"^({names})(?=:)|\b({names})(?= comes first| or )|\b(\w+(?:-\w+)+)\b"
 
     def button(match: re.Match[str]) -> str:
         name = match[1] or match[2] or match[3]
         return f"“{sheets[name].title}”" if name in sheets else match[0]
 
-    return re.sub(found, button, sentence)
+    return re.sub(pattern, button, sentence)
 
 
 @cache
@@ -140,5 +140,5 @@ def action_table() -> ActionTable:
 @cache
 def detectable() -> Mapping[str, FoundBy]:
     """Return the detection of each fault that a check at the bench can find."""
-    found = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
-    return MappingProxyType(found)
+    detections = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
+    return MappingProxyType(detections)

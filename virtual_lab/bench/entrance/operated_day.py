@@ -12,8 +12,8 @@ from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.log import LOG
 from virtual_lab.bench.day.operators import Operator, by_script, operator_of
 from virtual_lab.bench.day.scenario import load_scenario
-from virtual_lab.bench.machines.keeping import SECRET, KeptDay
-from virtual_lab.bench.scoring.debrief import Debrief, debriefed
+from virtual_lab.bench.machines.stored_day import SECRET, StoredDay
+from virtual_lab.bench.scoring.debrief import Debrief, debrief_of
 from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
@@ -28,7 +28,7 @@ class RehearsedDay:
     """A day carried out by an operator: its debrief, its log and its sealed file."""
 
     debrief: Debrief
-    kept: Mapping[str, bytes]  # contents by file name
+    files: Mapping[str, bytes]  # contents by file name
     desk: Desk
 
     @property
@@ -39,11 +39,13 @@ class RehearsedDay:
     @property
     def text(self) -> str:
         """The verdict, the scores and the most costly decisions, as lines of text."""
-        told = self.debrief
-        because = f": {told.right_because}" if told.right_because else ""
-        lines = [f"{told.title}: {told.verdict} given, {told.right_verdict} right{because}"]
-        lines += [f"  {each.name:<10} {each.value:.2f}  {each.because}" for each in told.scores]
-        for each in told.costly:
+        debrief = self.debrief
+        because = f": {debrief.right_because}" if debrief.right_because else ""
+        lines = [
+            f"{debrief.title}: {debrief.verdict} given, {debrief.right_verdict} right{because}"
+        ]
+        lines += [f"  {each.name:<10} {each.value:.2f}  {each.because}" for each in debrief.scores]
+        for each in debrief.costly:
             cost = "" if each.cost is None else f" {each.cost:+.4f}"
             lines.append(f"  {each.word}{cost}: {each.what}")
         return "\n".join(lines)
@@ -56,7 +58,7 @@ class RehearsedDay:
         """
         target = Path(folder)
         with new_folder(target) as draft:
-            for name, content in self.kept.items():
+            for name, content in self.files.items():
                 (draft / name).write_bytes(content)
             (draft / SECRET).chmod(0o600)
             save_debrief(self.debrief, draft)
@@ -109,10 +111,10 @@ def rehearse(
     else:
         taker = operator_of(operator, operator_seed) if isinstance(operator, str) else operator
     entry = load_scenario(str(scenario))
-    with TemporaryDirectory(prefix="virtual-lab-day-") as place:
-        folder = Path(place) / "day"
-        kept = KeptDay.begin(folder, entry, seed)
-        kept.taken(taker)
-        told = debriefed(kept)
+    with TemporaryDirectory(prefix="virtual-lab-day-") as parent:
+        folder = Path(parent) / "day"
+        day = StoredDay.begin(folder, entry, seed)
+        day.run_operator(taker)
+        debrief = debrief_of(day)
         files = {name: (folder / name).read_bytes() for name in (LOG, SECRET)}
-    return RehearsedDay(debrief=told, kept=files, desk=kept.desk)
+    return RehearsedDay(debrief=debrief, files=files, desk=day.desk)

@@ -14,8 +14,8 @@ from virtual_lab.bench.day.log import LOG, DayLog
 from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.scenario import SCORES, Scenario, load_scenario
 from virtual_lab.bench.day.table import action_table
-from virtual_lab.bench.machines.keeping import KeptDay, done
-from virtual_lab.bench.scoring.debrief import debriefed
+from virtual_lab.bench.machines.stored_day import StoredDay, do_action
+from virtual_lab.bench.scoring.debrief import debrief_of
 from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_json
@@ -103,24 +103,26 @@ def trends(folder: str | Path) -> Rows[CurvePoint]:
     The days of a trainee are in one folder, in the order of their names. Practice is left out.
     Raises `InputError` if there is no day.
     """
-    place, points = Path(folder), list[CurvePoint]()
+    root, points = Path(folder), list[CurvePoint]()
     before: dict[tuple[str, str], list[float]] = {}
-    for number, row in _numbered(summary(place).rows):
+    for number, row in _number_days(summary(root).rows):
         trainee = row.trainee.rpartition("/")[0] or "."
-        known = {name: getattr(row, name) for name in SCORES}
-        known |= dict.fromkeys(row.found.split(), 1.0) | dict.fromkeys(row.missed.split(), 0.0)
-        for what, value in known.items():
+        values = {name: getattr(row, name) for name in SCORES}
+        values |= dict.fromkeys(row.found.split(), 1.0) | dict.fromkeys(row.missed.split(), 0.0)
+        for curve, value in values.items():
             if value is not None:
-                so_far = before.setdefault((trainee, what), [])
+                so_far = before.setdefault((trainee, curve), [])
                 so_far.append(value)
                 mean = sum(so_far) / len(so_far)
                 points.append(
-                    CurvePoint(trainee=quote(trainee), day=number, of=what, value=value, mean=mean)
+                    CurvePoint(
+                        trainee=quote(trainee), day=number, of=curve, value=value, mean=mean
+                    )
                 )
     return Rows(name="trends", title="learning curves", rows=points)
 
 
-def _numbered(rows: Iterable[ClassDay]) -> Iterator[tuple[int, ClassDay]]:
+def _number_days(rows: Iterable[ClassDay]) -> Iterator[tuple[int, ClassDay]]:
     """Yield each day with its number among those of its trainee."""
     count: dict[str, int] = {}
     for row in rows:
@@ -132,34 +134,34 @@ def _numbered(rows: Iterable[ClassDay]) -> Iterator[tuple[int, ClassDay]]:
 def _outcome(folder: Path, trainee: str) -> ClassDay:
     path = folder / "debrief.json"
     if not path.exists():
-        kept = KeptDay(folder)
-        if not kept.day.handed_in:
+        day = StoredDay(folder)
+        if not day.day.handed_in:
             unknown: dict[str, Any] = dict.fromkeys((*SCORES, "right", "brier"))
             return ClassDay(
                 trainee=quote(trainee),
-                day=quote(kept.scenario.title),
+                day=quote(day.scenario.title),
                 verdict="not handed in",
                 **unknown,
                 found="",
                 missed="",
                 false_alarms="",
-                minutes=kept.day.seconds / 60,
-                shots=len(kept.day.fired),
+                minutes=day.day.seconds / 60,
+                shots=len(day.day.fired),
             )
-        save_debrief(debriefed(kept), folder)
-    told = read_json(path)
+        save_debrief(debrief_of(day), folder)
+    debrief = read_json(path)
     return ClassDay(
         trainee=quote(trainee),
-        day=quote(told["title"]),
-        verdict=told["verdict"],
-        right=told["right_verdict"],
-        brier=told["brier"],
-        **{each["name"]: each["value"] for each in told["scores"]},
-        found=" ".join(told["found"]),
-        missed=" ".join(told["missed"]),
-        false_alarms=" ".join(told["false_alarms"]),
-        minutes=told["minutes"],
-        shots=told["shots"],
+        day=quote(debrief["title"]),
+        verdict=debrief["verdict"],
+        right=debrief["right_verdict"],
+        brier=debrief["brier"],
+        **{each["name"]: each["value"] for each in debrief["scores"]},
+        found=" ".join(debrief["found"]),
+        missed=" ".join(debrief["missed"]),
+        false_alarms=" ".join(debrief["false_alarms"]),
+        minutes=debrief["minutes"],
+        shots=debrief["shots"],
     )
 
 
@@ -173,18 +175,20 @@ def check_scenario(name: str | Path) -> Rows[TriedDay]:
     rows = []
     for seed in TRIED:
         for operator in ("book", "expert"):
-            with TemporaryDirectory(prefix="virtual-lab-day-") as place:
-                kept = KeptDay.begin(Path(place) / "day", entry, seed)
-                day = kept.taken(operator_of(operator))
-            noted = [str(e.arguments["doubt"]) for e in day.events if e.action == "note-doubt"]
-            faults = kept.scenario.faults or ()
+            with TemporaryDirectory(prefix="virtual-lab-day-") as parent:
+                day = StoredDay.begin(Path(parent) / "day", entry, seed)
+                after_day = day.run_operator(operator_of(operator))
+            noted = [
+                str(e.arguments["doubt"]) for e in after_day.events if e.action == "note-doubt"
+            ]
+            faults = day.scenario.faults or ()
             rows.append(
                 TriedDay(
                     operator=operator,
                     seed=seed,
-                    minutes=day.seconds / 60,
-                    shots=len(day.fired),
-                    verdict=day.verdict,
+                    minutes=after_day.seconds / 60,
+                    shots=len(after_day.fired),
+                    verdict=after_day.verdict,
                     found=" ".join(fault for fault in faults if fault in noted),
                     missed=" ".join(fault for fault in faults if fault not in noted),
                     false_alarms=" ".join(each for each in noted if each not in faults),
@@ -203,8 +207,8 @@ def _advice(scenario: Scenario, rows: list[TriedDay]) -> list[str]:
     minutes, shots = max(row.minutes for row in expert), max(row.shots for row in expert)
     words = [f"an expert takes up to {minutes:.0f} min and {shots} shots"]
     if scenario.minutes / 60 < minutes or scenario.shots < shots:
-        given = f"{scenario.minutes / 60:.0f} min and {scenario.shots}"
-        words.append(f"you give {given}: a tight budget")
+        budget = f"{scenario.minutes / 60:.0f} min and {scenario.shots}"
+        words.append(f"you give {budget}: a tight budget")
     if any(row.missed for row in expert):
         words.append("an expert misses a fault on some of these days")
     if scenario.may_go_wrong and not any(row.missed for row in rows):
@@ -225,26 +229,28 @@ def replay(path: str | Path) -> Rows[PlayedEntry]:
     InputError
         No log, or a day that was not handed in.
     """
-    kept = KeptDay(played_folder(path))
+    day = StoredDay(played_folder(path))
     sheets = action_table().actions
-    day, rows = kept.morning, []
-    for event in kept.day.events:
-        again = done(kept.apparatus, day, Action(name=event.action, arguments=event.arguments))
-        day = evolve(day, event)
-        shown = (f"{what} {value} {unit}".strip() for what, value, unit in event.shown)
+    state, rows = day.morning, []
+    for event in day.day.events:
+        again = do_action(
+            day.apparatus, state, Action(name=event.action, arguments=event.arguments)
+        )
+        state = evolve(state, event)
+        display = (f"{quantity} {value} {unit}".strip() for quantity, value, unit in event.shown)
         rows.append(
             PlayedEntry(
                 entry=event.number,
-                minute=day.seconds / 60,
+                minute=state.seconds / 60,
                 action=sheets[event.action].title,
                 entered=", ".join(f"{key} {value}" for key, value in event.arguments.items()),
-                shown=", ".join(shown),
+                shown=", ".join(display),
                 same=again == event,
             )
         )
     differ = [str(row.entry) for row in rows if not row.same]
     words = f"entries that come out otherwise: {', '.join(differ)}" if differ else "the same day"
-    return Rows(name="replay", title=kept.scenario.title, rows=rows, words=words)
+    return Rows(name="replay", title=day.scenario.title, rows=rows, words=words)
 
 
 def played_folder(path: str | Path) -> Path:

@@ -67,14 +67,14 @@ def serve(
 
     _require(tls, len(folders))
     family, numbers = _address(host, port, secure=tls is not None)
-    own = f"[{host}]" if ":" in host else host  # form in an address, RFC 3986
+    url_host = f"[{host}]" if ":" in host else host  # form in an address, RFC 3986
     chosen = scenario is None or len(folders) > 1 or bool(exam)
     days = {
         name: ServedDay(folder, scenario, seed, chosen=chosen) for name, folder in folders.items()
     }
     doors = {secrets.token_urlsafe(24): day for day in days.values()}
     hall = (secrets.token_urlsafe(24), Hall(exam, days)) if exam else None
-    names = {f"{name}:{port}" for name in {own, *(["localhost"] if host == LOOPBACK else [])}}
+    names = {f"{name}:{port}" for name in {url_host, *(["localhost"] if host == LOOPBACK else [])}}
     certificate, key = tls or (None, None)
     settings = uvicorn.Config(
         application(doors, hosts=frozenset(names), secure=tls is not None, exam=hall),
@@ -101,21 +101,21 @@ def serve(
         time.sleep(0.005)
     scheme = "https" if tls else "http"
     page = "" if scenario else "replay"
-    addresses = [f"{scheme}://{own}:{port}/{page}?token={token}" for token in doors]
+    addresses = [f"{scheme}://{url_host}:{port}/{page}?token={token}" for token in doors]
     if hall:
-        say(f"the trainer: open {scheme}://{own}:{port}/?token={hall[0]} once, in one browser")
+        say(f"the trainer: open {scheme}://{url_host}:{port}/?token={hall[0]} once, in one browser")
     for (name, folder), address in zip(folders.items(), addresses, strict=True):
-        again = "taken up again" if (folder / LOG).exists() else "begun"
-        again = again if scenario else "played back"
-        once = "; the code in it lets them in again" if hall else " once, in one browser"
-        say(f"{name or 'the day'}, {again} in {folder}: open {address}{once}")
+        status = "taken up again" if (folder / LOG).exists() else "begun"
+        status = status if scenario else "played back"
+        instruction = "; the code in it lets them in again" if hall else " once, in one browser"
+        say(f"{name or 'the day'}, {status} in {folder}: open {address}{instruction}")
     say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
     if browser:
         webbrowser.open(addresses[0])
     sys.setswitchinterval(5e-4)  # longest delay of an answer by loading [s]
     try:
         for day in days.values():
-            day.looked_at.wait(0.5)  # first page before the loading of other modules [s]
+            day.first_view.wait(0.5)  # first page before the loading of other modules [s]
             day.open()
         if scenario:
             _warm(scenario.spec)
@@ -136,33 +136,33 @@ def _require(tls: tuple[Path, Path] | None, trainees: int) -> None:
 def _address(host: str, port: int, *, secure: bool) -> tuple[int, tuple[Any, ...]]:
     """Return family and address of a host, which is this computer unless `secure`."""
     try:
-        known = socket.getaddrinfo(host, port, proto=socket.IPPROTO_TCP)
+        addresses = socket.getaddrinfo(host, port, proto=socket.IPPROTO_TCP)
     except (OSError, UnicodeError) as fault:
         raise InputError("", "host", host, f"has no address ({fault})") from fault
-    if not (secure or all(ip_address(address[0]).is_loopback for *_, address in known)):
+    if not (secure or all(ip_address(address[0]).is_loopback for *_, address in addresses)):
         allowed = "beyond this computer the page needs --tls-certificate and --tls-key"
         raise InputError("", "host", host, allowed)
-    family, *_, address = known[0]
+    family, *_, address = addresses[0]
     return family, address
 
 
 def _listening(family: int, address: tuple[Any, ...]) -> socket.socket:
     # without the protocol an answer in two parts takes 40 ms
-    found = socket.socket(family, proto=socket.IPPROTO_TCP)
-    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listener = socket.socket(family, proto=socket.IPPROTO_TCP)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        found.bind(address)
+        listener.bind(address)
     except OSError as fault:
-        found.close()
+        listener.close()
         allowed = f"cannot be served at {address[0]} ({fault.strerror}); try another"
         raise InputError("", "port", address[1], allowed) from fault
-    return found
+    return listener
 
 
 def _warm(scenario: Scenario) -> None:
     """Load compiled code with another laboratory's day, during the first readings."""
     from virtual_lab.bench.day.operators import operator_of
     from virtual_lab.bench.machines.apparatus import Apparatus
-    from virtual_lab.bench.machines.keeping import laboratory_of, taken
+    from virtual_lab.bench.machines.stored_day import laboratory_of, run_operator
 
-    taken(Apparatus(laboratory_of(scenario, 0, b"")), operator_of("book"))
+    run_operator(Apparatus(laboratory_of(scenario, 0, b"")), operator_of("book"))

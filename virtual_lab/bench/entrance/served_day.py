@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from virtual_lab import catalog
 from virtual_lab.bench.day.actions import Action
-from virtual_lab.bench.day.day import Day, DayEvent, replayed
+from virtual_lab.bench.day.day import Day, DayEvent, replay_events
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.log import LOG, DayLog
 from virtual_lab.bench.day.scenario import Scenario, load_scenario, scenarios_to_choose
@@ -29,28 +29,28 @@ from virtual_lab.records.origin import Simulated
 from virtual_lab.records.session import Session
 
 if TYPE_CHECKING:
-    from virtual_lab.bench.machines.keeping import KeptDay
+    from virtual_lab.bench.machines.stored_day import StoredDay
     from virtual_lab.bench.scoring.debrief import Debrief
 
 
-class Behind:
+class BackgroundJobs:
     """Background work, one job at a time in the order requested, to leave a core for answers."""
 
     def __init__(self, name: str) -> None:
         self._pool = ThreadPoolExecutor(1, name)
-        self._asked: list[Future[Any]] = []
+        self._futures: list[Future[Any]] = []
 
     def do(self, work: Callable[[], Any]) -> Future[Any]:
         future = self._pool.submit(work)
-        self._asked = [each for each in self._asked if not each.done()] + [future]
+        self._futures = [each for each in self._futures if not each.done()] + [future]
         return future
 
     def ahead(self, future: Future[Any]) -> int:
         """Return the number of unfinished jobs requested before `future`."""
-        return sum(not each.done() for each in self._asked[: self._asked.index(future)])
+        return sum(not each.done() for each in self._futures[: self._futures.index(future)])
 
 
-FILMS, DEBRIEFS = Behind("film"), Behind("debrief")
+FILMS, DEBRIEFS = BackgroundJobs("film"), BackgroundJobs("debrief")
 
 
 class ServedDay:
@@ -69,36 +69,38 @@ class ServedDay:
     ) -> None:
         self.folder, self.scenario, self.seed = folder, scenario, seed
         self.chosen = chosen  # whether a trainer chose the scenario, or an entry was made
-        self._opened: Future[KeptDay] = Future()
+        self._opened: Future[StoredDay] = Future()
         self._begun = (folder / LOG).exists()
-        self.looked_at = threading.Event()
+        self.first_view = threading.Event()
         self._expert: Future[Day] | None = None
-        self._told: tuple[int, Future[Debrief]] | None = None  # number of entries, debrief
+        self._debrief_future: tuple[int, Future[Debrief]] | None = (
+            None  # number of entries, debrief
+        )
         self._films: dict[tuple[int, bool], Future[bytes]] = {}  # key: shot, whether true
         self._filming = threading.Lock()
 
-    def open(self) -> KeptDay:
+    def open(self) -> StoredDay:
         """Set up the laboratory. Raises `InputError` for an unfit scenario or folder."""
         if self._begun:
             _ = self._first.missing  # content of the first page, before the machines
-        from virtual_lab.bench.machines.keeping import KeptDay
+        from virtual_lab.bench.machines.stored_day import StoredDay
 
         if self._begun or self.scenario is None:
-            kept = KeptDay(self.folder)
+            day = StoredDay(self.folder)
         else:
-            kept = KeptDay.begin(self.folder, self.scenario, self.seed)
-        self._opened.set_result(kept)
-        return kept
+            day = StoredDay.begin(self.folder, self.scenario, self.seed)
+        self._opened.set_result(day)
+        return day
 
     @property
-    def kept(self) -> KeptDay:
+    def stored(self) -> StoredDay:
         """Day on disk, after its laboratory was set up."""
         return self._opened.result()
 
     @property
     def desk(self) -> Desk:
-        self.looked_at.set()
-        return self.kept.desk if self._opened.done() else self._first
+        self.first_view.set()
+        return self.stored.desk if self._opened.done() else self._first
 
     @cached_property
     def _log(self) -> DayLog:
@@ -108,7 +110,7 @@ class ServedDay:
     def _first(self) -> Desk:
         """Desk from the log, or from the rules alone for a new day."""
         if self._begun or self.scenario is None:
-            return Desk(replayed(self._log.first, self._log.events()))
+            return Desk(replay_events(self._log.first, self._log.events()))
         rules = catalog.load("procedures", self.scenario.spec.procedure, Procedure)
         session = Session(
             bat=self.scenario.spec.bat,
@@ -127,8 +129,8 @@ class ServedDay:
     def briefing(self) -> Mapping[str, Any]:
         if self.scenario and not (self._begun or self._opened.done()):
             return self.scenario.spec.briefing()
-        found: Mapping[str, Any] = self._log.morning["briefing"]
-        return found
+        briefing: Mapping[str, Any] = self._log.morning["briefing"]
+        return briefing
 
     @property
     def open_book(self) -> bool:
@@ -136,36 +138,38 @@ class ServedDay:
         return day.handed_in and not (day.exam and self.scenario)
 
     def do(self, action: Action, number: int | None = None) -> DayEvent:
-        done = self.kept.do(action, number)
+        event = self.stored.do(action, number)
         if action.name == "fire" and self.briefing.get("camera"):
-            self._film(len(self.kept.day.fired), False)  # in the background
-        if action.name == "reduce" and not self.kept.day.exam:  # the machines are no longer needed
+            self._film_future(len(self.stored.day.fired), False)  # in the background
+        if (
+            action.name == "reduce" and not self.stored.day.exam
+        ):  # the machines are no longer needed
             from virtual_lab.bench.scoring.debrief import expert_day
 
-            self._expert = DEBRIEFS.do(partial(expert_day, self.kept.apparatus, self.kept.day))
-        return done
+            self._expert = DEBRIEFS.do(partial(expert_day, self.stored.apparatus, self.stored.day))
+        return event
 
     def film(self, shot: int, *, true: bool) -> bytes:
         """Return a camera's frames of a shot, from 1, as one PNG, or no bytes without frames.
 
         They show the blurred sketch, or the truth once it may be shown. The call waits for them.
         """
-        if not (self.briefing.get("camera") and 1 <= shot <= len(self.kept.day.fired)):
+        if not (self.briefing.get("camera") and 1 <= shot <= len(self.stored.day.fired)):
             return b""
-        return self._film(shot, true and self.open_book).result()
+        return self._film_future(shot, true and self.open_book).result()
 
-    def _film(self, shot: int, true: bool) -> Future[bytes]:
+    def _film_future(self, shot: int, true: bool) -> Future[bytes]:
         with self._filming:
             if (shot, true) not in self._films:
                 if len(self._films) == 16:
                     del self._films[next(iter(self._films))]
-                self._films[shot, true] = FILMS.do(partial(self._filmed, shot, true))
+                self._films[shot, true] = FILMS.do(partial(self._make_film, shot, true))
             return self._films[shot, true]
 
-    def _filmed(self, shot: int, true: bool) -> bytes:
+    def _make_film(self, shot: int, true: bool) -> bytes:
         from virtual_lab.bench.machines.sketching import before_shot, film_as_seen, true_film
 
-        day, machines = self.kept.day, self.kept.apparatus
+        day, machines = self.stored.day, self.stored.apparatus
         if true:
             return true_film(machines.at(before_shot(day, shot)).firing, day, shot)
         fired = [event for event in day.events if event.action == "fire"]
@@ -180,21 +184,21 @@ class ServedDay:
             return None
         from virtual_lab.bench.machines.sketching import before_shot, true_motion
 
-        kept = self.kept
-        machines = kept.apparatus.at(before_shot(kept.day, shot))
-        return true_motion(machines.firing, kept.day, shot)
+        day = self.stored
+        machines = day.apparatus.at(before_shot(day.day, shot))
+        return true_motion(machines.firing, day.day, shot)
 
     def certificate(self) -> str:
         """Return the certificate's page. Raises `InputError` before the hits were reduced."""
         from virtual_lab.certificate.filling import certificate
         from virtual_lab.certificate.html import certificate_page
 
-        if not self.kept.day.reduced:
+        if not self.stored.day.reduced:
             raise InputError("certificate", "hits", None, "are not reduced yet: reduce comes first")
-        if not self.kept.day.verdict:
+        if not self.stored.day.verdict:
             allowed = "is missing: give-verdict comes first, your own before the program's"
             raise InputError("certificate", "verdict", None, allowed)
-        return certificate_page(certificate(self.kept.desk.certification))
+        return certificate_page(certificate(self.stored.desk.certification))
 
     def debrief(self, patience: float | None = None) -> str:
         """Return the debrief's page of a day that was handed in, and keep it beside the log.
@@ -208,42 +212,44 @@ class ServedDay:
         """
         from virtual_lab.bench.scoring.debrief_page import debrief_page
 
-        day = self.kept.day
+        day = self.stored.day
         if day.exam and self.scenario:
             raise InputError(
                 "debrief", "day", None, "is an exam, so your trainer opens the debrief"
             )
-        if self._told is None or self._told[0] != len(day.events):
-            self._told = len(day.events), DEBRIEFS.do(self._debriefed)
-        told = self._told[1]
+        if self._debrief_future is None or self._debrief_future[0] != len(day.events):
+            self._debrief_future = len(day.events), DEBRIEFS.do(self._make_debrief)
+        debrief = self._debrief_future[1]
         try:
-            return debrief_page(told.result(patience), linked=True)
+            return debrief_page(debrief.result(patience), linked=True)
         except TimeoutError as late:
-            ahead = DEBRIEFS.ahead(told)
+            ahead = DEBRIEFS.ahead(debrief)
             words = f"Debriefs before yours: {ahead}" if ahead else "Yours is next"
             raise TimeoutError(words) from late
 
-    def _debriefed(self) -> Debrief:
-        from virtual_lab.bench.scoring.debrief import debriefed
+    def _make_debrief(self) -> Debrief:
+        from virtual_lab.bench.scoring.debrief import debrief_of
         from virtual_lab.bench.scoring.debrief_page import save_debrief
 
-        told = debriefed(self.kept, self._expert.result() if self._expert else None)
-        save_debrief(told, self.folder)
-        return told
+        debrief = debrief_of(self.stored, self._expert.result() if self._expert else None)
+        save_debrief(debrief, self.folder)
+        return debrief
 
     @property
-    def others(self) -> Mapping[str, Scenario]:
+    def scenarios_offered(self) -> Mapping[str, Scenario]:
         """Days that can be begun instead of this one, by name; none after the first entry."""
         return {} if self.chosen or self.desk.day.events else scenarios_to_choose()
 
     def begin(self, name: str) -> ServedDay:
         """Return another day begun instead. Raises `InputError` if it is not offered."""
-        if name not in self.others:
-            allowed = f"allowed before the first entry: {', '.join(self.others) or 'none'}"
+        if name not in self.scenarios_offered:
+            allowed = (
+                f"allowed before the first entry: {', '.join(self.scenarios_offered) or 'none'}"
+            )
             raise InputError("", "scenario", name, allowed)
-        from virtual_lab.bench.machines.keeping import SECRET
+        from virtual_lab.bench.machines.stored_day import SECRET
 
-        _ = self.kept  # waits for the setup, after which nothing is written to the folder
+        _ = self.stored  # waits for the setup, after which nothing is written to the folder
         for each in (LOG, SECRET):
             (self.folder / each).unlink()
         self.folder.rmdir()
@@ -256,10 +262,10 @@ class ServedDay:
 
         Raises `InputError` as `KeptDay.branch` does.
         """
-        from virtual_lab.bench.machines.keeping import KeptDay
+        from virtual_lab.bench.machines.stored_day import StoredDay
 
         target = first_free(self.folder.with_name(f"{self.folder.name}-from-{entry}"))
-        KeptDay.branch(self.folder, entry, target)
+        StoredDay.branch(self.folder, entry, target)
         day = ServedDay(target, self.scenario)
         day.open()
         return day

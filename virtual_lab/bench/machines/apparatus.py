@@ -18,13 +18,13 @@ import numpy as np
 
 from virtual_lab.bench.day.actions import Action
 from virtual_lab.bench.day.arguments import LENGTHS, MASSES
-from virtual_lab.bench.day.day import Day, DayEvent, Shown, evolve
+from virtual_lab.bench.day.day import Day, DayEvent, Display, evolve
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.entries import entry_of_record
 from virtual_lab.bench.day.protocol import checklist
 from virtual_lab.bench.day.table import Consequences, action_table, channels, repairs
-from virtual_lab.bench.machines.checks import CheckStandards, opened_again, speed_ratio
-from virtual_lab.bench.machines.firing import Firing, altered, specimen_at
+from virtual_lab.bench.machines.checks import CheckStandards, reopen_with, speed_ratio
+from virtual_lab.bench.machines.firing import Firing, alter_instrument, specimen_at
 from virtual_lab.bench.machines.sketching import sketch_of
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest, Laboratory, TestDay
@@ -50,7 +50,7 @@ class Reading(NamedTuple):
     """Result of an action: records by channel, values on the display, new constants."""
 
     records: Mapping[str, Record] = {}
-    shown: Shown = ()
+    shown: Display = ()
     constants: Mapping[str, Estimate] = {}
     sketch: Mapping[str, Any] = {}
 
@@ -62,33 +62,37 @@ class Apparatus:
     laboratory: Laboratory
 
     # machines by repaired faults
-    mended: dict[frozenset[str], Apparatus] = field(default_factory=dict)
+    machines_by_repairs: dict[frozenset[str], Apparatus] = field(default_factory=dict)
 
     def at(self, day: Day) -> Apparatus:
         """Return the machines after the repairs of a day."""
         setup = self.laboratory.setup
-        over = day.mended & set(setup.faults.names)
-        if not over:
+        repaired = day.repaired_faults & set(setup.faults.names)
+        if not repaired:
             return self
-        if over not in self.mended:
-            left = tuple(fault for fault in setup.faults.faults if fault.name not in over)
-            mine = self.laboratory
-            self.mended[over] = Apparatus(opened_again(mine, FaultSet(faults=left)))
-        return self.mended[over]
+        if repaired not in self.machines_by_repairs:
+            faults_left = tuple(
+                fault for fault in setup.faults.faults if fault.name not in repaired
+            )
+            laboratory = self.laboratory
+            self.machines_by_repairs[repaired] = Apparatus(
+                reopen_with(laboratory, FaultSet(faults=faults_left))
+            )
+        return self.machines_by_repairs[repaired]
 
     @cached_property
     def firing(self) -> Firing:
         return Firing(self.laboratory)
 
-    def fired(self, day: Day) -> list[tuple[ShotPlan, RigOutput]]:
+    def shots(self, day: Day) -> list[tuple[ShotPlan, RigOutput]]:
         """Return plan and output of each shot of a day, with the machines at that time."""
-        before, found = day.until(0), []
+        before, shots = day.until(0), []
         for event in day.events:
             if event.action == "fire":
                 firing = self.at(before).firing
-                found.append(firing.shot(firing.conditions(before)))
+                shots.append(firing.shot(firing.conditions(before)))
             before = evolve(before, event)
-        return found
+        return shots
 
     @cached_property
     def checks(self) -> CheckStandards:
@@ -96,10 +100,10 @@ class Apparatus:
 
     def play(self, day: Day, action: Action) -> DayEvent:
         """Carry out an allowed action and return its event, still without the price."""
-        gives = self.at(day)._actions.get(action.name)
-        reading = gives(day, action) if gives else Reading()
+        read = self.at(day)._actions.get(action.name)
+        reading = read(day, action) if read else Reading()
         if action.name in repairs():
-            reading = self._repaired(day, action)
+            reading = self._repair(day, action)
         return DayEvent(
             number=len(day.events) + 1,
             action=action.name,
@@ -107,7 +111,9 @@ class Apparatus:
             seconds=0.0,
             records={name: entry_of_record(record) for name, record in reading.records.items()},
             shown=reading.shown,
-            constants={key: entry_of_constant(known) for key, known in reading.constants.items()},
+            constants={
+                key: entry_of_constant(estimate) for key, estimate in reading.constants.items()
+            },
             sketch=reading.sketch,
         )
 
@@ -116,15 +122,15 @@ class Apparatus:
 
         Raises `InputError` as `Desk.reduced` does.
         """
-        day, now = desk.day, self.at(desk.day)
-        laboratory, sessions = now.laboratory, SessionBlock.of(desk.session)
-        wall = now.firing.wall(day.times("hit-wall") - 1)
-        balls = replace(now.firing.balls(day), used=desk.preparation.lot.used)
-        plans, rounds = zip(*self.fired(day), strict=True)
-        taken = TestDay(
+        day, machines = desk.day, self.at(desk.day)
+        laboratory, sessions = machines.laboratory, SessionBlock.of(desk.session)
+        wall = machines.firing.wall(day.times("hit-wall") - 1)
+        balls = replace(machines.firing.balls(day), used=desk.preparation.lot.used)
+        plans, rounds = zip(*self.shots(day), strict=True)
+        test_day = TestDay(
             laboratory=replace(laboratory, specimen=replace(laboratory.specimen, balls=balls)),
             sessions=sessions,
-            bench=now._bench(laboratory),
+            bench=machines._bench(laboratory),
             wall=wall,
             preparation=desk.preparation.block,
             plans=plans,
@@ -132,7 +138,7 @@ class Apparatus:
             reduced=BlockReduction.alone(desk.reduced),
             readings=desk.reduced.readings,
         )
-        return taken.finished(sessions).of(0)
+        return test_day.finished(sessions).of(0)
 
     @property
     def _table(self) -> Consequences:
@@ -163,17 +169,20 @@ class Apparatus:
             "end-checklist": lambda day, _: Reading(shown=checklist(day, end=True)),
         }
 
-    def _repaired(self, day: Day, action: Action) -> Reading:
+    def _repair(self, day: Day, action: Action) -> Reading:
         """Return the findings of a repair, and the readings that must be repeated."""
         sheets = action_table().actions
-        faults = set(self.laboratory.setup.faults.names) - day.mended
-        done = "repaired" if faults & set(sheets[action.name].mends) else "nothing was broken"
-        old = "; ".join(sheets[name].title for name in sheets[action.name].again)
+        faults = set(self.laboratory.setup.faults.names) - day.repaired_faults
+        finding = "repaired" if faults & set(sheets[action.name].mends) else "nothing was broken"
+        readings = "; ".join(sheets[name].title for name in sheets[action.name].again)
         return Reading(
-            shown=(("repair", done, ""), *((("measure again", old, ""),) if old else ()))
+            shown=(
+                ("repair", finding, ""),
+                *((("measure again", readings, ""),) if readings else ()),
+            )
         )
 
-    def _standard(self, check: Callable[[int], Shown]) -> Callable[[Day, Action], Reading]:
+    def _standard(self, check: Callable[[int], Display]) -> Callable[[Day, Action], Reading]:
         """Return a function that shows a check standard, given its number of earlier uses."""
         return lambda day, action: Reading(shown=check(day.times(action.name)))
 
@@ -181,46 +190,46 @@ class Apparatus:
 
     def _measure(self, day: Day, action: Action) -> Reading:
         """Read one channel of the bench with the repeats of its sheet, numbered consecutively."""
-        channel, given = channels()[action.name], action.arguments
+        channel, arguments = channels()[action.name], action.arguments
         earlier = day.times(action.name)
         station: Any = self.laboratory.stations[Stage.BENCH]
         spec = station.spec
         station = self._scale_as_it_stands(day, station)
         if not day.level:
-            station = altered(
+            station = alter_instrument(
                 station, "stand", offset=station.stand.true["offset"] + self._table.unlevel
             )
         if not day.clamped:
-            station = altered(station, "pendulum", clamp_inertia=0.0, clamp_moment=0.0)
+            station = alter_instrument(station, "pendulum", clamp_inertia=0.0, clamp_moment=0.0)
         if action.name == "swing":
-            station = _swung(station, given, self._table)
+            station = _set_swing(station, arguments, self._table)
         turns = earlier + 1
         more = replace(spec, repeats=spec.repeats * turns, releases=spec.releases * turns)
         stations = {**self.laboratory.stations, Stage.BENCH: replace(station, spec=more)}
-        found = self._bench(replace(self.laboratory, stations=stations)).records
-        record: Any = found[channel]
-        written = ("climate", REFERENCE_MASS) if channel == "ball-mass" else ("climate",)
-        beside = {name: found[name] for name in written if name in found}
+        records = self._bench(replace(self.laboratory, stations=stations)).records
+        record: Any = records[channel]
+        companions = ("climate", REFERENCE_MASS) if channel == "ball-mass" else ("climate",)
+        extra = {name: records[name] for name in companions if name in records}
         if action.name == "swing":
-            fresh = slice(spec.releases * earlier, None)
+            new = slice(spec.releases * earlier, None)
             record = replace(
                 record,
-                times=record.times[fresh],
-                first_amplitude=record.first_amplitude[fresh],
-                last_amplitude=record.last_amplitude[fresh],
+                times=record.times[new],
+                first_amplitude=record.first_amplitude[new],
+                last_amplitude=record.last_amplitude[new],
             )
-            taken = record.times[:, -1] - record.times[:, 0]
-            return Reading({channel: record} | beside, _numbered("release", taken, "s"))
+            durations = record.times[:, -1] - record.times[:, 0]
+            return Reading({channel: record} | extra, _number_rows("release", durations, "s"))
         readings = record.readings[:, spec.repeats * earlier :]
-        if given.get("end") == "knob":
+        if arguments.get("end") == "knob":
             readings = self._length - readings
         unit, display = ("g", GRAM) if channel.endswith("mass") else ("mm", MILLIMETRE)
-        typed = (MASSES if unit == "g" else LENGTHS)[str(given["entered_as"])] / display
+        unit_factor = (MASSES if unit == "g" else LENGTHS)[str(arguments["entered_as"])] / display
         words = "ball" if channel == "ball-mass" else "reading"
         means = readings.mean(axis=1) if words == "ball" else readings[0]
         return Reading(
-            {channel: replace(record, readings=readings * typed)} | beside,
-            _numbered(words, means / display, unit),
+            {channel: replace(record, readings=readings * unit_factor)} | extra,
+            _number_rows(words, means / display, unit),
         )
 
     def _bench(self, laboratory: Laboratory) -> RigOutput:
@@ -238,13 +247,13 @@ class Apparatus:
             return station
         scale: Any = station
         crept = self._table.untared * float(self.laboratory.draws.normal("rehearsal.tare"))
-        return altered(station, "scale", zero=scale.scale.true["zero"] + crept)
+        return alter_instrument(station, "scale", zero=scale.scale.true["zero"] + crept)
 
     def _check_mass(self, day: Day, action: Action) -> Reading:
         mass = self._table.check_mass
-        readings = self._weighed(day, action, mass, "rehearsal.check-mass")[0]
-        known = ("certified", mass / GRAM, "g")
-        return Reading(shown=(*_numbered("reading", readings / GRAM, "g"), known))
+        readings = self._weigh(day, action, mass, "rehearsal.check-mass")[0]
+        certified = ("certified", mass / GRAM, "g")
+        return Reading(shown=(*_number_rows("reading", readings / GRAM, "g"), certified))
 
     def _reweigh_balls(self, day: Day, action: Action) -> Reading:
         """Weigh balls again, and show the display beside the entered values."""
@@ -255,35 +264,35 @@ class Apparatus:
             )
         balls = np.arange(self._table.balls_again)
         mass = self.laboratory.specimen.balls.mass[balls]
-        shown = self._weighed(day, action, mass, "rehearsal.reweigh", balls)
+        readings = self._weigh(day, action, mass, "rehearsal.reweigh", balls)
         return Reading(
-            shown=_beside(
-                ("on the display", shown.mean(axis=1) / GRAM),
+            shown=_pair_rows(
+                ("on the display", readings.mean(axis=1) / GRAM),
                 ("as entered", entered.readings[balls].mean(axis=1) / GRAM),
                 "g",
             )
         )
 
-    def _weighed(self, day: Day, action: Action, mass: Any, stream: str, *slots: Any) -> Array:
+    def _weigh(self, day: Day, action: Action, mass: Any, stream: str, *slots: Any) -> Array:
         """Return the scale's readings of an action, (item, repeat) [kg], numbered consecutively."""
         station: Any = self._scale_as_it_stands(day, self.laboratory.stations[Stage.BENCH])
         repeats, earlier = station.spec.repeats, day.times(action.name)
         draws, turns = self.laboratory.draws, earlier + 1
-        shown = station.scale.weigh(mass, repeats * turns, draws, stream, *slots)
-        return np.asarray(shown.readings[:, repeats * earlier :])
+        record = station.scale.weigh(mass, repeats * turns, draws, stream, *slots)
+        return np.asarray(record.readings[:, repeats * earlier :])
 
     def _swing_clamp(self, day: Day, action: Action) -> Reading:
         """Measure the clamp's moment of inertia, show it beside the entered one, and enter it."""
         station: Any = self.laboratory.stations[Stage.BENCH]
-        off = self._table.clamp_u * self._off(day, action)
-        measured = station.pendulum.true["clamp_inertia"] + off
+        error = self._table.clamp_u * self._off(day, action)
+        measured = station.pendulum.true["clamp_inertia"] + error
         entered = day.morning.calibration["bench.pendulum.clamp_inertia"].value
-        found = Estimate(
+        estimate = Estimate(
             value=round(float(measured), 8), u=self._table.clamp_u, source="swung alone, on the day"
         )
         use = action.arguments["use"] == "measured"
         return Reading(
-            constants={"bench.pendulum.clamp_inertia": found} if use else {},
+            constants={"bench.pendulum.clamp_inertia": estimate} if use else {},
             shown=tuple(
                 (f"clamp, {word}", round(float(inertia) * 1e6, 1), "kg mm²")
                 for word, inertia in (("measured", measured), ("as entered", entered))
@@ -298,9 +307,9 @@ class Apparatus:
     def _gauge_balls(self, day: Day, action: Action) -> Reading:
         balls = specimen_at(Stage.IMPACT, self.laboratory).balls
         slots = np.arange(balls.mass.size) + balls.mass.size * day.times(action.name)
-        off = self.laboratory.draws.normal("rehearsal.gauge-balls", slots=slots)
-        diameters = 2 * balls.spec.radius + self._table.ball_gauge_u * off
-        return Reading(shown=_numbered("ball", np.round(diameters / MILLIMETRE, 2), "mm"))
+        errors = self.laboratory.draws.normal("rehearsal.gauge-balls", slots=slots)
+        diameters = 2 * balls.spec.radius + self._table.ball_gauge_u * errors
+        return Reading(shown=_number_rows("ball", np.round(diameters / MILLIMETRE, 2), "mm"))
 
     def _tap(self, day: Day, action: Action) -> Reading:
         """Show the first bending frequency of the bat, in its condition after the shots."""
@@ -314,7 +323,7 @@ class Apparatus:
     def _hit_wall(self, day: Day, action: Action) -> Reading:
         play = self.firing.wall(day.times(action.name))
         means = np.round(_ratios(play, day.balls), 4)
-        return Reading(play.records, _numbered("ball", means, "rebound speed / incoming speed"))
+        return Reading(play.records, _number_rows("ball", means, "rebound speed / incoming speed"))
 
     def _recheck_balls(self, day: Day, action: Action) -> Reading:
         """Fire some balls at the wall again, and show the results beside the earlier ones."""
@@ -324,7 +333,7 @@ class Apparatus:
         count = self._table.balls_again
         play = self.firing.wall_again(day, count, day.times(action.name))
         return Reading(
-            shown=_beside(
+            shown=_pair_rows(
                 ("now", np.round(_ratios(play, count), 4)),
                 ("before", np.array([value for _, value, _ in morning.shown[:count]])),
                 "rebound speed / incoming speed",
@@ -335,23 +344,25 @@ class Apparatus:
 
     def _measure_pivot(self, day: Day, action: Action) -> Reading:
         pivot = instrument_of(self.laboratory.stations[Stage.IMPACT], "pivot")
-        known = day.morning.calibration["impact.pivot.from_knob"]
-        off = self._table.pivot_rule_u * self._off(day, action)
-        measured = _millimetres("axis from the knob, measured", pivot.true["from_knob"] + off, 1)
+        surveyed = day.morning.calibration["impact.pivot.from_knob"]
+        error = self._table.pivot_rule_u * self._off(day, action)
+        measured = _millimetres("axis from the knob, measured", pivot.true["from_knob"] + error, 1)
         return Reading(
-            shown=(measured, _millimetres("axis from the knob, surveyed", known.value, 1))
+            shown=(measured, _millimetres("axis from the knob, surveyed", surveyed.value, 1))
         )
 
     def _gauge_gates(self, day: Day, action: Action) -> Reading:
         station: Any = self.laboratory.stations[Stage.IMPACT]
         gates = station.gates
         table, number = self._table, np.array([day.times(action.name)])
-        off = self.laboratory.draws.normal("rehearsal.gauge-gates", gates.distances.size, number)[0]
-        found = quantise(gates.distances + table.gauge_u * off, table.gauge_step)
-        known = [gates.stated[f"distance_{at}"].value for at in range(found.size)]
-        shown = [
+        errors = self.laboratory.draws.normal(
+            "rehearsal.gauge-gates", gates.distances.size, number
+        )[0]
+        distances = quantise(gates.distances + table.gauge_u * errors, table.gauge_step)
+        certified = [gates.stated[f"distance_{at}"].value for at in range(distances.size)]
+        rows = [
             row
-            for at, (gauged, stated) in enumerate(zip(found, known, strict=True))
+            for at, (gauged, stated) in enumerate(zip(distances, certified, strict=True))
             for row in (
                 _millimetres(f"gate {at + 1}, gauged", gauged, 2),
                 _millimetres(f"gate {at + 1}, certificate", stated, 2),
@@ -361,13 +372,13 @@ class Apparatus:
             f"impact.gates.distance_{at}": Estimate(
                 value=float(gauged), u=table.gauge_u, source="gauge bar, on the day"
             )
-            for at, gauged in enumerate(found)
+            for at, gauged in enumerate(distances)
         }
         used = constants if action.arguments["use"] == "gauge" else {}
-        return Reading(shown=tuple(shown), constants=used)
+        return Reading(shown=tuple(rows), constants=used)
 
     def _aim_paper(self, day: Day, action: Action) -> Reading:
-        station: Any = self.firing.aimed(day.shift)
+        station: Any = self.firing.station_aimed_at(day.shift)
         stream, earlier = f"{self.laboratory.setup.rig}.aim", day.times(action.name)
         # the first paper is that of an ordinary test
         marks = station.cannon.mark(
@@ -379,20 +390,20 @@ class Apparatus:
 
     def _re_aim(self, day: Day, action: Action) -> Reading:
         """Move the aim. The laboratory then assumes that the cannon points as requested."""
-        known = Desk(day).session.calibration.get("impact.cannon.along")
-        if known is None:
+        aim = Desk(day).session.calibration.get("impact.cannon.along")
+        if aim is None:
             return Reading()
         moved = float(action.arguments["along"]) * MILLIMETRE
-        u = sqrt(known.u**2 + self._table.aim_setting**2)
+        u = sqrt(aim.u**2 + self._table.aim_setting**2)
         return Reading(
-            constants={"impact.cannon.along": replace(known, value=known.value + moved, u=u)}
+            constants={"impact.cannon.along": replace(aim, value=aim.value + moved, u=u)}
         )
 
     def _fire(self, day: Day, _: Action) -> Reading:
         shot = self.firing.conditions(day)
         records = self.firing.shot(shot)[1].records
         return Reading(
-            {name: kept for name, kept in records.items() if name != "aim"},
+            {name: record for name, record in records.items() if name != "aim"},
             sketch=sketch_of(self.firing, shot),
         )
 
@@ -401,32 +412,37 @@ class Apparatus:
     def _reduce(self, day: Day, _: Action) -> Reading:
         """Reduce the accepted hits. `InputError` names what is missing."""
         desk = Desk(day)
-        found, rules = desk.certification, desk.rules.spec
-        bat = tuple(("rule for the bat", each.sentence, "") for each in found.findings)
-        if found.metric is None:
-            return Reading(shown=(("no result", "; ".join(found.reasons), ""), *bat))
+        certification, rules = desk.certification, desk.rules.spec
+        bat = tuple(("rule for the bat", each.sentence, "") for each in certification.findings)
+        if certification.metric is None:
+            return Reading(shown=(("no result", "; ".join(certification.reasons), ""), *bat))
         printed = METRICS[rules.metric]
-        value, u = found.metric.value / printed.unit_si, found.metric.u / printed.unit_si
-        low, high = (f"{end / printed.unit_si:.{decimals(u)}f}" for end in found.metric.interval_95)
-        shown: list[tuple[str, float | str, str]] = [
+        value, u = (
+            certification.metric.value / printed.unit_si,
+            certification.metric.u / printed.unit_si,
+        )
+        low, high = (
+            f"{end / printed.unit_si:.{decimals(u)}f}" for end in certification.metric.interval_95
+        )
+        rows: list[tuple[str, float | str, str]] = [
             (printed.words, float(f"{value:.4g}"), printed.unit),
             ("standard uncertainty", float(f"{u:.2g}"), printed.unit),
             ("95 % interval", f"{low} to {high}", printed.unit),
         ]
         if rules.metric_limit is not None:
             limit = rules.metric_limit / printed.unit_si
-            shown.append(("limit", f"{limit:.{printed.places}f}", printed.unit))
-        return Reading(shown=(*shown, *bat))
+            rows.append(("limit", f"{limit:.{printed.places}f}", printed.unit))
+        return Reading(shown=(*rows, *bat))
 
     def _enter_result(self, day: Day, action: Action) -> Reading:
         """Compare entered results with those of the records, if the day gives feedback."""
-        own = Desk(day).own(action.arguments)
-        if not own:
+        results = Desk(day).own(action.arguments)
+        if not results:
             allowed = "is missing: enter at least one of r, e_A, e and BPF"
             raise InputError(action.name, "result", None, allowed)
-        shown: list[tuple[str, float | str, str]] = []
-        for each in own:
-            shown.append((each.name, each.entered, ""))
+        rows: list[tuple[str, float | str, str]] = []
+        for each in results:
+            rows.append((each.name, each.entered, ""))
             if day.exam:
                 continue
             if each.off is None:
@@ -437,26 +453,26 @@ class Apparatus:
                     if each.agrees
                     else f"differs by {each.off:+.1f} standard uncertainties"
                 )
-            shown.append((f"{each.name}, compared with the records", word, ""))
-        return Reading(shown=tuple(shown))
+            rows.append((f"{each.name}, compared with the records", word, ""))
+        return Reading(shown=tuple(rows))
 
 
-def _swung(station: Any, given: Mapping[str, Any], table: Consequences) -> Station:
+def _set_swing(station: Any, arguments: Mapping[str, Any], table: Consequences) -> Station:
     """Return the bench with the requested release amplitude and timing of the pendulum.
 
     A fault that makes the amplitude too large multiplies every requested amplitude.
     """
     by_hand = (
         {"timer_jitter": table.hand_reaction, "timer_resolution": table.hand_step}
-        if given["clock"] == "hand"
+        if arguments["clock"] == "hand"
         else {}
     )
-    farther = station.pendulum.spec.release_amplitude / (4.0 * DEGREE)  # ratio to the usual one
+    ratio = station.pendulum.spec.release_amplitude / (4.0 * DEGREE)  # ratio to the usual one
     return other_sheet(
         station,
         "pendulum",
-        release_amplitude=min(float(given["amplitude"]) * farther, 90.0) * DEGREE,
-        swings=int(given["swings"]),
+        release_amplitude=min(float(arguments["amplitude"]) * ratio, 90.0) * DEGREE,
+        swings=int(arguments["swings"]),
         **by_hand,
     )
 
@@ -468,20 +484,20 @@ def _ratios(play: RigOutput, balls: int) -> Array:
     return np.array([np.nanmean(ratio[log.ball == ball]) for ball in range(balls)])
 
 
-def _beside(one: tuple[str, Array], other: tuple[str, Array], unit: str) -> Shown:
+def _pair_rows(first: tuple[str, Array], second: tuple[str, Array], unit: str) -> Display:
     """Return two values of each ball side by side."""
     return tuple(
         (f"ball {ball}, {word}", float(f"{value:.7g}"), unit)
-        for ball, values in enumerate(zip(one[1], other[1], strict=True), 1)
-        for word, value in zip((one[0], other[0]), values, strict=True)
+        for ball, values in enumerate(zip(first[1], second[1], strict=True), 1)
+        for word, value in zip((first[0], second[0]), values, strict=True)
     )
 
 
-def _millimetres(what: str, length: float, places: int) -> tuple[str, float, str]:
-    return what, round(float(length) / MILLIMETRE, places), "mm"
+def _millimetres(quantity: str, length: float, places: int) -> tuple[str, float, str]:
+    return quantity, round(float(length) / MILLIMETRE, places), "mm"
 
 
-def _numbered(word: str, values: Any, unit: str) -> Shown:
+def _number_rows(word: str, values: Any, unit: str) -> Display:
     return tuple(
         (f"{word} {number}", float(f"{value:.7g}"), unit)
         for number, value in enumerate(np.ravel(values), 1)

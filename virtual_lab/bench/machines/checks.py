@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from virtual_lab import catalog
-from virtual_lab.bench.day.day import Shown
+from virtual_lab.bench.day.day import Display
 from virtual_lab.bench.day.readings import CLOCK
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.catalog.specs import BallSpec
@@ -37,73 +37,77 @@ class CheckStandards:
 
     laboratory: Laboratory
 
-    def ball(self, earlier: int) -> Shown:
+    def ball(self, earlier: int) -> Display:
         """Fire the check ball at the wall."""
 
         def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
-            played = _standing(laboratory).play(Stage.BALLS, _plan(first, hits, place=0.0))
+            played = _with_standards(laboratory).play(Stage.BALLS, _plan(first, hits, place=0.0))
             return {"rebound speed / incoming speed": speed_ratio(played.records["gates"])}
 
         return self._against_chart(hit, earlier)
 
-    def cylinder(self, earlier: int) -> Shown:
+    def cylinder(self, earlier: int) -> Display:
         """Fire the check ball at the cylinder: rebound, and rotation if an encoder counts it."""
         place = float(np.mean(catalog.load_bat("check-cylinder").spec.body.profile.z))
 
         def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
             plan = _plan(first, hits, place=place)
-            records = _standing(laboratory).play(Stage.IMPACT, plan).records
-            found = {"ball's rebound speed / incoming speed": speed_ratio(records["gates"])}
+            records = _with_standards(laboratory).play(Stage.IMPACT, plan).records
+            ratios = {"ball's rebound speed / incoming speed": speed_ratio(records["gates"])}
             encoder = records.get("encoder")
             if isinstance(encoder, EncoderRecord):
                 turn = encoder.counts[:, -1] - encoder.counts[:, 0]
-                found["rotation × time between gates"] = turn * _ways(records["gates"])[0]
-            return found
+                ratios["rotation × time between gates"] = turn * _flight_times(records["gates"])[0]
+            return ratios
 
         return self._against_chart(hit, earlier)
 
-    def clock(self, earlier: int) -> Shown:
+    def clock(self, earlier: int) -> Display:
         """Compare the clock of the gates with a reference, beside earlier comparisons."""
         numbers = np.arange(DAYS + earlier + 1)
-        off = action_table().consequences.clock_u * self.laboratory.draws.normal(
+        errors = action_table().consequences.clock_u * self.laboratory.draws.normal(
             "rehearsal.clock", slots=numbers
         )
         today, before = (
             1e6 * (instrument_of(each.stations[Stage.IMPACT], "gates").clock - 1)
             for each in (self.laboratory, self._sound)
         )
-        return _charted(CLOCK, today + 1e6 * off[-1], before + 1e6 * off[:DAYS], 1, "ppm")
+        return _chart_rows(CLOCK, today + 1e6 * errors[-1], before + 1e6 * errors[:DAYS], 1, "ppm")
 
     @cached_property
     def _sound(self) -> Laboratory:
         """The laboratory on earlier mornings, without faults."""
-        return opened_again(self.laboratory, FaultSet())
+        return reopen_with(self.laboratory, FaultSet())
 
     def _against_chart(
         self, hit: Callable[[Laboratory, int, int], Mapping[str, Array]], earlier: int
-    ) -> Shown:
+    ) -> Display:
         """Show the mean of today's hits beside mean and spread of the means of other mornings."""
         hits = action_table().consequences.check_hits
         today = hit(self.laboratory, FIRST_SLOT + hits * (DAYS + earlier), hits)
         chart = hit(self._sound, FIRST_SLOT, hits * DAYS)
-        shown: list[tuple[str, float | str, str]] = []
+        rows: list[tuple[str, float | str, str]] = []
         for name, values in today.items():
             if not np.isfinite(values).any():
-                shown.append((f"{name}, today", "not seen", ""))
+                rows.append((f"{name}, today", "not seen", ""))
                 continue
             means = np.nanmean(chart[name].reshape(DAYS, hits), axis=1)
-            shown += _charted(name, float(np.nanmean(values)), means, 5, "")
-        return tuple(shown)
+            rows += _chart_rows(name, float(np.nanmean(values)), means, 5, "")
+        return tuple(rows)
 
 
-def opened_again(mine: Laboratory, faults: FaultSet) -> Laboratory:
+def reopen_with(laboratory: Laboratory, faults: FaultSet) -> Laboratory:
     """Return the laboratory with other faults but the same certificates."""
-    setup = replace(mine.setup, faults=faults, seed=mine.seed, collision=mine.collision)
-    papers = {name: getattr(mine, name) for name in ("salt", "sealing", "date", "calibration")}
+    setup = replace(
+        laboratory.setup, faults=faults, seed=laboratory.seed, collision=laboratory.collision
+    )
+    papers = {
+        name: getattr(laboratory, name) for name in ("salt", "sealing", "date", "calibration")
+    }
     return replace(Laboratory.open(setup), **papers)
 
 
-def _charted(name: str, today: float, mornings: Array, places: int, unit: str) -> Shown:
+def _chart_rows(name: str, today: float, mornings: Array, places: int, unit: str) -> Display:
     """Show a number beside mean and spread of other mornings."""
     numbers = {
         "today": today,
@@ -117,11 +121,11 @@ def _charted(name: str, today: float, mornings: Array, places: int, unit: str) -
 
 def speed_ratio(gates: Record) -> Array:
     """Return the ratio of rebound to incoming speed between the gates, (shot,)."""
-    into, back = _ways(gates)
+    into, back = _flight_times(gates)
     return np.asarray(into / back)
 
 
-def _ways(gates: Record) -> tuple[Array, Array]:
+def _flight_times(gates: Record) -> tuple[Array, Array]:
     """Return the times from the first gate to the last and back, each (shot,) [s]."""
     assert isinstance(gates, GateRecord | BoardRecord)
     middle = gates.times.mean(axis=-1)
@@ -141,7 +145,7 @@ def _plan(first: int, hits: int, *, place: float) -> ShotPlan:
     )
 
 
-def _standing(laboratory: Laboratory) -> Laboratory:
+def _with_standards(laboratory: Laboratory) -> Laboratory:
     """Return a laboratory with its check standards on the rigs, without faults of the lot."""
     faults = tuple(fault for fault in laboratory.setup.faults.faults if not fault.specimen)
     ball = catalog.load("balls", "check-ball", BallSpec).spec

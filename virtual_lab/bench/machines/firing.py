@@ -49,24 +49,24 @@ class Firing:
 
     def wall(self, earlier: int) -> RigOutput:
         """Fire the lot at the wall, with the balls as left by `earlier` such tests."""
-        laboratory = self._found(earlier)
+        laboratory = self._age_balls(earlier)
         rules = laboratory.rules.spec
         hits = rules.balls * rules.wall_hits * len(rules.wall_speeds)
-        return _at_the_wall(laboratory, rules.balls, hits * earlier)
+        return _fire_at_wall(laboratory, rules.balls, hits * earlier)
 
     def wall_again(self, day: Day, balls: int, earlier: int) -> RigOutput:
         """Fire the first balls of the rig at the wall, after `earlier` such repeats."""
-        laboratory = self._found(day.times("hit-wall"))
-        own = replace(laboratory.specimen, balls=specimen_at(Stage.IMPACT, laboratory).balls)
-        laboratory = replace(laboratory, specimen=own)
-        return _at_the_wall(laboratory, balls, AGAIN * (earlier + 1))
+        laboratory = self._age_balls(day.times("hit-wall"))
+        specimen = replace(laboratory.specimen, balls=specimen_at(Stage.IMPACT, laboratory).balls)
+        laboratory = replace(laboratory, specimen=specimen)
+        return _fire_at_wall(laboratory, balls, AGAIN * (earlier + 1))
 
-    def _found(self, walls: int) -> Laboratory:
+    def _age_balls(self, walls: int) -> Laboratory:
         """Return the laboratory with its balls aged by `walls` wall tests."""
         if walls < 1:
             return self.laboratory
         if walls not in self.after_walls:
-            before, play = self._found(walls - 1), self.wall(walls - 1)
+            before, play = self._age_balls(walls - 1), self.wall(walls - 1)
             log: Any = play.records["log"]
             lost = play.truth["restitution_loss"]
             balls = before.specimen.balls.as_found(log.ball.astype(int), lost)
@@ -76,21 +76,21 @@ class Firing:
 
     def balls(self, day: Day) -> TrueBalls:
         """Return the lot in its condition after the day so far."""
-        return self._found(day.times("hit-wall")).specimen.balls
+        return self._age_balls(day.times("hit-wall")).specimen.balls
 
-    def aimed(self, shift: tuple[tuple[float, float], ...]) -> Station:
+    def station_aimed_at(self, shift: tuple[tuple[float, float], ...]) -> Station:
         """Return the rig with its cannon moved, each time by about the requested amount."""
         station = self.laboratory.stations[Stage.IMPACT]
         if not shift:
             return station
         slots = np.arange(len(shift))
-        off = action_table().consequences.aim_setting * self.laboratory.draws.normal(
+        errors = action_table().consequences.aim_setting * self.laboratory.draws.normal(
             "rehearsal.aim", 2, slots
         )
-        moved = (np.array(shift) + off).sum(axis=0)
+        moved = (np.array(shift) + errors).sum(axis=0)
         cannon: Any = station
         true = cannon.cannon.true
-        return altered(
+        return alter_instrument(
             station, "cannon", along=true["along"] + moved[0], across=true["across"] + moved[1]
         )
 
@@ -114,21 +114,21 @@ class Firing:
 
     def shot(self, shot: ShotConditions) -> tuple[ShotPlan, RigOutput]:
         """Fire a ball. Return the plan and the output."""
-        asked = self._plan(shot, self.laboratory.rules.spec.ball_speed)
+        plan = self._plan(shot, self.laboratory.rules.spec.ball_speed)
         if shot not in self.shots:
-            self.shots[shot] = self._played(asked, shot)
-        return asked, self.shots[shot]
+            self.shots[shot] = self._play(plan, shot)
+        return plan, self.shots[shot]
 
     def as_it_stands(self, shot: ShotConditions) -> tuple[Laboratory, ShotPlan]:
         """Return the laboratory and the plan of a shot under its conditions."""
         table, speed = action_table().consequences, self.laboratory.rules.spec.ball_speed
-        laboratory = self._found(shot.wall)
+        laboratory = self._age_balls(shot.wall)
         balls = laboratory.specimen.balls
         restitution = balls.restitution.copy()
         restitution[shot.ball] -= table.warm_loss * shot.warm
-        station: Any = self.aimed(shot.shift)
+        station: Any = self.station_aimed_at(shot.shift)
         if shot.scrap and hasattr(station.gates.spec, "sabot_rate"):
-            station = other_sheet(station, "gates", sabot_rate=_tripping(shot))
+            station = other_sheet(station, "gates", sabot_rate=_trip_probability(shot))
         laboratory = replace(
             laboratory,
             stations={**laboratory.stations, Stage.IMPACT: station},
@@ -148,9 +148,9 @@ class Firing:
             motion=self.laboratory.setup.motion,
         )
 
-    def _played(self, asked: ShotPlan, shot: ShotConditions) -> RigOutput:
+    def _play(self, requested: ShotPlan, shot: ShotConditions) -> RigOutput:
         table, draws = action_table().consequences, self.laboratory.draws
-        tripping = float(draws.uniform("rehearsal.scrap", slots=asked.slot)[0]) + 0.5
+        tripping = float(draws.uniform("rehearsal.scrap", slots=requested.slot)[0]) + 0.5
         laboratory, plan = self.as_it_stands(shot)
         station: Any = laboratory.stations[Stage.IMPACT]
         if isinstance(station, FilmingStation):  # frames are made when they are viewed
@@ -158,48 +158,48 @@ class Firing:
             stations = {**laboratory.stations, Stage.IMPACT: station}
             laboratory = replace(laboratory, stations=stations)
         play = laboratory.play(Stage.IMPACT, plan)
-        records = {**play.records, "log": asked.log()}
+        records = {**play.records, "log": requested.log()}
         gates, encoder = records["gates"], records.get("encoder")
-        if tripping < _tripping(shot) and isinstance(gates, GateRecord):
+        if tripping < _trip_probability(shot) and isinstance(gates, GateRecord):
             times = gates.times.copy()
             times[:, 0, 0, 0] -= table.scrap_ahead / play.truth["speed"]
             records["gates"] = replace(gates, times=times)
         if isinstance(encoder, EncoderRecord):
-            records["encoder"] = self._counted(encoder, station.encoder, shot, asked)
+            records["encoder"] = self._add_rotation(encoder, station.encoder, shot, requested)
         return replace(play, records=records)
 
-    def _counted(
-        self, record: EncoderRecord, encoder: Any, shot: ShotConditions, asked: ShotPlan
+    def _add_rotation(
+        self, record: EncoderRecord, encoder: Any, shot: ShotConditions, plan: ShotPlan
     ) -> EncoderRecord:
         """Return the record of an encoder that was not zeroed, with a bat that was not at rest."""
         draws, turn = self.laboratory.draws, encoder.spec.counts_per_turn
         counts = record.counts
         if "wait-rest" not in shot.ready:
-            way = draws.normal("rehearsal.rest", slots=asked.slot)
-            rate = action_table().consequences.swing_left * np.where(way < 0, -1.0, 1.0)
+            sign = draws.normal("rehearsal.rest", slots=plan.slot)
+            rate = action_table().consequences.swing_left * np.where(sign < 0, -1.0, 1.0)
             counts = counts + np.round(rate[:, None] * turn / tau * record.times)
         if "zero-encoder" not in shot.ready:
-            left = draws.uniform("rehearsal.zero", slots=asked.slot) + 0.5
-            counts = counts + np.round(left * turn)[:, None]
+            zero = draws.uniform("rehearsal.zero", slots=plan.slot) + 0.5
+            counts = counts + np.round(zero * turn)[:, None]
         return record if counts is record.counts else replace(record, counts=counts)
 
 
-def _at_the_wall(laboratory: Laboratory, balls: int, first: int) -> RigOutput:
+def _fire_at_wall(laboratory: Laboratory, balls: int, first: int) -> RigOutput:
     """Fire the first balls of a lot at the wall, with hits numbered from `first`."""
     rules = laboratory.rules.spec
-    each = np.tile(rules.wall_speeds, rules.wall_hits)
-    ball = np.arange(balls).repeat(each.size)
+    speeds = np.tile(rules.wall_speeds, rules.wall_hits)
+    ball = np.arange(balls).repeat(speeds.size)
     plan = ShotPlan(
         slot=first + np.arange(ball.size),
         ball=ball,
-        speed=np.tile(each, balls),
+        speed=np.tile(speeds, balls),
         place=np.zeros(ball.shape),
         detail=laboratory.setup.detail,
     )
     return laboratory.play(Stage.BALLS, plan)
 
 
-def _tripping(shot: ShotConditions) -> float:
+def _trip_probability(shot: ShotConditions) -> float:
     """Return the probability that scrap trips the first gate ahead of the ball."""
     return 1 - (1 - action_table().consequences.scrap) ** shot.scrap
 
@@ -211,6 +211,6 @@ def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
     return laboratory.setup.faults.done(stage, plan, laboratory.specimen)[1]
 
 
-def altered(station: Station, part: str, **true: float) -> Station:
+def alter_instrument(station: Station, part: str, **true: float) -> Station:
     """Return a station with other true constants of the instrument `part`."""
     return fitted_with(station, part, instrument_of(station, part).with_true(**true))

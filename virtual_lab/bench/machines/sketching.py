@@ -45,73 +45,75 @@ def sketch_of(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
     [rad/s]) are blurred.
     """
     if shot not in firing.sketches:
-        firing.sketches[shot] = _sketched(firing, shot)
+        firing.sketches[shot] = _draw_sketch(firing, shot)
     return firing.sketches[shot]
 
 
-def _sketched(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
+def _draw_sketch(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
     truth = firing.shot(shot)[1].truth
     efficiency, across = (float(truth[name][0]) for name in ("collision_efficiency", "across"))
     met = bool(np.isfinite(efficiency))
-    seen = scene_of_shot(firing, shot)
-    struck = list(dict.fromkeys(seen[1].pieces.struck[1:].tolist() if seen else ()))
+    scene = scene_of_shot(firing, shot)
+    struck = list(dict.fromkeys(scene[1].pieces.struck[1:].tolist() if scene else ()))
     struck = struck or ["bat"] * met
     if not met:
         return {"struck": struck}
     straight = abs(across) < 0.008  # largest offset from the axis without visible deflection [m]
     side = "straight" if straight else "up" if across > 0 else "down"
-    way = "back" if truth["rebound_speed"][0] > 0 else "on"
-    rebound, turn = blurred(firing, shot, efficiency)
-    return {"struck": struck, "way": way, "side": side, "rebound": rebound, "turn": turn}
+    direction = "back" if truth["rebound_speed"][0] > 0 else "on"
+    rebound, turn = blur_rebound(firing, shot, efficiency)
+    return {"struck": struck, "way": direction, "side": side, "rebound": rebound, "turn": turn}
 
 
-def blurred(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[float, float]:
+def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[float, float]:
     """Return blurred values of e_A and of the rate of the bat [rad/s]."""
     draws = firing.laboratory.draws
-    day = draws.normal("rehearsal.sketch-day", 2)
-    own = draws.normal("rehearsal.sketch", 2, np.array([shot.shot]))[0]
+    day_draws = draws.normal("rehearsal.sketch-day", 2)
+    shot_draws = draws.normal("rehearsal.sketch", 2, np.array([shot.shot]))[0]
     # with standard deviations of a day and of a shot
-    off = 0.03 * day[0] + 0.03 * own[0]  # error of e_A
-    share = 0.1 * day[1] + 0.1 * own[1]  # relative error of the bat's rate
+    efficiency_error = 0.03 * day_draws[0] + 0.03 * shot_draws[0]  # error of e_A
+    rate_error = 0.1 * day_draws[1] + 0.1 * shot_draws[1]  # relative error of the bat's rate
     specimen, rules = firing.laboratory.specimen, firing.laboratory.rules.spec
     body = specimen.bat.body
     axis = body.length - rules.pivot_from_knob
     lever = axis - shot.place
     closing = rules.ball_speed + shot.turn_rate * lever
     blow = specimen.balls.spec.mass * closing * (1 + efficiency)
-    rate = blow * lever / beam_of(body).inertia(axis) * (1 + share)
-    return round(float(efficiency + off), 2), round(float(rate), 1)
+    rate = blow * lever / beam_of(body).inertia(axis) * (1 + rate_error)
+    return round(float(efficiency + efficiency_error), 2), round(float(rate), 1)
 
 
 def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, PlayedShots] | None:
     """Return the true scene of a shot at a bat at rest, None for other rigs or without a scene."""
-    laboratory, asked = firing.as_it_stands(shot)
+    laboratory, requested = firing.as_it_stands(shot)
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, RestingBatStation):
         return None
-    plan, specimen = laboratory.setup.faults.done(Stage.IMPACT, asked, laboratory.specimen)
+    plan, specimen = laboratory.setup.faults.done(Stage.IMPACT, requested, laboratory.specimen)
     fired = station.fly(plan, specimen, laboratory.draws)
-    more = fired.flown.kicks or not np.all(fired.flown.met) or np.any(fired.flown.late)
-    around = station.surroundings(specimen.balls.spec.radius)
-    scene = scene_of(fired.passage, fired.bat, around, 0.5 if more else FILM.after).alone(0)
+    long_motion = fired.flown.kicks or not np.all(fired.flown.met) or np.any(fired.flown.late)
+    surroundings = station.surroundings(specimen.balls.spec.radius)
+    scene = scene_of(
+        fired.passage, fired.bat, surroundings, 0.5 if long_motion else FILM.after
+    ).alone(0)
     played = play_events(scene)
     return None if played.refused[0] else (scene, played)
 
 
 def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
     """Return the true motion of a shot of a day, from 1, None without a scene."""
-    found = scene_of_shot(firing, firing.conditions(before_shot(day, shot)))
-    if found is None:
+    shot_scene = scene_of_shot(firing, firing.conditions(before_shot(day, shot)))
+    if shot_scene is None:
         return None
-    scene, played = found
+    scene, played = shot_scene
     contacts = played.pieces.time[1:]
     time = np.union1d(np.linspace(0.0, float(scene.duration), 200), contacts)
-    seen = played.at(scene, time).part(0)
+    positions = played.at(scene, time).part(0)
     return Motion(
         time=time - contacts[0] if contacts.size else time,
-        x=seen.x,
-        z=seen.z,
-        angle=seen.angle,
+        x=positions.x,
+        z=positions.z,
+        angle=positions.angle,
         words=contact_words(played.pieces.struck[1:].tolist()),
         true=True,
     )
@@ -165,11 +167,11 @@ def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
 
 def true_film(firing: Firing, day: Day, shot: int) -> bytes:
     """Return true frames of a shot of a day, from 1."""
-    laboratory, asked = firing.as_it_stands(firing.conditions(before_shot(day, shot)))
+    laboratory, requested = firing.as_it_stands(firing.conditions(before_shot(day, shot)))
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, FilmingStation):
         return b""
-    plan, specimen = laboratory.setup.faults.done(Stage.IMPACT, asked, laboratory.specimen)
+    plan, specimen = laboratory.setup.faults.done(Stage.IMPACT, requested, laboratory.specimen)
     return _strip(station.frames(plan, specimen, laboratory.draws, FRAMES))
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from virtual_lab.bench.day.actions import ARGUMENTS, typed_words
 from virtual_lab.bench.day.arguments import Argument
-from virtual_lab.bench.day.day import Day, DayEvent, offered, ready_steps
+from virtual_lab.bench.day.day import Day, DayEvent, is_offered, ready_steps
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.doubts import known_doubts
 from virtual_lab.bench.day.exam import Hall
@@ -20,7 +20,7 @@ from virtual_lab.bench.day.readings import rows_of
 from virtual_lab.bench.day.scenario import UNITS, Scenario
 from virtual_lab.bench.day.table import action_table, in_buttons, preparation
 from virtual_lab.bench.pages.papers import wall_pages
-from virtual_lab.bench.pages.slow_motion import Motion, SlowMotion, sketched, slow_motion
+from virtual_lab.bench.pages.slow_motion import Motion, SlowMotion, motion_of_sketch, slow_motion
 from virtual_lab.bench.pages.tally import in_units, residual_chart, run_chart, swings, tally
 from virtual_lab.bench.pages.traces import traces_of
 from virtual_lab.errors import InputError
@@ -47,7 +47,7 @@ class Refusal:
     sentence: str
     action: str = ""
     argument: str = ""  # name of the argument with a wrong value
-    given: Mapping[str, str] | None = None  # fields of the form, as typed
+    fields: Mapping[str, str] | None = None  # content of the form, as typed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +61,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HitShown:
+class PrintedHit:
     """One row of the table of hits, as printed."""
 
     shot: int
@@ -76,14 +76,14 @@ class HitShown:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EntryShown:
+class PrintedEntry:
     """One entry of the notebook, as printed."""
 
     number: int
     minute: str
     title: str
     struck: bool
-    given: str
+    entered: str
     readings: str
 
 
@@ -94,7 +94,7 @@ def day_page(
     refusal: Refusal | None = None,
     shot: int | None = None,
     true_motion: Motion | None = None,
-    others: Mapping[str, Scenario] = MappingProxyType({}),
+    scenarios_offered: Mapping[str, Scenario] = MappingProxyType({}),
 ) -> str:
     """Return the HTML page of the bench in the present state of a day.
 
@@ -108,30 +108,30 @@ def day_page(
         Number of the shot whose pictures are shown, from 1; the default is the last shot.
     true_motion
         The true motion of this shot, after the hand-in.
-    others
+    scenarios_offered
         Scenarios that the trainee may choose instead, by name.
     """
     day, table = desk.day, action_table()
     hits = _hits(desk, briefing)
     steps = _steps(desk)
     guided = briefing["guidance"] == "guided" and not day.handed_in
-    present = _present(desk, steps, hits) if guided and offered(day, "fire") else ""
-    refused = refusal or Refusal(sentence="")
-    focus = refused.action or present or _again(day.events)
+    present = _next_step(desk, steps, hits) if guided and is_offered(day, "fire") else ""
+    refusal_shown = refusal or Refusal(sentence="")
+    focus = refusal_shown.action or present or _last_control(day.events)
     sheets = table.actions.items()
-    shown = [name for name, each in sheets if each.part != "hits" and offered(day, name)]
-    suggested = _suggested(desk, briefing)
+    names = [name for name, each in sheets if each.part != "hits" and is_offered(day, name)]
+    suggested = _suggest_shot(desk, briefing)
     each_shot = (
         "load-ball",
         *ready_steps(day),
         "fire",
     )  # steps of the button that fires several balls
     return page_template(PACKAGE, "day.html").render(
-        **_shown(desk, briefing, hits, shot, true_motion),
+        **_display_variables(desk, briefing, hits, shot, true_motion),
         briefing=briefing,
-        others=others,
+        scenarios_offered=scenarios_offered,
         listed=briefing["guidance"] != "none",
-        refused=refused,
+        refused=refusal_shown,
         rules=desk.rules.spec,
         next_number=len(day.events) + 1,
         steps=steps,
@@ -144,19 +144,19 @@ def day_page(
         tally=tally(desk, briefing["units"]),
         run_chart=run_chart(desk, UNITS[briefing["units"]]),
         parts=[
-            (part, title, [name for name in shown if table.actions[name].part == part])
+            (part, title, [name for name in names if table.actions[name].part == part])
             for part, title in PARTS.items()
         ],
-        forms={name: _form(name, desk, refused, suggested) for name in table.actions},
-        done_of=_done_of(steps),
+        forms={name: _form(name, desk, refusal_shown, suggested) for name in table.actions},
+        done_of=_count_done(steps),
         hits=hits,
         undecided=[hit for hit in hits if hit.decision == "undecided"],
         waiting=desk.waiting,
-        held=_held(desk, briefing),
+        undecided_note=_undecided_note(desk, briefing),
         result=reduced.shown if (reduced := desk.last("reduce")) else (),
         hits_note=in_buttons(desk.missing),
         suggested=suggested,
-        can_fire=offered(day, "fire"),
+        can_fire=is_offered(day, "fire"),
         ready=[(table.actions[name].title, name in day.ready) for name in ready_steps(day)],
         each_shot=f"{sum(table.actions[name].minutes for name in each_shot) / 60:g}",
         doubts=_doubts(day),
@@ -173,19 +173,19 @@ def replay_page(day: Day, briefing: Mapping[str, Any], number: int) -> str:
         number=number,
         entries=entries,
         at=entries[number - 1] if number else None,
-        **_shown(desk, briefing, _hits(desk, briefing)),
+        **_display_variables(desk, briefing, _hits(desk, briefing)),
     )
 
 
-def _shown(
+def _display_variables(
     desk: Desk,
     briefing: Mapping[str, Any],
-    hits: list[HitShown],
+    hits: list[PrintedHit],
     shot: int | None = None,
     true_motion: Motion | None = None,
 ) -> dict[str, Any]:
     """Return the variables of the templates for the display and the pictures of a shot."""
-    day, shown = desk.day, min(shot or len(hits), len(hits))
+    day, number = desk.day, min(shot or len(hits), len(hits))
     fired = [event for event in day.events if event.action == "fire"]
     last = day.events[-1] if day.events else None
     return {
@@ -196,10 +196,10 @@ def _shown(
         "last": last,
         "typed": typed_words(last.action, last.arguments) if last else "",
         "last_hit": hits[-1] if last and last.action == "fire" else None,
-        "filmed": bool(briefing.get("camera") and shown and "rebound" in fired[shown - 1].sketch),
-        "traces": traces_of(shown, fired[shown - 1].records) if shown else None,
-        "motion": _motion(desk, shown, fired, true_motion) if shown else None,
-        "residual": residual_chart(desk, shown) if shown else "",
+        "filmed": bool(briefing.get("camera") and number and "rebound" in fired[number - 1].sketch),
+        "traces": traces_of(number, fired[number - 1].records) if number else None,
+        "motion": _motion(desk, number, fired, true_motion) if number else None,
+        "residual": residual_chart(desk, number) if number else "",
         "rows_now": [row for row in rows_of(desk) if last and row.entry == last.number],
         "swings_now": swings(desk) if last and last.action == "swing" else [],
         "place_set": _length(day.place, briefing) if day.place is not None else "",
@@ -226,7 +226,7 @@ def notebook_table(desk: Desk, briefing: Mapping[str, Any]) -> str:
     rows.writerow(["entry", "time_min", "action", "struck_out", "entered", "shown"])
     for each in _entries(desk.day, briefing):
         struck = "yes" if each.struck else "no"
-        cells = (each.number, each.minute, each.title, struck, each.given, each.readings)
+        cells = (each.number, each.minute, each.title, struck, each.entered, each.readings)
         rows.writerow([quote(cell) for cell in cells])
     return lines.getvalue()
 
@@ -258,19 +258,19 @@ def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
 def _steps(desk: Desk) -> list[Step]:
     day, sheets, rules = desk.day, action_table().actions, desk.rules.spec
     counted = sum(each.accepted for each in day.decisions.values())
-    content = bool(day.fired) and not desk.missing and desk.next_place is None
-    done = {name: desk.last(name) is not None for name in preparation()} | {
+    enough_hits = bool(day.fired) and not desk.missing and desk.next_place is None
+    is_done = {name: desk.last(name) is not None for name in preparation()} | {
         "set-place": day.place is not None,
-        "fire": content or day.reduced,
+        "fire": enough_hits or day.reduced,
         "reduce": day.reduced,
         "give-verdict": bool(day.verdict),
         "hand-in": day.handed_in,
     }
     each = " at each position" if rules.scan else ""
     steps, present = [], True
-    for name, over in done.items():
-        state = "done" if over else "now" if present else "to come"
-        present = present and over
+    for name, finished in is_done.items():
+        state = "done" if finished else "now" if present else "to come"
+        present = present and finished
         hits = f"Fire until {rules.valid_hits} hits count{each} ({counted} so far)"
         title = hits if name == "fire" else sheets[name].title
         steps.append(Step(name=name, title=title, state=state, part=sheets[name].part))
@@ -283,7 +283,7 @@ def _doubts(day: Day) -> list[str]:
     return [titles[name] for name in dict.fromkeys([*day.listed, *titles])]
 
 
-def _last_undecided(desk: Desk, hits: list[HitShown]) -> bool:
+def _last_undecided(desk: Desk, hits: list[PrintedHit]) -> bool:
     """Return True if the last action was a shot that can be accepted or rejected now."""
     events, day = desk.day.events, desk.day
     fired = bool(events) and events[-1].action == "fire" and bool(hits)
@@ -297,7 +297,7 @@ def wall_page(desk: Desk, briefing: Mapping[str, Any], name: str) -> str:
     )
 
 
-def _present(desk: Desk, steps: list[Step], hits: list[HitShown]) -> str:
+def _next_step(desk: Desk, steps: list[Step], hits: list[PrintedHit]) -> str:
     """Return the next step of the procedure: an action, or ``decide-N`` for an undecided hit."""
     for hit in hits:
         if hit.decision == "undecided" and not desk.missing and not desk.day.reduced:
@@ -308,7 +308,7 @@ def _present(desk: Desk, steps: list[Step], hits: list[HitShown]) -> str:
     return "set-place" if not desk.missing and desk.rule_off else "fire-shots"
 
 
-def _again(events: tuple[DayEvent, ...]) -> str:
+def _last_control(events: tuple[DayEvent, ...]) -> str:
     """Return the control that gets the focus: the one that the last action came from."""
     if not events:
         return ""
@@ -321,23 +321,23 @@ def _again(events: tuple[DayEvent, ...]) -> str:
 def _part_of(focus: str) -> str:
     if focus.startswith("decide-") or focus == "accept-within":
         return "hits"
-    known = action_table().actions
-    return known[focus].part if focus in known else "rig"
+    sheets = action_table().actions
+    return sheets[focus].part if focus in sheets else "rig"
 
 
-def _done_of(steps: list[Step]) -> dict[str, str]:
+def _count_done(steps: list[Step]) -> dict[str, str]:
     """Return the number of finished steps in each part of the page, as printed."""
-    found = {}
+    counts = {}
     for part in PARTS:
-        own = [step for step in steps if step.part == part]
-        done = sum(step.state == "done" for step in own)
-        found[part] = f"{done} of {len(own)} steps done" if own else ""
-    return found
+        part_steps = [step for step in steps if step.part == part]
+        count = sum(step.state == "done" for step in part_steps)
+        counts[part] = f"{count} of {len(part_steps)} steps done" if part_steps else ""
+    return counts
 
 
 def _form(name: str, desk: Desk, refused: Refusal, suggested: Mapping[str, str]) -> dict[str, Any]:
     sheet = action_table().actions[name]
-    typed = refused.given or {} if refused.action == name else {}
+    typed = refused.fields or {} if refused.action == name else {}
     return {
         "name": name,
         "title": sheet.title,
@@ -359,7 +359,7 @@ def _default(argument: Argument, action: str, suggested: Mapping[str, str]) -> s
     return f"{argument.default:g}" if isinstance(argument.default, float) else str(argument.default)
 
 
-def _suggested(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
+def _suggest_shot(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
     """Return the next impact position and ball, as printed; empty if they are not known yet."""
     if desk.missing:
         return {"place": "", "ball": ""}
@@ -370,23 +370,23 @@ def _suggested(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def _held(desk: Desk, briefing: Mapping[str, Any]) -> str:
+def _undecided_note(desk: Desk, briefing: Mapping[str, Any]) -> str:
     """Return a sentence if undecided hits keep the rules at one position; empty otherwise."""
     if not desk.waiting or desk.next_place is None:
         return ""
-    following = desk.with_waiting_accepted.next_place
-    if following == desk.next_place:
+    following_position = desk.with_waiting_accepted.next_place
+    if following_position == desk.next_place:
         return ""
     unit = _units(briefing)[0]
     count = f"{len(desk.waiting)} undecided hit{'s' if len(desk.waiting) > 1 else ''}"
     position = f"{_length(desk.next_place, briefing)} {unit}"
-    if following is None:
-        then = "no further hit is needed"
+    if following_position is None:
+        consequence = "no further hit is needed"
     else:
-        then = f"the next impact position is {_length(following, briefing)} {unit}"
+        consequence = f"the next impact position is {_length(following_position, briefing)} {unit}"
     return (
         f"Undecided hits do not count, so the rules still ask for hits at {position}. "
-        f"If you accept the {count} within the windows, {then}."
+        f"If you accept the {count} within the windows, {consequence}."
     )
 
 
@@ -401,7 +401,7 @@ def _length(metres: float, briefing: Mapping[str, Any]) -> str:
     return f"{metres / metre:.{3 if unit == 'in' else 1}f}"
 
 
-def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[HitShown]:
+def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[PrintedHit]:
     (length, metre), (_, metre_a_second) = UNITS[briefing["units"]]
     whole, metric = not desk.missing, METRICS[desk.rules.spec.metric]
 
@@ -409,7 +409,7 @@ def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[HitShown]:
         return f"{value / unit:.{places}f}" if value is not None else "not seen" if whole else "–"
 
     return [
-        HitShown(
+        PrintedHit(
             shot=shot,
             ball=hit.ball,
             place=number(hit.place, metre, 3 if length == "in" else 1),
@@ -426,26 +426,24 @@ def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[HitShown]:
     ]
 
 
-def _motion(
-    desk: Desk, shown: int, fired: list[DayEvent], true_motion: Motion | None
-) -> SlowMotion:
-    event, rules = fired[shown - 1], desk.rules.spec
+def _motion(desk: Desk, shot: int, fired: list[DayEvent], true_motion: Motion | None) -> SlowMotion:
+    event, rules = fired[shot - 1], desk.rules.spec
     place = float(event.records["log"]["place"][0])
-    return slow_motion(shown, true_motion or sketched(event, rules, place), desk.day, rules)
+    return slow_motion(shot, true_motion or motion_of_sketch(event, rules, place), desk.day, rules)
 
 
-def _entries(day: Day, briefing: Mapping[str, Any]) -> list[EntryShown]:
+def _entries(day: Day, briefing: Mapping[str, Any]) -> list[PrintedEntry]:
     sheets = action_table().actions
     minutes = accumulate(event.seconds / 60 for event in day.events)
     return [
-        EntryShown(
+        PrintedEntry(
             number=event.number,
             minute=f"{at:.1f}",
             title=sheets[event.action].title,
             struck=event.number in day.struck,
-            given=in_units(typed_words(event.action, event.arguments), briefing["units"]),
+            entered=in_units(typed_words(event.action, event.arguments), briefing["units"]),
             readings=", ".join(
-                f"{what} {value} {unit}".rstrip() for what, value, unit in event.shown
+                f"{quantity} {value} {unit}".rstrip() for quantity, value, unit in event.shown
             ),
         )
         for event, at in zip(day.events, minutes, strict=True)

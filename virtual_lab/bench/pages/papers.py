@@ -28,7 +28,7 @@ def wall() -> Mapping[str, Any]:
     return catalog.sheet("bench", "wall")[0]
 
 
-class RuleShown(NamedTuple):
+class PrintedRule(NamedTuple):
     """One rule, as printed."""
 
     what: str
@@ -36,7 +36,7 @@ class RuleShown(NamedTuple):
     note: str
 
 
-class ConstantShown(NamedTuple):
+class PrintedConstant(NamedTuple):
     """One constant of a certificate, as printed."""
 
     what: str
@@ -46,39 +46,39 @@ class ConstantShown(NamedTuple):
     today: str  # value that was measured on the day and is used instead; empty if there is none
 
 
-class InstrumentShown(NamedTuple):
+class PrintedInstrument(NamedTuple):
     """An instrument with its certificate."""
 
     name: str
     sheet: str  # title of its data sheet
     due: str
-    constants: list[ConstantShown]
+    constants: list[PrintedConstant]
 
 
-def rules_of(desk: Desk) -> list[RuleShown]:
+def rules_of(desk: Desk) -> list[PrintedRule]:
     """Return the rules of the day, numbers in the units of the rule book with SI beside them."""
     words = wall()["rules"]
     order = {key: place for place, key in enumerate(words)}
     return [
-        RuleShown(words.get(each.key, _words(each.key)), _quantity(each), each.note)
+        PrintedRule(words.get(each.key, _words(each.key)), _quantity(each), each.note)
         for each in sorted(desk.rules.sheet, key=lambda each: order.get(each.key, len(order)))
     ]
 
 
-def instruments_of(desk: Desk) -> Iterator[InstrumentShown]:
+def instruments_of(desk: Desk) -> Iterator[PrintedInstrument]:
     """Yield the instruments of the day with their certificates."""
     morning, session = desk.day.morning, desk.session
-    groups: dict[tuple[str, str], list[ConstantShown]] = {}
-    for key, known in morning.calibration.items():
-        room, part, *rest = key.split(".")
-        part = "lot" if room == "ball" else part
-        now = session.calibration.get(key, known)
-        shown = _constant(key, ".".join(rest) or key.rpartition(".")[2], known, now)
-        groups.setdefault((room, part), []).append(shown)
-    for (room, part), constants in groups.items():
-        yield InstrumentShown(
-            name=f"{wall()['rooms'].get(room, room)}: {wall()['parts'].get(part, part).lower()}",
-            sheet=_sheet(morning.rigs.get(room, ""), part),
+    groups: dict[tuple[str, str], list[PrintedConstant]] = {}
+    for key, stated in morning.calibration.items():
+        rig, part, *rest = key.split(".")
+        part = "lot" if rig == "ball" else part
+        current = session.calibration.get(key, stated)
+        constant = _constant(key, ".".join(rest) or key.rpartition(".")[2], stated, current)
+        groups.setdefault((rig, part), []).append(constant)
+    for (rig, part), constants in groups.items():
+        yield PrintedInstrument(
+            name=f"{wall()['rooms'].get(rig, rig)}: {wall()['parts'].get(part, part).lower()}",
+            sheet=_sheet(morning.rigs.get(rig, ""), part),
             due=f"{morning.date[:4]}-12-31",  # certificates hold for a calendar year
             constants=constants,
         )
@@ -93,16 +93,16 @@ def prices(day: Day) -> list[tuple[str, str, str]]:
     ]
 
 
-def _constant(key: str, name: str, known: Estimate, now: Estimate) -> ConstantShown:
-    unit, factor, off = _printed_unit(key)
-    value, u = (known.value - off) * factor, known.u * factor
+def _constant(key: str, name: str, stated: Estimate, current: Estimate) -> PrintedConstant:
+    unit, factor, zero = _printed_unit(key)
+    value, u = (stated.value - zero) * factor, stated.u * factor
     places = decimals(u) if u else 6
     text = f"{value:.{places}f}" if u else f"{value:g}"
-    changed = f"{(now.value - off) * factor:.{places}f}" if now != known else ""
+    changed = f"{(current.value - zero) * factor:.{places}f}" if current != stated else ""
     if numbered := re.fullmatch(r"(\w+)_(\d+)", name):
         name = f"gate {int(numbered[2]) + 1}, {numbered[1]}"
     name = wall()["names"].get(name, name)
-    return ConstantShown(_words(name), text, digits(u) if u else "–", unit, changed)
+    return PrintedConstant(_words(name), text, digits(u) if u else "–", unit, changed)
 
 
 def _printed_unit(key: str) -> tuple[str, float, float]:
@@ -131,26 +131,26 @@ def _quantity(datum: catalog.Datum) -> str:
     """Return a number of a data sheet as printed: in the unit of the sheet, then in SI."""
     numbers = datum.value if isinstance(datum.value, list) else [datum.value]
 
-    def printed(unit: str, factor: float, form: str) -> str:
+    def format_numbers(unit: str, factor: float, form: str) -> str:
         words = ", ".join(format(float(each) * factor, form) for each in numbers)
         return f"{words} {unit if unit != '1' else ''}".strip().replace("^2", "²")
 
     for dimension, units in DIMENSIONS.items():
         si = wall()["units"].get(dimension, datum.unit)
         if datum.unit in units and si != datum.unit:
-            beside = printed(si, units[datum.unit] / units[si], ".4g")
-            return f"{printed(datum.unit, 1.0, '.6g')} ({beside})"
-    return printed(datum.unit, 1.0, ".6g")
+            beside = format_numbers(si, units[datum.unit] / units[si], ".4g")
+            return f"{format_numbers(datum.unit, 1.0, '.6g')} ({beside})"
+    return format_numbers(datum.unit, 1.0, ".6g")
 
 
 def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
     """Return title, rate in percent, and remedy of each fault that a scenario lists."""
-    sheets, found = action_table().actions, []
+    sheets, rows = action_table().actions, []
     for name, rate in listed.items():
         remedy = remedy_of(name)
         cure = f"“{sheets[remedy[0]].title}”" if remedy else "none: the test is INVALID"
-        found.append((fault_sheets()[name].title, f"{100 * rate:g}", cure))
-    return found
+        rows.append((fault_sheets()[name].title, f"{100 * rate:g}", cure))
+    return rows
 
 
 def wall_pages(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:

@@ -73,7 +73,7 @@ class SlowMotion:
     ball: float = FILM.ball
 
 
-def sketched(event: DayEvent, rules: Procedure, place: float) -> Motion:
+def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
     """Return the motion that the sketch of a shot shows; `place` is in m from the tip."""
     sketch = event.sketch
     touching = -FILM.barrel - FILM.ball / 1e3
@@ -106,7 +106,7 @@ def clear_rebound(sketch: Mapping[str, Any]) -> float:
     return max(rebound, least) if sketch["way"] == "back" else min(rebound, -least)
 
 
-def contact_words(struck: Sequence[str], way: str = "", side: str = "straight") -> str:
+def contact_words(struck: Sequence[str], direction: str = "", side: str = "straight") -> str:
     """Return the events of a shot as a sentence."""
     words = {
         "bat": "the ball hits the bat",
@@ -116,7 +116,7 @@ def contact_words(struck: Sequence[str], way: str = "", side: str = "straight") 
     }
     aside = {"straight": "", "up": " upward", "down": " downward"}[side]
     ends = {"back": f"the ball rebounds{aside}", "on": "the ball does not rebound"}
-    text = "; ".join([*(words[each] for each in struck), *([ends[way]] if way else [])])
+    text = "; ".join([*(words[each] for each in struck), *([ends[direction]] if direction else [])])
     return f"{text[0].upper()}{text[1:]}." if text else "No ball reached the bat."
 
 
@@ -124,13 +124,13 @@ def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMo
     """Return the numbers that a page draws of a motion."""
     z, diameter = _outline(day.morning.bat)
     axis = z[-1] - rules.pivot_from_knob * 1e3
-    right = [f"{d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]
-    left = [f"{-d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]
+    upper = [f"{d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]
+    lower = [f"{-d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]
     touching = -1e3 * FILM.barrel - FILM.ball
-    known = day.morning.calibration
+    calibration = day.morning.calibration
     gates: list[tuple[int, float]] = []
-    while (name := f"impact.gates.distance_{len(gates)}") in known:
-        gates.append((len(gates) + 1, float(round(touching - known[name].value * 1e3))))
+    while (name := f"impact.gates.distance_{len(gates)}") in calibration:
+        gates.append((len(gates) + 1, float(round(touching - calibration[name].value * 1e3))))
     angle = np.round(np.degrees(motion.angle), 1)
     times = np.round(motion.time * 1e3, 1)
     rows = list(zip(times, _mm(motion.x), _mm(motion.z), angle, strict=True))
@@ -143,7 +143,7 @@ def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMo
         words=motion.words,
         true=motion.true,
         axis=float(axis),
-        bat=" ".join(right + left[::-1]),
+        bat=" ".join(upper + lower[::-1]),
         gates=tuple(each for each in gates if each[1] > FILM.left),
         coming=tuple(place for before, place in ball if before),
         going=tuple(place for before, place in ball if not before),

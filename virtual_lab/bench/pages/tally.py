@@ -58,13 +58,13 @@ def swings(desk: Desk) -> list[PrintedColumn]:
 def in_units(sentence: str, system: str) -> str:
     """Return a sentence of the procedure with its inches and mph converted to a system of units."""
 
-    def printed(found: re.Match[str]) -> str:
-        unit, factor, places = ("m/s", MPH, 2) if found[4] == "mph" else ("mm", 1e3 * INCH, 1)
-        numbers = [f"{factor * float(each):.{places}f}" for each in (found[1], found[3]) if each]
-        return f"{(found[2] or '').join(numbers)} {unit}"
+    def convert(match: re.Match[str]) -> str:
+        unit, factor, places = ("m/s", MPH, 2) if match[4] == "mph" else ("mm", 1e3 * INCH, 1)
+        numbers = [f"{factor * float(each):.{places}f}" for each in (match[1], match[3]) if each]
+        return f"{(match[2] or '').join(numbers)} {unit}"
 
     pattern = r"(-?[\d.]+)(?:( ± | to )([\d.]+))? (mph|in)\b"
-    return re.sub(pattern, printed, sentence) if system == "SI" else sentence
+    return re.sub(pattern, convert, sentence) if system == "SI" else sentence
 
 
 def tally(desk: Desk, system: str) -> list[PrintedColumn]:
@@ -72,8 +72,8 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
     if not desk.day.fired or desk.missing:
         return []
     (length, metre), (speed, metre_a_second) = UNITS[system]
-    found, impact = desk.by_rules, desk.session.records["impact"]
-    way_in, back, chords = _seen(impact["gates"], len(desk.day.fired))
+    reduction, impact = desk.by_rules, desk.session.records["impact"]
+    incoming, back, chords = _gate_texts(impact["gates"], len(desk.day.fired))
     place = ".3f" if metre > 0.01 else ".1f"
     log: Any = impact["log"]
 
@@ -82,39 +82,41 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
         printed_column("Ball", np.array([ball + 1.0 for ball, _ in desk.day.fired]), ".0f"),
         printed_column(f"Position set [{length}]", log.place / metre, place),
         printed_column(
-            f"Position corrected by the aim paper [{length}]", found.readings.place / metre, place
+            f"Position corrected by the aim paper [{length}]",
+            reduction.readings.place / metre,
+            place,
         ),
-        printed_column(f"Speed [{speed}]", found.shots.speed / metre_a_second, ".2f"),
-        PrintedColumn("Gates, incoming", way_in, words=True),
+        printed_column(f"Speed [{speed}]", reduction.shots.speed / metre_a_second, ".2f"),
+        PrintedColumn("Gates, incoming", incoming, words=True),
         PrintedColumn("Gates, rebound", back, words=True),
         printed_column("Blocking time, first gate / last gate", chords, ".4f"),
-        printed_column("e_A by rebound", found.shots.rebound_efficiency, ".4f"),
+        printed_column("e_A by rebound", reduction.shots.rebound_efficiency, ".4f"),
     ]
-    if turning := found.readings.recoil:
+    if turning := reduction.readings.recoil:
         turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / (2 * np.pi)
         columns += [
-            printed_column("e_A by recoil", found.shots.recoil_efficiency, ".4f"),
+            printed_column("e_A by recoil", reduction.shots.recoil_efficiency, ".4f"),
             printed_column("Residual [counts]", turning.residual, ".3f"),
             printed_column("Angular rate before the hit [rad/s]", turning.before / turn, "+z.3f"),
         ]
     return columns
 
 
-def _seen(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
+def _gate_texts(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
     """Return the gates that missed the ball, incoming and rebound, and the ratios of `tally`."""
     if not isinstance(record, GateRecord | BoardRecord):
         return ["–"] * shots, ["–"] * shots, np.full(shots, np.nan)
-    seen = np.asarray(np.isfinite(gate_edges(record)).all(axis=-1))
+    complete = np.asarray(np.isfinite(gate_edges(record)).all(axis=-1))
 
-    def words(one: Any) -> str:
-        missed = [str(gate + 1) for gate in np.flatnonzero(~one)]
+    def words(gates: Any) -> str:
+        missed = [str(gate + 1) for gate in np.flatnonzero(~gates)]
         return "all" if not missed else f"missed gate {', '.join(missed)}"
 
-    long = beam_passages(record)
+    passages = beam_passages(record)
     return (
-        [words(each) for each in seen[:, 0]],
-        [words(each) for each in seen[:, 1]],
-        np.asarray(long[:, 0] / long[:, -1]),
+        [words(each) for each in complete[:, 0]],
+        [words(each) for each in complete[:, 1]],
+        np.asarray(passages[:, 0] / passages[:, -1]),
     )
 
 
@@ -123,13 +125,16 @@ def run_chart(desk: Desk, units: Units) -> str:
     if len(desk.day.fired) < 2 or desk.missing:
         return ""
     (_, _), (unit, metre_a_second) = units
-    found, rules = desk.by_rules, desk.rules.spec
+    reduction, rules = desk.by_rules, desk.rules.spec
     number = np.arange(1.0, len(desk.day.fired) + 1)
     sides = {"left": 46.0, "right": 490.0, "x": (0.5, number[-1] + 0.5)}
-    speed = found.shots.speed / metre_a_second
-    asked, reach = rules.ball_speed / metre_a_second, rules.windows.speed_tolerance / metre_a_second
-    first = _chart(number, speed, asked, reach, 28.0, f"speed [{unit}]", sides)
-    efficiency = found.shots.collision_efficiency
+    speed = reduction.shots.speed / metre_a_second
+    nominal, tolerance = (
+        rules.ball_speed / metre_a_second,
+        rules.windows.speed_tolerance / metre_a_second,
+    )
+    first = _chart(number, speed, nominal, tolerance, 28.0, f"speed [{unit}]", sides)
+    efficiency = reduction.shots.collision_efficiency
     sound = efficiency[np.array([not why for why in desk.reasons]) & np.isfinite(efficiency)]
     mean = float(np.mean(sound)) if sound.size else float("nan")
     spread = 3 * float(np.std(sound, ddof=1)) if sound.size > 1 else float("nan")
@@ -138,32 +143,46 @@ def run_chart(desk: Desk, units: Units) -> str:
         words = "e_A"
         panels.append(_chart(number, efficiency, mean, spread, 148.0, words, sides))
     panels[-1].x_label = "shot"
-    drawn = figure(
+    chart = figure(
         panels,
         panels[-1].bottom + 34.0,
         "run-chart",
         "Run chart of the shots",
         "The numbers are in the table of instrument readings.",
     )
-    return drawn.replace('font-size="8"', 'font-size="9.5"')
+    return chart.replace('font-size="8"', 'font-size="9.5"')
 
 
 def _chart(
-    number: Array, values: Array, middle: float, reach: float, top: float, title: str, sides: Any
+    number: Array,
+    values: Array,
+    middle: float,
+    tolerance: float,
+    top: float,
+    title: str,
+    sides: Any,
 ) -> Panel:
     limits = (
         "mean ± 3 standard deviations of the hits within the windows"
         if title == "e_A"
         else "acceptance window"
     )
-    seen = np.isfinite(values)
-    far = max(1.6 * reach, float(np.max(np.abs(values[seen] - middle), initial=0.0)) * 1.1)
-    panel = Panel(**sides, top=top, bottom=top + 78.0, y=(middle - far, middle + far), title=title)
-    panel.band(middle - reach, middle + reach, limits)
+    finite = np.isfinite(values)
+    half_height = max(
+        1.6 * tolerance, float(np.max(np.abs(values[finite] - middle), initial=0.0)) * 1.1
+    )
+    panel = Panel(
+        **sides,
+        top=top,
+        bottom=top + 78.0,
+        y=(middle - half_height, middle + half_height),
+        title=title,
+    )
+    panel.band(middle - tolerance, middle + tolerance, limits)
     panel.level(middle, width=0.7, dashes="5 2.5")
-    panel.dots(list(number[seen]), list(values[seen]))
-    missing = list(number[~seen])
-    panel.dots(missing, [middle - 0.95 * far] * len(missing), cross=True)
+    panel.dots(list(number[finite]), list(values[finite]))
+    missing = list(number[~finite])
+    panel.dots(missing, [middle - 0.95 * half_height] * len(missing), cross=True)
     return panel
 
 
@@ -174,32 +193,32 @@ def residual_chart(desk: Desk, shot: int) -> str:
         return ""
     from virtual_lab.measurement.reduction.recoil import RECOIL, project, turn_and_rings
 
-    found = desk.by_rules.readings
-    fit = found.recoil
+    readings = desk.by_rules.readings
+    fit = readings.recoil
     if fit is None or not np.isfinite(fit.span[shot - 1]):
         return ""
-    after = record.times - found.flights.raw.contact[shot - 1]
+    after = record.times - readings.flights.raw.contact[shot - 1]
     span = float(fit.span[shot - 1])
-    chosen = (after > RECOIL.settling_time) & (after <= RECOIL.settling_time + span)
-    clock, counts = record.times[chosen], record.counts[shot - 1, chosen]
+    fitted = (after > RECOIL.settling_time) & (after <= RECOIL.settling_time + span)
+    clock, counts = record.times[fitted], record.counts[shot - 1, fitted]
     if clock.size < 40:
         return ""
     rings = span * np.stack([fit.ring_frequency, fit.ring_decay], axis=1)
-    left = project(turn_and_rings((clock - clock[0]) / span, rings), counts)[1]
-    some = np.unique(np.linspace(0, clock.size - 1, 400).astype(int))
-    reach = max(1.5, 1.1 * float(np.abs(left).max()))
+    residual = project(turn_and_rings((clock - clock[0]) / span, rings), counts)[1]
+    sample = np.unique(np.linspace(0, clock.size - 1, 400).astype(int))
+    half_height = max(1.5, 1.1 * float(np.abs(residual).max()))
     panel = Panel(
         left=46.0,
         right=490.0,
         top=28.0,
         bottom=108.0,
         x=(float(1e3 * clock[0]), float(1e3 * clock[-1])),
-        y=(-reach, reach),
+        y=(-half_height, half_height),
         title="residual of the encoder fit [counts]",
         x_label="time after the trigger [ms]",
     )
     panel.band(-0.5, 0.5, "± 0.5 counts: rounding to whole counts")
-    panel.line(list(1e3 * clock[some]), list(left[some]), width=0.8)
-    words = f"{float(np.sqrt(np.mean(left**2))):.2f} counts rms; rounding alone gives 0.29"
-    drawn = figure([panel], 142.0, "residual", f"Residual of the encoder fit, shot {shot}", words)
-    return drawn.replace('font-size="8"', 'font-size="9.5"')
+    panel.line(list(1e3 * clock[sample]), list(residual[sample]), width=0.8)
+    words = f"{float(np.sqrt(np.mean(residual**2))):.2f} counts rms; rounding alone gives 0.29"
+    chart = figure([panel], 142.0, "residual", f"Residual of the encoder fit, shot {shot}", words)
+    return chart.replace('font-size="8"', 'font-size="9.5"')

@@ -47,15 +47,15 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
     if encoder and encoder["kind"] == "encoder":
         times = np.array(encoder["times"], dtype=float) * 1e3
         counts = np.array(encoder["counts"][0], dtype=float)
-    seen = edges[np.isfinite(edges)]
-    last = float(max([*seen * 1.05, *times[-1:], 1.0]))
-    first = float(min([*seen * 1.05, 0.0]))  # scraps may break a gate before the trigger
+    finite = edges[np.isfinite(edges)]
+    last = float(max([*finite * 1.05, *times[-1:], 1.0]))
+    first = float(min([*finite * 1.05, 0.0]))  # scraps may break a gate before the trigger
     gates = edges.shape[1]
     bottom = 40.0 + 30.0 * gates
     panels = [_gate_panel(edges, (first, last), bottom)]
     if times.size:
-        some = np.unique(np.linspace(0, times.size - 1, 240).astype(int))
-        times, counts = times[some], counts[some]
+        sample = np.unique(np.linspace(0, times.size - 1, 240).astype(int))
+        times, counts = times[sample], counts[sample]
         panels.append(_encoder_panel(times, counts, (first, last), bottom + 52.0))
     panels[-1].x_label = "time after the trigger [ms]"
     data = {
@@ -67,7 +67,7 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
         "times": [round(float(t), 2) for t in times],
         "counts": [int(c) for c in counts],
     }
-    few = np.unique(np.linspace(0, times.size - 1, min(26, times.size)).astype(int))
+    rows = np.unique(np.linspace(0, times.size - 1, min(26, times.size)).astype(int))
     missing = int((~np.isfinite(edges[:, :, 0])).sum())
     return Traces(
         shot=shot,
@@ -77,11 +77,11 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
         first=round(first, 1),
         last=round(last, 1),
         passings=tuple(
-            Passing(way, gate + 1, *(_ms(t) for t in edges[number, gate]))
-            for number, way in enumerate(("incoming", "rebound"))
+            Passing(direction, gate + 1, *(_ms(t) for t in edges[number, gate]))
+            for number, direction in enumerate(("incoming", "rebound"))
             for gate in range(gates)
         ),
-        samples=tuple((f"{times[at]:.1f}", int(counts[at])) for at in few),
+        samples=tuple((f"{times[at]:.1f}", int(counts[at])) for at in rows),
         summary=_summary(gates, missing, counts),
     )
 

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.bench.day.actions import ARGUMENTS, OWN_RESULTS, Action
+from virtual_lab.bench.day.actions import ARGUMENTS, RESULT_QUANTITIES, Action
 from virtual_lab.bench.day.day import Decision
-from virtual_lab.bench.day.desk import Desk, OwnResult
+from virtual_lab.bench.day.desk import Desk, EnteredResult
 from virtual_lab.bench.day.protocol import left_out
 from virtual_lab.bench.day.table import (
     action_table,
 )
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.keeping import played
+from virtual_lab.bench.machines.stored_day import play_actions
 from virtual_lab.errors import InputError
 
 SLIPS = {  # argument: reason why its default is right
@@ -39,61 +39,87 @@ class CostlyDecision:
     word: str  # cost, luck, or no result
 
 
-def costly(
-    apparatus: Apparatus, desk: Desk, truth: float | None, own: tuple[OwnResult, ...], odd: set[int]
+def costly_decisions(
+    apparatus: Apparatus,
+    desk: Desk,
+    truth: float | None,
+    results: tuple[EnteredResult, ...],
+    justified: set[int],
 ) -> tuple[CostlyDecision, ...]:
-    """Return the most costly decisions, each corrected alone. `odd` hits were rightly rejected."""
-    found: list[CostlyDecision] = []
+    """Return up to three decisions with the largest effect on the error of the result.
+
+    Each decision is corrected alone, and the day is replayed. Shots in `justified`, from 0, were
+    rejected for a good reason and are left as they are. Without a decision that changed the error
+    the result is empty.
+    """
+    decisions: list[CostlyDecision] = []
     value = desk.result[0] if desk.result else None
     entered = desk.last("enter-result")
-    for each in own:
-        if OWN_RESULTS[each.name] == desk.rules.spec.metric and value is not None and entered:
-            found += _cost(entered.number, f"entered {each.name}", each.entered, value, truth, 0.0)
-    for entry, what, actions, by_windows in islice(_mended(desk, odd), 12):
+    for result in results:
+        if (
+            RESULT_QUANTITIES[result.name] == desk.rules.spec.metric
+            and value is not None
+            and entered
+        ):
+            decisions += _cost(
+                entered.number, f"entered {result.name}", result.entered, value, truth, 0.0
+            )
+    for entry, description, actions, by_windows in islice(_corrected_days(desk, justified), 12):
         try:
-            mended = played_again(apparatus, actions, by_windows)
+            corrected = replay_day(apparatus, actions, by_windows)
         except InputError:
             continue
-        other = mended.result[0] if mended.result else None
-        u = _scatter(desk, mended) if value is not None and other is not None else 0.0
-        found += _cost(entry, what, value, other, truth, u)
-    found.sort(key=lambda each: -(abs(each.cost) if each.cost is not None else np.inf))
-    return tuple(found[:3])
+        corrected_value = corrected.result[0] if corrected.result else None
+        u = _scatter(desk, corrected) if value is not None and corrected_value is not None else 0.0
+        decisions += _cost(entry, description, value, corrected_value, truth, u)
+    decisions.sort(key=lambda result: -(abs(result.cost) if result.cost is not None else np.inf))
+    return tuple(decisions[:3])
 
 
 def _cost(
-    entry: int, what: str, value: float | None, other: float | None, truth: float | None, u: float
+    entry: int,
+    description: str,
+    value: float | None,
+    corrected_value: float | None,
+    truth: float | None,
+    u: float,
 ) -> Iterator[CostlyDecision]:
-    """Yield the cost of a decision that gave `value` instead of `other`, if there is one."""
-    if value is None and other is None:
+    """Yield the effect of a decision that gave `value` instead of `corrected_value`, if any."""
+    if value is None and corrected_value is None:
         return
-    if value is None or other is None or truth is None:
+    if value is None or corrected_value is None or truth is None:
         word = (
-            "without it there is no result" if other is None else "because of it there is no result"
+            "without it there is no result"
+            if corrected_value is None
+            else "because of it there is no result"
         )
-        yield CostlyDecision(entry=entry, what=what, cost=None, u=0.0, word=word)
+        yield CostlyDecision(entry=entry, what=description, cost=None, u=0.0, word=word)
         return
-    cost = abs(value - truth) - abs(other - truth)
+    cost = abs(value - truth) - abs(corrected_value - truth)
     if abs(cost) >= 1e-9:
         word = "cost" if cost > 0 else "luck: the mistake moved the result closer to the truth"
-        yield CostlyDecision(entry=entry, what=what, cost=cost, u=u, word=word)
+        yield CostlyDecision(entry=entry, what=description, cost=cost, u=u, word=word)
 
 
-def _scatter(one: Desk, other: Desk) -> float:
+def _scatter(day: Desk, corrected: Desk) -> float:
     """Return the standard uncertainty of the difference of two results from different hits."""
-    first, second = (desk.reduced for desk in (one, other))
-    differ = first.outcome.weights - second.outcome.weights
+    first, second = (desk.reduced for desk in (day, corrected))
+    weights = first.outcome.weights - second.outcome.weights
     metric = first.shot_metric[first.judgement.valid]
-    if metric.size < 2 or not np.isfinite(differ).all():
+    if metric.size < 2 or not np.isfinite(weights).all():
         return 0.0
-    return float(np.std(metric, ddof=1)) * sqrt(float(np.sum(differ**2)))
+    return float(np.std(metric, ddof=1)) * sqrt(float(np.sum(weights**2)))
 
 
-def played_again(apparatus: Apparatus, actions: list[Action], by_windows: set[int]) -> Desk:
-    """Return the desk of a day with other actions; hits `by_windows` are decided by the windows."""
+def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]) -> Desk:
+    """Return the desk of a day with other actions, before its result.
+
+    The shots in `by_windows`, from 0, are accepted or rejected by the acceptance windows instead of
+    by the trainee. Raises `InputError` if an action is impossible.
+    """
     result = ("reduce", "enter-result", "give-verdict", "hand-in", "dispute-score")
-    until = [a for a in actions if a.name not in result]
-    day = played(apparatus, until)
+    actions_before_result = [a for a in actions if a.name not in result]
+    day = play_actions(apparatus, actions_before_result)
     reasons = Desk(day).reasons
     decided = {
         shot: Decision(accepted=not reasons[shot], because=reasons[shot]) for shot in by_windows
@@ -101,7 +127,9 @@ def played_again(apparatus: Apparatus, actions: list[Action], by_windows: set[in
     return Desk(replace(day, decisions={**day.decisions, **decided}))
 
 
-def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action], set[int]]]:
+def _corrected_days(
+    desk: Desk, justified: set[int]
+) -> Iterator[tuple[int, str, list[Action], set[int]]]:
     """Yield days with one decision corrected: its entry, its description, and the actions.
 
     The last element holds the hits that were decided by the windows on the day.
@@ -110,7 +138,7 @@ def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action],
     actions = [Action(name=event.action, arguments=event.arguments) for event in day.events]
     reasons = desk.reasons if day.fired and not desk.missing else ()
     sheets = action_table().actions
-    own = {
+    by_windows = {
         shot
         for shot, chosen in day.decisions.items()
         if shot < len(reasons) and chosen.accepted == (not reasons[shot])
@@ -124,25 +152,30 @@ def _mended(desk: Desk, odd: set[int]) -> Iterator[tuple[int, str, list[Action],
         for at in reversed(places):
             with_step.insert(at, Action(name=step, arguments=_defaults(step)))
         times = f", {len(places)} times" if len(places) > 1 else ""
-        yield 0, f"skipped: {sheets[step].title.lower()}{times}", with_step, own
+        yield 0, f"skipped: {sheets[step].title.lower()}{times}", with_step, by_windows
     for number, action in enumerate(actions, 1):
         for key in SLIPS.keys() & action.arguments.keys():
-            right = _defaults(action.name)[key]
-            if action.arguments[key] != right:
-                mended = Action(name=action.name, arguments={**action.arguments, key: right})
-                what = f"{sheets[action.name].title.lower()}: {action.arguments[key]}"
-                others = [*actions[: number - 1], mended, *actions[number:]]
-                yield number, f"{what} instead of {SLIPS[key]}", others, own
-    for shot in sorted(day.decisions.keys() - own - odd):
+            default = _defaults(action.name)[key]
+            if action.arguments[key] != default:
+                corrected = Action(name=action.name, arguments={**action.arguments, key: default})
+                description = f"{sheets[action.name].title.lower()}: {action.arguments[key]}"
+                corrected_actions = [*actions[: number - 1], corrected, *actions[number:]]
+                yield (
+                    number,
+                    f"{description} instead of {SLIPS[key]}",
+                    corrected_actions,
+                    by_windows,
+                )
+    for shot in sorted(day.decisions.keys() - by_windows - justified):
         if shot < len(reasons):
             word = day.decisions[shot].word
-            why = reasons[shot] or "it is within all windows"
+            reason = reasons[shot] or "it is within all windows"
             number = max(
                 event.number
                 for event in day.events
                 if event.action in {"accept", "reject"} and event.arguments["shot"] == shot + 1
             )
-            yield number, f"hit {shot + 1} {word} ({why})", actions, own | {shot}
+            yield number, f"hit {shot + 1} {word} ({reason})", actions, by_windows | {shot}
 
 
 def _defaults(action: str) -> dict[str, Any]:

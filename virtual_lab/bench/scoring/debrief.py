@@ -11,19 +11,19 @@ from dataclasses import asdict, dataclass, replace
 from itertools import zip_longest
 from typing import Any
 
-from virtual_lab.bench.day.actions import OWN_RESULTS, Action, typed_words
+from virtual_lab.bench.day.actions import RESULT_QUANTITIES, Action, typed_words
 from virtual_lab.bench.day.day import Day
-from virtual_lab.bench.day.desk import DecidedHit, Desk, OwnResult
+from virtual_lab.bench.day.desk import Desk, EnteredResult, HitResult
 from virtual_lab.bench.day.doubts import known_doubts
 from virtual_lab.bench.day.operators import operator_of
-from virtual_lab.bench.day.protocol import StepDue, excused, steps_due
+from virtual_lab.bench.day.protocol import StepDue, excuses_of, steps_due
 from virtual_lab.bench.day.readings import doubts
 from virtual_lab.bench.day.scenario import SCORES, UNITS, Scenario
 from virtual_lab.bench.day.table import PREPARING, action_table, detectable, remedy_of, repairs
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.keeping import KeptDay, laboratory_of, taken
+from virtual_lab.bench.machines.stored_day import StoredDay, laboratory_of, run_operator
 from virtual_lab.bench.pages.tally import run_chart
-from virtual_lab.bench.scoring.costs import CostlyDecision, costly, played_again
+from virtual_lab.bench.scoring.costs import CostlyDecision, costly_decisions, replay_day
 from virtual_lab.bench.scoring.deviations import (
     Deviation,
     deviations,
@@ -144,8 +144,8 @@ class Debrief:
     costly: tuple[CostlyDecision, ...]
     steps: tuple[StepReview, ...]
     deviations: tuple[Deviation, ...]
-    own: tuple[OwnResult, ...]
-    hits: tuple[tuple[DecidedHit | None, DecidedHit | None], ...]  # the trainee's, the expert's
+    own: tuple[EnteredResult, ...]
+    hits: tuple[tuple[HitResult | None, HitResult | None], ...]  # the trainee's, the expert's
     expert: ExpertDay
     disputes: tuple[tuple[str, str], ...]  # score, the trainee's note
     practice: int  # entry from which the day was repeated; 0: a day of its own
@@ -158,8 +158,8 @@ class Debrief:
     def nothing_wrong(self) -> bool:
         """Whether neither the laboratory nor the trainee made an error."""
         scored = {score.name: score.value for score in self.scores}
-        kept = scored["protocol"] == scored["record"] == 1
-        return kept and not (self.faults or self.costly or self.false_alarms)
+        no_error = scored["protocol"] == scored["record"] == 1
+        return no_error and not (self.faults or self.costly or self.false_alarms)
 
     def document(self) -> dict[str, Any]:
         """Return the debrief in the form of JSON."""
@@ -184,16 +184,16 @@ def debrief(
     day = desk.day
     if not day.handed_in:
         raise InputError("debrief", "day", None, "has not been handed in yet")
-    own = tuple(desk.own(entry.arguments) if (entry := desk.last("enter-result")) else ())
-    value, u = _result(desk, own)
+    results = tuple(desk.own(entry.arguments) if (entry := desk.last("enter-result")) else ())
+    value, u = _result(desk, results)
     limit = desk.rules.spec.metric_limit
-    given = desk.last("give-verdict")
-    assert given is not None
-    named = _named(day, str(given.arguments["doubt"]))
+    verdict = desk.last("give-verdict")
+    assert verdict is not None
+    named = _named_faults(day, str(verdict.arguments["doubt"]))
     faults, rates = scenario.faults or (), scenario.may_go_wrong
-    visible = _visible(day) if faults or day.verdict == "INVALID" else {}
-    left = tuple(name for name in faults if name not in day.mended)
-    right = right_verdict(apparatus, desk, value, u, spoilt=bool(left))
+    visible = _visible_faults(day) if faults or day.verdict == "INVALID" else {}
+    faults_left = tuple(name for name in faults if name not in day.repaired_faults)
+    right = right_verdict(apparatus, desk, value, u, spoilt=bool(faults_left))
     likely = {name for name in named if is_named(name, named, rates)}
     exhausted = len(day.fired) >= desk.rules.spec.attempts and value is None
     outcome = ScoredResult(
@@ -205,19 +205,19 @@ def debrief(
         mendable=bool(faults) and all(remedy_of(name) for name in faults),
     )
     refused = day.verdict == "INVALID" and outcome.reason
-    confidence = float(given.arguments["confidence"]) / 100
+    confidence = float(verdict.arguments["confidence"]) / 100
     brier = (confidence - (day.verdict == right.word or refused)) ** 2
-    departed = list(deviations(desk))
-    odd = justly_rejected(day, departed) | before_repair(day, faults)
-    theirs = Desk(expert or expert_day(apparatus, day))
+    judged = list(deviations(desk))
+    justified = justly_rejected(day, judged) | before_repair(day, faults)
+    expert_desk = Desk(expert or expert_day(apparatus, day))
     result = result_score(outcome)
-    needless = needless_seconds(departed, desk)
+    needless = needless_seconds(judged, desk)
     values = (
         result,
         detection_score(named, faults, rates),
-        protocol_score(day, departed),
-        record_score(desk, own, odd),
-        economy_score(day, theirs.day, needless, result[0]),
+        protocol_score(day, judged),
+        record_score(desk, results, justified),
+        economy_score(day, expert_desk.day, needless, result[0]),
     )
     scores = tuple(
         DayScore(name=name, value=score, weight=scenario.weights.get(name, 1.0), because=why)
@@ -231,7 +231,7 @@ def debrief(
         verdict=day.verdict,
         confidence=confidence,
         brier=brier,
-        worst_doubt=str(given.arguments["doubt"]),
+        worst_doubt=str(verdict.arguments["doubt"]),
         metric=desk.rules.spec.metric,
         value=value,
         u=u,
@@ -243,18 +243,20 @@ def debrief(
         found=tuple(name for name in faults if name in likely),
         missed=tuple(name for name in faults if name not in likely),
         false_alarms=tuple(name for name in named if name in likely - set(faults)),
-        fault_reviews=tuple(_fault_reviews(apparatus, scenario, (desk, theirs), visible))
+        fault_reviews=tuple(_fault_reviews(apparatus, scenario, (desk, expert_desk), visible))
         if not scores_only
         else (),
         scores=scores,
         keep=keep,
         change=change,
-        costly=() if scores_only else costly(apparatus, desk, right.truth, own, odd),
+        costly=()
+        if scores_only
+        else costly_decisions(apparatus, desk, right.truth, results, justified),
         steps=tuple(_steps(day)),
-        deviations=tuple(departed),
-        own=own,
-        hits=tuple(zip_longest(desk.hits, theirs.hits)),
-        expert=_expert(apparatus, theirs, desk, right.word, faults),
+        deviations=tuple(judged),
+        own=results,
+        hits=tuple(zip_longest(desk.hits, expert_desk.hits)),
+        expert=_expert_review(apparatus, expert_desk, desk, right.word, faults),
         disputes=tuple(
             (str(event.arguments["score"]), str(event.arguments["note"]))
             for event in day.events
@@ -268,25 +270,25 @@ def debrief(
     )
 
 
-def debriefed(kept: KeptDay, expert: Day | None = None) -> Debrief:
+def debrief_of(day: StoredDay, expert: Day | None = None) -> Debrief:
     """Return the debrief of a day in a folder after a check of its seal. Raises as `debrief`."""
-    return debrief(kept.apparatus, kept.desk, kept.scenario, kept.seal, expert=expert)
+    return debrief(day.apparatus, day.desk, day.scenario, day.seal, expert=expert)
 
 
 def expert_day(apparatus: Apparatus, day: Day) -> Day:
     """Return an expert's day with the machines, bat and balls of a trainee's day."""
-    return taken(apparatus, operator_of("expert"), day.until(day.came_with))
+    return run_operator(apparatus, operator_of("expert"), day.until(day.supplied_events))
 
 
-def _result(desk: Desk, own: Iterable[OwnResult]) -> tuple[float | None, float | None]:
+def _result(desk: Desk, results: Iterable[EnteredResult]) -> tuple[float | None, float | None]:
     """Return the reported metric and its standard uncertainty."""
     if desk.result is None:
         return None, None
-    entered = [e.entered for e in own if OWN_RESULTS[e.name] == desk.rules.spec.metric]
+    entered = [e.entered for e in results if RESULT_QUANTITIES[e.name] == desk.rules.spec.metric]
     return (entered[0] if entered else desk.result[0]), desk.result[1]
 
 
-def _named(day: Day, worst: str) -> dict[str, float]:
+def _named_faults(day: Day, worst: str) -> dict[str, float]:
     """Return the named faults with the probability that the trainee gave to each."""
     named = {worst: 0.5} if worst in known_doubts() else {}  # named with the verdict
     for event in day.events:
@@ -295,7 +297,7 @@ def _named(day: Day, worst: str) -> dict[str, float]:
     return {name: sure for name, sure in named.items() if name in known_doubts()}
 
 
-def _visible(day: Day) -> dict[str, int]:
+def _visible_faults(day: Day) -> dict[str, int]:
     """Return the faults visible in the day's records, each with its first entry."""
     visible: dict[str, int] = {}
     desk = Desk(day.until(0))
@@ -311,15 +313,15 @@ def _fault_reviews(
     apparatus: Apparatus, scenario: Scenario, desks: tuple[Desk, Desk], visible: Mapping[str, int]
 ) -> Iterator[FaultReview]:
     """Yield each fault with its signs, the response, and its effect on the result."""
-    (desk, beside), sheets = desks, action_table().actions
-    theirs = _visible(beside.day) if scenario.faults else {}
+    (desk, expert_desk), sheets = desks, action_table().actions
+    visible_to_expert = _visible_faults(expert_desk.day) if scenario.faults else {}
     for name in scenario.faults or ():
         yield FaultReview(
             name=name,
             checks=tuple(sheets[each].title for each in detectable()[name].actions),
-            moved=_moved(apparatus, scenario, desk, name),
+            moved=_effect_of_fault(apparatus, scenario, desk, name),
             yours=_time_line(desk.day, name, visible),
-            expert=_time_line(beside.day, name, theirs),
+            expert=_time_line(expert_desk.day, name, visible_to_expert),
         )
 
 
@@ -327,32 +329,36 @@ def _time_line(day: Day, fault: str, visible: Mapping[str, int]) -> TimeLine:
     """Return the times at which a fault became visible, was named and was repaired."""
     remedy = remedy_of(fault)
     minutes = shots = 0.0
-    found: dict[str, Moment] = {}
+    moments: dict[str, Moment] = {}
     for event in day.events:
         minutes, shots = minutes + event.seconds / 60, shots + (event.action == "fire")
-        now = Moment(event.number, minutes, int(shots))
+        moment = Moment(event.number, minutes, int(shots))
         if event.number == visible.get(fault):
-            found["seen"] = now
+            moments["seen"] = moment
         if event.number not in day.struck and event.arguments.get("doubt") == fault:
-            found.setdefault("named", now)
+            moments.setdefault("named", moment)
         if remedy and event.action == remedy[0] and remedy[1].items() <= event.arguments.items():
-            found.setdefault("acted", now)
-    return TimeLine(**{name: found.get(name) for name in ("seen", "named", "acted")})
+            moments.setdefault("acted", moment)
+    return TimeLine(**{name: moments.get(name) for name in ("seen", "named", "acted")})
 
 
-def _moved(apparatus: Apparatus, scenario: Scenario, desk: Desk, fault: str) -> float | None:
+def _effect_of_fault(
+    apparatus: Apparatus, scenario: Scenario, desk: Desk, fault: str
+) -> float | None:
     """Return the change of the result by a fault, from the same day and draws without it."""
     if desk.result is None:
         return None
-    left = tuple(name for name in scenario.faults or () if name != fault)
-    mine = apparatus.laboratory
-    sound = Apparatus(laboratory_of(replace(scenario, faults=left), mine.seed, mine.salt))
+    faults_left = tuple(name for name in scenario.faults or () if name != fault)
+    laboratory = apparatus.laboratory
+    machines = Apparatus(
+        laboratory_of(replace(scenario, faults=faults_left), laboratory.seed, laboratory.salt)
+    )
     actions = [Action(name=event.action, arguments=event.arguments) for event in desk.day.events]
     try:
-        other = played_again(sound, actions, set()).result
+        result = replay_day(machines, actions, set()).result
     except InputError:
         return None
-    return desk.result[0] - other[0] if other else None
+    return desk.result[0] - result[0] if result else None
 
 
 def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
@@ -366,66 +372,71 @@ def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
 
 def _steps(day: Day) -> Iterator[StepReview]:
     """Yield each step that was due, with the number of times it was due and done."""
-    sheets, notes = action_table().actions, excused(day)
+    sheets, notes = action_table().actions, excuses_of(day)
     due: dict[str, list[StepDue]] = {}
     for each in steps_due(day):
         due.setdefault(each.step, []).append(each)
     for step, times in due.items():
-        left = [each for each in times if not each.done]
-        shots = ", ".join(str(each.shot + 1) for each in left if each.shot is not None)
-        done = "done" if not left else f"skipped before shot {shots}" if shots else "skipped"
+        omitted = [each for each in times if not each.done]
+        shots = ", ".join(str(each.shot + 1) for each in omitted if each.shot is not None)
+        outcome = "done" if not omitted else f"skipped before shot {shots}" if shots else "skipped"
         before = f"before “{sheets[PREPARING[step]].title}”" if step in PREPARING else ""
         yield StepReview(
             title=sheets[step].title,
             expected=before or "before each shot",
-            done=done,
+            done=outcome,
             excuse=notes.get(step, ""),
         )
 
 
-def _expert(
-    apparatus: Apparatus, beside: Desk, desk: Desk, right: str, faults: tuple[str, ...]
+def _expert_review(
+    apparatus: Apparatus,
+    expert_desk: Desk,
+    desk: Desk,
+    right: str,
+    faults: tuple[str, ...],
 ) -> ExpertDay:
-    theirs, sheets = beside.day, action_table().actions
-    given = beside.last("give-verdict")
-    assert given is not None
-    mine = {event.action for event in desk.day.events}
-    noted = [event for event in theirs.events if event.action == "note-doubt"]
+    day, sheets = expert_desk.day, action_table().actions
+    verdict = expert_desk.last("give-verdict")
+    assert verdict is not None
+    trainee_actions = {event.action for event in desk.day.events}
+    named = [event for event in day.events if event.action == "note-doubt"]
     checks = dict.fromkeys(
         sheets[event.action].title
-        for event in theirs.events
-        if event.action not in mine and sheets[event.action].part in {"bench", "wall", "rig"}
+        for event in day.events
+        if event.action not in trainee_actions
+        and sheets[event.action].part in {"bench", "wall", "rig"}
     )
-    value, u = beside.result or (None, None)
+    value, u = expert_desk.result or (None, None)
     apart = ""
-    if theirs.verdict != right:
-        spoilt = bool(set(faults) - theirs.mended)
-        own = right_verdict(apparatus, beside, value, u, spoilt=spoilt).word
-        apart = _apart(right, own, beside, desk)
+    if day.verdict != right:
+        spoilt = bool(set(faults) - day.repaired_faults)
+        expert_right = right_verdict(apparatus, expert_desk, value, u, spoilt=spoilt).word
+        apart = _why_verdicts_differ(right, expert_right, expert_desk, desk)
     return ExpertDay(
-        verdict=theirs.verdict,
-        confidence=float(given.arguments["confidence"]) / 100,
+        verdict=day.verdict,
+        confidence=float(verdict.arguments["confidence"]) / 100,
         value=value,
-        minutes=theirs.seconds / 60,
-        shots=len(theirs.fired),
-        doubts=tuple(str(event.arguments["doubt"]) for event in noted),
+        minutes=day.seconds / 60,
+        shots=len(day.fired),
+        doubts=tuple(str(event.arguments["doubt"]) for event in named),
         checks=tuple(checks),
         apart=apart,
     )
 
 
-def _apart(right: str, own: str, beside: Desk, desk: Desk) -> str:
+def _why_verdicts_differ(right: str, expert_right: str, expert_desk: Desk, desk: Desk) -> str:
     """Return the reason why the expert's verdict differs from the right one of the trainee's day.
 
-    `own` is the right verdict of the expert's day in the same laboratory.
+    `expert_right` is the right verdict of the expert's day in the same laboratory.
     """
-    given = beside.day.verdict
-    if given == "INVALID":
+    verdict = expert_desk.day.verdict
+    if verdict == "INVALID":
         return (
             f"Both verdicts are right: despite the fault the result is within U of the truth, so "
             f"{right} is right; but whoever sees a fault may also give INVALID, as the expert did"
         )
-    if given != own:
+    if verdict != expert_right:
         return (
             "Here the expert is wrong by chance: the expert's result and the truth are on "
             f"different sides of the limit, so {right} is right"
@@ -436,20 +447,22 @@ def _apart(right: str, own: str, beside: Desk, desk: Desk) -> str:
         else "made your result wrong by more than its U"
     )
     mends = repairs().keys()
-    mended, mine = (
+    expert_actions, actions = (
         {each.action for each in day.events if each.constants or each.action in mends}
-        for day in (beside.day, desk.day)
+        for day in (expert_desk.day, desk.day)
     )
-    mended -= mine
-    titles = " and ".join(action_table().actions[name].title.lower() for name in sorted(mended))
-    how = f"repaired it ({titles})" if titles else "was not affected by it"
+    expert_actions -= actions
+    titles = " and ".join(
+        action_table().actions[name].title.lower() for name in sorted(expert_actions)
+    )
+    response = f"repaired it ({titles})" if titles else "was not affected by it"
     if right == "INVALID":
         return (
             f"Both verdicts are right: the fault {lost}, so {right} is right for your day; "
-            f"the expert {how}, so {given} is right for the expert's day"
+            f"the expert {response}, so {verdict} is right for the expert's day"
         )
-    whose = f"{right} for what you measured, {given} for what the expert measured"
-    return f"Both verdicts are right: {whose}"
+    verdicts = f"{right} for what you measured, {verdict} for what the expert measured"
+    return f"Both verdicts are right: {verdicts}"
 
 
 def _entries(day: Day) -> Iterator[tuple[int, float, str, str]]:

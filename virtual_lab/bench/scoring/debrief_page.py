@@ -15,23 +15,23 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
 
 
-def debrief_page(told: Debrief, *, linked: bool = False) -> str:
+def debrief_page(debrief: Debrief, *, linked: bool = False) -> str:
     """Return the debrief as one HTML page that needs nothing else, or `linked` to a replay."""
     return page_template("virtual_lab.bench.pages", "debrief.html").render(
-        told=told,
+        told=debrief,
         linked=linked,
         sheets=action_table().actions,
         titles=known_doubts(),
         faults=fault_sheets(),
-        printed=partial(in_units, system=told.units),
-        length=UNITS[told.units][0],
-        speed=UNITS[told.units][1],
-        metric=METRICS[told.metric],
+        printed=partial(in_units, system=debrief.units),
+        length=UNITS[debrief.units][0],
+        speed=UNITS[debrief.units][1],
+        metric=METRICS[debrief.metric],
     )
 
 
-def save_debrief(told: Debrief, folder: Path) -> None:
+def save_debrief(debrief: Debrief, folder: Path) -> None:
     """Write a debrief as ``debrief.json`` and ``debrief.html`` into a folder."""
-    text = json.dumps(told.document(), indent=1, allow_nan=False)
+    text = json.dumps(debrief.document(), indent=1, allow_nan=False)
     (folder / "debrief.json").write_text(text + "\n", encoding="utf-8")
-    (folder / "debrief.html").write_text(debrief_page(told), encoding="utf-8")
+    (folder / "debrief.html").write_text(debrief_page(debrief), encoding="utf-8")

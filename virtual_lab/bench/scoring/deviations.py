@@ -45,22 +45,22 @@ def deviations(desk: Desk) -> Iterator[Deviation]:
     """Yield the judgement of each omitted step, rejected hit and extra check, by entry."""
     before = Desk(desk.day.until(0))
     for event in desk.day.events:
-        if event.number not in desk.day.struck and event.number > desk.day.came_with:
-            yield from JUDGES.get(event.action, _added)(before, event)
+        if event.number not in desk.day.struck and event.number > desk.day.supplied_events:
+            yield from JUDGES.get(event.action, _judge_check)(before, event)
         before = before.after(event)
 
 
-def needless_seconds(found: list[Deviation], desk: Desk) -> float:
+def needless_seconds(judged: list[Deviation], desk: Desk) -> float:
     """Return the time [s] of checks that a visible sign justified, which costs no points."""
-    asked = {each.entry for each in found if each.judged == JUSTIFIED}
+    entries = {each.entry for each in judged if each.judged == JUSTIFIED}
     return sum(
         event.seconds
         for event in desk.day.events
-        if event.number in asked and event.action not in JUDGES
+        if event.number in entries and event.action not in JUDGES
     )
 
 
-def oddity(desk: Desk, shot: int) -> str:
+def anomaly_of(desk: Desk, shot: int) -> str:
     """Return the anomaly of a shot, from 0, apart from its windows, or empty."""
     fired = [event for event in desk.day.events if event.action == "fire"][shot]
     for struck in fired.sketch.get("struck", ()):
@@ -78,22 +78,22 @@ def oddity(desk: Desk, shot: int) -> str:
     return ""
 
 
-def _noted(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
+def _judge_deviation(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     """Yield a noted deviation, compared with the visible evidence."""
     step, day = str(event.arguments["step"]), desk.day
-    left = [each for each in left_out(day) if each.step == step]
-    shots = [each.shot for each in left if each.shot is not None]
-    if left and all(each.before < day.came_with for each in left):
+    omitted = [each for each in left_out(day) if each.step == step]
+    shots = [each.shot for each in omitted if each.shot is not None]
+    if omitted and all(each.before < day.supplied_events for each in omitted):
         reason: Evidence = (None, "another laboratory skipped it")
-    elif step in PREPARING and _again(desk, step):
+    elif step in PREPARING and _is_repeated_after(desk, step):
         title = action_table().actions[PREPARING[step]].title.lower()
         reason = (True, f"corrected later: the step was done, and “{title}” was repeated after it")
     elif step == "tare":
-        reason = _zero(desk)
+        reason = _zero_evidence(desk)
     elif step in BY_SHOT and shots and not desk.missing:
-        seen = [BY_SHOT[step](desk, shot) for shot in shots]
-        against = [each for each in seen if each[0] is not True]
-        reason = (against or seen)[0]
+        evidence = [BY_SHOT[step](desk, shot) for shot in shots]
+        contradicting = [each for each in evidence if each[0] is not True]
+        reason = (contradicting or evidence)[0]
     else:
         reason = (None, "no record shows whether there was a reason")
     sheets = action_table().actions
@@ -107,25 +107,25 @@ def _noted(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     )
 
 
-def _rejected(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
+def _judge_rejection(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     """Yield a rejected hit that was within the windows."""
     shot = int(event.arguments["shot"]) - 1
     if desk.missing or desk.reasons[shot]:
         return
-    odd = oddity(desk, shot)
+    anomaly_text = anomaly_of(desk, shot)
     yield Deviation(
         entry=event.number,
         what=f"hit {shot + 1} rejected although it is within the windows",
         because=str(event.arguments["because"]),
-        judged=JUSTIFIED if odd else DENIED,
-        why=odd or "its records show nothing unusual",
+        judged=JUSTIFIED if anomaly_text else DENIED,
+        why=anomaly_text or "its records show nothing unusual",
     )
 
 
-def _added(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
+def _judge_check(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     """Yield a check that an earlier visible sign justified."""
     sheet = action_table().actions[event.action]
-    checks = {name for known in detectable().values() for name in known.actions}
+    checks = {name for detection in detectable().values() for name in detection.actions}
     if sheet.in_book or event.action not in checks:
         return
     for doubt in doubts(desk):
@@ -140,13 +140,13 @@ def _added(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
             return
 
 
-def _again(desk: Desk, step: str) -> bool:
+def _is_repeated_after(desk: Desk, step: str) -> bool:
     """Return whether a step was done later, and the action that needs it was then repeated."""
-    done = [event.action for event in desk.day.events]
-    return step in done and PREPARING[step] in done[done.index(step) :]
+    actions = [event.action for event in desk.day.events]
+    return step in actions and PREPARING[step] in actions[actions.index(step) :]
 
 
-def _zero(desk: Desk) -> Evidence:
+def _zero_evidence(desk: Desk) -> Evidence:
     for row in rows_of(desk):
         if row.fault == "scale-not-tared" and row.certificate is not None:
             zeroed = abs(row.reading - row.certificate) < 2.0 * row.u
@@ -163,7 +163,7 @@ def _edges(desk: Desk, shot: int) -> list[CheckRow]:
     return list(rows_of_edges(record, fired, range(shot, shot + 1)))
 
 
-def _at_rest(desk: Desk, shot: int) -> Evidence:
+def _rest_evidence(desk: Desk, shot: int) -> Evidence:
     turning, allowed = desk.by_rules.readings.recoil, desk.rules.spec.windows.rate_before
     if turning is None or allowed is None:
         return None, "without an encoder no record shows whether the bat moved"
@@ -175,42 +175,44 @@ def _at_rest(desk: Desk, shot: int) -> Evidence:
     return rate <= allowed, beyond(text, rate, -inf, allowed, 3)
 
 
-def _fast(desk: Desk, shot: int) -> Evidence:
-    asked, speed = desk.rules.spec.ball_speed, float(desk.by_rules.shots.speed[shot])
-    allowed = desk.rules.spec.windows.speed_tolerance
+def _speed_evidence(desk: Desk, shot: int) -> Evidence:
+    nominal, speed = desk.rules.spec.ball_speed, float(desk.by_rules.shots.speed[shot])
+    tolerance = desk.rules.spec.windows.speed_tolerance
     if not np.isfinite(speed):
         return None, f"the speed of shot {shot + 1} was not measured"
-    off = (
+    text = (
         f"the speed of shot {shot + 1} was off by {{0:+.{{d}}f}} m/s; allowed: ± {{2:.{{d}}f}} m/s"
     )
-    return abs(speed - asked) <= allowed, beyond(off, speed - asked, -allowed, allowed, 2)
+    return abs(speed - nominal) <= tolerance, beyond(
+        text, speed - nominal, -tolerance, tolerance, 2
+    )
 
 
-def _clear(desk: Desk, shot: int) -> Evidence:
-    found = _edges(desk, shot)
-    if not found:
+def _gate_evidence(desk: Desk, shot: int) -> Evidence:
+    rows = _edges(desk, shot)
+    if not rows:
         return None, f"a gate missed shot {shot + 1}"
-    tripped = any(row.fault == "sabot-trip" and not row.within for row in found)
-    return not tripped, found[0].why
+    tripped = any(row.fault == "sabot-trip" and not row.within for row in rows)
+    return not tripped, rows[0].why
 
 
-def _cold(desk: Desk, shot: int) -> Evidence:
+def _ball_evidence(desk: Desk, shot: int) -> Evidence:
     rest, fired = action_table().consequences.ball_rest, desk.day.fired
     ball, at = fired[shot]
-    earlier = [second for other, second in fired[:shot] if other == ball]
+    earlier = [second for ball_fired, second in fired[:shot] if ball_fired == ball]
     rested = (at - earlier[-1]) / 60 if earlier else float("inf")
     why = f"the ball of shot {shot + 1} had rested {rested:.0f} min; required: {rest / 60:.0f} min"
     return rested * 60 >= rest, why if earlier else f"it was the first hit of ball {ball + 1}"
 
 
 BY_SHOT: Mapping[str, Callable[[Desk, int], Evidence]] = {  # step: evidence of its shot
-    "zero-encoder": _at_rest,  # an initial count is subtracted if the bat was at rest
-    "wait-rest": _at_rest,
-    "wait-pressure": _fast,
-    "clear-scrap": _clear,
-    "load-ball": _cold,
+    "zero-encoder": _rest_evidence,  # an initial count is subtracted if the bat was at rest
+    "wait-rest": _rest_evidence,
+    "wait-pressure": _speed_evidence,
+    "clear-scrap": _gate_evidence,
+    "load-ball": _ball_evidence,
 }
 JUDGES: Mapping[str, Callable[[Desk, DayEvent], Iterator[Deviation]]] = {
-    "note-deviation": _noted,
-    "reject": _rejected,
+    "note-deviation": _judge_deviation,
+    "reject": _judge_rejection,
 }

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from virtual_lab.bench.day.day import Day
-from virtual_lab.bench.day.desk import Desk, OwnResult
+from virtual_lab.bench.day.desk import Desk, EnteredResult
 from virtual_lab.bench.day.protocol import left_out, steps_due
 from virtual_lab.bench.day.table import action_table, repairs
 from virtual_lab.bench.machines.apparatus import Apparatus
@@ -66,7 +66,7 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     if {day.verdict, right} == {"PASS", "FAIL"}:
         return 0.0, f"a false {day.verdict}: the right verdict is {right}"
     if day.verdict == "INVALID":
-        return _refused(day)
+        return _score_invalid(day)
     if right == "INVALID":
         return (
             0.2,
@@ -74,10 +74,10 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
         )
     if day.value is None or day.u is None or day.right.truth is None:
         return 0.0, "no result, although the bat could be judged"
-    off = day.value - day.right.truth
-    normalised = abs(off) / (2 * day.u)
+    error = day.value - day.right.truth
+    normalised = abs(error) / (2 * day.u)
     fits = 1.0 if normalised <= 1 else 1 / normalised
-    why = f"error {off:+.4f}, which is {normalised:.2f} U (U = {2 * day.u:.4f})"
+    why = f"error {error:+.4f}, which is {normalised:.2f} U (U = {2 * day.u:.4f})"
     return (
         (fits, why)
         if day.verdict == right
@@ -85,7 +85,7 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     )
 
 
-def _refused(day: ScoredResult) -> tuple[float, str]:
+def _score_invalid(day: ScoredResult) -> tuple[float, str]:
     if not day.reason:
         return 0.0, "INVALID, but the records show no reason for it"
     if day.mendable:
@@ -97,12 +97,16 @@ def detection_score(
     named: Mapping[str, float], faults: tuple[str, ...], rates: Mapping[str, float]
 ) -> tuple[float, str]:
     """Score 1 - Σ (p - o)² over the list, an unnamed fault at its rate; not below 0."""
-    said = dict.fromkeys(faults, 0.0) | dict(rates) | dict(named)
-    lost = sum((p - (name in faults)) ** 2 for name, p in said.items())
-    found = sum(is_named(name, named, rates) for name in faults)
+    probabilities = dict.fromkeys(faults, 0.0) | dict(rates) | dict(named)
+    penalty = sum((p - (name in faults)) ** 2 for name, p in probabilities.items())
+    detected = sum(is_named(name, named, rates) for name in faults)
     alarms = sum(is_named(name, named, rates) for name in named if name not in faults)
-    words = f"{found} of {len(faults)} faults named, {alarms} false alarms; sum of squared errors "
-    return max(0.0, 1 - lost), words + f"{lost:.2f} over all possible faults ({len(said)})"
+    words = (
+        f"{detected} of {len(faults)} faults named, {alarms} false alarms; sum of squared errors "
+    )
+    return max(
+        0.0, 1 - penalty
+    ), words + f"{penalty:.2f} over all possible faults ({len(probabilities)})"
 
 
 def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
@@ -110,13 +114,13 @@ def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float])
     return named.get(fault, 0.0) > rates.get(fault, 0.0)
 
 
-def protocol_score(day: Day, departed: list[Deviation]) -> tuple[float, str]:
+def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
     """Score the share of the steps of the book that were done in time or omitted with a reason.
 
     A reason counts unless visible evidence contradicts it; for a step the last one noted counts.
     """
     due = len(list(steps_due(day)))
-    reasons = {each.step: each.judged != DENIED for each in departed if each.step}
+    reasons = {each.step: each.judged != DENIED for each in judged if each.step}
     missed = [each.step for each in left_out(day) if not reasons.get(each.step, False)]
     words = f"{due - len(missed)} of {due} steps done in time, or skipped with a noted reason"
     if missed:
@@ -125,9 +129,9 @@ def protocol_score(day: Day, departed: list[Deviation]) -> tuple[float, str]:
     return ((due - len(missed)) / due if due else 0.0), words
 
 
-def justly_rejected(day: Day, departed: list[Deviation]) -> set[int]:
+def justly_rejected(day: Day, judged: list[Deviation]) -> set[int]:
     """Return the shots that were rightly rejected for an anomaly although within the windows."""
-    just = {each.entry for each in departed if each.judged == JUSTIFIED}
+    just = {each.entry for each in judged if each.judged == JUSTIFIED}
     shots = {
         int(event.arguments["shot"]) - 1
         for event in day.events
@@ -136,25 +140,27 @@ def justly_rejected(day: Day, departed: list[Deviation]) -> set[int]:
     return {shot for shot in shots if not day.decisions[shot].accepted}
 
 
-def record_score(desk: Desk, own: tuple[OwnResult, ...], odd: set[int]) -> tuple[float, str]:
+def record_score(
+    desk: Desk, results: tuple[EnteredResult, ...], justified: set[int]
+) -> tuple[float, str]:
     """Score the share of hits decided by the windows, and of entered results that agree.
 
-    An `odd` hit may be rejected although it is within the windows.
+    An `justified` hit may be rejected although it is within the windows.
     """
     reasons = desk.reasons if not desk.missing else ()
     if not reasons:
         return 0.0, "there was no hit to decide"
-    given = desk.day.decisions
+    decisions = desk.day.decisions
     right = sum(
-        shot in given and (given[shot].accepted == (not why) or shot in odd)
+        shot in decisions and (decisions[shot].accepted == (not why) or shot in justified)
         for shot, why in enumerate(reasons)
     )
     words = f"{right} of {len(reasons)} hits decided according to the windows"
-    words += f", {len(odd)} of them rejected for another good reason" if odd else ""
-    agree = sum(each.agrees for each in own)
-    if own:
-        words += f", {agree} of {len(own)} of your own results agree with the records"
-    return (right + agree) / (len(reasons) + len(own)), words
+    words += f", {len(justified)} of them rejected for another good reason" if justified else ""
+    agree = sum(each.agrees for each in results)
+    if results:
+        words += f", {agree} of {len(results)} of your own results agree with the records"
+    return (right + agree) / (len(reasons) + len(results)), words
 
 
 def economy_score(day: Day, expert: Day, needless: float, result: float) -> tuple[float, str]:

@@ -1,8 +1,8 @@
 """The server of the pages, which carries out the actions of forms on a day.
 
-The server receives each day as a `Room` and opens no file, so it can show only what the day shows.
-Access is checked first: a one-time token in the opened address, then a cookie; the served host
-names; and the origin of the request, which must be the page itself.
+The server receives each day as a `TraineeDay` and opens no file, so it can show only what that day
+shows. Every request is checked first: its host name, its origin, which must be a page of this
+server, and its cookie, which a one-time token in the first address has set.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ HEADERS = {
 }
 
 
-class Room(Protocol):
+class TraineeDay(Protocol):
     """A day that can be viewed and continued."""
 
     @property
@@ -85,15 +85,15 @@ class Room(Protocol):
         ...
 
     @property
-    def others(self) -> Mapping[str, Scenario]:
+    def scenarios_offered(self) -> Mapping[str, Scenario]:
         """Days that can be begun instead of this one, by name."""
         ...
 
-    def begin(self, name: str) -> Room:
+    def begin(self, name: str) -> TraineeDay:
         """Return another day begun instead. Raises `InputError` if it is not offered."""
         ...
 
-    def branch(self, entry: int) -> Room:
+    def branch(self, entry: int) -> TraineeDay:
         """Return a day of practice that continues from an entry. Raises `InputError` if none."""
         ...
 
@@ -113,13 +113,13 @@ class Room(Protocol):
 class Seat:
     """The seat of a trainee: the day, a lock for one action at a time, and times of requests."""
 
-    room: Room | None  # None for a trainer
+    day: TraineeDay | None  # None for a trainer
     lock: threading.Lock = field(default_factory=threading.Lock)
-    asked: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_A_SECOND))
+    request_times: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_A_SECOND))
 
 
 def application(
-    rooms: Mapping[str, Room],
+    days: Mapping[str, TraineeDay],
     *,
     hosts: frozenset[str],
     secure: bool = False,
@@ -129,7 +129,7 @@ def application(
 
     Parameters
     ----------
-    rooms
+    days
         The days, by the one-time token of their first address.
     hosts
         Served names with port, such as ``127.0.0.1:8000``.
@@ -140,35 +140,41 @@ def application(
     """
 
     async def act(request: Request) -> Response:
-        return await run_in_threadpool(acted, request.scope["seat"], await _sent(request))
+        return await run_in_threadpool(
+            do_in_thread, request.scope["seat"], await _form_fields(request)
+        )
 
-    def acted(seat: Seat, given: dict[str, str]) -> Response:
-        name, number = given.pop("do", ""), given.pop("entry_number", "")
-        room = seat.room
-        assert room is not None  # the door redirects a trainer
+    def do_in_thread(seat: Seat, fields: dict[str, str]) -> Response:
+        name, number = fields.pop("do", ""), fields.pop("entry_number", "")
+        day = seat.day
+        assert day is not None  # the door redirects a trainer
         with seat.lock:
             try:
-                _do(room, name, number, given)
+                _do(day, name, number, fields)
             except InputError as fault:
                 refusal = Refusal(
-                    sentence=refusal_sentence(fault), action=name, argument=fault.key, given=given
+                    sentence=refusal_sentence(fault), action=name, argument=fault.key, fields=fields
                 )
-                return HTMLResponse(_day(room, refusal=refusal), status_code=422)
+                return HTMLResponse(_day(day, refusal=refusal), status_code=422)
         return RedirectResponse("/", status_code=303)
 
-    def moving(to: Callable[[Room, dict[str, str]], Room]) -> Callable[[Request], Any]:
+    def switch_day(
+        to: Callable[[TraineeDay, dict[str, str]], TraineeDay],
+    ) -> Callable[[Request], Any]:
         """Return the handler that moves a trainee from one day to another."""
 
-        def moved(seat: Seat, given: dict[str, str]) -> Response:
+        def switch_in_thread(seat: Seat, fields: dict[str, str]) -> Response:
             with seat.lock:
                 try:
-                    seat.room = to(seat.room, given) if seat.room else None
+                    seat.day = to(seat.day, fields) if seat.day else None
                 except InputError as fault:
-                    return _says(422, refusal_sentence(fault))
+                    return _sentence_page(422, refusal_sentence(fault))
             return RedirectResponse("/", status_code=303)
 
         async def move(request: Request) -> Response:
-            return await run_in_threadpool(moved, request.scope["seat"], await _sent(request))
+            return await run_in_threadpool(
+                switch_in_thread, request.scope["seat"], await _form_fields(request)
+            )
 
         return move
 
@@ -177,66 +183,68 @@ def application(
         return Route(f"/{name}", lambda _: Response(content, media_type=kind, headers=KEPT))
 
     routes = [
-        Route("/", _locked(lambda room, request: _day(room, _query(request, "shot")))),
+        Route("/", _with_lock(lambda day, request: _day(day, _query(request, "shot")))),
         Route("/do", act, methods=["POST"]),
         Route("/do", lambda _: RedirectResponse("/", status_code=303)),
-        Route("/branch", moving(_branched), methods=["POST"]),
+        Route("/branch", switch_day(_branch), methods=["POST"]),
         Route(
             "/begin",
-            moving(lambda room, given: room.begin(given.get("scenario", ""))),
+            switch_day(lambda day, fields: day.begin(fields.get("scenario", ""))),
             methods=["POST"],
         ),
         Route("/film", _film),
         Route("/progress", _progress),
-        Route("/replay", _locked(_replayed)),
-        Route("/notebook", _locked(lambda room, _: notebook_page(room.desk, room.briefing))),
+        Route("/replay", _with_lock(_replay)),
+        Route("/notebook", _with_lock(lambda day, _: notebook_page(day.desk, day.briefing))),
         Route(
             "/notebook.csv",
-            _locked(
-                lambda room, _: Response(
-                    notebook_table(room.desk, room.briefing), media_type="text/csv"
+            _with_lock(
+                lambda day, _: Response(
+                    notebook_table(day.desk, day.briefing), media_type="text/csv"
                 )
             ),
         ),
-        Route("/rules", _locked(lambda room, _: wall_page(room.desk, room.briefing, "rules"))),
+        Route("/rules", _with_lock(lambda day, _: wall_page(day.desk, day.briefing, "rules"))),
         Route(
             "/instruments",
-            _locked(lambda room, _: wall_page(room.desk, room.briefing, "instruments")),
+            _with_lock(lambda day, _: wall_page(day.desk, day.briefing, "instruments")),
         ),
-        Route("/certificate", _locked(lambda room, _: _sandboxed(room.certificate))),
-        Route("/debrief", _locked(_debriefed)),
+        Route("/certificate", _with_lock(lambda day, _: _sandbox(day.certificate))),
+        Route("/debrief", _with_lock(_debrief)),
         static("bench.css", "text/css"),
         static("bench.js", "text/javascript"),
         static("icon.svg", "image/svg+xml"),
     ]
-    door = Door(Starlette(routes=routes), rooms, hosts=hosts, secure=secure)
+    door = Door(Starlette(routes=routes), days, hosts=hosts, secure=secure)
     if exam is not None:
         token, door.hall = exam
-        door.codes[token] = Seat(room=None)
+        door.codes[token] = Seat(day=None)
         door.hall_inside = Starlette(routes=[*_hall_routes(door.hall), *routes[-3:]])
     return door
 
 
-def _branched(room: Room, given: Mapping[str, str]) -> Room:
-    if not room.open_book:
+def _branch(day: TraineeDay, fields: Mapping[str, str]) -> TraineeDay:
+    if not day.open_book:
         raise InputError("", "day", None, "can be repeated after the hand-in, and not in an exam")
-    asked = given.get("entry", "")
-    return room.branch(int(asked) if asked.isdecimal() else -1)
+    entry = fields.get("entry", "")
+    return day.branch(int(entry) if entry.isdecimal() else -1)
 
 
-def _locked(answer: Callable[[Room, Request], Response | str]) -> Callable[[Request], Response]:
-    """Return a handler that answers from a trainee's room, one request at a time."""
+def _with_lock(
+    answer: Callable[[TraineeDay, Request], Response | str],
+) -> Callable[[Request], Response]:
+    """Return a handler that answers from a trainee's day, one request at a time."""
 
-    def locked(request: Request) -> Response:
+    def answer_with_lock(request: Request) -> Response:
         seat = request.scope["seat"]
         with seat.lock:
-            found = answer(seat.room, request)
-        return HTMLResponse(found) if isinstance(found, str) else found
+            content = answer(seat.day, request)
+        return HTMLResponse(content) if isinstance(content, str) else content
 
-    return locked
+    return answer_with_lock
 
 
-async def _sent(request: Request) -> dict[str, str]:
+async def _form_fields(request: Request) -> dict[str, str]:
     """Return the fields of a form; none where there are too many."""
     body = (await request.body()).decode("utf-8", errors="replace")
     try:
@@ -247,49 +255,54 @@ async def _sent(request: Request) -> dict[str, str]:
 
 def _query(request: Request, name: str) -> int:
     """Return a number in an address, or -1."""
-    asked = request.query_params.get(name, "")
-    return int(asked) if asked.isdecimal() and len(asked) < 7 else -1
+    text = request.query_params.get(name, "")
+    return int(text) if text.isdecimal() and len(text) < 7 else -1
 
 
-def _day(room: Room, asked: int = -1, refusal: Refusal | None = None) -> str:
-    desk = room.desk
+def _day(day: TraineeDay, shot_asked: int = -1, refusal: Refusal | None = None) -> str:
+    desk = day.desk
     fired = len(desk.day.fired)
-    shot = asked if 1 <= asked <= fired else fired
-    true = room.motion(shot) if shot and desk.day.handed_in else None
+    shot = shot_asked if 1 <= shot_asked <= fired else fired
+    true = day.motion(shot) if shot and desk.day.handed_in else None
     return day_page(
-        desk, room.briefing, refusal=refusal, shot=shot, true_motion=true, others=room.others
+        desk,
+        day.briefing,
+        refusal=refusal,
+        shot=shot,
+        true_motion=true,
+        scenarios_offered=day.scenarios_offered,
     )
 
 
-def _replayed(room: Room, request: Request) -> Response | str:
-    day, entry = room.desk.day, max(_query(request, "entry"), 0)
-    if not room.open_book:
-        return _says(409, "A day can be replayed after the hand-in, and not in an exam.")
-    if entry > len(day.events):
-        return _says(
-            404, f"There is no such entry. Entries are numbered from 0 to {len(day.events)}."
+def _replay(day: TraineeDay, request: Request) -> Response | str:
+    state, entry = day.desk.day, max(_query(request, "entry"), 0)
+    if not day.open_book:
+        return _sentence_page(409, "A day can be replayed after the hand-in, and not in an exam.")
+    if entry > len(state.events):
+        return _sentence_page(
+            404, f"There is no such entry. Entries are numbered from 0 to {len(state.events)}."
         )
-    return replay_page(day, room.briefing, entry)
+    return replay_page(state, day.briefing, entry)
 
 
 def _progress(request: Request) -> Response:
     """Answer with the shots so far, without waiting for a salvo in progress."""
-    return Response(str(len(request.scope["seat"].room.desk.day.fired)), media_type="text/plain")
+    return Response(str(len(request.scope["seat"].day.desk.day.fired)), media_type="text/plain")
 
 
 def _film(request: Request) -> Response:
     """Answer with frames, without blocking other requests."""
     true = request.query_params.get("as") == "it-was"
-    picture = request.scope["seat"].room.film(_query(request, "shot"), true=true)
+    picture = request.scope["seat"].day.film(_query(request, "shot"), true=true)
     if not picture:
-        return _says(404, "There are no camera frames.")
+        return _sentence_page(404, "There are no camera frames.")
     return Response(picture, media_type="image/png", headers=KEPT)
 
 
-def _debriefed(room: Room, _: Request) -> Response:
+def _debrief(day: TraineeDay, _: Request) -> Response:
     """Answer with the debrief or, while it is being made, with a page that reloads itself."""
     try:
-        return _sandboxed(partial(room.debrief, PATIENCE))
+        return _sandbox(partial(day.debrief, PATIENCE))
     except TimeoutError as late:
         page = plain_page(
             "The debrief is being prepared", f"This page reloads automatically. {late}."
@@ -297,7 +310,7 @@ def _debriefed(room: Room, _: Request) -> Response:
         return HTMLResponse(page, status_code=202, headers={"Refresh": "1"})
 
 
-def _sandboxed(page: Callable[[], str]) -> Response:
+def _sandbox(page: Callable[[], str]) -> Response:
     policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; "
     policy += "sandbox allow-same-origin"  # otherwise a link back has no cookie
     try:
@@ -311,9 +324,9 @@ def _hall_routes(hall: Hall) -> list[Route]:
 
     async def turn(request: Request) -> Response:
         try:
-            hall.turn((await _sent(request)).get("do", ""))
+            hall.turn((await _form_fields(request)).get("do", ""))
         except InputError as fault:
-            return _says(422, str(fault))
+            return _sentence_page(422, str(fault))
         return RedirectResponse("/", status_code=303)
 
     return [
@@ -322,62 +335,67 @@ def _hall_routes(hall: Hall) -> list[Route]:
     ]
 
 
-def _do(room: Room, name: str, number: str, given: dict[str, str]) -> None:
+def _do(day: TraineeDay, name: str, number: str, fields: dict[str, str]) -> None:
     """Do one action, or the several actions of a button, each of which is one entry."""
-    due = len(room.desk.day.events) + 1
+    due = len(day.desk.day.events) + 1
     if number != str(due):
         allowed = f"entry {due} is next: this page was out of date, so nothing was done"
         raise InputError("", "entry", number, allowed)
     if name == "fire-shots":
-        _fire_shots(room, given)
+        _fire_shots(day, fields)
     elif name == "accept-within":
-        for shot, why in enumerate(room.desk.reasons):
-            if not why and shot not in room.desk.day.decisions:
-                room.do(action_of("accept", {"shot": shot + 1}))
+        for shot, why in enumerate(day.desk.reasons):
+            if not why and shot not in day.desk.day.decisions:
+                day.do(action_of("accept", {"shot": shot + 1}))
     else:
-        room.do(action_of(name, given, UNITS[room.briefing["units"]][0][0]), due)
+        day.do(action_of(name, fields, UNITS[day.briefing["units"]][0][0]), due)
 
 
-def _fire_shots(room: Room, given: Mapping[str, str]) -> None:
+def _fire_shots(day: TraineeDay, fields: Mapping[str, str]) -> None:
     """Load, prepare and fire up to twelve balls.
 
     If requested, accept each hit within the windows and move to the next impact position. Stop at
     the first hit outside them.
     """
     try:
-        shots = int(given.get("shots", "1"))
+        shots = int(fields.get("shots", "1"))
     except ValueError:
         shots = 0
     if not 1 <= shots <= 12:
-        raise InputError("", "shots", given.get("shots"), "allowed: 1 to 12")
-    if room.desk.missing:
-        raise InputError("", "next ball", None, f"is not known yet: {room.desk.missing}")
+        raise InputError("", "shots", fields.get("shots"), "allowed: 1 to 12")
+    if day.desk.missing:
+        raise InputError("", "next ball", None, f"is not known yet: {day.desk.missing}")
     for _ in range(shots):
-        if "accept" in given:
-            place = room.desk.next_place
+        if "accept" in fields:
+            place = day.desk.next_place
             if place is None:
                 return
-            if room.desk.rule_off:
-                room.do(action_of("set-place", {"place": round(place * 1e3, 3)}))
-        room.do(action_of("load-ball", {"ball": room.desk.next_ball + 1}))
-        for step in ready_steps(room.desk.day):
-            room.do(action_of(step))
-        room.do(action_of("fire"))
-        odd = bool(room.desk.reasons[-1])
-        if odd and "stop" in given:
+            if day.desk.rule_off:
+                day.do(action_of("set-place", {"place": round(place * 1e3, 3)}))
+        day.do(action_of("load-ball", {"ball": day.desk.next_ball + 1}))
+        for step in ready_steps(day.desk.day):
+            day.do(action_of(step))
+        day.do(action_of("fire"))
+        odd = bool(day.desk.reasons[-1])
+        if odd and "stop" in fields:
             return
-        if "accept" in given and not odd:
-            room.do(action_of("accept", {"shot": len(room.desk.day.fired)}))
+        if "accept" in fields and not odd:
+            day.do(action_of("accept", {"shot": len(day.desk.day.fired)}))
 
 
 class Door:
     """Access control, and the headers of every response."""
 
     def __init__(
-        self, inside: ASGIApp, rooms: Mapping[str, Room], *, hosts: frozenset[str], secure: bool
+        self,
+        inside: ASGIApp,
+        days: Mapping[str, TraineeDay],
+        *,
+        hosts: frozenset[str],
+        secure: bool,
     ) -> None:
         self.inside, self.hosts, self.secure = inside, hosts, secure
-        self.codes = {token: Seat(room=room) for token, room in rooms.items()}
+        self.codes = {token: Seat(day=day) for token, day in days.items()}
         self.hall: Hall | None = None
         self.hall_inside = inside  # application for a trainer
         self.seats: dict[str, Seat] = {}  # seats by cookie
@@ -390,7 +408,7 @@ class Door:
             return
         request = Request(scope)
 
-        async def guarded(message: Message) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for key, value in HEADERS.items():
@@ -398,46 +416,46 @@ class Door:
             await send(message)
 
         refused = (
-            self._misdirected(request)
-            or self._entering(request)
-            or self._unknown(request)
-            or self._too_early(request)
+            self._refuse_request(request)
+            or self._enter(request)
+            or self._refuse_session(request)
+            or self._refuse_by_exam(request)
         )
         if refused is None:
-            trainer = request.scope["seat"].room is None
+            trainer = request.scope["seat"].day is None
             inside = self.hall_inside if trainer else self.inside
             with suppress(ClientDisconnect):  # the client no longer waits
-                await inside(scope, receive, guarded)
+                await inside(scope, receive, send_with_headers)
         else:
-            await refused(scope, receive, guarded)
+            await refused(scope, receive, send_with_headers)
 
-    def _misdirected(self, request: Request) -> Response | None:
+    def _refuse_request(self, request: Request) -> Response | None:
         """Return the refusal of another host, another origin, or too long a request, else None."""
         if request.headers.get("host", "") not in self.hosts:
-            return _says(403, "This address is not served here.")
+            return _sentence_page(403, "This address is not served here.")
         if request.method == "POST":
             scheme = "https" if self.secure else "http"
             if request.headers.get("origin") not in {f"{scheme}://{name}" for name in self.hosts}:
-                return _says(403, "A request must come from a page of this server.")
+                return _sentence_page(403, "A request must come from a page of this server.")
             length = request.headers.get("content-length", "")
             if "transfer-encoding" in request.headers:  # its length is unknown before its end
-                return _says(411, "A request must state its length, and come whole.")
+                return _sentence_page(411, "A request must state its length, and come whole.")
             if not length.isdigit() or int(length) > LARGEST_BODY:
-                return _says(413, f"A request may have at most {LARGEST_BODY} bytes.")
+                return _sentence_page(413, f"A request may have at most {LARGEST_BODY} bytes.")
         return None
 
-    def _entering(self, request: Request) -> Response | None:
+    def _enter(self, request: Request) -> Response | None:
         """Return the answer to a token, which is valid once, or again for a trainee of an exam."""
-        token = _known(self.codes, request.query_params.get("token", ""))
+        token = _find_key(self.codes, request.query_params.get("token", ""))
         if token is None:
             return None
         seat = self.codes[token]
-        if self.hall is None or seat.room is None:
+        if self.hall is None or seat.day is None:
             del self.codes[token]
-        for earlier in [session for session, taken in self.seats.items() if taken is seat]:
+        for earlier in [session for session, occupied in self.seats.items() if occupied is seat]:
             del self.seats[earlier]  # the lost browser must not continue
             if self.hall is not None:
-                self.hall.join_again(seat.room)
+                self.hall.join_again(seat.day)
         session = secrets.token_urlsafe(32)
         self.seats[session] = seat
         to = "/replay" if request.url.path == "/replay" else "/"
@@ -447,45 +465,45 @@ class Door:
         )
         return answer
 
-    def _unknown(self, request: Request) -> Response | None:
+    def _refuse_session(self, request: Request) -> Response | None:
         """Return the refusal of a request without cookie or too many requests, else None."""
-        session = _known(self.seats, request.cookies.get(self.cookie, ""))
+        session = _find_key(self.seats, request.cookies.get(self.cookie, ""))
         if session is None:
-            request.scope["seat"] = Seat(room=None)
+            request.scope["seat"] = Seat(day=None)
             return None if request.url.path in OPEN_TO_ALL else self._stranger(request)
         seat = request.scope["seat"] = self.seats[session]
         now = time.monotonic()
-        if len(seat.asked) == MOST_A_SECOND and now - seat.asked[0] < 1:
-            return _says(429, "Too many requests. Wait a second, then go back.")
-        seat.asked.append(now)
+        if len(seat.request_times) == MOST_A_SECOND and now - seat.request_times[0] < 1:
+            return _sentence_page(429, "Too many requests. Wait a second, then go back.")
+        seat.request_times.append(now)
         return None
 
     def _stranger(self, request: Request) -> Response:
         if self.hall is None:
-            return _says(
+            return _sentence_page(
                 403, "Open the address that the command printed. It works once, in one browser."
             )
         wrong = "This code does not exist. " if "token" in request.query_params else ""
         opens = "Enter your code to open your day. A day open in another browser closes there."
         sentence = f"{wrong}{opens}"
-        return _says(403, sentence, title=self.hall.title, by_code=True)
+        return _sentence_page(403, sentence, title=self.hall.title, by_code=True)
 
-    def _too_early(self, request: Request) -> Response | None:
+    def _refuse_by_exam(self, request: Request) -> Response | None:
         """Return the answer to a trainee before the exam begins or after it ends, else None."""
-        trainer = request.scope["seat"].room is None
+        trainer = request.scope["seat"].day is None
         free = trainer or request.url.path in OPEN_TO_ALL
         if free or self.hall is None or self.hall.is_open:
             return None
-        return _says(409, f"The exam {STATES[self.hall.state]}.", title=self.hall.title)
+        return _sentence_page(409, f"The exam {STATES[self.hall.state]}.", title=self.hall.title)
 
 
-def _known(keys: Mapping[str, object], given: str) -> str | None:
+def _find_key(keys: Mapping[str, object], text: str) -> str | None:
     """Return the matching key, compared in constant time, or None."""
-    found = [key for key in keys if secrets.compare_digest(key.encode(), given.encode())]
-    return found[0] if found else None
+    matches = [key for key in keys if secrets.compare_digest(key.encode(), text.encode())]
+    return matches[0] if matches else None
 
 
-def _says(
+def _sentence_page(
     status: int, sentence: str, *, title: str = "Not available", by_code: bool = False
 ) -> Response:
     return HTMLResponse(plain_page(title, sentence, by_code=by_code), status_code=status)

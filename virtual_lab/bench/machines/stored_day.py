@@ -22,7 +22,7 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.bench.day.actions import Action
-from virtual_lab.bench.day.day import Day, DayEvent, decide, evolve, replayed
+from virtual_lab.bench.day.day import Day, DayEvent, decide, evolve, replay_events
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.entries import entry_of_session
 from virtual_lab.bench.day.log import LOG, DayLog, SequenceError
@@ -61,13 +61,13 @@ def _rules(scenario: Scenario) -> Entry[Procedure]:
         return rules
     value = f'value = {scenario.limit!r}, unit = "1", source = "assumed", verified = false'
     line = re.compile(r"^limit\s*=\s*\{[^}]*\}", re.MULTILINE)
-    text, found = line.subn(f"limit = {{ {value} }}", rules.text)
-    if found != 1:
+    text, count = line.subn(f"limit = {{ {value} }}", rules.text)
+    if count != 1:
         raise InputError(scenario.name, "limit", scenario.limit, "the rules have none to replace")
     return catalog.read(text, f"procedures/{rules.spec.name}", Procedure)
 
 
-class KeptDay:
+class StoredDay:
     """A day in a folder."""
 
     def __init__(self, folder: Path) -> None:
@@ -78,14 +78,14 @@ class KeptDay:
         self.folder = folder
         self.log = DayLog(folder / LOG)
         sealed = read_json(folder / SECRET)
-        told = read(str(sealed["scenario"]), "scenario.toml", Scenario).spec
-        self.scenario = replace(told, faults=tuple(sealed["faults"]))
+        scenario = read(str(sealed["scenario"]), "scenario.toml", Scenario).spec
+        self.scenario = replace(scenario, faults=tuple(sealed["faults"]))
         laboratory = laboratory_of(
             self.scenario, int(sealed["seed"]), bytes.fromhex(sealed["salt"])
         )
         self.morning = self.log.first
         self.apparatus = Apparatus(replace(laboratory, date=self.morning.morning.date))
-        self.desk = Desk(replayed(self.morning, self.log.events()))
+        self.desk = Desk(replay_events(self.morning, self.log.events()))
 
     @classmethod
     def begin(cls, folder: Path, scenario: Entry[Scenario], seed: int | None = None) -> Self:
@@ -105,7 +105,7 @@ class KeptDay:
             "truth": _individuals(laboratory),
         }
         content = json.dumps(sealed).encode()
-        came = _records_of(today, laboratory, drawn)
+        supplied = _records_of(today, laboratory, drawn)
         with new_folder(folder) as draft:
             handle = os.open(draft / SECRET, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             with os.fdopen(handle, "wb") as file:
@@ -118,10 +118,10 @@ class KeptDay:
                     "briefing": scenario.spec.briefing()
                     | {"commitment": _digest(content), "camera": has_camera(laboratory)},
                     "session": entry_of_session(laboratory.session),
-                    "came_with": len(came),
+                    "came_with": len(supplied),
                 },
             )
-            for event in came:
+            for event in supplied:
                 log.append(event)
         return cls(folder)
 
@@ -140,11 +140,11 @@ class KeptDay:
         last = next(event.number for event in events if event.action == "hand-in") - 1
         if not first <= entry <= last:
             raise InputError(str(source), "entry", entry, f"allowed: {first} to {last}")
-        told = log.morning["briefing"] | {"practice": entry or 1, "feedback": "after"}
+        briefing = log.morning["briefing"] | {"practice": entry or 1, "feedback": "after"}
         with new_folder(folder) as draft:
             shutil.copyfile(source / SECRET, draft / SECRET)
             (draft / SECRET).chmod(0o600)
-            again = DayLog.create(draft / LOG, log.morning | {"briefing": told})
+            again = DayLog.create(draft / LOG, log.morning | {"briefing": briefing})
             for event in events[:entry]:
                 again.append(event)
         return cls(folder)
@@ -152,21 +152,21 @@ class KeptDay:
     @property
     def seal(self) -> str:
         """Statement of the seal when the truth is revealed."""
-        shown = self.log.morning["briefing"]["commitment"]
+        commitment = self.log.morning["briefing"]["commitment"]
         content = read_bytes(self.folder / SECRET)
-        if _digest(content) != shown:
+        if _digest(content) != commitment:
             return "BROKEN: the sealed file was changed after the day began"
-        truth, drawn = json.loads(content)["truth"], _individuals(self.apparatus.laboratory)
-        same = all(np.allclose(truth[key], drawn[key], rtol=1e-9, atol=0) for key in truth)
+        truth, computed = json.loads(content)["truth"], _individuals(self.apparatus.laboratory)
+        same = all(np.allclose(truth[key], computed[key], rtol=1e-9, atol=0) for key in truth)
         if not same:
             return "BROKEN: this program computes another bat and other balls from the sealed seed"
-        return f"intact: the SHA-256 of the sealed file is {shown}, as at the start of the day"
+        return f"intact: the SHA-256 of the sealed file is {commitment}, as at the start of the day"
 
     @property
     def day(self) -> Day:
         return self.desk.day
 
-    def taken(self, operator: Operator) -> Day:
+    def run_operator(self, operator: Operator) -> Day:
         """Let an operator complete the day. Raises `InputError` for an impossible action."""
         for action in operator(lambda: self.desk):
             self.do(action)
@@ -186,26 +186,26 @@ class KeptDay:
         if number is not None and number != due:
             allowed = f"entry {due} is next (sent twice, or from an older page?)"
             raise SequenceError("", "entry", number, allowed)
-        event = done(self.apparatus, self.day, action)
+        event = do_action(self.apparatus, self.day, action)
         self.log.append(event)
         self.desk = self.desk.after(event)
         return event
 
 
-def done(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
+def do_action(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
     """Return the event of an action on a day. Raises `InputError` if it is impossible."""
     price = decide(day, action)
     event = replace(apparatus.play(day, action), seconds=price)
-    said = remarks(evolve(day, event)) if day.remarks else ()
-    return replace(event, shown=(*event.shown, *said))
+    notes = remarks(evolve(day, event)) if day.remarks else ()
+    return replace(event, shown=(*event.shown, *notes))
 
 
-def played(apparatus: Apparatus, actions: Iterable[Action]) -> Day:
+def play_actions(apparatus: Apparatus, actions: Iterable[Action]) -> Day:
     """Return the day after a series of actions, without a log."""
-    return taken(apparatus, lambda _: iter(actions))
+    return run_operator(apparatus, lambda _: iter(actions))
 
 
-def taken(
+def run_operator(
     apparatus: Apparatus,
     operator: Operator,
     morning: Day | None = None,
@@ -220,7 +220,7 @@ def taken(
     desks = [Desk(morning or untouched)]
     for action in operator(lambda: desks[-1]):
         day = desks[-1].day
-        desks[:] = [desks[-1].after(done(apparatus, day, action))]
+        desks[:] = [desks[-1].after(do_action(apparatus, day, action))]
     return desks[-1].day
 
 
@@ -228,7 +228,7 @@ def _records_of(scenario: Scenario, laboratory: Laboratory, seed: int) -> tuple[
     """Return the events of another laboratory on the day, up to its result."""
     if not scenario.records_of:
         return ()
-    events = taken(Apparatus(laboratory), operator_of(scenario.records_of, seed)).events
+    events = run_operator(Apparatus(laboratory), operator_of(scenario.records_of, seed)).events
     verdict = {"note-doubt", "reduce", "give-verdict", "hand-in"}
     return tuple(event for event in events if event.action not in verdict)
 
