@@ -14,7 +14,7 @@ from virtual_lab.errors import InputError, nearest
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Action:
-    """A requested action with its arguments."""
+    """An action that a trainee or an operator requests, with its arguments."""
 
     name: str
     arguments: Mapping[str, Value] = field(default_factory=dict)
@@ -34,7 +34,10 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
 
 
 def typed_words(action: str, arguments: Mapping[str, Value]) -> str:
-    """Return the arguments of an action as a page prints them: title, value and unit of each."""
+    """Return the arguments of an action as printed on a page, for example "position: 120 mm".
+
+    Arguments are separated by "; ". Empty ones are left out.
+    """
     takes = {each.name: each for each in ARGUMENTS.get(action, ())}
     titles = known_doubts() | {name: each.title for name, each in action_table().actions.items()}
     words = []
@@ -51,12 +54,14 @@ def typed_words(action: str, arguments: Mapping[str, Value]) -> str:
 def action_of(
     name: str, arguments: Mapping[str, object] | None = None, length: str = "mm"
 ) -> Action:
-    """Return the action of a name with its arguments read, bare lengths in the unit `length`.
+    """Return an action after a check of its arguments, which may be typed text.
+
+    A missing argument gets its default. A length without a unit is in the unit `length`.
 
     Raises
     ------
     InputError
-        No such action, an argument that it does not take, is missing or does not fit.
+        The action does not exist, or an argument is unknown, missing or out of its limits.
     """
     sheets = action_table().actions
     if name not in sheets:

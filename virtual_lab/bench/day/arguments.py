@@ -1,4 +1,4 @@
-"""Arguments of an action: their rows in the table of actions, and the reading of typed values."""
+"""Arguments of an action: their description in the table of actions, and their conversion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from virtual_lab.units import DIMENSIONS, INCH, OUNCE
 Value = str | float | int
 LENGTHS = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "in": INCH})
 MASSES = MappingProxyType({"g": 1e-3, "oz": OUNCE})
-TYPED = re.compile(r"([^a-zA-Z%]+?(?:[eE][+-]?\d+)?)\s*([a-zA-Z%/]+)")  # a number with its unit
+TYPED = re.compile(
+    r"([^a-zA-Z%]+?(?:[eE][+-]?\d+)?)\s*([a-zA-Z%/]+)"
+)  # a number followed by a unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +35,10 @@ class Argument(Spec):
     choices: tuple[str, ...] = ()
 
     def read(self, raw: object, action: str, length: str = "mm") -> Value:
-        """Return the value that was typed or sent. Raises `InputError` if it does not fit.
+        """Return the value of a typed or sent argument, in the unit of the argument.
 
-        A length without a unit is in the unit `length`.
+        An empty text gives the default. A length without a unit is in the unit `length`, and a
+        decimal comma is accepted. Raises `InputError` if the value is missing or not allowed.
         """
         if raw is None or (isinstance(raw, str) and not raw.strip()):
             if self.default is None:
@@ -76,7 +79,7 @@ class Argument(Spec):
         return int(number) if whole else number
 
     def _factor(self, unit: str) -> float:
-        """Size of a unit in the unit of the argument; NaN for a unit of another quantity."""
+        """Return the factor from `unit` to the unit of the argument; NaN if they do not match."""
         for units in DIMENSIONS.values():
             if {unit, self.unit} <= units.keys():
                 return units[unit] / units[self.unit]

@@ -1,7 +1,7 @@
-"""The day as a replay of its events: `decide` returns prices or refuses, `evolve` applies events.
+"""State of a day: `decide` returns the price of an action or refuses it, `evolve` applies an event.
 
-A day holds what a page may show, not the truth. The events contain the readings of the instruments,
-so the log alone defines the day.
+The state contains only information that a page may show, not the truth. The events contain the
+readings of the instruments, so the log alone defines the day.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ Display = tuple[tuple[str, float | str, str], ...]  # quantity, value, unit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DayEvent:
-    """An event in the form of JSON: the action, its price, and the readings of the instruments."""
+    """An action that was carried out, with price and readings, in a form that JSON can store."""
 
     number: int  # from 1
     action: str
     arguments: Mapping[str, Any]
     seconds: float
-    records: Mapping[str, Any] = field(default_factory=dict)  # channel: arrays
-    shown: Display = ()
-    constants: Mapping[str, Any] = field(default_factory=dict)  # new values of known constants
+    records: Mapping[str, Any] = field(default_factory=dict)  # instrument records by channel
+    shown: Display = ()  # values on the display
+    constants: Mapping[str, Any] = field(default_factory=dict)  # changed calibration constants
     sketch: Mapping[str, Any] = field(default_factory=dict)  # blurred top view of a shot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """Decision whether a hit is accepted, with the reason."""
+    """The trainee's decision to accept or reject a hit, with the reason."""
 
     accepted: bool
     because: str
@@ -52,21 +52,23 @@ class Decision:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Day:
-    """State of a day."""
+    """State of a day at the bench, without the truth."""
 
-    morning: Session  # constants known before the first action
+    morning: Session  # calibration constants before the first action
     balls: int
-    supplied_events: int = 0  # number of events of another laboratory, whose records are judged
-    listed: Mapping[str, float] = field(default_factory=dict)  # possible faults: probability
-    practice: int = 0  # entry from which the day was repeated; 0: a day of its own
+    supplied_events: int = 0  # number of events that another laboratory supplied
+    listed: Mapping[str, float] = field(
+        default_factory=dict
+    )  # possible faults, each with its probability
+    practice: int = 0  # entry from which an earlier day is repeated; 0: no practice
     checklists: bool = False
-    remarks: bool = False  # whether omitted steps are named at once
+    remarks: bool = False  # whether the page names an omitted step at once
     exam: bool = False  # whether the day gives no feedback
     events: tuple[DayEvent, ...] = ()
     seconds: float = 0.0
-    done: Mapping[str, int] = field(default_factory=dict)  # action: number of times
+    done: Mapping[str, int] = field(default_factory=dict)  # number of times of each action
     struck: frozenset[int] = frozenset()  # events that were struck out
-    repaired_faults: frozenset[str] = frozenset()  # faults that repairs have removed, if present
+    repaired_faults: frozenset[str] = frozenset()  # faults that the repairs so far remove
     tared: bool = False
     level: bool = False
     clamped: bool = False
@@ -83,11 +85,11 @@ class Day:
     handed_in: bool = False
 
     def times(self, action: str) -> int:
-        """Return the number of times an action was done."""
+        """Return the number of times that an action was carried out."""
         return self.done.get(action, 0)
 
     def until(self, entry: int) -> Day:
-        """Return the day after the entry number `entry`."""
+        """Return the day after entry number `entry`; 0 is the day before its first entry."""
         names = (
             "morning",
             "balls",
@@ -103,10 +105,15 @@ class Day:
 
 
 def decide(day: Day, action: Action) -> float:
-    """Return the price of an action [s]. Raises `InputError` if it is impossible now.
+    """Return the price of an action [s of laboratory time].
 
-    An action is refused only if it is impossible or would change reduced results. Any other action
-    is carried out and has its consequences.
+    An action is refused only if it is impossible now or would change reduced results. Any other
+    action is carried out, with its consequences.
+
+    Raises
+    ------
+    InputError
+        The action is refused; the message states the reason.
     """
     name, arguments = action.name, action.arguments
     if day.handed_in and name != DISPUTE:
@@ -149,18 +156,18 @@ def is_offered(day: Day, action: str) -> bool:
 
 
 def ready_steps(day: Day) -> tuple[str, ...]:
-    """Return the steps that make the rig ready for a shot."""
+    """Return the steps before each shot, in order, for the instruments that the rig has."""
     return tuple(step for step in MAKE_READY if has_instrument(day, step))
 
 
 def has_instrument(day: Day, action: str) -> bool:
-    """Return whether the rig has the instrument of an action, or is not set up yet."""
+    """Return whether the rig has the instrument of an action; True while it is being set up."""
     needs, calibration = action_table().actions[action].needs, day.morning.calibration
     return not calibration or any(key.startswith(needs) for key in calibration)
 
 
 def _at_hand(day: Day, action: str) -> bool:
-    """Return whether an action needs no machines, or the machines are available."""
+    """Return whether an action is possible: no machine is needed, or the machines are here."""
     at_machines = len(day.events) < day.supplied_events or not day.supplied_events
     paperwork = {DISPUTE, "accept", "reject", "strike-out", "enter-result", "reduce"}
     return at_machines or action in paperwork | AFTER_REDUCTION | CHECKLISTS
@@ -194,7 +201,7 @@ def _require_reading(day: Day, entry: int) -> None:
 
 
 def evolve(day: Day, event: DayEvent) -> Day:
-    """Return the day after an event."""
+    """Return the state of the day after one more event."""
     day = replace(
         day,
         events=(*day.events, event),
@@ -206,7 +213,7 @@ def evolve(day: Day, event: DayEvent) -> Day:
 
 
 def replay_events(morning: Day, events: Iterable[DayEvent]) -> Day:
-    """Return the day that began with `morning` after all of its events."""
+    """Return the state of a day after all `events`, from its state before the first of them."""
     return reduce(evolve, events, morning)
 
 
@@ -214,7 +221,9 @@ Changes = Mapping[str, Any]  # fields of a day
 
 
 def _set_position(day: Day, arguments: Changes) -> Changes:
-    from virtual_lab.measurement.procedure import to_set  # loads slowly, so not before it is needed
+    from virtual_lab.measurement.procedure import (
+        to_set,
+    )  # a slow import, not needed for the first page
 
     place = float(to_set(arguments["place"] / 1e3, exact=False))
     return {"place": place, "ready": day.ready - {"wait-rest"}}

@@ -1,4 +1,4 @@
-"""The desk: all results that follow from a day's entries, and all that a page shows.
+"""The desk: the results that follow from the entries of a day, for pages and operators.
 
 The desk does not contain the truth. Pages and operators receive a desk and nothing else.
 """
@@ -34,7 +34,10 @@ STAGES = {"hit-wall": "balls", "aim-paper": "impact"}  # stage of the records of
 
 
 def session_of(day: Day) -> Session:
-    """Return the current records: for repeated readings, the last entry that is not struck out."""
+    """Return the session of a day: its records and the calibration constants now in use.
+
+    If a reading was repeated, the last one that is not struck out counts.
+    """
     records: dict[str, dict[str, Record]] = {}
     calibration = dict(day.morning.calibration)
     shots: dict[str, list[Record]] = {}
@@ -55,7 +58,7 @@ def session_of(day: Day) -> Session:
 
 
 def _with_shot(session: Session, event: DayEvent) -> Session:
-    """Return the records with those of one more shot, in the form of `session_of`."""
+    """Return the session with the records of one more shot, equal to `session_of` after it."""
     impact = dict(session.records.get("impact", {}))
     for channel, entry in event.records.items():
         shot = record_of(entry)
@@ -65,7 +68,7 @@ def _with_shot(session: Session, event: DayEvent) -> Session:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HitResult:
-    """A shot at the bat: its results from the records [SI], None if not seen, and the decision."""
+    """Results of a shot at the bat [SI], None if not measured, and the decision about it."""
 
     ball: int  # from 1
     place: float | None
@@ -78,16 +81,16 @@ class HitResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnteredResult:
-    """A result that the trainee entered, with the result from the records."""
+    """A result that the trainee entered, and the same result reduced from the records."""
 
     name: str  # key of RESULT_QUANTITIES
     entered: float
-    reduced: float | None  # None: the records give none
+    reduced: float | None  # None: the records give no result
     u: float | None
 
     @property
     def off(self) -> float | None:
-        """Deviation of the entered result from that of the records [standard uncertainties]."""
+        """Entered minus reduced result, in standard uncertainties; None without a reduced one."""
         if self.reduced is None or not self.u:
             return None
         return (self.entered - self.reduced) / self.u
@@ -100,7 +103,7 @@ class EnteredResult:
 
 @dataclass(frozen=True)
 class Desk:
-    """Results of a day, reduced when they are first requested."""
+    """Results of a day. Each is computed when it is first used, and cached."""
 
     day: Day
 
@@ -114,21 +117,27 @@ class Desk:
 
     @cached_property
     def preparation(self) -> Preparation:
-        """Reduction of bat and balls. `InputError` names a missing record."""
+        """Reduction of bat and balls. Raises `InputError` with the name of a missing record."""
         from virtual_lab.measurement.session_reduction import prepare
 
         return prepare(self.session)
 
     @cached_property
     def by_rules(self) -> SessionReduction:
-        """Reduction of the hits so far, judged by the rules. Raises as `preparation` does."""
+        """Reduction of the hits so far; the rules decide about each hit.
+
+        Raises `InputError` with the name of a missing record.
+        """
         from virtual_lab.measurement.session_reduction import reduce_hits
 
         return reduce_hits(self.session, self.preparation)
 
     @cached_property
     def reduced(self) -> SessionReduction:
-        """Reduction of the hits so far, with the accepted ones valid."""
+        """Reduction of the hits so far; the trainee decides which hits are valid.
+
+        Raises `InputError` with the name of a missing record.
+        """
         by_rules = self.by_rules
         judgement = self._chosen(by_rules.shots)
         return replace(
@@ -151,14 +160,14 @@ class Desk:
 
     @property
     def result(self) -> tuple[float, float] | None:
-        """Metric and standard uncertainty from the records, None if they give no result."""
+        """Metric and its standard uncertainty [SI]; None if the records give no result."""
         if not self.day.fired or self.missing or self.certification.metric is None:
             return None
         metric = self.certification.metric
         return metric.value, metric.u
 
     def own(self, entered: Mapping[str, object]) -> list[EnteredResult]:
-        """Return each result of an entry together with that of the records."""
+        """Return the results that the trainee entered, each with the result of the records."""
         quantities = self.certification.quantities if self.result else {}
         return [
             EnteredResult(
@@ -173,12 +182,12 @@ class Desk:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Reason why the rules would reject each hit, or empty."""
+        """For each hit, the reason why the rules reject it; an empty text if they accept it."""
         return self.by_rules.judgement.reasons if self.day.fired else ()
 
     @property
     def hits(self) -> list[HitResult]:
-        """Every shot so far, without results while records are missing."""
+        """One row per shot so far; all results are None while a record is missing."""
         rows = np.full((len(self.day.fired), 4), np.nan)
         if self.day.fired and not self.missing:
             shots, reduction = self.by_rules.shots, self.by_rules
@@ -210,7 +219,7 @@ class Desk:
 
     @cached_property
     def missing(self) -> str:
-        """Reason why the hits cannot be reduced, or empty."""
+        """Reason why the hits cannot be reduced; an empty text if they can."""
         if not self.day.events:
             return "nothing has been measured yet"
         try:
@@ -221,7 +230,10 @@ class Desk:
 
     @cached_property
     def next_place(self) -> float | None:
-        """Next impact position required by the rules [m], None if there is none."""
+        """Next impact position by the rules [m from the tip]; None if no hit is needed.
+
+        Raises `InputError` with the name of a missing record.
+        """
         from virtual_lab.measurement.reduction.observations import along_of
 
         rules, place = self.rules.spec, self.preparation.percussion
@@ -245,7 +257,7 @@ class Desk:
 
     @cached_property
     def waiting(self) -> tuple[int, ...]:
-        """Undecided hits within the windows, as shots from 0."""
+        """Undecided hits within the acceptance windows, as shot numbers from 0."""
         day = self.day
         if self.missing or day.reduced or day.handed_in:
             return ()
@@ -255,7 +267,7 @@ class Desk:
 
     @cached_property
     def with_waiting_accepted(self) -> Desk:
-        """Desk with every hit of `waiting` accepted."""
+        """The desk as it would be if every hit in `waiting` were accepted."""
         accepted = Decision(accepted=True, because="within the windows")
         decisions = {**dict.fromkeys(self.waiting, accepted), **self.day.decisions}
         following = Desk(replace(self.day, decisions=decisions))
@@ -265,27 +277,27 @@ class Desk:
 
     @property
     def rule_off(self) -> bool:
-        """Whether the rule must still be set to the next impact position."""
+        """Whether the impact position must still be set for the next shot."""
         position, rule = self.next_place, self.day.place
         return position is not None and (rule is None or abs(position - rule) > 1e-6)
 
     @property
     def next_ball(self) -> int:
-        """Next ball of the rotation of admitted balls, from 0."""
+        """Number of the next ball, from 0. The admitted balls take turns."""
         used = self.preparation.lot.used.copy()
         used[list(self.day.retired)] = False
         balls = np.flatnonzero(used if used.any() else ~used)
         return int(balls[len(self.day.fired) % balls.size])
 
     def last(self, action: str) -> DayEvent | None:
-        """Return the last entry of an action that is not struck out."""
+        """Return the last entry of an action that is not struck out; None if there is none."""
         events = [
             e for e in self.day.events if e.action == action and e.number not in self.day.struck
         ]
         return events[-1] if events else None
 
     def after(self, event: DayEvent) -> Desk:
-        """Return the desk after an event, keeping the results that the event does not change."""
+        """Return the desk after one more event. Results that it does not change stay cached."""
         following, cache = Desk(evolve(self.day, event)), self.__dict__
         unchanged = frozenset({"rules"})
         if event.action == "fire":

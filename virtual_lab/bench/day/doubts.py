@@ -1,4 +1,4 @@
-"""Possible faults of a laboratory, by name and by the title that a trainee sees."""
+"""The faults of the catalog that a trainee can name, by name and by title."""
 
 from __future__ import annotations
 
@@ -16,21 +16,26 @@ LONGEST_TEXT = 300  # largest number of characters of a trainee's own words
 
 @cache
 def fault_sheets() -> Mapping[str, FaultSheet]:
-    """Sheets of all faults in the catalog, by name."""
+    """Return the data sheets of all faults in the catalog, by name."""
     return MappingProxyType(
         {name: catalog.load("faults", name, FaultSheet).spec for name in catalog.names("faults")}
     )
 
 
 def known_doubts() -> dict[str, str]:
-    """Return the faults that a trainee can name, with their titles."""
+    """Return the title of each fault that a trainee can name, by the name of the fault."""
     return {name: sheet.title for name, sheet in fault_sheets().items()}
 
 
 def doubt_of(words: str, action: str, key: str) -> str:
-    """Return the fault with a title. `InputError` suggests the title if the words are close to one.
+    """Return the name of the fault that a trainee typed by its title or name.
 
-    A trainee's own words begin with “other:” and name no fault.
+    Text that begins with “other:” is a trainee's own description and is returned as it is.
+
+    Raises
+    ------
+    InputError
+        The text is no title and no name; the message suggests the most similar title.
     """
     titles = known_doubts()
     names = {title.lower(): name for name, title in titles.items()}

@@ -1,4 +1,4 @@
-"""Records, constants and the session before the first action, in the form of JSON for a log."""
+"""Conversion of records, constants and the first session of a day to JSON and back."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 
 def entry_of_record(record: Record) -> dict[str, Any]:
-    """Return a record with its arrays as lists, and null for NaN."""
+    """Return a record as a JSON object, with arrays as lists and NaN as null."""
     arrays = {
         name: np.ma.masked_invalid(getattr(record, name)).tolist(None) for name in record.columns
     }
@@ -22,13 +22,13 @@ def entry_of_record(record: Record) -> dict[str, Any]:
 
 
 def record_of(entry: Mapping[str, Any]) -> Record:
-    """Return the record of an entry, exact to the bit."""
+    """Return the record that `entry_of_record` wrote, with identical values."""
     kind = record_types()[entry["kind"]]
     return kind(**{name: np.array(entry[name], dtype=np.float64) for name in kind.columns})
 
 
 def entry_of_session(session: Session) -> dict[str, Any]:
-    """Return the constants known before the first action, without records."""
+    """Return a session as a JSON object: bat, ball, rules, constants, but no records."""
     return {
         "bat": session.bat,
         "ball": session.ball,
@@ -45,7 +45,7 @@ def entry_of_session(session: Session) -> dict[str, Any]:
 
 
 def session_of_entry(entry: Mapping[str, Any]) -> Session:
-    """Return the session of an entry."""
+    """Return the session that `entry_of_session` wrote, without records."""
     calibration = {name: Estimate(**parts) for name, parts in entry["calibration"].items()}
     fields = {name: value for name, value in entry.items() if name != "simulation"}
     origin = {"origin": Simulated(**entry["simulation"]), "calibration": calibration}

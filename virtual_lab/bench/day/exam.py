@@ -1,4 +1,4 @@
-"""An exam: a class that takes one scenario at the same time, and the trainer's view of it."""
+"""An exam: a class of trainees who take the same scenario together, and their progress."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ class ClassSheet(Spec):
 
 
 def load_class(path: Path) -> ClassSheet:
-    """Return the class of a .toml file; `InputError` if the file or its scenario is no exam."""
+    """Return the class that a .toml file describes.
+
+    Raises `InputError` if the file is not valid, or if its scenario is not meant for an exam.
+    """
     sheet = read(read_text(path), str(path), ClassSheet).spec
     if load_scenario(sheet.scenario).spec.feedback != "never":
         allowed = 'allowed: a scenario with feedback = "never"'
@@ -45,7 +48,7 @@ def load_class(path: Path) -> ClassSheet:
 
 
 class WatchedDay(Protocol):
-    """A day in progress."""
+    """A day whose progress a trainer can watch."""
 
     @property
     def desk(self) -> Desk: ...
@@ -53,7 +56,7 @@ class WatchedDay(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraineeProgress:
-    """Progress of one trainee, without the truth."""
+    """Progress of one trainee in an exam, without the truth."""
 
     name: str
     state: str
@@ -64,7 +67,7 @@ class TraineeProgress:
 
 
 class Hall:
-    """State of an exam: trainees can work only after the trainer begins it and until it ends."""
+    """State of an exam. Trainees can work from its beginning to its end, set by the trainer."""
 
     def __init__(self, title: str, days: Mapping[str, WatchedDay]) -> None:
         self.title, self.days = title, days
@@ -76,14 +79,17 @@ class Hall:
         return self.state == "begun"
 
     def turn(self, word: str) -> None:
-        """Begin or end the exam; `InputError` for any other word."""
+        """Begin the exam with the word "begin", or end it with "end".
+
+        Raises `InputError` for any other word, or for a word that is not allowed in this state.
+        """
         allowed = {"not begun": {"begin": "begun"}, "begun": {"end": "over"}}.get(self.state, {})
         if word not in allowed:
             raise InputError("exam", "do", word, f"is {self.state}; allowed: {list(allowed)}")
         self.state = allowed[word]
 
     def join_again(self, day: object) -> None:
-        """Note that the trainee of a day signed in again from another browser."""
+        """Record the time at which the trainee of a day signed in from another browser."""
         name = next(name for name, trainee_day in self.days.items() if trainee_day is day)
         self.joined[name] = f"{datetime.now():%H:%M}"
 

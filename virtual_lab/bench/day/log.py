@@ -1,7 +1,7 @@
-"""The log of a day on disk: a table that only grows, written before an action is answered.
+"""The log of a day: a database table that only grows, written before an action is answered.
 
-The first row holds the start of the day. Each further row is an event, numbered from 1. An existing
-number is refused, so a button pressed twice makes one entry.
+Row 0 holds the start of the day, and each further row holds one event, numbered from 1. An existing
+number is refused, so a button that is pressed twice makes one entry.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ CREATE TRIGGER no_loss BEFORE DELETE ON entries BEGIN SELECT RAISE(ABORT, 'appen
 
 
 class SequenceError(InputError):
-    """An entry with an existing number, sent twice or from an outdated page."""
+    """Error: the number of an entry exists already (sent twice, or from an outdated page)."""
 
 
 class DayLog:
-    """The log in one file."""
+    """The log of a day in one SQLite file. Raises `InputError` if the file is not a log."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -52,7 +52,7 @@ class DayLog:
 
     @classmethod
     def create(cls, path: Path, morning: Mapping[str, Any]) -> DayLog:
-        """Create a log with the start of the day. Raises `InputError` if the file exists."""
+        """Create a log file and write the start of the day. Raises `InputError` if it exists."""
         if path.exists():
             raise InputError(str(path), "log", None, "is there already")
         with closing(sqlite3.connect(path, isolation_level=None)) as base:
@@ -63,7 +63,7 @@ class DayLog:
 
     @property
     def first(self) -> Day:
-        """Return the day before its first event, including those of another laboratory."""
+        """The state of the day before its first event."""
         session, briefing = session_of_entry(self.morning["session"]), self.morning["briefing"]
         return Day(
             morning=session,
@@ -77,7 +77,7 @@ class DayLog:
         )
 
     def append(self, event: DayEvent) -> None:
-        """Write an event to disk. Raises `SequenceError` if its number is not the next."""
+        """Write an event to disk. Raises `SequenceError` if its number is not the next one."""
         with closing(self._open()) as base:
             base.execute("BEGIN IMMEDIATE")
             (last,) = base.execute("SELECT max(number) FROM entries").fetchone()
@@ -91,7 +91,7 @@ class DayLog:
             base.execute("COMMIT")
 
     def events(self) -> list[DayEvent]:
-        """Return all events in order."""
+        """Return all events, in order of their numbers."""
         with closing(self._open()) as base:
             rows = base.execute(
                 "SELECT number, entry FROM entries WHERE number > 0 ORDER BY number"

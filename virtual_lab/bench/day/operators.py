@@ -1,6 +1,7 @@
-"""Operators that carry out a day without a page, from the desk that a page would show.
+"""Simulated operators, who carry out a day without a page.
 
-An operator yields one action after the other and sees the desk after the last one.
+An operator is a generator of actions. Before each action it can look at the desk, which contains
+the same information as a page.
 """
 
 from __future__ import annotations
@@ -28,24 +29,24 @@ from virtual_lab.streams import Streams
 
 Look = Callable[[], Desk]
 Operator = Callable[[Look], Iterator[Action]]
-FIRST_SHOTS = 3  # number of shots after which the cylinder distinguishes a dry bearing
+FIRST_SHOTS = 3  # number of shots after which the expert fires at the check cylinder
 BEFORE = "fired before the repair"
 
 
 @dataclass(frozen=True)
 class Habits:
-    """Departures of an operator from the book; probabilities are drawn with the operator's seed."""
+    """Deviations of an operator from the procedure. The operator's seed decides when they occur."""
 
     seed: int = 0
     forgets: float = 0.0  # probability of omitting a step of preparation
     hurries: float = 0.0  # probability of timing by hand or with few swings
     waves_through: float = 0.0  # probability of accepting a hit that the rules reject
-    checks: bool = False  # whether check standards are used, and their findings acted on
-    listed: bool = False  # whether only the faults listed by the scenario are looked for
-    wants: bool = False  # whether high hits are rejected, to obtain a low result
+    checks: bool = False  # whether the operator makes all checks and repairs the faults
+    listed: bool = False  # whether only checks for the faults that the scenario lists
+    wants: bool = False  # whether the operator rejects high hits to get a low result
 
     def looks_for(self, listed: Mapping[str, float]) -> set[str]:
-        """Return the actions that the operator carries out to find faults."""
+        """Return the names of the checks that the operator makes; empty without `checks`."""
         detection = detectable()
         faults = [name for name in listed if name in detection] if self.listed else list(detection)
         return (
@@ -53,13 +54,13 @@ class Habits:
         )
 
     def slips(self, chance: float, slip: str, number: int = 0) -> bool:
-        """Return whether a slip of probability `chance` happens this time."""
+        """Return whether a slip occurs, with probability `chance`, on the given occasion."""
         number_drawn = Streams(self.seed).uniform(f"operator.{slip}", slots=np.array([number]))
         return bool(number_drawn[0] + 0.5 < chance)
 
 
 def _take(look: Look, habits: Habits) -> Iterator[Action]:
-    """Yield the actions of a day by the procedure, as far as the habits allow."""
+    """Yield all actions of a day by the procedure, with the deviations of the operator."""
     if look().day.supplied_events:
         yield from _decide_hits(look)
         yield from _end(look, habits)
@@ -80,7 +81,7 @@ def _take(look: Look, habits: Habits) -> Iterator[Action]:
 
 
 def _decide_hits(look: Look) -> Iterator[Action]:
-    """Yield decisions on another laboratory's hits by the windows, and notes on omitted steps."""
+    """Yield corrected decisions on the hits of another laboratory, and notes on omitted steps."""
     for shot, why in enumerate(look().reasons if not look().missing else ()):
         decision = look().day.decisions.get(shot)
         if decision is None or decision.accepted == bool(why):
@@ -93,7 +94,7 @@ def _decide_hits(look: Look) -> Iterator[Action]:
 
 
 def _repair_faults(look: Look) -> Iterator[Action]:
-    """Yield a note on each suspected fault, its repair, and the readings to be repeated."""
+    """Yield, for each suspected fault, a note, the repair, and the readings to repeat."""
     while new := [row for row in doubts(look()) if row.fault not in _noted_faults(look())]:
         row, sheets = new[0], action_table().actions
         sure = 100 * detectable()[row.fault].sure
@@ -111,7 +112,7 @@ def _repair_faults(look: Look) -> Iterator[Action]:
 
 
 def _reject_earlier_shots(look: Look, repair: str) -> Iterator[Action]:
-    """Yield rejections of the shots that were fired before a repair."""
+    """Yield the rejection of each shot that was fired before a repair."""
     day = look().day
     for shot in range(len(day.fired)):
         if shot not in day.decisions or day.decisions[shot].accepted:
@@ -129,7 +130,7 @@ def _arguments_of(name: str, habits: Habits) -> Mapping[str, object]:
 
 
 def _hits(look: Look, habits: Habits) -> Iterator[Action]:
-    """Yield shots and decisions until the rules are satisfied."""
+    """Yield shots and decisions until the rules need no further hit."""
     while not look().missing and (place := look().next_place) is not None:
         shot = len(look().day.fired)
         if look().rule_off:
@@ -162,13 +163,13 @@ def _decision(desk: Desk, habits: Habits) -> Action:
 
 
 def _lowest(desk: Desk) -> bool:
-    """Return whether the last hit is the lowest one."""
+    """Return whether the metric of the last hit is the lowest so far."""
     metric = desk.by_rules.shot_metric
     return bool(np.isfinite(metric[-1]) and metric[-1] <= np.nanmin(metric))
 
 
 def _can_spare(desk: Desk) -> bool:
-    """Return whether enough further hits are allowed if the last one is rejected."""
+    """Return whether enough attempts are left if the last hit is rejected."""
     attempts_left = desk.rules.spec.attempts - len(desk.day.fired)
     return attempts_left >= desk.rules.spec.valid_hits - int(desk.reduced.judgement.valid.sum())
 
@@ -198,7 +199,10 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
 
 
 def _confidence(desk: Desk) -> float:
-    """Return the probability that the bat is on the same side of the limit as the result."""
+    """Return the probability that the true metric is on the same side of the limit as the result.
+
+    It is 0.9 if there is no result or no limit, or if the bat breaks another rule.
+    """
     result, limit = desk.result, desk.rules.spec.metric_limit
     if result is None or limit is None or not all(f.met for f in desk.certification.findings):
         return 0.9
@@ -216,7 +220,7 @@ HABITS = {
 
 
 def operator_of(name: str, seed: int = 0) -> Operator:
-    """Return the operator of a name, with slips drawn from `seed`.
+    """Return a simulated operator by name; `seed` determines its slips.
 
     Raises `InputError` for an unknown name.
     """
@@ -228,9 +232,19 @@ def operator_of(name: str, seed: int = 0) -> Operator:
 
 
 def by_script(script: Mapping[str, Any], where: str) -> Operator:
-    """Return an operator that takes the actions of ``{"actions": [{"do": NAME, …}, …]}``.
+    """Return an operator that carries out a list of actions.
 
-    Raises `InputError` with the number of an entry that is not an action.
+    Parameters
+    ----------
+    script
+        ``{"actions": [{"do": NAME, ARGUMENT: VALUE, …}, …]}``.
+    where
+        Name of the script in error messages.
+
+    Raises
+    ------
+    InputError
+        The list is missing, or an entry is not an action; the message gives its number.
     """
     entries = script.get("actions")
     if not isinstance(entries, list) or not entries:

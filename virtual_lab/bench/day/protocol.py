@@ -1,4 +1,4 @@
-"""Compliance with the procedure: steps that were done, or omitted, before they were needed."""
+"""Compliance with the procedure: the steps that were due, and whether they were done in time."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from virtual_lab.bench.day.table import PREPARING, action_table
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepDue:
-    """A step, the index of the event that it must precede, and whether it was done in time."""
+    """A step that was due before event `before` (index from 0), and whether it was done in time."""
 
     step: str
     before: int
     done: bool
-    shot: int | None = None  # from 0
+    shot: int | None = None  # number of the shot, from 0; None for a step that is due once
 
 
 def steps_due(day: Day) -> Iterator[StepDue]:
-    """Yield every step that was due on a day so far, in the order in which they were due."""
+    """Yield each step that was due so far, in order. A step before each shot is due repeatedly."""
     since: set[str] = set()
     actions: set[str] = set()
     shot = 0
@@ -39,12 +39,12 @@ def steps_due(day: Day) -> Iterator[StepDue]:
 
 
 def left_out(day: Day) -> list[StepDue]:
-    """Return the steps that were not done in time."""
+    """Return the steps that were due but not done in time, in order."""
     return [each for each in steps_due(day) if not each.done]
 
 
 def excuses_of(day: Day) -> dict[str, str]:
-    """Return the omitted steps that were noted as deviations, each with its reason."""
+    """Return the trainee's reason for each step that was noted as a deviation, by step."""
     return {
         str(event.arguments["step"]): str(event.arguments["because"])
         for event in day.events
@@ -53,7 +53,7 @@ def excuses_of(day: Day) -> dict[str, str]:
 
 
 def remarks(day: Day) -> Display:
-    """Return remarks on the last event of a day: the steps that should have preceded it."""
+    """Return the steps that were omitted before the last event, with their effects, to display."""
     last = len(day.events) - 1
     sheets = action_table().actions
     return tuple(
@@ -64,7 +64,10 @@ def remarks(day: Day) -> Display:
 
 
 def checklist(day: Day, *, end: bool) -> Display:
-    """Return the checklist before the first shot, or before the verdict if `end`."""
+    """Return a checklist to display: before the first shot, or before the verdict if `end`.
+
+    One row per item, with the word "done" or "not done".
+    """
     sheets = action_table().actions
     if not end:
         lines = {

@@ -1,8 +1,8 @@
-"""Readings compared with their certificates: each with its u, its limits and its state.
+"""Comparison of readings with their expected values: difference, u of the difference, limits.
 
-The rows use only the displays and records of the day and the prior knowledge of the laboratory:
-certificates, charts and rules. The same rows serve page, debrief and expert. The tolerances are in
-``data/faults``, under ``found_by``.
+The comparison uses only the displays and records of the day, and what the laboratory knew before:
+certificates, control charts and rules. Page, debrief and simulated operators use the same rows. The
+limits are in ``data/faults``, under ``found_by``.
 """
 
 from __future__ import annotations
@@ -27,19 +27,21 @@ if TYPE_CHECKING:
     from virtual_lab.bench.day.desk import Desk
 
 CLOCK = "clock of the gates, fast"  # label of the display of compare-clock
-SCRAPS = 0.2  # largest share of balls with fragments ahead, at boards; at least 2 shots
-ROUGH_SHOTS = 3  # number of shots that distinguish a slipping from a loose coupling
-COUNTING = 1 / sqrt(12)  # rms of rounding a smooth rotation to integer counts
+SCRAPS = (
+    0.2  # largest share of shots with sabot fragments ahead of the ball; 2 shots are always allowed
+)
+ROUGH_SHOTS = 3  # number of shots before the residuals of the encoder fit are compared
+COUNTING = 1 / sqrt(12)  # rms error of rounding a smooth rotation to whole counts [counts]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckRow:
-    """A reading and its expected value, in the unit of the display."""
+    """Comparison of one reading with its expected value, in the unit of the display."""
 
-    fault: str  # fault indicated by a reading beyond its limits
-    what: str
+    fault: str  # fault that a reading beyond its limits indicates
+    what: str  # name of the reading
     reading: float
-    certificate: float | None  # expected value by certificate, chart or rule; None: unknown
+    certificate: float | None  # expected value; None if there is none
     u: float  # standard uncertainty of the difference; 0 for a count
     low: float  # lower limit of the reading
     high: float
@@ -82,7 +84,7 @@ class CheckRow:
 
     @property
     def why(self) -> str:
-        """The row as a sentence."""
+        """The comparison as a sentence: reading, expected value, u and limit."""
         row = self.printed
         unit = f" {row.unit}" if row.unit else ""
         of = f", expected {row.certificate}{unit}" if self.certificate is not None else ""
@@ -91,7 +93,7 @@ class CheckRow:
 
 
 class PrintedRow(NamedTuple):
-    """A row in its printed form."""
+    """The numbers of a `CheckRow` as printed."""
 
     what: str
     reading: str
@@ -104,7 +106,10 @@ class PrintedRow(NamedTuple):
 
 
 def doubts(desk: Desk) -> Iterator[CheckRow]:
-    """Yield the rows beyond their limits, one per fault that no other fault explains."""
+    """Yield the first row beyond its limit for each suspected fault.
+
+    A fault is left out if another suspected fault explains the same readings.
+    """
     first_rows: dict[str, CheckRow] = {}
     for row in rows_of(desk):
         if not row.within:
@@ -115,7 +120,7 @@ def doubts(desk: Desk) -> Iterator[CheckRow]:
 
 
 def rows_of(desk: Desk) -> Iterator[CheckRow]:
-    """Yield every reading that can indicate a fault, within or beyond its limits."""
+    """Yield one row per reading that has an expected value, within or beyond its limits."""
     for look in LOOKS:
         yield from look(desk)
 
@@ -129,10 +134,11 @@ def _row(
     *words: object,
     **limits: float,
 ) -> CheckRow:
-    """Return a row, with `words` for the placeholders of its sheet's text.
+    """Return the comparison of a reading that can indicate `fault`.
 
-    `limits` are `low` and `high`, or `tolerance` on both sides of the certificate. Without them the
-    limits are the number of u stated by the sheet.
+    `words` fill the placeholders in the name of the reading. `limits` are `low` and `high`, or
+    `tolerance` on both sides of the expected value. Without `limits` the tolerance is the multiple
+    of `u` in the sheet of the fault.
     """
     sheet = detectable()[fault]
     low, high = limits.get("low", -inf), limits.get("high", inf)
@@ -158,7 +164,7 @@ def _beyond(fault: str) -> float:
 
 
 def _scatter(fault: str) -> float:
-    """Return the standard deviation of a number on sound days, from its sheet."""
+    """Return the standard deviation of a reading without a fault, from the sheet of the fault."""
     return detectable()[fault].u or 0.0
 
 
@@ -212,7 +218,7 @@ def _weighed_again(desk: Desk) -> Iterator[CheckRow]:
     event, actions = desk.last("reweigh-balls"), [each.action for each in desk.day.events]
     if (
         event and "tare" in actions[: actions.index("weigh-balls")]
-    ):  # otherwise the scale may have changed
+    ):  # without it the zero of the scale may have changed in between
         values = [value for _, value in _numbers(event)]
         u = 1e3 * desk.session.calibration["bench.scale.resolution"].value
         on_display, entered = float(np.mean(values[::2])), float(np.mean(values[1::2]))
@@ -224,7 +230,9 @@ def _hit_again(desk: Desk) -> Iterator[CheckRow]:
     if event and morning:
         values = [value for _, value in _numbers(event)]
         today, before = (np.array(values[first::2]) for first in (0, 1))
-        u = _lot_scatter(morning) / sqrt(today.size)  # repeated readings of one ball scatter less
+        u = _lot_scatter(morning) / sqrt(
+            today.size
+        )  # an upper bound: repeats of one ball scatter less
         ratio = float(np.mean(today / before))
         yield _row("wrong-lot", event, ratio, 1.0, u, high=1 + _beyond("wrong-lot"))
 
@@ -260,7 +268,7 @@ def _lot(desk: Desk) -> Iterator[CheckRow]:
 
 
 def _lot_scatter(hit: DayEvent) -> float:
-    """Return the relative standard deviation of the balls at the wall, without the slowest one."""
+    """Return the relative standard deviation of e0 between the balls, without the lowest one."""
     ratios = np.sort([value for _, value in _numbers(hit)])[1:]
     return float(np.std(ratios, ddof=1) / np.mean(ratios))
 
@@ -358,7 +366,7 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
 
 
 def shots_before_repair(desk: Desk) -> int:
-    """Return the number of shots fired before the last repair of the rig."""
+    """Return the number of shots that were fired before the last repair; 0 without a repair."""
     fired = 0
     before = 0
     for event in desk.day.events:
@@ -369,25 +377,35 @@ def shots_before_repair(desk: Desk) -> int:
 
 
 def gate_edges(record: Record) -> Array:
-    """Return the times at which each gate broke and cleared, (shot, direction, gate, edge) [s]."""
+    """Return the times of the edges of each gate [s], shape (shot, direction, gate, edge).
+
+    Direction 0 is the incoming ball and 1 the rebound; edge 0 breaks the beam and 1 clears it. A
+    missed edge is NaN. A board with several beams counts as broken while any beam is broken.
+    """
     assert isinstance(record, GateRecord | BoardRecord)
     broke, cleared = record.times[..., 0], record.times[..., 1]
-    if broke.ndim == 4:  # a board is broken while any of its beams is broken
+    if broke.ndim == 4:  # boards have several beams
         broke, cleared = np.fmin.reduce(broke, axis=3), np.fmax.reduce(cleared, axis=3)
     return np.stack([broke, cleared], axis=-1)
 
 
 def beam_passages(record: Record) -> Array:
-    """Return the time for which each incoming ball breaks each gate, (shot, gate) [s], or NaN."""
+    """Return the time for which the incoming ball blocks each gate [s], shape (shot, gate).
+
+    It is NaN if the gate missed an edge.
+    """
     return np.asarray(np.diff(gate_edges(record)[:, 0], axis=-1)[..., 0])
 
 
 def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[CheckRow]:
-    """Yield the comparison of the times for which balls break the first and the last gate."""
+    """Yield rows on the blocking times of the first and last gate, for a range of shots.
+
+    The ratio of the two times is 1 for a round ball. Nothing is yielded if no ball has both times.
+    """
     passages = beam_passages(record)[shots.start : shots.stop]
     ratio = passages[:, 0] / passages[:, -1]
     early = ratio > 1 + _beyond("sabot-trip")
-    if isinstance(record, BoardRecord):  # sabots shed fragments occasionally on any day
+    if isinstance(record, BoardRecord):  # sabots shed a fragment now and then on any day
         most, words = (
             max(2.0, SCRAPS * early.size),
             (early.size, "a ball blocked the first gate too early"),
@@ -408,7 +426,7 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
 
 
 def _chart_values(desk: Desk, action: str) -> Iterator[tuple[str, DayEvent, float, float, float]]:
-    """Yield each number of a check standard: name, entry, today's value, chart's value, and u."""
+    """Yield name, entry, value of today, value of the chart, and u for each charted quantity."""
     event = desk.last(action)
     if event is None:
         return
@@ -417,7 +435,7 @@ def _chart_values(desk: Desk, action: str) -> Iterator[tuple[str, DayEvent, floa
         today, chart, sd = (
             values[f"{name}, {word}"] for word in ("today", "chart", "standard deviation of a day")
         )
-        # a chart of a dozen mornings is known to 0.2 % at best
+        # relative u of the chart, from a dozen mornings, is at least 0.2 %
         u = sd if action == "compare-clock" else hypot(sd, 0.002 * chart)
         yield name, event, today, chart, u
 

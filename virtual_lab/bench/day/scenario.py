@@ -1,4 +1,4 @@
-"""Scenarios: bat, rules, faults and scoring of a day."""
+"""Scenarios: the bat, procedure, faults, guidance and scoring of a day."""
 
 from __future__ import annotations
 
@@ -26,36 +26,40 @@ SCORES = ("result", "detection", "protocol", "record", "economy")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(Spec):
-    """A day to rehearse."""
+    """Description of a day to rehearse, from a .toml file."""
 
     name: Name
     title: Title
     task: Title  # task of the trainee
     bat: str
     procedure: str
-    rig: str = ""  # rig at the bat; empty: that of the rules
-    limit: Annotated[float | None, Gt(0), Dimension("number")] = None  # limit instead of the rules'
-    # possible faults and their probabilities, known to everybody; each day draws from them
+    rig: str = ""  # rig that fires at the bat; empty: the rig of the procedure
+    limit: Annotated[float | None, Gt(0), Dimension("number")] = (
+        None  # limit that replaces that of the procedure
+    )
+    # possible faults with their probabilities, which trainees see; each day draws from them
     may_go_wrong: Mapping[str, Annotated[Real, Gt(0), Lt(1)]] = field(default_factory=dict)
-    faults: tuple[str, ...] | None = None  # hidden faults of this day; None: drawn
+    faults: tuple[str, ...] | None = None  # hidden faults of the day; None: draw them
     records_of: Literal["", "book", "careless", "cheating"] = ""  # operator who took the records
     guidance: Literal["guided", "checklist", "none"] = "guided"
     checklists: YesNo = False
     feedback: Literal["during", "after", "never"] = "after"
-    units: Literal["SI", "inch-ounce-mph"] = "SI"  # units for printing and typing
-    laboratory: Mapping[str, Title] = field(default_factory=dict)  # practice of the laboratory
-    minutes: Annotated[float, Gt(0), Dimension("time")]  # duration of a good day
-    shots: Annotated[int, Gt(0), Dimension("number")]  # number of shots of a good day
+    units: Literal["SI", "inch-ounce-mph"] = "SI"  # units of printed and typed numbers
+    laboratory: Mapping[str, Title] = field(
+        default_factory=dict
+    )  # facts about the laboratory to print with the rules
+    minutes: Annotated[float, Gt(0), Dimension("time")]  # time budget that the page shows
+    shots: Annotated[int, Gt(0), Dimension("number")]  # budget of shots that the page shows
     weights: Mapping[str, Annotated[Real, Ge(0)]] = field(default_factory=dict)  # weights of SCORES
 
     def briefing(self) -> dict[str, object]:
-        """Return the part that a trainee may know, in the form of JSON."""
+        """Return the part of the scenario that a trainee may know, as a JSON object."""
         keys = ("title", "task", "guidance", "feedback", "checklists", "units", "minutes", "shots")
         lists = {key: dict(getattr(self, key)) for key in ("may_go_wrong", "laboratory")}
         return {key: getattr(self, key) for key in keys} | lists
 
     def drawn(self, seed: int) -> Scenario:
-        """Return the scenario of one day, with faults drawn from a seed unless they are given."""
+        """Return the scenario of one day: if its `faults` are None, draw them from the seed."""
         if self.faults is not None:
             return self
         number = np.arange(len(self.may_go_wrong))
@@ -75,12 +79,15 @@ class Scenario(Spec):
 
 
 def load_scenario(name: str) -> Entry[Scenario]:
-    """Return a shipped scenario, or that of a user's .toml file. Raises `InputError` if unfit."""
+    """Return a shipped scenario by name, or the scenario of a .toml file by path.
+
+    Raises `InputError` with file, key and allowed values if the scenario is not valid.
+    """
     return catalog.load("bench/scenarios", name, Scenario)
 
 
 @cache
 def scenarios_to_choose() -> Mapping[str, Scenario]:
-    """Return the shipped scenarios by name, without exams, which only a trainer can give."""
+    """Return the shipped scenarios by name, without the exams, which only a trainer starts."""
     scenarios = {name: load_scenario(name).spec for name in catalog.names("bench/scenarios")}
     return {name: each for name, each in scenarios.items() if each.feedback != "never"}

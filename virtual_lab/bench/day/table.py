@@ -1,4 +1,4 @@
-"""The table of actions: their prices in laboratory minutes, and the size of their consequences."""
+"""The table of actions: titles, prices in laboratory time, and sizes of their effects."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from virtual_lab.catalog.specs import Dimension, Spec, Title, YesNo
 
 PREPARING = {"tare": "weigh-bat", "level-stand": "measure-balance", "fit-clamp": "swing"}
 MAKE_READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")  # steps before a shot
-FOUND_INSTEAD: Mapping[str, tuple[str, Mapping[str, str]]] = {  # faults repaired by a constant
+FOUND_INSTEAD: Mapping[
+    str, tuple[str, Mapping[str, str]]
+] = {  # faults without a repair of the rig: action and arguments instead
     "gate-moved": ("gauge-gates", {"use": "gauge"}),
     "clamp-forgotten": ("swing-clamp", {"use": "measured"}),
     "ball-worn-out": ("retire-ball", {"because": "slower at the wall than the lot"}),
@@ -33,25 +35,25 @@ Time = Annotated[float, Ge(0), Dimension("time")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActionSheet(Spec):
-    """One action: its button, its price, and the effect of its omission."""
+    """Description of an action: button, price, arguments, and effect of its omission."""
 
     title: Title
-    part: Part  # part of the page and of the day
+    part: Part  # section of the page
     skipped: Title
-    in_book: YesNo  # whether the procedure requires it
+    in_book: YesNo  # whether the procedure requires the action
     minutes: Time  # price [s], printed in minutes
-    mends: tuple[str, ...] = ()  # faults that it repairs
-    takes: tuple[Argument, ...] = ()  # its arguments
-    again: tuple[str, ...] = ()  # actions whose readings must then be repeated
-    needs: str = ""  # required instrument of the rig, as named in calibration keys
-    channel: str = ""  # channel of the bench that it writes
-    check_after: str = ""  # for a check: best step of the book to follow
-    on_checklist: YesNo = False  # whether it is on the checklist before the first shot
+    mends: tuple[str, ...] = ()  # faults that the action repairs
+    takes: tuple[Argument, ...] = ()  # arguments of the action
+    again: tuple[str, ...] = ()  # actions to repeat after this one
+    needs: str = ""  # required instrument, as in calibration keys; empty: none
+    channel: str = ""  # channel of the bench that the action records
+    check_after: str = ""  # for a check: step of the procedure after which it is best made
+    on_checklist: YesNo = False  # whether the checklist before the first shot has it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Consequences(Spec):
-    """Sizes of the effects that actions prevent or show."""
+    """Sizes of the errors that actions prevent, and uncertainties of the checks."""
 
     own_agrees: Annotated[float, Gt(0), Dimension("number")]
     untared: Mass
@@ -79,7 +81,7 @@ class Consequences(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActionTable(Spec):
-    """All actions by name, and their consequences."""
+    """All actions by name, and the sizes of their effects."""
 
     title: Title
     actions: Mapping[str, ActionSheet]
@@ -88,32 +90,32 @@ class ActionTable(Spec):
 
 @cache
 def channels() -> Mapping[str, str]:
-    """Return the channel of each action that reads one channel of the bench."""
+    """Return the recorded channel of each action that measures at the bench, by action."""
     return {name: each.channel for name, each in action_table().actions.items() if each.channel}
 
 
 @cache
 def preparation() -> tuple[str, ...]:
-    """Return the steps of the book before the first impact position is set, in order."""
+    """Return the steps of the procedure before the first impact position is set, in order."""
     book = (name for name, each in action_table().actions.items() if each.in_book)
     return tuple(takewhile(lambda name: name != "set-place", book))
 
 
 @cache
 def repairs() -> Mapping[str, ActionSheet]:
-    """Return the actions that repair a fault."""
+    """Return the actions that repair a fault, by name."""
     return {name: each for name, each in action_table().actions.items() if each.mends}
 
 
 def remedy_of(fault: str) -> tuple[str, Mapping[str, str]] | None:
-    """Return the action that repairs a fault, with its arguments, or None."""
+    """Return the action that removes a fault, with its arguments; None if there is no remedy."""
     if fault in FOUND_INSTEAD:
         return FOUND_INSTEAD[fault]
     return next(((name, {}) for name, each in repairs().items() if fault in each.mends), None)
 
 
 def in_buttons(sentence: str) -> str:
-    """Return a sentence with the names of actions replaced by the texts of their buttons."""
+    """Return an error message in which the names of actions are replaced by button titles."""
     writes = {f"bench/{channel}": name for name, channel in channels().items()}
     writes |= {"balls/log": "hit-wall", "impact/aim": "aim-paper"}
     for channel, action in writes.items():
@@ -133,12 +135,12 @@ def in_buttons(sentence: str) -> str:
 
 @cache
 def action_table() -> ActionTable:
-    """Return the shipped table of actions."""
+    """Return the table of actions in ``data/bench/actions.toml``."""
     return catalog.load("bench", "actions", ActionTable).spec
 
 
 @cache
 def detectable() -> Mapping[str, FoundBy]:
-    """Return the detection of each fault that a check at the bench can find."""
+    """Return the detection data of each fault that a check at the bench can reveal, by fault."""
     detections = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
     return MappingProxyType(detections)

@@ -1,4 +1,4 @@
-"""A whole day without a page, carried out by an operator or a script, with its debrief."""
+"""A whole day that an operator or a script carries out without a page, with its debrief."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from virtual_lab.sheets import AnyName, Instruments
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RehearsedDay:
-    """A day carried out by an operator: its debrief, its log and its sealed file."""
+    """A day that an operator carried out: debrief, log, sealed file and desk."""
 
     debrief: Debrief
     files: Mapping[str, bytes]  # contents by file name
@@ -33,12 +33,12 @@ class RehearsedDay:
 
     @property
     def document(self) -> dict[str, Any]:
-        """The debrief in the form of JSON."""
+        """The debrief as a JSON object."""
         return self.debrief.document()
 
     @property
     def text(self) -> str:
-        """The verdict, the scores and the most costly decisions, as lines of text."""
+        """Verdict, scores and most costly decisions, as lines of text."""
         debrief = self.debrief
         because = f": {debrief.right_because}" if debrief.right_because else ""
         lines = [
@@ -53,8 +53,18 @@ class RehearsedDay:
     def save(self, folder: str | Path) -> Path:
         """Write log, sealed file, debrief, records and certificate into a new folder.
 
-        The records are complete, and `virtual-lab reduce` judges them by the rules. The certificate
-        uses the hits that the operator accepted.
+        The records contain all shots, which `virtual-lab reduce` judges by the rules. The
+        certificate uses only the hits that the operator accepted.
+
+        Returns
+        -------
+        Path
+            The folder.
+
+        Raises
+        ------
+        InputError
+            The folder exists already.
         """
         target = Path(folder)
         with new_folder(target) as draft:

@@ -1,4 +1,4 @@
-"""Tools of a trainer: table of a class, replay of a day, trial of a scenario."""
+"""Tools for a trainer: table and learning curves of a class, replay of a day, scenario check."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from virtual_lab.files import read_json
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column, quote
 
-TRIED = (1, 2, 3)  # seeds for the trial of a scenario
+TRIED = (1, 2, 3)  # seeds of the days with which a scenario is checked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassDay:
-    """A trainee's day; scores are None until it is handed in."""
+    """One day of a trainee, with its scores, which are None until the day is handed in."""
 
     trainee: str = column("trainee")  # name of the folder
     day: str = column("day")
@@ -48,7 +48,7 @@ class ClassDay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurvePoint:
-    """A point of a learning curve: a score, or whether an existing fault was named."""
+    """A point of a learning curve: a score, or 1 or 0 for a fault that was named or missed."""
 
     trainee: str = column("trainee")
     day: int = column("day")
@@ -59,7 +59,7 @@ class CurvePoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TriedDay:
-    """A day of a scenario carried out by an operator."""
+    """A day on which a scenario was checked with a simulated operator."""
 
     operator: str = column("operator")
     seed: int = column("seed")
@@ -73,7 +73,7 @@ class TriedDay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayedEntry:
-    """A replayed entry: whether the sealed laboratory gives the content of the log."""
+    """A replayed entry, and whether the replay gives the same content as the log."""
 
     entry: int = column("entry")
     minute: float = column("minute", form=".1f")
@@ -84,10 +84,10 @@ class PlayedEntry:
 
 
 def summary(folder: str | Path) -> Rows[ClassDay]:
-    """Return a table of the days in the folders below `folder`, for example of a class.
+    """Return one row per day in the folders below `folder`, for example of a class.
 
-    A day that was handed in without a debrief receives one, beside its log. Raises `InputError` if
-    there is no day.
+    Practice is left out. If a day that was handed in has no debrief yet, the debrief is written
+    beside its log. Raises `InputError` if there is no day.
     """
     place = Path(folder)
     logs = [log for log in sorted(place.rglob(LOG)) if not DayLog(log).first.practice]
@@ -98,10 +98,11 @@ def summary(folder: str | Path) -> Rows[ClassDay]:
 
 
 def trends(folder: str | Path) -> Rows[CurvePoint]:
-    """Return the learning curves of the days below `folder`, by score and by fault.
+    """Return the learning curves of the trainees below `folder`, one row per point.
 
-    The days of a trainee are in one folder, in the order of their names. Practice is left out.
-    Raises `InputError` if there is no day.
+    There is one curve per trainee and score, and one per trainee and fault. All days of a trainee
+    must be in one folder; their names give the order. Practice is left out. Raises `InputError` if
+    there is no day.
     """
     root, points = Path(folder), list[CurvePoint]()
     before: dict[tuple[str, str], list[float]] = {}
@@ -123,7 +124,7 @@ def trends(folder: str | Path) -> Rows[CurvePoint]:
 
 
 def _number_days(rows: Iterable[ClassDay]) -> Iterator[tuple[int, ClassDay]]:
-    """Yield each day with its number among those of its trainee."""
+    """Yield each day with its number, counted from 1 for each trainee."""
     count: dict[str, int] = {}
     for row in rows:
         trainee = row.trainee.rpartition("/")[0]
@@ -166,9 +167,10 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
 
 
 def check_scenario(name: str | Path) -> Rows[TriedDay]:
-    """Try a scenario with the operators `book` and `expert`, for the author of a scenario.
+    """Check a new scenario: let the operators `book` and `expert` carry out three days of it.
 
-    Raises `InputError` with file, key and allowed values if it cannot be played.
+    Return one row per day. Raises `InputError` with file, key and allowed values if the scenario is
+    not valid.
     """
     entry = load_scenario(str(name))
     scenario = entry.spec
@@ -217,17 +219,17 @@ def _advice(scenario: Scenario, rows: list[TriedDay]) -> list[str]:
 
 
 def replay(path: str | Path) -> Rows[PlayedEntry]:
-    """Replay a day from its log, and compare each entry with its replay.
+    """Replay a day from its log, and compare each entry with the log, one row per entry.
 
     Parameters
     ----------
     path
-        A log, ``day.sqlite``, with its sealed file beside it, or the folder of both.
+        The folder of the day, or its log ``day.sqlite``, beside which the sealed file must be.
 
     Raises
     ------
     InputError
-        No log, or a day that was not handed in.
+        The log does not exist, or the day was not handed in.
     """
     day = StoredDay(played_folder(path))
     sheets = action_table().actions
@@ -254,7 +256,10 @@ def replay(path: str | Path) -> Rows[PlayedEntry]:
 
 
 def played_folder(path: str | Path) -> Path:
-    """Return the folder of a day to replay. Raises `InputError` as `replay` does."""
+    """Return the folder of a day, given the folder itself or its log.
+
+    Raises `InputError` if there is no log, or if the day was not handed in.
+    """
     place = Path(path)
     log = place / LOG if place.is_dir() else place
     if log.name != LOG or not log.is_file():

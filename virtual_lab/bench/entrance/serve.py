@@ -1,4 +1,4 @@
-"""Start of the pages on this computer: days in folders, each served to one browser."""
+"""Start of the web server on this computer: days in folders, each for one browser."""
 
 from __future__ import annotations
 
@@ -36,30 +36,30 @@ def serve(
     tls: tuple[Path, Path] | None = None,
     exam: str = "",
 ) -> None:
-    """Begin or continue days in folders, and serve them until stopped.
+    """Begin or continue days in folders, and serve their pages until Ctrl-C stops the server.
 
     Parameters
     ----------
     folders
         Folder of each trainee, by name.
     scenario, seed
-        Scenario and seed of new days; trainees with one seed have the same day. Without a scenario,
-        days that were handed in are replayed.
+        Scenario and seed of new days; with a seed all trainees have the same day. Without a
+        scenario the days, which must be handed in, are replayed.
     port, host
-        Address of the page; beyond this computer only with `tls`.
+        Address of the pages. A host other than this computer needs `tls`.
     browser
         Whether to open the page of the first day.
     say
-        Function called with lines of instructions for a trainer.
+        Function that prints a line of instructions.
     tls
-        Certificate and key, as files of OpenSSL.
+        Files of certificate and key, in PEM format.
     exam
-        Title of an exam, whose days are closed until the trainer begins it on a separate page.
+        Title of an exam; empty for none. Its days stay closed until the trainer begins the exam.
 
     Raises
     ------
     InputError
-        An unfit scenario or folder, a port that is taken, a host that needs `tls`.
+        The scenario or a folder does not fit, the port is in use, or the host needs `tls`.
     """
     import uvicorn
 
@@ -67,7 +67,7 @@ def serve(
 
     _require(tls, len(folders))
     family, numbers = _address(host, port, secure=tls is not None)
-    url_host = f"[{host}]" if ":" in host else host  # form in an address, RFC 3986
+    url_host = f"[{host}]" if ":" in host else host  # notation of IPv6 in an address, RFC 3986
     chosen = scenario is None or len(folders) > 1 or bool(exam)
     days = {
         name: ServedDay(folder, scenario, seed, chosen=chosen) for name, folder in folders.items()
@@ -112,10 +112,10 @@ def serve(
     say("Ctrl-C stops, the day stays; root and your account can read the sealed file, no page can")
     if browser:
         webbrowser.open(addresses[0])
-    sys.setswitchinterval(5e-4)  # longest delay of an answer by loading [s]
+    sys.setswitchinterval(5e-4)  # longest delay of an answer by imports in another thread [s]
     try:
         for day in days.values():
-            day.first_view.wait(0.5)  # first page before the loading of other modules [s]
+            day.first_view.wait(0.5)  # let the first page come before slow imports [s]
             day.open()
         if scenario:
             _warm(scenario.spec)
@@ -134,7 +134,10 @@ def _require(tls: tuple[Path, Path] | None, trainees: int) -> None:
 
 
 def _address(host: str, port: int, *, secure: bool) -> tuple[int, tuple[Any, ...]]:
-    """Return family and address of a host, which is this computer unless `secure`."""
+    """Return address family and address of a host.
+
+    Raises `InputError` if it has no address, or if it is another computer and not `secure`.
+    """
     try:
         addresses = socket.getaddrinfo(host, port, proto=socket.IPPROTO_TCP)
     except (OSError, UnicodeError) as fault:
@@ -160,7 +163,7 @@ def _listening(family: int, address: tuple[Any, ...]) -> socket.socket:
 
 
 def _warm(scenario: Scenario) -> None:
-    """Load compiled code with another laboratory's day, during the first readings."""
+    """Load compiled code by playing another day, while the trainee takes the first readings."""
     from virtual_lab.bench.day.operators import operator_of
     from virtual_lab.bench.machines.apparatus import Apparatus
     from virtual_lab.bench.machines.stored_day import laboratory_of, run_operator

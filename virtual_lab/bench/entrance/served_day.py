@@ -1,7 +1,7 @@
-"""A served day: its page, its films and its debrief, in a folder.
+"""A served day: a day in a folder, with its pages, camera frames and debrief.
 
-The first page needs only the rules, the table of actions and, for a continued day, the log. It is
-served while the laboratory is still being set up in the background, which takes seconds. Actions
+The setup of the laboratory takes seconds and runs in the background. The first page does not wait
+for it: it needs only the rules, the table of actions and, for a continued day, the log. Actions
 wait for the setup.
 """
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 class BackgroundJobs:
-    """Background work, one job at a time in the order requested, to leave a core for answers."""
+    """Background jobs, run one at a time in order, so that one core stays free for requests."""
 
     def __init__(self, name: str) -> None:
         self._pool = ThreadPoolExecutor(1, name)
@@ -46,7 +46,7 @@ class BackgroundJobs:
         return future
 
     def ahead(self, future: Future[Any]) -> int:
-        """Return the number of unfinished jobs requested before `future`."""
+        """Return the number of unfinished jobs before the job of `future`."""
         return sum(not each.done() for each in self._futures[: self._futures.index(future)])
 
 
@@ -54,9 +54,10 @@ FILMS, DEBRIEFS = BackgroundJobs("film"), BackgroundJobs("debrief")
 
 
 class ServedDay:
-    """A day for a page, in a folder: a new or a continued one.
+    """A new or continued day in a folder, for the web server.
 
-    Without a scenario the day can only be viewed after its hand-in, by the trainer of an exam.
+    Without a scenario the day is only viewed, after its hand-in, for example by the trainer of an
+    exam.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class ServedDay:
         chosen: bool = True,
     ) -> None:
         self.folder, self.scenario, self.seed = folder, scenario, seed
-        self.chosen = chosen  # whether a trainer chose the scenario, or an entry was made
+        self.chosen = chosen  # whether the trainee can no longer choose the scenario
         self._opened: Future[StoredDay] = Future()
         self._begun = (folder / LOG).exists()
         self.first_view = threading.Event()
@@ -80,9 +81,12 @@ class ServedDay:
         self._filming = threading.Lock()
 
     def open(self) -> StoredDay:
-        """Set up the laboratory. Raises `InputError` for an unfit scenario or folder."""
+        """Set up the laboratory, which takes seconds, and return the day.
+
+        Raises `InputError` if the scenario or the folder does not fit.
+        """
         if self._begun:
-            _ = self._first.missing  # content of the first page, before the machines
+            _ = self._first.missing  # compute the content of the first page before the slow setup
         from virtual_lab.bench.machines.stored_day import StoredDay
 
         if self._begun or self.scenario is None:
@@ -94,7 +98,7 @@ class ServedDay:
 
     @property
     def stored(self) -> StoredDay:
-        """Day on disk, after its laboratory was set up."""
+        """The day on disk. It waits until the laboratory is set up."""
         return self._opened.result()
 
     @property
@@ -108,7 +112,7 @@ class ServedDay:
 
     @cached_property
     def _first(self) -> Desk:
-        """Desk from the log, or from the rules alone for a new day."""
+        """The desk before the setup: from the log, or for a new day from the rules alone."""
         if self._begun or self.scenario is None:
             return Desk(replay_events(self._log.first, self._log.events()))
         rules = catalog.load("procedures", self.scenario.spec.procedure, Procedure)
@@ -143,16 +147,17 @@ class ServedDay:
             self._film_future(len(self.stored.day.fired), False)  # in the background
         if (
             action.name == "reduce" and not self.stored.day.exam
-        ):  # the machines are no longer needed
+        ):  # no further action needs the machines
             from virtual_lab.bench.scoring.debrief import expert_day
 
             self._expert = DEBRIEFS.do(partial(expert_day, self.stored.apparatus, self.stored.day))
         return event
 
     def film(self, shot: int, *, true: bool) -> bytes:
-        """Return a camera's frames of a shot, from 1, as one PNG, or no bytes without frames.
+        """Return camera frames of a shot, numbered from 1, as one PNG; empty without frames.
 
-        They show the blurred sketch, or the truth once it may be shown. The call waits for them.
+        They show the blurred sketch, or with `true` the truth if it may be shown. The call waits
+        until the frames are ready.
         """
         if not (self.briefing.get("camera") and 1 <= shot <= len(self.stored.day.fired)):
             return b""
@@ -176,9 +181,10 @@ class ServedDay:
         return film_as_seen(machines.laboratory.setup, fired[shot - 1])
 
     def motion(self, shot: int) -> Motion | None:
-        """Return the true motion of a shot, from 1, after the hand-in.
+        """Return the true motion of a shot, numbered from 1.
 
-        Return None while the laboratory is being set up, because a page must not wait.
+        It is None if the truth may not be shown. It is also None while the laboratory is being set
+        up, because a page must not wait.
         """
         if not (self._opened.done() and self.open_book):
             return None
@@ -189,7 +195,7 @@ class ServedDay:
         return true_motion(machines.firing, day.day, shot)
 
     def certificate(self) -> str:
-        """Return the certificate's page. Raises `InputError` before the hits were reduced."""
+        """Return the certificate as an HTML page. Raises `InputError` before the verdict."""
         from virtual_lab.certificate.filling import certificate
         from virtual_lab.certificate.html import certificate_page
 
@@ -201,14 +207,14 @@ class ServedDay:
         return certificate_page(certificate(self.stored.desk.certification))
 
     def debrief(self, patience: float | None = None) -> str:
-        """Return the debrief's page of a day that was handed in, and keep it beside the log.
+        """Return the debrief as an HTML page, and save it beside the log.
 
         Raises
         ------
         TimeoutError
-            It is not ready within `patience` [s]; the message states how many are made before it.
+            It is not ready within `patience` [s]; the message states how many debriefs come first.
         InputError
-            The day is not handed in, or is an exam.
+            The day is not handed in, or it is an exam.
         """
         from virtual_lab.bench.scoring.debrief_page import debrief_page
 
@@ -237,11 +243,14 @@ class ServedDay:
 
     @property
     def scenarios_offered(self) -> Mapping[str, Scenario]:
-        """Days that can be begun instead of this one, by name; none after the first entry."""
+        """Scenarios that can be begun instead of this day, by name; none after the first entry."""
         return {} if self.chosen or self.desk.day.events else scenarios_to_choose()
 
     def begin(self, name: str) -> ServedDay:
-        """Return another day begun instead. Raises `InputError` if it is not offered."""
+        """Begin another scenario in the folder of this day, which is deleted, and return it.
+
+        Raises `InputError` if `name` is not in `scenarios_offered`.
+        """
         if name not in self.scenarios_offered:
             allowed = (
                 f"allowed before the first entry: {', '.join(self.scenarios_offered) or 'none'}"
@@ -258,9 +267,9 @@ class ServedDay:
         return day
 
     def branch(self, entry: int) -> ServedDay:
-        """Return a day of practice that continues from an entry, in a folder beside this one.
+        """Begin a practice day that continues from an entry, in a folder beside this one.
 
-        Raises `InputError` as `KeptDay.branch` does.
+        Raises `InputError` if this day is not handed in or has no such entry.
         """
         from virtual_lab.bench.machines.stored_day import StoredDay
 

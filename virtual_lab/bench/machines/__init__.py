@@ -1,1 +1,1 @@
-"""The machines of the laboratory, which write the readings of each action and know the truth."""
+"""The simulated machines of the laboratory, which know the truth and produce the readings."""

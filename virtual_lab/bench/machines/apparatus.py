@@ -1,9 +1,9 @@
-"""The apparatus: execution of each action by the laboratory's machines, and their readings.
+"""The apparatus: the machines of one laboratory, which carry out actions and produce readings.
 
-Only this module, `checks` and `firing` know the truth on the bench. A reading is a function of the
-laboratory and of the entries before the action. No other state is kept, so a day can be continued
-from its log or replayed with another action. Random numbers belong to the number of a reading or
-shot, so they do not depend on the order of readings.
+On the bench only this module, `checks`, `firing` and `sketching` know the truth. A reading depends
+only on the laboratory and on the entries before the action, so a day can be continued from its log
+or replayed with another action. The random numbers of a reading or shot depend on its number, not
+on the order of the actions.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MILLIMETRE, GRAM = 1e-3, 1e-3
 
 
 class Reading(NamedTuple):
-    """Result of an action: records by channel, values on the display, new constants."""
+    """Result of an action: records by channel, values on the display, changed constants, sketch."""
 
     records: Mapping[str, Record] = {}
     shown: Display = ()
@@ -61,11 +61,11 @@ class Apparatus:
 
     laboratory: Laboratory
 
-    # machines by repaired faults
+    # cache: machines by the set of repaired faults
     machines_by_repairs: dict[frozenset[str], Apparatus] = field(default_factory=dict)
 
     def at(self, day: Day) -> Apparatus:
-        """Return the machines after the repairs of a day."""
+        """Return the machines after the repairs of a day, that is without the repaired faults."""
         setup = self.laboratory.setup
         repaired = day.repaired_faults & set(setup.faults.names)
         if not repaired:
@@ -85,7 +85,7 @@ class Apparatus:
         return Firing(self.laboratory)
 
     def shots(self, day: Day) -> list[tuple[ShotPlan, RigOutput]]:
-        """Return plan and output of each shot of a day, with the machines at that time."""
+        """Return plan and output of each shot of a day, fired by the machines as they were then."""
         before, shots = day.until(0), []
         for event in day.events:
             if event.action == "fire":
@@ -99,7 +99,7 @@ class Apparatus:
         return CheckStandards(self.laboratory)
 
     def play(self, day: Day, action: Action) -> DayEvent:
-        """Carry out an allowed action and return its event, still without the price."""
+        """Carry out an action that `decide` allowed. Return its event, whose price is still 0."""
         read = self.at(day)._actions.get(action.name)
         reading = read(day, action) if read else Reading()
         if action.name in repairs():
@@ -118,9 +118,9 @@ class Apparatus:
         )
 
     def finish(self, desk: Desk) -> BatTest:
-        """Return the certification of a reduced day with its truth.
+        """Return the completed test of a day, with its truth, for the certificate and the seal.
 
-        Raises `InputError` as `Desk.reduced` does.
+        Raises `InputError` with the name of a missing record.
         """
         day, machines = desk.day, self.at(desk.day)
         laboratory, sessions = machines.laboratory, SessionBlock.of(desk.session)
@@ -170,7 +170,7 @@ class Apparatus:
         }
 
     def _repair(self, day: Day, action: Action) -> Reading:
-        """Return the findings of a repair, and the readings that must be repeated."""
+        """Return the finding of a repair and the readings to repeat, for the display."""
         sheets = action_table().actions
         faults = set(self.laboratory.setup.faults.names) - day.repaired_faults
         finding = "repaired" if faults & set(sheets[action.name].mends) else "nothing was broken"
@@ -183,13 +183,16 @@ class Apparatus:
         )
 
     def _standard(self, check: Callable[[int], Display]) -> Callable[[Day, Action], Reading]:
-        """Return a function that shows a check standard, given its number of earlier uses."""
+        """Return the action that uses a check standard; `check` gets the number of earlier uses."""
         return lambda day, action: Reading(shown=check(day.times(action.name)))
 
     # the bench
 
     def _measure(self, day: Day, action: Action) -> Reading:
-        """Read one channel of the bench with the repeats of its sheet, numbered consecutively."""
+        """Read one channel of the bench, with as many repeats as its data sheet states.
+
+        Each use continues the series of random numbers of the earlier ones.
+        """
         channel, arguments = channels()[action.name], action.arguments
         earlier = day.times(action.name)
         station: Any = self.laboratory.stations[Stage.BENCH]
@@ -256,7 +259,7 @@ class Apparatus:
         return Reading(shown=(*_number_rows("reading", readings / GRAM, "g"), certified))
 
     def _reweigh_balls(self, day: Day, action: Action) -> Reading:
-        """Weigh balls again, and show the display beside the entered values."""
+        """Weigh some balls again. Show the readings beside the values that were entered."""
         entered = Desk(day).session.records.get("bench", {}).get("ball-mass")
         if not isinstance(entered, MassReadings):
             raise InputError(
@@ -274,7 +277,7 @@ class Apparatus:
         )
 
     def _weigh(self, day: Day, action: Action, mass: Any, stream: str, *slots: Any) -> Array:
-        """Return the scale's readings of an action, (item, repeat) [kg], numbered consecutively."""
+        """Return new readings of the scale [kg], shape (item, repeat); `mass` is the true mass."""
         station: Any = self._scale_as_it_stands(day, self.laboratory.stations[Stage.BENCH])
         repeats, earlier = station.spec.repeats, day.times(action.name)
         draws, turns = self.laboratory.draws, earlier + 1
@@ -282,7 +285,7 @@ class Apparatus:
         return np.asarray(record.readings[:, repeats * earlier :])
 
     def _swing_clamp(self, day: Day, action: Action) -> Reading:
-        """Measure the clamp's moment of inertia, show it beside the entered one, and enter it."""
+        """Measure the moment of inertia of the clamp, and use it if the trainee chose so."""
         station: Any = self.laboratory.stations[Stage.BENCH]
         error = self._table.clamp_u * self._off(day, action)
         measured = station.pendulum.true["clamp_inertia"] + error
@@ -300,7 +303,7 @@ class Apparatus:
         )
 
     def _off(self, day: Day, action: Action) -> float:
-        """Return the error of a reading by hand [standard uncertainties], by its number."""
+        """Return the error of a manual reading, in standard uncertainties."""
         number = np.array([day.times(action.name)])
         return float(self.laboratory.draws.normal(f"rehearsal.{action.name}", slots=number)[0])
 
@@ -312,7 +315,7 @@ class Apparatus:
         return Reading(shown=_number_rows("ball", np.round(diameters / MILLIMETRE, 2), "mm"))
 
     def _tap(self, day: Day, action: Action) -> Reading:
-        """Show the first bending frequency of the bat, in its condition after the shots."""
+        """Show the first bending frequency of the bat [Hz] in its present condition."""
         bat = specimen_at(Stage.IMPACT if day.fired else Stage.BENCH, self.laboratory).bat
         frequency = float(modes_of(bat.body, Free(), 1).bending_frequencies[0])
         noise = self._table.tap_u * self._off(day, action)
@@ -326,7 +329,7 @@ class Apparatus:
         return Reading(play.records, _number_rows("ball", means, "rebound speed / incoming speed"))
 
     def _recheck_balls(self, day: Day, action: Action) -> Reading:
-        """Fire some balls at the wall again, and show the results beside the earlier ones."""
+        """Fire some balls at the wall again. Show the speed ratios beside the earlier ones."""
         morning = Desk(day).last("hit-wall")
         if morning is None:
             raise InputError(action.name, "balls", None, "have no e0 yet: hit-wall comes first")
@@ -380,7 +383,7 @@ class Apparatus:
     def _aim_paper(self, day: Day, action: Action) -> Reading:
         station: Any = self.firing.station_aimed_at(day.shift)
         stream, earlier = f"{self.laboratory.setup.rig}.aim", day.times(action.name)
-        # the first paper is that of an ordinary test
+        # the first aim paper equals that of a test without the bench
         marks = station.cannon.mark(
             self.laboratory.draws, f"{stream}.{earlier}" if earlier else stream
         )
@@ -389,7 +392,7 @@ class Apparatus:
         return Reading({"aim": marks}, (along, across))
 
     def _re_aim(self, day: Day, action: Action) -> Reading:
-        """Move the aim. The laboratory then assumes that the cannon points as requested."""
+        """Move the aim. The session then contains the requested position, with a larger u."""
         aim = Desk(day).session.calibration.get("impact.cannon.along")
         if aim is None:
             return Reading()
@@ -410,7 +413,7 @@ class Apparatus:
     # the result
 
     def _reduce(self, day: Day, _: Action) -> Reading:
-        """Reduce the accepted hits. `InputError` names what is missing."""
+        """Reduce the accepted hits. Raises `InputError` with the name of a missing record."""
         desk = Desk(day)
         certification, rules = desk.certification, desk.rules.spec
         bat = tuple(("rule for the bat", each.sentence, "") for each in certification.findings)
@@ -435,7 +438,7 @@ class Apparatus:
         return Reading(shown=(*rows, *bat))
 
     def _enter_result(self, day: Day, action: Action) -> Reading:
-        """Compare entered results with those of the records, if the day gives feedback."""
+        """Show the entered results, compared with those of the records except in an exam."""
         results = Desk(day).own(action.arguments)
         if not results:
             allowed = "is missing: enter at least one of r, e_A, e and BPF"
@@ -458,16 +461,18 @@ class Apparatus:
 
 
 def _set_swing(station: Any, arguments: Mapping[str, Any], table: Consequences) -> Station:
-    """Return the bench with the requested release amplitude and timing of the pendulum.
+    """Return the bench with the requested amplitude, number of swings and timing of the pendulum.
 
-    A fault that makes the amplitude too large multiplies every requested amplitude.
+    A fault can enlarge the amplitude: it multiplies the requested one by the same ratio.
     """
     by_hand = (
         {"timer_jitter": table.hand_reaction, "timer_resolution": table.hand_step}
         if arguments["clock"] == "hand"
         else {}
     )
-    ratio = station.pendulum.spec.release_amplitude / (4.0 * DEGREE)  # ratio to the usual one
+    ratio = station.pendulum.spec.release_amplitude / (
+        4.0 * DEGREE
+    )  # ratio to the amplitude without a fault
     return other_sheet(
         station,
         "pendulum",
@@ -478,14 +483,14 @@ def _set_swing(station: Any, arguments: Mapping[str, Any], table: Consequences) 
 
 
 def _ratios(play: RigOutput, balls: int) -> Array:
-    """Return the ratio of rebound to incoming speed at the wall of the first balls, (ball,)."""
+    """Return the mean ratio of rebound to incoming speed at the wall, shape (ball,)."""
     log: Any = play.records["log"]
     ratio = speed_ratio(play.records["gates"])
     return np.array([np.nanmean(ratio[log.ball == ball]) for ball in range(balls)])
 
 
 def _pair_rows(first: tuple[str, Array], second: tuple[str, Array], unit: str) -> Display:
-    """Return two values of each ball side by side."""
+    """Return two rows per ball for the display, one of each named array, shape (ball,)."""
     return tuple(
         (f"ball {ball}, {word}", float(f"{value:.7g}"), unit)
         for ball, values in enumerate(zip(first[1], second[1], strict=True), 1)

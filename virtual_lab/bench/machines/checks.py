@@ -1,7 +1,7 @@
-"""Check standards: a check ball at the wall, a steel cylinder in place of the bat.
+"""Check standards: a check ball at the wall, and a steel cylinder in place of the bat.
 
-Today's hits are compared with those of earlier mornings without faults. The comparison uses the
-displays and needs no constants.
+The hits of today are compared with those of earlier days, when the laboratory had no fault. The
+comparison uses only readings, no calibration constants.
 """
 
 from __future__ import annotations
@@ -27,18 +27,23 @@ from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage
 from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.units import MPH, Array
 
-DAYS = 12  # number of mornings on the chart
-FIRST_SLOT = 1_000_000  # number of their first shot, above any shot of the day
+DAYS = 12  # number of earlier days on the control chart
+FIRST_SLOT = 1_000_000  # number of the first shot on the chart, above all shots of the day
 
 
 @dataclass(frozen=True)
 class CheckStandards:
-    """The check standards of a laboratory. `earlier` is the number of earlier uses on the day."""
+    """The check standards of a laboratory.
+
+    Each method returns rows for the display: the value of today, and mean and standard deviation of
+    the earlier days. `earlier` is the number of times that the standard was used before on this
+    day.
+    """
 
     laboratory: Laboratory
 
     def ball(self, earlier: int) -> Display:
-        """Fire the check ball at the wall."""
+        """Fire the check ball at the wall. Show the ratio of rebound to incoming speed."""
 
         def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
             played = _with_standards(laboratory).play(Stage.BALLS, _plan(first, hits, place=0.0))
@@ -47,7 +52,10 @@ class CheckStandards:
         return self._against_chart(hit, earlier)
 
     def cylinder(self, earlier: int) -> Display:
-        """Fire the check ball at the cylinder: rebound, and rotation if an encoder counts it."""
+        """Fire the check ball at the cylinder. Show the ratio of rebound to incoming speed.
+
+        With an encoder also show the rotation [counts] times the time between the gates [s].
+        """
         place = float(np.mean(catalog.load_bat("check-cylinder").spec.body.profile.z))
 
         def hit(laboratory: Laboratory, first: int, hits: int) -> Mapping[str, Array]:
@@ -63,7 +71,7 @@ class CheckStandards:
         return self._against_chart(hit, earlier)
 
     def clock(self, earlier: int) -> Display:
-        """Compare the clock of the gates with a reference, beside earlier comparisons."""
+        """Compare the clock of the gates with a reference clock. Show its error [ppm]."""
         numbers = np.arange(DAYS + earlier + 1)
         errors = action_table().consequences.clock_u * self.laboratory.draws.normal(
             "rehearsal.clock", slots=numbers
@@ -76,13 +84,13 @@ class CheckStandards:
 
     @cached_property
     def _sound(self) -> Laboratory:
-        """The laboratory on earlier mornings, without faults."""
+        """The laboratory on the earlier days, without faults."""
         return reopen_with(self.laboratory, FaultSet())
 
     def _against_chart(
         self, hit: Callable[[Laboratory, int, int], Mapping[str, Array]], earlier: int
     ) -> Display:
-        """Show the mean of today's hits beside mean and spread of the means of other mornings."""
+        """Return the mean of the hits of today beside the chart; "not seen" without a reading."""
         hits = action_table().consequences.check_hits
         today = hit(self.laboratory, FIRST_SLOT + hits * (DAYS + earlier), hits)
         chart = hit(self._sound, FIRST_SLOT, hits * DAYS)
@@ -97,7 +105,7 @@ class CheckStandards:
 
 
 def reopen_with(laboratory: Laboratory, faults: FaultSet) -> Laboratory:
-    """Return the laboratory with other faults but the same certificates."""
+    """Return a laboratory with the given faults, but the same certificates, salt and date."""
     setup = replace(
         laboratory.setup, faults=faults, seed=laboratory.seed, collision=laboratory.collision
     )
@@ -108,7 +116,7 @@ def reopen_with(laboratory: Laboratory, faults: FaultSet) -> Laboratory:
 
 
 def _chart_rows(name: str, today: float, mornings: Array, places: int, unit: str) -> Display:
-    """Show a number beside mean and spread of other mornings."""
+    """Return the rows of one quantity: today, mean of the chart, standard deviation of a day."""
     numbers = {
         "today": today,
         "chart": mornings.mean(),
@@ -120,13 +128,20 @@ def _chart_rows(name: str, today: float, mornings: Array, places: int, unit: str
 
 
 def speed_ratio(gates: Record) -> Array:
-    """Return the ratio of rebound to incoming speed between the gates, (shot,)."""
+    """Return the ratio of rebound to incoming speed of each shot, shape (shot,).
+
+    It is computed from the times between the first and the last gate. A shot that one of these
+    gates missed gives NaN.
+    """
     into, back = _flight_times(gates)
     return np.asarray(into / back)
 
 
 def _flight_times(gates: Record) -> tuple[Array, Array]:
-    """Return the times from the first gate to the last and back, each (shot,) [s]."""
+    """Return the times of flight between first and last gate [s], each of shape (shot,).
+
+    The first array is for the incoming ball, the second for the rebound.
+    """
     assert isinstance(gates, GateRecord | BoardRecord)
     middle = gates.times.mean(axis=-1)
     if isinstance(gates, BoardRecord):
@@ -146,7 +161,7 @@ def _plan(first: int, hits: int, *, place: float) -> ShotPlan:
 
 
 def _with_standards(laboratory: Laboratory) -> Laboratory:
-    """Return a laboratory with its check standards on the rigs, without faults of the lot."""
+    """Return the laboratory with check ball and cylinder on its rigs, without faults of the lot."""
     faults = tuple(fault for fault in laboratory.setup.faults.faults if not fault.specimen)
     ball = catalog.load("balls", "check-ball", BallSpec).spec
     cylinder = catalog.load_bat("check-cylinder").spec

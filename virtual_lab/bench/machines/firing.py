@@ -1,4 +1,4 @@
-"""Firing of shots at the wall and at the bat, and the conditions that they depend on."""
+"""Firing of balls at the wall and at the bat under the conditions of the day."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, othe
 from virtual_lab.simulation.rig import FilmingStation, RigOutput, ShotPlan, Specimen, Stage, Station
 from virtual_lab.simulation.truth import TrueBalls
 
-AGAIN = 2_000_000  # number of the first repeated hit, above those of lot and check ball
+AGAIN = 2_000_000  # number of the first repeated hit, above the numbers of lot and check ball
 
 
 class ShotConditions(NamedTuple):
-    """Conditions of a shot besides the laboratory."""
+    """Conditions on which a shot depends, besides the laboratory."""
 
     shot: int
     ball: int
     place: float  # [m]
-    turn_rate: float  # [rad/s]
-    ready: frozenset[str]
-    scrap: int
-    shift: tuple[tuple[float, float], ...]
+    turn_rate: float  # angular rate of a swung bat [rad/s]; 0 for a bat at rest
+    ready: frozenset[str]  # steps of preparation that were done
+    scrap: int  # number of shots since the scrap was cleared
+    shift: tuple[tuple[float, float], ...]  # requested moves of the aim, along and across [m]
     warm: int  # number of hits of the ball within its rest time
     wall: int  # number of wall tests of the lot
 
@@ -44,25 +44,25 @@ class Firing:
     sketches: dict[ShotConditions, dict[str, Any]] = field(
         default_factory=dict
     )  # cache of sketches
-    # laboratories by number of wall tests
+    # cache: laboratory with worn balls, by number of wall tests
     after_walls: dict[int, Laboratory] = field(default_factory=dict)
 
     def wall(self, earlier: int) -> RigOutput:
-        """Fire the lot at the wall, with the balls as left by `earlier` such tests."""
+        """Fire the lot at the wall, as worn by `earlier` wall tests. Return records and truth."""
         laboratory = self._age_balls(earlier)
         rules = laboratory.rules.spec
         hits = rules.balls * rules.wall_hits * len(rules.wall_speeds)
         return _fire_at_wall(laboratory, rules.balls, hits * earlier)
 
     def wall_again(self, day: Day, balls: int, earlier: int) -> RigOutput:
-        """Fire the first balls of the rig at the wall, after `earlier` such repeats."""
+        """Fire the first `balls` of the lot at the wall again, after `earlier` such repeats."""
         laboratory = self._age_balls(day.times("hit-wall"))
         specimen = replace(laboratory.specimen, balls=specimen_at(Stage.IMPACT, laboratory).balls)
         laboratory = replace(laboratory, specimen=specimen)
         return _fire_at_wall(laboratory, balls, AGAIN * (earlier + 1))
 
     def _age_balls(self, walls: int) -> Laboratory:
-        """Return the laboratory with its balls aged by `walls` wall tests."""
+        """Return the laboratory with its balls worn by `walls` wall tests."""
         if walls < 1:
             return self.laboratory
         if walls not in self.after_walls:
@@ -75,11 +75,11 @@ class Firing:
         return self.after_walls[walls]
 
     def balls(self, day: Day) -> TrueBalls:
-        """Return the lot in its condition after the day so far."""
+        """Return the true balls of the lot, worn by the wall tests of the day."""
         return self._age_balls(day.times("hit-wall")).specimen.balls
 
     def station_aimed_at(self, shift: tuple[tuple[float, float], ...]) -> Station:
-        """Return the rig with its cannon moved, each time by about the requested amount."""
+        """Return the rig with its cannon moved by the requested amounts plus setting errors."""
         station = self.laboratory.stations[Stage.IMPACT]
         if not shift:
             return station
@@ -95,7 +95,7 @@ class Firing:
         )
 
     def conditions(self, day: Day) -> ShotConditions:
-        """Return the conditions of the next shot of a day."""
+        """Return the conditions of the next shot. Raises `InputError` without ball or position."""
         if day.ball is None or day.place is None:
             raise InputError("fire", "cannon", None, "no ball, or no place: decide() comes first")
         rest = action_table().consequences.ball_rest
@@ -113,14 +113,14 @@ class Firing:
         )
 
     def shot(self, shot: ShotConditions) -> tuple[ShotPlan, RigOutput]:
-        """Fire a ball. Return the plan and the output."""
+        """Fire one shot at the bat. Return its plan as requested, and records with truth."""
         plan = self._plan(shot, self.laboratory.rules.spec.ball_speed)
         if shot not in self.shots:
             self.shots[shot] = self._play(plan, shot)
         return plan, self.shots[shot]
 
     def as_it_stands(self, shot: ShotConditions) -> tuple[Laboratory, ShotPlan]:
-        """Return the laboratory and the plan of a shot under its conditions."""
+        """Return laboratory and true plan of a shot: warm ball, scrap, moved aim, low pressure."""
         table, speed = action_table().consequences, self.laboratory.rules.spec.ball_speed
         laboratory = self._age_balls(shot.wall)
         balls = laboratory.specimen.balls
@@ -154,7 +154,7 @@ class Firing:
         laboratory, plan = self.as_it_stands(shot)
         station: Any = laboratory.stations[Stage.IMPACT]
         if isinstance(station, FilmingStation):  # frames are made when they are viewed
-            station = station.without_camera()
+            station = station.unfilmed()
             stations = {**laboratory.stations, Stage.IMPACT: station}
             laboratory = replace(laboratory, stations=stations)
         play = laboratory.play(Stage.IMPACT, plan)
@@ -171,7 +171,7 @@ class Firing:
     def _add_rotation(
         self, record: EncoderRecord, encoder: Any, shot: ShotConditions, plan: ShotPlan
     ) -> EncoderRecord:
-        """Return the record of an encoder that was not zeroed, with a bat that was not at rest."""
+        """Return the record with an initial count and rotation, if these steps were omitted."""
         draws, turn = self.laboratory.draws, encoder.spec.counts_per_turn
         counts = record.counts
         if "wait-rest" not in shot.ready:
@@ -185,7 +185,7 @@ class Firing:
 
 
 def _fire_at_wall(laboratory: Laboratory, balls: int, first: int) -> RigOutput:
-    """Fire the first balls of a lot at the wall, with hits numbered from `first`."""
+    """Fire the first `balls` of a lot at the wall, with hits numbered from `first`."""
     rules = laboratory.rules.spec
     speeds = np.tile(rules.wall_speeds, rules.wall_hits)
     ball = np.arange(balls).repeat(speeds.size)
@@ -200,17 +200,17 @@ def _fire_at_wall(laboratory: Laboratory, balls: int, first: int) -> RigOutput:
 
 
 def _trip_probability(shot: ShotConditions) -> float:
-    """Return the probability that scrap trips the first gate ahead of the ball."""
+    """Return the probability that scrap trips the first gate before the ball does."""
     return 1 - (1 - action_table().consequences.scrap) ** shot.scrap
 
 
 def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
-    """Return the true bat and balls at a stage, with faults."""
+    """Return the true bat and balls at a stage of the test, with the faults of the day."""
     nothing, first = np.zeros(1), np.zeros(1, dtype=int)
     plan = ShotPlan(slot=first, ball=first, speed=nothing, place=nothing)
     return laboratory.setup.faults.done(stage, plan, laboratory.specimen)[1]
 
 
 def alter_instrument(station: Station, part: str, **true: float) -> Station:
-    """Return a station with other true constants of the instrument `part`."""
-    return fitted_with(station, part, instrument_of(station, part).with_true(**true))
+    """Return a station with changed true constants of its instrument `part`."""
+    return fitted_with(station, part, instrument_of(station, part).altered(**true))

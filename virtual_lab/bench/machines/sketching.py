@@ -1,11 +1,11 @@
-"""The top view of a shot that a trainee may see: true events with blurred numbers.
+"""The top view of a shot that a trainee may see: the events are true, the numbers are blurred.
 
-An animation drawn to 5 mm would reveal e_A to 0.0003. The rebound therefore has a random error of
-the day, which no number of shots averages out, and one of the shot; the rotation of the bat has
-another. After the hand-in `scene_of_shot` gives the true shot.
+An animation with a resolution of 5 mm would reveal e_A to 0.0003. The sketch therefore adds a
+random error to e_A and to the rotation rate of the bat: one of the day, which averaging over shots
+does not reduce, and one of the shot. After the hand-in `scene_of_shot` returns the true shot.
 
-A camera's frames are treated in the same way: before the hand-in they show nominal machines, and a
-nominal bat and ball with the e_A of the sketch, so no fit of them finds more than the sketch.
+Camera frames are treated in the same way. Before the hand-in they show nominal machines, a nominal
+bat and a nominal ball with the e_A of the sketch, so a fit to them reveals no more than the sketch.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ FRAMES = 6  # number of frames in a film of a shot
 
 
 def sketch_of(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
-    """Return the sketch of a shot, in the form of JSON.
+    """Return the sketch of a shot as a JSON object.
 
-    `struck` lists the objects in the order in which they were struck. For a ball that met the bat,
-    `way` and `side` state its direction afterward, and `rebound` (e_A) and `turn` (rate of the bat
+    `struck` lists the contacts in order, such as "bat" or "stop". If the ball hit the bat, `way`
+    and `side` give its direction afterward; `rebound` (e_A) and `turn` (angular rate of the bat
     [rad/s]) are blurred.
     """
     if shot not in firing.sketches:
@@ -66,11 +66,11 @@ def _draw_sketch(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
 
 
 def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[float, float]:
-    """Return blurred values of e_A and of the rate of the bat [rad/s]."""
+    """Return blurred values of e_A and of the angular rate of the bat after the hit [rad/s]."""
     draws = firing.laboratory.draws
     day_draws = draws.normal("rehearsal.sketch-day", 2)
     shot_draws = draws.normal("rehearsal.sketch", 2, np.array([shot.shot]))[0]
-    # with standard deviations of a day and of a shot
+    # standard deviation of a day, then that of a shot
     efficiency_error = 0.03 * day_draws[0] + 0.03 * shot_draws[0]  # error of e_A
     rate_error = 0.1 * day_draws[1] + 0.1 * shot_draws[1]  # relative error of the bat's rate
     specimen, rules = firing.laboratory.specimen, firing.laboratory.rules.spec
@@ -84,7 +84,10 @@ def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tup
 
 
 def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, PlayedShots] | None:
-    """Return the true scene of a shot at a bat at rest, None for other rigs or without a scene."""
+    """Return the true scene of a shot and its motion.
+
+    It is None for a rig that swings the bat, and for a shot that the model of motion cannot play.
+    """
     laboratory, requested = firing.as_it_stands(shot)
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, RestingBatStation):
@@ -101,7 +104,7 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
 
 
 def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
-    """Return the true motion of a shot of a day, from 1, None without a scene."""
+    """Return the true motion of a shot, numbered from 1; None if it has no scene."""
     shot_scene = scene_of_shot(firing, firing.conditions(before_shot(day, shot)))
     if shot_scene is None:
         return None
@@ -121,7 +124,7 @@ def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
 
 @dataclass(frozen=True)
 class FixedRebound(Ladder):
-    """Collision models that all return the e_A of the sketch."""
+    """Ladder of collision models that returns the e_A of the sketch, `rebound`, for every shot."""
 
     rebound: float = 0.0
 
@@ -130,14 +133,15 @@ class FixedRebound(Ladder):
 
 
 def has_camera(laboratory: Laboratory) -> bool:
-    """Return whether the rig has a camera."""
+    """Return whether the rig at the bat has a camera."""
     return isinstance(laboratory.stations[Stage.IMPACT], FilmingStation)
 
 
 def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
-    """Return frames of a shot according to its sketch, as one PNG, or no bytes without a hit.
+    """Return camera frames of a shot as one PNG, drawn from its sketch.
 
-    They use only the sketch, the set impact position and data sheets.
+    The frames depend only on the sketch, the impact position that was set, and data sheets. The
+    result is empty if the ball missed the bat or the rig has no camera.
     """
     station = find_rig(setup.rig, Stage.IMPACT).commission(Quiet(), ideal=True)
     if "rebound" not in event.sketch or not isinstance(station, FilmingStation):
@@ -166,7 +170,7 @@ def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
 
 
 def true_film(firing: Firing, day: Day, shot: int) -> bytes:
-    """Return true frames of a shot of a day, from 1."""
+    """Return the true camera frames of a shot, numbered from 1, as one PNG; empty if none."""
     laboratory, requested = firing.as_it_stands(firing.conditions(before_shot(day, shot)))
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, FilmingStation):
@@ -176,13 +180,13 @@ def true_film(firing: Firing, day: Day, shot: int) -> bytes:
 
 
 def before_shot(day: Day, shot: int) -> Day:
-    """Return the day before a shot, from 1."""
+    """Return the day as it was before a shot, numbered from 1."""
     fired = [event.number for event in day.events if event.action == "fire"]
     return day.until(fired[shot - 1] - 1)
 
 
 def _strip(frames: Array) -> bytes:
-    """Return frames in rows as one small PNG, with a square-root tone curve."""
+    """Return frames, shape (frame, row, column), as one small PNG with square-root tones."""
     import cv2
 
     width, abreast = 320, 3

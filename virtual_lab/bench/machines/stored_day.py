@@ -1,7 +1,7 @@
-"""A rehearsal: a day on disk with its apparatus, action by action.
+"""A day in a folder on disk, with its apparatus.
 
 One file holds the log, which any page may read. Another file holds seed, salt and faults; only this
-module opens it, and only its owner may read it.
+module opens it, and only the owner of the file may read it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,10 @@ SECRET = "sealed.json"
 
 
 def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
-    """Return the laboratory of a scenario's day. Raises `InputError` as `Laboratory.open` does."""
+    """Return the laboratory of a day, with the faults of `scenario`.
+
+    Raises `InputError` if the scenario names something that does not exist or does not fit.
+    """
     setup = TestSetup.of(
         scenario.bat,
         procedure=_rules(scenario),
@@ -55,7 +58,7 @@ def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
 
 
 def _rules(scenario: Scenario) -> Entry[Procedure]:
-    """Return the rules of a day, with the limit of the scenario if it has one."""
+    """Return the procedure of a day, with the limit of the scenario if it has one."""
     rules = catalog.load("procedures", scenario.procedure, Procedure)
     if scenario.limit is None:
         return rules
@@ -68,7 +71,7 @@ def _rules(scenario: Scenario) -> Entry[Procedure]:
 
 
 class StoredDay:
-    """A day in a folder."""
+    """A day in a folder: its log, desk, scenario and apparatus."""
 
     def __init__(self, folder: Path) -> None:
         """Continue the day in a folder.
@@ -89,9 +92,10 @@ class StoredDay:
 
     @classmethod
     def begin(cls, folder: Path, scenario: Entry[Scenario], seed: int | None = None) -> Self:
-        """Begin a day in a folder without a day. Without a seed one is drawn.
+        """Begin a day in a new folder. Without a `seed` a random one is used.
 
-        Its files are written together or not at all, so the folder is usable after a crash.
+        The files are written together or not at all, so the folder is usable after a crash. Raises
+        `InputError` if the folder exists or the scenario does not fit.
         """
         drawn = secrets.randbits(SEED_BITS) if seed is None else seed
         salt = secrets.token_bytes(16)
@@ -127,10 +131,10 @@ class StoredDay:
 
     @classmethod
     def branch(cls, source: Path, entry: int, folder: Path) -> Self:
-        """Begin a day in a new folder that continues a handed-in day from an entry.
+        """Begin a practice day in a new folder: a copy of a handed-in day up to an entry.
 
-        The new day has the same random numbers and is marked as practice, since its truth is known.
-        Raises `InputError` if the other day is not handed in or has no such entry.
+        It continues with the same random numbers. It is marked as practice, because its truth has
+        been revealed. Raises `InputError` if the source is not handed in or has no such entry.
         """
         log = DayLog(source / LOG)
         events = log.events()
@@ -151,7 +155,7 @@ class StoredDay:
 
     @property
     def seal(self) -> str:
-        """Statement of the seal when the truth is revealed."""
+        """Whether the seal is intact, as a sentence that begins with "intact" or "BROKEN"."""
         commitment = self.log.morning["briefing"]["commitment"]
         content = read_bytes(self.folder / SECRET)
         if _digest(content) != commitment:
@@ -167,13 +171,16 @@ class StoredDay:
         return self.desk.day
 
     def run_operator(self, operator: Operator) -> Day:
-        """Let an operator complete the day. Raises `InputError` for an impossible action."""
+        """Let an operator carry out the rest of the day. Return the day.
+
+        Raises `InputError` for an impossible action; the entries before it stay in the log.
+        """
         for action in operator(lambda: self.desk):
             self.do(action)
         return self.day
 
     def do(self, action: Action, number: int | None = None) -> DayEvent:
-        """Do an action, and return its event after writing it to disk.
+        """Carry out an action, write its event to disk, and return it.
 
         Raises
         ------
@@ -193,7 +200,10 @@ class StoredDay:
 
 
 def do_action(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
-    """Return the event of an action on a day. Raises `InputError` if it is impossible."""
+    """Carry out an action and return its event, with the price and any remarks.
+
+    Nothing is written. Raises `InputError` if the action is refused.
+    """
     price = decide(day, action)
     event = replace(apparatus.play(day, action), seconds=price)
     notes = remarks(evolve(day, event)) if day.remarks else ()
@@ -201,7 +211,7 @@ def do_action(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
 
 
 def play_actions(apparatus: Apparatus, actions: Iterable[Action]) -> Day:
-    """Return the day after a series of actions, without a log."""
+    """Return the day after a series of actions, without a log. Raises as `do_action` does."""
     return run_operator(apparatus, lambda _: iter(actions))
 
 
@@ -211,9 +221,23 @@ def run_operator(
     morning: Day | None = None,
     listed: Mapping[str, float] = MappingProxyType({}),
 ) -> Day:
-    """Return the day that an operator carries out from `morning` on, without a log.
+    """Return the day that an operator carries out, without a log.
 
-    `listed` holds the possible faults and their probabilities.
+    Parameters
+    ----------
+    apparatus
+        The machines of the laboratory.
+    operator
+        The simulated operator.
+    morning
+        The day so far; by default a new day.
+    listed
+        Possible faults of a new day, with their probabilities.
+
+    Raises
+    ------
+    InputError
+        An action is refused.
     """
     laboratory = apparatus.laboratory
     untouched = Day(morning=laboratory.session, balls=laboratory.rules.spec.balls, listed=listed)
@@ -225,7 +249,7 @@ def run_operator(
 
 
 def _records_of(scenario: Scenario, laboratory: Laboratory, seed: int) -> tuple[DayEvent, ...]:
-    """Return the events of another laboratory on the day, up to its result."""
+    """Return the events of another laboratory, without its verdict, if the scenario has one."""
     if not scenario.records_of:
         return ()
     events = run_operator(Apparatus(laboratory), operator_of(scenario.records_of, seed)).events
@@ -234,7 +258,7 @@ def _records_of(scenario: Scenario, laboratory: Laboratory, seed: int) -> tuple[
 
 
 def _individuals(laboratory: Laboratory) -> dict[str, Any]:
-    """Return the drawn properties of bat and balls, in the form of JSON."""
+    """Return the true properties of this bat and these balls [SI], as a JSON object."""
     bat, balls = laboratory.specimen.bat.body.material, laboratory.specimen.balls
     return {
         "bat_youngs_modulus": bat.youngs_modulus,

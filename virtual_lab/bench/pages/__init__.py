@@ -1,1 +1,1 @@
-"""The pages of the rehearsal bench, made from a day and never from the truth."""
+"""The pages of the rehearsal bench, which show a day and never the truth."""

@@ -1,4 +1,4 @@
-"""Pages of the rehearsal bench, made from the desk: bench, replay, notebook, rules, exam."""
+"""HTML pages of the rehearsal bench: bench, replay, notebook, rules, instruments, exam."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ PARTS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """An action that was refused, and the reason."""
+    """A refused action, and the reason."""
 
     sentence: str
     action: str = ""
@@ -52,7 +52,7 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """A step of the procedure on the page."""
+    """A step of the procedure, as the page lists it."""
 
     name: str
     title: str
@@ -96,20 +96,20 @@ def day_page(
     true_motion: Motion | None = None,
     scenarios_offered: Mapping[str, Scenario] = MappingProxyType({}),
 ) -> str:
-    """Return the HTML page of the bench in the present state of a day.
+    """Return the HTML page of the bench for the present state of a day.
 
     Parameters
     ----------
     desk, briefing
-        The desk of the day, and the information that the trainee has.
+        The desk of the day, and the part of the scenario that the trainee may know.
     refusal
-        The reason why the last request was refused.
+        The refused action to report at the top of the page.
     shot
-        Number of the shot whose pictures are shown, from 1; the default is the last shot.
+        Number of the shot to draw, from 1; by default the last shot.
     true_motion
-        The true motion of this shot, after the hand-in.
+        The true motion of this shot, after the hand-in; by default the page draws its sketch.
     scenarios_offered
-        Scenarios that the trainee may choose instead, by name.
+        Scenarios that the trainee may begin instead, by name.
     """
     day, table = desk.day, action_table()
     hits = _hits(desk, briefing)
@@ -166,7 +166,7 @@ def day_page(
 
 
 def replay_page(day: Day, briefing: Mapping[str, Any], number: int) -> str:
-    """Return the HTML page that shows a day after entry `number`; 0 is the start of the day."""
+    """Return the HTML page that replays a day: its state after entry `number`, 0 for the start."""
     desk, entries = Desk(day.until(number)), _entries(day, briefing)
     return page_template(PACKAGE, "replay.html").render(
         briefing=briefing,
@@ -184,7 +184,7 @@ def _display_variables(
     shot: int | None = None,
     true_motion: Motion | None = None,
 ) -> dict[str, Any]:
-    """Return the variables of the templates for the display and the pictures of a shot."""
+    """Return the template variables for the display and the drawings of a shot, from 1."""
     day, number = desk.day, min(shot or len(hits), len(hits))
     fired = [event for event in day.events if event.action == "fire"]
     last = day.events[-1] if day.events else None
@@ -207,7 +207,7 @@ def _display_variables(
 
 
 def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
-    """Return the HTML page of the notebook for printing: entries and hits in order of time."""
+    """Return the HTML page of the notebook for printing: all entries and hits, in order."""
     return page_template(PACKAGE, "notebook.html").render(
         briefing=briefing,
         day=desk.day,
@@ -220,7 +220,7 @@ def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
 
 
 def notebook_table(desk: Desk, briefing: Mapping[str, Any]) -> str:
-    """Return the entries of a day as a CSV table."""
+    """Return the entries of a day as text in CSV format, with a header row."""
     lines = StringIO()
     rows = csv.writer(lines)
     rows.writerow(["entry", "time_min", "action", "struck_out", "entered", "shown"])
@@ -232,12 +232,12 @@ def notebook_table(desk: Desk, briefing: Mapping[str, Any]) -> str:
 
 
 def hall_page(hall: Hall) -> str:
-    """Return the HTML page of an exam for the trainer: the progress of each trainee, no truth."""
+    """Return the HTML page of the trainer in an exam: the progress of each trainee, no truth."""
     return page_template(PACKAGE, "hall.html").render(hall=hall, trainees=list(hall.trainees()))
 
 
 def refusal_sentence(fault: InputError) -> str:
-    """Return a refusal as a sentence, with the titles of actions and fields on the page."""
+    """Return an error as a sentence for the page, with the titles of buttons and fields."""
     titles = {each.name: each.title for each in ARGUMENTS.get(fault.where, ())}
     key = titles.get(fault.key, fault.key)
     value = f"“{fault.value}”" if isinstance(fault.value, str) else fault.value
@@ -250,7 +250,7 @@ def refusal_sentence(fault: InputError) -> str:
 
 
 def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
-    """Return an HTML page with one sentence, and a field for the trainee's code if `by_code`."""
+    """Return an HTML page with one sentence; `by_code` adds a field for the trainee's code."""
     page = page_template(PACKAGE, "plain.html")
     return page.render(title=title, sentence=sentence, by_code=by_code)
 
@@ -278,27 +278,27 @@ def _steps(desk: Desk) -> list[Step]:
 
 
 def _doubts(day: Day) -> list[str]:
-    """Return the titles of all faults, beginning with the faults that the scenario lists."""
+    """Return the titles of all faults; the faults that the scenario lists come first."""
     titles = known_doubts()
     return [titles[name] for name in dict.fromkeys([*day.listed, *titles])]
 
 
 def _last_undecided(desk: Desk, hits: list[PrintedHit]) -> bool:
-    """Return True if the last action was a shot that can be accepted or rejected now."""
+    """Return whether the last action was a shot that the trainee can accept or reject now."""
     events, day = desk.day.events, desk.day
     fired = bool(events) and events[-1].action == "fire" and bool(hits)
     return fired and not (day.reduced or day.handed_in or desk.missing)
 
 
 def wall_page(desk: Desk, briefing: Mapping[str, Any], name: str) -> str:
-    """Return the HTML page `name`: "rules" or "instruments"."""
+    """Return the HTML page "rules" or "instruments", selected by `name`."""
     return page_template(PACKAGE, f"{name}.html").render(
         briefing=briefing, metric=METRICS[desk.rules.spec.metric], **wall_pages(desk, briefing)
     )
 
 
 def _next_step(desk: Desk, steps: list[Step], hits: list[PrintedHit]) -> str:
-    """Return the next step of the procedure: an action, or ``decide-N`` for an undecided hit."""
+    """Return the next step of the procedure: an action, or ``decide-N`` for undecided hit N."""
     for hit in hits:
         if hit.decision == "undecided" and not desk.missing and not desk.day.reduced:
             return f"decide-{hit.shot}"
@@ -309,7 +309,7 @@ def _next_step(desk: Desk, steps: list[Step], hits: list[PrintedHit]) -> str:
 
 
 def _last_control(events: tuple[DayEvent, ...]) -> str:
-    """Return the control that gets the focus: the one that the last action came from."""
+    """Return the control that gets the focus after the last action; empty before the first."""
     if not events:
         return ""
     last = events[-1]
@@ -326,7 +326,7 @@ def _part_of(focus: str) -> str:
 
 
 def _count_done(steps: list[Step]) -> dict[str, str]:
-    """Return the number of finished steps in each part of the page, as printed."""
+    """Return the printed number of finished steps for each section of the page."""
     counts = {}
     for part in PARTS:
         part_steps = [step for step in steps if step.part == part]
@@ -360,7 +360,7 @@ def _default(argument: Argument, action: str, suggested: Mapping[str, str]) -> s
 
 
 def _suggest_shot(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
-    """Return the next impact position and ball, as printed; empty if they are not known yet."""
+    """Return the next impact position and ball as printed; empty while a record is missing."""
     if desk.missing:
         return {"place": "", "ball": ""}
     place = desk.next_place
@@ -371,7 +371,7 @@ def _suggest_shot(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _undecided_note(desk: Desk, briefing: Mapping[str, Any]) -> str:
-    """Return a sentence if undecided hits keep the rules at one position; empty otherwise."""
+    """Return the note that undecided hits prevent the next position; empty if they do not."""
     if not desk.waiting or desk.next_place is None:
         return ""
     following_position = desk.with_waiting_accepted.next_place
@@ -391,12 +391,12 @@ def _undecided_note(desk: Desk, briefing: Mapping[str, Any]) -> str:
 
 
 def _units(briefing: Mapping[str, Any]) -> list[str]:
-    """Return the units in which positions and speeds are printed."""
+    """Return the printed units of position and speed."""
     return [unit for unit, _ in UNITS[briefing["units"]]]
 
 
 def _length(metres: float, briefing: Mapping[str, Any]) -> str:
-    """Return a length as printed, without its unit."""
+    """Return a length as printed, in the unit of the day but without it."""
     (unit, metre), _ = UNITS[briefing["units"]]
     return f"{metres / metre:.{3 if unit == 'in' else 1}f}"
 

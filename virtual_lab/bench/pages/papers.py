@@ -1,4 +1,4 @@
-"""Contents of the pages "Rules" and "Instruments"."""
+"""Content of the pages "Rules" and "Instruments"."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SCALES = {"mm": 1e3, "ppm": 1e6, "deg": 1 / DEGREE, "kg mm²": 1e6, "kg mm": 1e3
 
 @cache
 def wall() -> Mapping[str, Any]:
-    """Return the words of both pages, from data/bench/wall.toml."""
+    """Return the texts of both pages, from ``data/bench/wall.toml``."""
     return catalog.sheet("bench", "wall")[0]
 
 
@@ -43,11 +43,11 @@ class PrintedConstant(NamedTuple):
     value: str
     u: str
     unit: str
-    today: str  # value that was measured on the day and is used instead; empty if there is none
+    today: str  # value that was measured on the day and replaces it; or empty
 
 
 class PrintedInstrument(NamedTuple):
-    """An instrument with its certificate."""
+    """An instrument with its certificate, as printed."""
 
     name: str
     sheet: str  # title of its data sheet
@@ -56,7 +56,7 @@ class PrintedInstrument(NamedTuple):
 
 
 def rules_of(desk: Desk) -> list[PrintedRule]:
-    """Return the rules of the day, numbers in the units of the rule book with SI beside them."""
+    """Return one row per rule, with numbers in the units of the rule book and in SI."""
     words = wall()["rules"]
     order = {key: place for place, key in enumerate(words)}
     return [
@@ -66,7 +66,7 @@ def rules_of(desk: Desk) -> list[PrintedRule]:
 
 
 def instruments_of(desk: Desk) -> Iterator[PrintedInstrument]:
-    """Yield the instruments of the day with their certificates."""
+    """Yield each instrument with its calibration constants, as printed."""
     morning, session = desk.day.morning, desk.session
     groups: dict[tuple[str, str], list[PrintedConstant]] = {}
     for key, stated in morning.calibration.items():
@@ -85,7 +85,7 @@ def instruments_of(desk: Desk) -> Iterator[PrintedInstrument]:
 
 
 def prices(day: Day) -> list[tuple[str, str, str]]:
-    """Return title, time in minutes, and effect of skipping, for each action at this rig."""
+    """Return title, time [min] and effect of omission of each action, without the repairs."""
     return [
         (each.title, f"{each.minutes / 60:g}", each.skipped)
         for name, each in action_table().actions.items()
@@ -106,7 +106,7 @@ def _constant(key: str, name: str, stated: Estimate, current: Estimate) -> Print
 
 
 def _printed_unit(key: str) -> tuple[str, float, float]:
-    """Return the printed unit of a constant, the factor from SI, and the SI value of its 0."""
+    """Return the printed unit of a constant, the factor from SI to it, and the SI value of 0."""
     name = key.rpartition(".")[2].rstrip("_0123456789")
     name = "span" if key.endswith("encoder.scale") else name
     weighed = key.startswith("bench.scale") and name != "span"
@@ -128,7 +128,7 @@ def _words(key: str) -> str:
 
 
 def _quantity(datum: catalog.Datum) -> str:
-    """Return a number of a data sheet as printed: in the unit of the sheet, then in SI."""
+    """Return a number of a data sheet as printed, for example "90 mph (40.23 m/s)"."""
     numbers = datum.value if isinstance(datum.value, list) else [datum.value]
 
     def format_numbers(unit: str, factor: float, form: str) -> str:
@@ -144,7 +144,7 @@ def _quantity(datum: catalog.Datum) -> str:
 
 
 def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
-    """Return title, rate in percent, and remedy of each fault that a scenario lists."""
+    """Return title, rate [%] and remedy of each listed fault, as printed."""
     sheets, rows = action_table().actions, []
     for name, rate in listed.items():
         remedy = remedy_of(name)
@@ -154,7 +154,7 @@ def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
 
 
 def wall_pages(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the variables of the templates of both pages."""
+    """Return the template variables of both pages."""
     return {
         "rules": desk.rules.spec,
         "rows": rules_of(desk),

@@ -1,8 +1,8 @@
-"""Top view of a shot in slow motion: positions of ball and bat, as a picture and as frames.
+"""Slow motion of a shot: a top view of ball and bat as a drawing and as frames.
 
-Before the hand-in the frames show the sketch of the shot: the ball comes in with the speed of the
-procedure at the position that was set, and its rebound is blurred. Axes are those of the rig: x
-along the line of fire, z along the bat at rest, from its tip. Time 0 is the first contact.
+Before the hand-in it shows the sketch of the shot: the ball has the nominal speed and hits the
+position that was set, and its rebound is blurred. Axes: x along the line of fire, z along the bat
+at rest from its tip. Time is 0 at the first contact.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """Constants of the drawing."""
+    """Dimensions of the drawing."""
 
     frames: int = 121
     strobe: int = 6  # frames from one outline of the ball to the next
-    after: float = 0.15  # end of the motion after the contact [s]: the encoder records as long
+    after: float = 0.15  # duration after the contact, as in the encoder record [s]
     left: int = -950  # limits of the picture along x [mm]
     right: int = 760
     top: int = -130  # limits of the picture along z [mm]
@@ -45,7 +45,7 @@ FILM = Film()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """Positions of the ball and angle of the bat, SI arrays of shape (time,)."""
+    """Motion of ball and bat: time [s], ball x and z [m], bat angle [rad], shape (time,)."""
 
     time: NDArray[np.float64]
     x: NDArray[np.float64]
@@ -57,7 +57,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlowMotion:
-    """Numbers that a page draws of a motion; lengths in mm, angles in degrees."""
+    """Data of the drawing of a motion; lengths in mm, angles in degrees."""
 
     shot: int  # from 1
     frames: str  # JSON list of [time in ms, x, z, angle]
@@ -66,22 +66,25 @@ class SlowMotion:
     axis: float  # pivot axis, from the tip
     bat: str  # points of the outline of the bat
     gates: tuple[tuple[int, float], ...]  # number and x of each gate
-    coming: tuple[tuple[float, float], ...]  # positions of the ball before the contact
-    going: tuple[tuple[float, float], ...]  # positions of the ball after the contact
+    coming: tuple[tuple[float, float], ...]  # (x, z) of the ball before the contact
+    going: tuple[tuple[float, float], ...]  # (x, z) of the ball after the contact
     turned: tuple[float, ...]  # angles of the bat at equal time steps
     view: str = f"{FILM.left} {FILM.top} {FILM.right - FILM.left} {FILM.bottom - FILM.top}"
     ball: float = FILM.ball
 
 
 def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
-    """Return the motion that the sketch of a shot shows; `place` is in m from the tip."""
+    """Return the motion of the sketch of a shot at impact position `place` [m from the tip].
+
+    If no ball reached the bat, its x is NaN.
+    """
     sketch = event.sketch
     touching = -FILM.barrel - FILM.ball / 1e3
     begin = (FILM.left / 1e3 - touching) / rules.ball_speed
     time = np.linspace(begin, FILM.after, FILM.frames)
     speed, bat_speed = rules.ball_speed, rules.bat_speed or 0.0
     before = np.minimum(time, 0.0)
-    lever = 0.55  # rough distance from the axis to the point of the stated bat speed [m]
+    lever = 0.55  # typical distance from the axis to the point of the nominal bat speed [m]
     angle = -bat_speed / lever * before
     x = touching + speed * before
     struck = tuple(sketch.get("struck", ()))
@@ -101,13 +104,16 @@ def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
 
 
 def clear_rebound(sketch: Mapping[str, Any]) -> float:
-    """Return the e_A of a sketch, at least 0.03 away from zero so that its sign stays visible."""
+    """Return the e_A to draw: that of the sketch, kept at least 0.03 away from zero.
+
+    The direction of the ball after the contact then stays visible.
+    """
     rebound, least = float(sketch["rebound"]), 0.03
     return max(rebound, least) if sketch["way"] == "back" else min(rebound, -least)
 
 
 def contact_words(struck: Sequence[str], direction: str = "", side: str = "straight") -> str:
-    """Return the events of a shot as a sentence."""
+    """Return a sentence on the contacts of a shot and the direction of the ball after them."""
     words = {
         "bat": "the ball hits the bat",
         "bat again": "bat and ball touch a second time",
@@ -121,7 +127,7 @@ def contact_words(struck: Sequence[str], direction: str = "", side: str = "strai
 
 
 def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMotion:
-    """Return the numbers that a page draws of a motion."""
+    """Return the data of the drawing of a motion; `shot` is its number, from 1."""
     z, diameter = _outline(day.morning.bat)
     axis = z[-1] - rules.pivot_from_knob * 1e3
     upper = [f"{d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]
@@ -157,9 +163,12 @@ def _mm(metres: ArrayLike) -> Sequence[float]:
 
 @cache
 def _outline(bat: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return positions from the tip and diameters of a bat [mm], each of shape (point,)."""
+    """Return the profile of a bat: positions from the tip and diameters [mm], shape (point,).
+
+    A bat without a data sheet in the catalog gets a typical profile.
+    """
     try:
         profile = catalog.load("bats", bat, BatSpec).spec.body.profile
-    except InputError:  # bat of a user, without a data sheet in the catalog
+    except InputError:  # the sheet of a user's bat is not in the catalog
         return np.array([0.0, 350.0, 600.0, 860.0]), np.array([66.0, 60.0, 25.0, 30.0])
     return np.array(profile.z) * 1e3, np.array(profile.outer_diameter) * 1e3

@@ -1,4 +1,4 @@
-"""Tables and charts of a day: readings of all shots, run chart, residuals, pendulum swings."""
+"""Tables and charts of a day: readings of all shots, run chart, residuals, pendulum periods."""
 
 from __future__ import annotations
 
@@ -19,25 +19,28 @@ if TYPE_CHECKING:
 
 Units = tuple[
     tuple[str, float], tuple[str, float]
-]  # printed unit of a length and of a speed, each with its size in SI
+]  # printed units of length and speed, each with its size in SI
 
 
 class PrintedColumn(NamedTuple):
-    """One printed column of readings, with one cell per shot or per release of the pendulum."""
+    """A printed column of a table of readings."""
 
     title: str
     cells: list[str]
-    words: bool = False  # True for text, which is aligned to the left
+    words: bool = False  # True for text, which a page aligns to the left
 
 
 def printed_column(title: str, values: Array, form: str) -> PrintedColumn:
-    """Return numbers as a printed column in the format `form`; NaN is printed as "not seen"."""
+    """Return a column of numbers, each in the format `form`; NaN is printed as "not seen"."""
     number = (format(each, form) if np.isfinite(each) else "not seen" for each in values)
     return PrintedColumn(title, list(number))
 
 
 def swings(desk: Desk) -> list[PrintedColumn]:
-    """Return amplitudes and periods of the pendulum as columns, with one row per release."""
+    """Return amplitudes and periods of the pendulum as columns, with one row per release.
+
+    The list is empty before the pendulum was swung.
+    """
     event = desk.last("swing")
     if event is None:
         return []
@@ -56,7 +59,7 @@ def swings(desk: Desk) -> list[PrintedColumn]:
 
 
 def in_units(sentence: str, system: str) -> str:
-    """Return a sentence of the procedure with its inches and mph converted to a system of units."""
+    """Return a sentence in which inches and mph are converted to mm and m/s if `system` is "SI"."""
 
     def convert(match: re.Match[str]) -> str:
         unit, factor, places = ("m/s", MPH, 2) if match[4] == "mph" else ("mm", 1e3 * INCH, 1)
@@ -68,7 +71,10 @@ def in_units(sentence: str, system: str) -> str:
 
 
 def tally(desk: Desk, system: str) -> list[PrintedColumn]:
-    """Return the readings of all shots as columns; empty before the shots can be reduced."""
+    """Return the readings of all shots as columns, with one row per shot.
+
+    The list is empty before the shots can be reduced. `system` is "SI" or "inch-ounce-mph".
+    """
     if not desk.day.fired or desk.missing:
         return []
     (length, metre), (speed, metre_a_second) = UNITS[system]
@@ -103,7 +109,11 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
 
 
 def _gate_texts(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
-    """Return the gates that missed the ball, incoming and rebound, and the ratios of `tally`."""
+    """Return three columns of `tally`: gates that missed the ball, and blocking times.
+
+    They are a text per shot for the incoming ball, one for the rebound, and the ratio of the times
+    for which the incoming ball blocked the first and the last gate, shape (shot,).
+    """
     if not isinstance(record, GateRecord | BoardRecord):
         return ["–"] * shots, ["–"] * shots, np.full(shots, np.nan)
     complete = np.asarray(np.isfinite(gate_edges(record)).all(axis=-1))
@@ -121,7 +131,11 @@ def _gate_texts(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
 
 
 def run_chart(desk: Desk, units: Units) -> str:
-    """Return speed and e_A of each shot as an SVG chart, with window and mean ± 3 s."""
+    """Return an SVG chart of the speed and e_A of each shot.
+
+    It shows the acceptance window of the speed, and the mean of e_A ± 3 standard deviations (not
+    for a scan along the barrel). It is empty with fewer than two shots.
+    """
     if len(desk.day.fired) < 2 or desk.missing:
         return ""
     (_, _), (unit, metre_a_second) = units
@@ -187,7 +201,10 @@ def _chart(
 
 
 def residual_chart(desk: Desk, shot: int) -> str:
-    """Return the residuals of the encoder fit of a shot as SVG; empty without an encoder."""
+    """Return an SVG chart of the residuals of the encoder fit of a shot, numbered from 1.
+
+    It is empty without an encoder or without a fit.
+    """
     record = desk.session.records.get("impact", {}).get("encoder")
     if not isinstance(record, EncoderRecord) or desk.missing:
         return ""

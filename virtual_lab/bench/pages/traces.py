@@ -1,4 +1,4 @@
-"""Records of a shot as pictures and tables: gates and encoder against time, with a cursor."""
+"""Records of one shot, gates and encoder against time, as a drawing with a cursor and as tables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from virtual_lab.units import Array
 
 
 class Passing(NamedTuple):
-    """Times of one passage through a gate, as printed [ms]."""
+    """Times of one passage through a gate [ms], as printed."""
 
     way: str
     gate: int
@@ -26,11 +26,11 @@ class Passing(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traces:
-    """Figure and tables of the records of one shot: gates above, encoder below."""
+    """Drawing (gates above, encoder below) and tables of the records of one shot."""
 
     shot: int
     drawn: str  # SVG
-    data: str  # JSON for the cursor: limits, edges [ms], samples
+    data: str  # data of the cursor as JSON: axis limits, edges [ms], samples
     height: float
     first: float  # start of the time axis [ms]
     last: float  # end of the time axis [ms]
@@ -40,7 +40,7 @@ class Traces:
 
 
 def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
-    """Return the traces of a shot from the records of its entry."""
+    """Return the traces of a shot, numbered from 1, from the records of its entry by channel."""
     edges = _edges(records["gates"])
     encoder = records.get("encoder") or records.get("swing")
     times = counts = np.zeros(0)
@@ -49,7 +49,7 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
         counts = np.array(encoder["counts"][0], dtype=float)
     finite = edges[np.isfinite(edges)]
     last = float(max([*finite * 1.05, *times[-1:], 1.0]))
-    first = float(min([*finite * 1.05, 0.0]))  # scraps may break a gate before the trigger
+    first = float(min([*finite * 1.05, 0.0]))  # scrap can break a beam before the trigger
     gates = edges.shape[1]
     bottom = 40.0 + 30.0 * gates
     panels = [_gate_panel(edges, (first, last), bottom)]
@@ -87,7 +87,7 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
 
 
 def _edges(entry: Mapping[str, Any]) -> Array:
-    """Return the times of the edges [ms], shape (direction, gate, edge); NaN if not seen."""
+    """Return the times of the edges [ms], shape (direction, gate, edge); NaN if missed."""
     if entry["kind"] not in {"gates", "boards"}:
         return np.full((2, 1, 2), np.nan)
     return np.asarray(1e3 * gate_edges(record_of(entry))[0])

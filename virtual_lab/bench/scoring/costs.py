@@ -1,4 +1,4 @@
-"""The cost of decisions: the day replayed with one decision corrected and the same draws."""
+"""The effect of decisions: the day is replayed with one decision corrected and the same draws."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.stored_day import play_actions
 from virtual_lab.errors import InputError
 
-SLIPS = {  # argument: reason why its default is right
+SLIPS = {  # correct choice of each argument, in words
     "entered_as": "in the unit of the display",
     "end": "from the tip",
     "clock": "by the photogate",
@@ -30,13 +30,13 @@ SLIPS = {  # argument: reason why its default is right
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CostlyDecision:
-    """A decision, and the increase of the error of the result that it caused."""
+    """A decision, and the change of the error of the result that it caused."""
 
     entry: int  # entry of the notebook; 0: an omission
-    what: str
-    cost: float | None  # increase of the error of the metric; None: one day has no result
+    what: str  # description
+    cost: float | None  # increase of |error| of the metric; None if a day has no result
     u: float  # standard uncertainty of the cost, from the scatter of the hits
-    word: str  # cost, luck, or no result
+    word: str  # the effect in words
 
 
 def costly_decisions(
@@ -102,7 +102,10 @@ def _cost(
 
 
 def _scatter(day: Desk, corrected: Desk) -> float:
-    """Return the standard uncertainty of the difference of two results from different hits."""
+    """Return the standard uncertainty of the difference of two results with different hits.
+
+    It is 0 with fewer than two valid hits.
+    """
     first, second = (desk.reduced for desk in (day, corrected))
     weights = first.outcome.weights - second.outcome.weights
     metric = first.shot_metric[first.judgement.valid]
@@ -130,9 +133,10 @@ def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]
 def _corrected_days(
     desk: Desk, justified: set[int]
 ) -> Iterator[tuple[int, str, list[Action], set[int]]]:
-    """Yield days with one decision corrected: its entry, its description, and the actions.
+    """Yield each wrong decision with the actions of the day in which it is corrected.
 
-    The last element holds the hits that were decided by the windows on the day.
+    The tuple holds the entry of the decision (0 for an omitted step), its description, all actions,
+    and the shots to decide by the acceptance windows.
     """
     day = desk.day
     actions = [Action(name=event.action, arguments=event.arguments) for event in day.events]
@@ -145,7 +149,7 @@ def _corrected_days(
     }
     by_step: dict[str, list[int]] = {}
     for each in left_out(day):
-        if each.step != "load-ball":  # the right ball is unknown
+        if each.step != "load-ball":  # the ball that should have been loaded is unknown
             by_step.setdefault(each.step, []).append(each.before)
     for step, places in by_step.items():
         with_step = list(actions)

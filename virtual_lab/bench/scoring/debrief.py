@@ -1,8 +1,4 @@
-"""The debrief: the truth, five scores, and the most costly decisions.
-
-The cost of a decision is found by replaying the day with that decision corrected and the same
-draws: it is the decrease of the error of the result.
-"""
+"""The debrief of a day: truth, five scores, review of the faults, and most costly decisions."""
 
 from __future__ import annotations
 
@@ -46,7 +42,7 @@ from virtual_lab.errors import InputError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DayScore:
-    """One score of 0 to 1, and its explanation."""
+    """One score, from 0 to 1, with its explanation."""
 
     name: str
     value: float
@@ -56,7 +52,7 @@ class DayScore:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A time of the day: entry, minute, and number of shots fired by then."""
+    """A moment of the day: entry, laboratory time [min], and number of shots fired so far."""
 
     entry: int
     minute: float
@@ -65,7 +61,7 @@ class Moment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeLine:
-    """Times at which a fault became visible, was named, and was repaired; None: never."""
+    """Moments at which a fault became visible, was named, and was repaired; None for never."""
 
     seen: Moment | None
     named: Moment | None
@@ -73,7 +69,7 @@ class TimeLine:
 
     @property
     def between(self) -> str:
-        """Minutes and shots between the first visible sign of a fault and its naming."""
+        """Time and shots from the first visible sign of the fault until it was named, in words."""
         if self.seen is None or self.named is None:
             return ""
         minutes = self.named.minute - self.seen.minute
@@ -82,28 +78,28 @@ class TimeLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultReview:
-    """A fault of the day: its time line, its detection and its effect."""
+    """A fault of the day: the checks that reveal it, its effect, and its time lines."""
 
     name: str
-    checks: tuple[str, ...]  # actions that detect it
-    moved: float | None  # change of the result by the fault; None: a result is missing
+    checks: tuple[str, ...]  # titles of the actions that reveal it
+    moved: float | None  # change of the metric by the fault [SI]; None if unknown
     yours: TimeLine
     expert: TimeLine
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepReview:
-    """A step of the procedure: expected and actual number of times."""
+    """A step of the procedure: when it was due, whether it was done, and the noted reason."""
 
     title: str
     expected: str
     done: str
-    excuse: str  # noted deviation
+    excuse: str  # reason of a noted deviation; empty if there is none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpertDay:
-    """The expert's day with the same laboratory, bat and balls."""
+    """The day of the simulated expert with the same laboratory, bat and balls."""
 
     verdict: str
     confidence: float
@@ -111,28 +107,28 @@ class ExpertDay:
     minutes: float
     shots: int
     doubts: tuple[str, ...]
-    checks: tuple[str, ...]  # actions that the trainee did not carry out
-    apart: str  # reason why its verdict differs from the right one of the trainee's day, or empty
+    checks: tuple[str, ...]  # titles of checks that the trainee did not make
+    apart: str  # reason why its verdict is not the correct one of the trainee's day; or empty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Debrief:
-    """The debrief: scores, faults, decisions and truth at the end of a day."""
+    """The debrief of a day: scores, faults, decisions and truth. Numbers are SI."""
 
     title: str
-    units: str  # printed units, a key of UNITS; numbers here are SI
+    units: str  # printed units, a key of UNITS
     seal: str
     verdict: str
     confidence: float  # confidence in the verdict, 0 to 1
     brier: float  # Brier score of that confidence: 0 is best, 1 worst
-    worst_doubt: str  # largest doubt, logged with the verdict
+    worst_doubt: str  # main suspected fault, logged with the verdict
     metric: str
     value: float | None
     u: float | None
     truth: float | None
     limit: float | None
     right_verdict: str
-    right_because: str  # rule that the bat does not meet, or reason for no judgement, or empty
+    right_because: str  # broken rule or reason for no judgement; or empty
     faults: tuple[str, ...]
     found: tuple[str, ...]
     missed: tuple[str, ...]
@@ -145,24 +141,28 @@ class Debrief:
     steps: tuple[StepReview, ...]
     deviations: tuple[Deviation, ...]
     own: tuple[EnteredResult, ...]
-    hits: tuple[tuple[HitResult | None, HitResult | None], ...]  # the trainee's, the expert's
+    hits: tuple[
+        tuple[HitResult | None, HitResult | None], ...
+    ]  # the trainee's and the expert's shots, in pairs
     expert: ExpertDay
-    disputes: tuple[tuple[str, str], ...]  # score, the trainee's note
-    practice: int  # entry from which the day was repeated; 0: a day of its own
-    chart: str  # SVG of the shots, speed and e_A with their limits
+    disputes: tuple[tuple[str, str], ...]  # disputed score, and the trainee's note
+    practice: int  # entry from which an earlier day is repeated; 0: no practice
+    chart: str  # run chart of the shots as SVG
     minutes: float
     shots: int
-    entries: tuple[tuple[int, float, str, str], ...]  # number, minute, action, arguments
+    entries: tuple[
+        tuple[int, float, str, str], ...
+    ]  # number, time [min], action, arguments in words
 
     @property
     def nothing_wrong(self) -> bool:
-        """Whether neither the laboratory nor the trainee made an error."""
+        """Whether the laboratory had no fault and the trainee made no error."""
         scored = {score.name: score.value for score in self.scores}
         no_error = scored["protocol"] == scored["record"] == 1
         return no_error and not (self.faults or self.costly or self.false_alarms)
 
     def document(self) -> dict[str, Any]:
-        """Return the debrief in the form of JSON."""
+        """Return the debrief as a JSON object, without the chart."""
         return {name: value for name, value in asdict(self).items() if name != "chart"}
 
 
@@ -175,10 +175,27 @@ def debrief(
     expert: Day | None = None,
     scores_only: bool = False,
 ) -> Debrief:
-    """Return the debrief of a day. Raises `InputError` if it was not handed in.
+    """Return the debrief of a day.
 
-    Reductions of a desk and the day of an `expert` are used instead of being repeated. With
-    `scores_only` faults and decisions are not analysed.
+    Parameters
+    ----------
+    apparatus
+        The machines of the day, which hold the truth.
+    taken_day
+        The day, or its desk, whose reductions are then not repeated.
+    scenario
+        The scenario with the faults of the day.
+    seal
+        Statement about the seal of the truth.
+    expert
+        The day of the simulated expert; by default it is computed.
+    scores_only
+        Whether to skip the effects of faults and decisions, which take most of the time.
+
+    Raises
+    ------
+    InputError
+        The day was not handed in.
     """
     desk = Desk(taken_day) if isinstance(taken_day, Day) else taken_day
     day = desk.day
@@ -271,17 +288,23 @@ def debrief(
 
 
 def debrief_of(day: StoredDay, expert: Day | None = None) -> Debrief:
-    """Return the debrief of a day in a folder after a check of its seal. Raises as `debrief`."""
+    """Return the debrief of a stored day, with a check of its seal.
+
+    Raises `InputError` if the day was not handed in.
+    """
     return debrief(day.apparatus, day.desk, day.scenario, day.seal, expert=expert)
 
 
 def expert_day(apparatus: Apparatus, day: Day) -> Day:
-    """Return an expert's day with the machines, bat and balls of a trainee's day."""
+    """Return the day of the simulated expert with the machines, bat and balls of a trainee."""
     return run_operator(apparatus, operator_of("expert"), day.until(day.supplied_events))
 
 
 def _result(desk: Desk, results: Iterable[EnteredResult]) -> tuple[float | None, float | None]:
-    """Return the reported metric and its standard uncertainty."""
+    """Return the metric that the trainee reported and its standard uncertainty [SI].
+
+    The entered metric replaces that of the records. Both are None if the day has no result.
+    """
     if desk.result is None:
         return None, None
     entered = [e.entered for e in results if RESULT_QUANTITIES[e.name] == desk.rules.spec.metric]
@@ -289,8 +312,11 @@ def _result(desk: Desk, results: Iterable[EnteredResult]) -> tuple[float | None,
 
 
 def _named_faults(day: Day, worst: str) -> dict[str, float]:
-    """Return the named faults with the probability that the trainee gave to each."""
-    named = {worst: 0.5} if worst in known_doubts() else {}  # named with the verdict
+    """Return the probability that the trainee gave to each fault that he or she named.
+
+    A fault that is named only with the verdict gets 0.5.
+    """
+    named = {worst: 0.5} if worst in known_doubts() else {}
     for event in day.events:
         if event.action == "note-doubt" and event.number not in day.struck:
             named[str(event.arguments["doubt"])] = float(event.arguments["confidence"]) / 100
@@ -298,7 +324,7 @@ def _named_faults(day: Day, worst: str) -> dict[str, float]:
 
 
 def _visible_faults(day: Day) -> dict[str, int]:
-    """Return the faults visible in the day's records, each with its first entry."""
+    """Return the first entry whose readings show a fault, for each visible fault."""
     visible: dict[str, int] = {}
     desk = Desk(day.until(0))
     for event in day.events:
@@ -312,7 +338,7 @@ def _visible_faults(day: Day) -> dict[str, int]:
 def _fault_reviews(
     apparatus: Apparatus, scenario: Scenario, desks: tuple[Desk, Desk], visible: Mapping[str, int]
 ) -> Iterator[FaultReview]:
-    """Yield each fault with its signs, the response, and its effect on the result."""
+    """Yield the review of each fault; `desks` are those of the trainee and of the expert."""
     (desk, expert_desk), sheets = desks, action_table().actions
     visible_to_expert = _visible_faults(expert_desk.day) if scenario.faults else {}
     for name in scenario.faults or ():
@@ -326,7 +352,7 @@ def _fault_reviews(
 
 
 def _time_line(day: Day, fault: str, visible: Mapping[str, int]) -> TimeLine:
-    """Return the times at which a fault became visible, was named and was repaired."""
+    """Return the moments at which a fault became visible, was named and was repaired."""
     remedy = remedy_of(fault)
     minutes = shots = 0.0
     moments: dict[str, Moment] = {}
@@ -345,7 +371,10 @@ def _time_line(day: Day, fault: str, visible: Mapping[str, int]) -> TimeLine:
 def _effect_of_fault(
     apparatus: Apparatus, scenario: Scenario, desk: Desk, fault: str
 ) -> float | None:
-    """Return the change of the result by a fault, from the same day and draws without it."""
+    """Return the change of the metric by a fault [SI]: the day minus its replay without the fault.
+
+    It is None if one of the two days has no result.
+    """
     if desk.result is None:
         return None
     faults_left = tuple(name for name in scenario.faults or () if name != fault)
@@ -362,7 +391,7 @@ def _effect_of_fault(
 
 
 def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
-    """Return one sentence on the best score and one on the worst."""
+    """Return the explanation of the best score, and that of the score with the largest loss."""
     best = max(scores, key=lambda score: (score.value, score.weight))
     worst = max(scores, key=lambda score: (1 - score.value) * score.weight)
     lost = (1 - worst.value) * worst.weight
@@ -371,7 +400,7 @@ def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
 
 
 def _steps(day: Day) -> Iterator[StepReview]:
-    """Yield each step that was due, with the number of times it was due and done."""
+    """Yield the review of each step that was due."""
     sheets, notes = action_table().actions, excuses_of(day)
     due: dict[str, list[StepDue]] = {}
     for each in steps_due(day):
@@ -426,9 +455,9 @@ def _expert_review(
 
 
 def _why_verdicts_differ(right: str, expert_right: str, expert_desk: Desk, desk: Desk) -> str:
-    """Return the reason why the expert's verdict differs from the right one of the trainee's day.
+    """Return the reason why the expert's verdict differs from `right`, as a sentence.
 
-    `expert_right` is the right verdict of the expert's day in the same laboratory.
+    `right` is the correct verdict of the trainee's day, `expert_right` that of the expert's day.
     """
     verdict = expert_desk.day.verdict
     if verdict == "INVALID":

@@ -1,4 +1,4 @@
-"""The debrief as a page, and beside a day's log."""
+"""The debrief as an HTML page and as files beside the log of a day."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from virtual_lab.output.template import page_template
 
 
 def debrief_page(debrief: Debrief, *, linked: bool = False) -> str:
-    """Return the debrief as one HTML page that needs nothing else, or `linked` to a replay."""
+    """Return the debrief as a self-contained HTML page; `linked` adds links to the replay."""
     return page_template("virtual_lab.bench.pages", "debrief.html").render(
         told=debrief,
         linked=linked,
@@ -31,7 +31,7 @@ def debrief_page(debrief: Debrief, *, linked: bool = False) -> str:
 
 
 def save_debrief(debrief: Debrief, folder: Path) -> None:
-    """Write a debrief as ``debrief.json`` and ``debrief.html`` into a folder."""
+    """Write ``debrief.json`` and ``debrief.html`` into a folder."""
     text = json.dumps(debrief.document(), indent=1, allow_nan=False)
     (folder / "debrief.json").write_text(text + "\n", encoding="utf-8")
     (folder / "debrief.html").write_text(debrief_page(debrief), encoding="utf-8")

@@ -1,7 +1,7 @@
-"""Departures from the procedure and their reasons: omitted steps, rejected hits, extra checks.
+"""Judgement of deviations from the procedure: omitted steps, rejected hits, additional checks.
 
-A departure is judged by what the trainee could see at that time. If the records neither support
-nor contradict a reason, the trainer must judge it, and no points are lost.
+A deviation is judged by the readings that the trainee had at that time. If they neither support nor
+contradict the reason, the trainer must judge it, and it costs no points.
 """
 
 from __future__ import annotations
@@ -26,23 +26,29 @@ SEEN = {
     "stop": "the bat hit its stop",
     "frame": "the ball hit the frame of a gate",
 }
-Evidence = tuple[bool | None, str]  # whether there was a reason, or None if nothing was visible
+Evidence = tuple[
+    bool | None, str
+]  # whether the records support the reason, None if they do not show it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deviation:
-    """A departure from the procedure, and its judgement."""
+    """A deviation from the procedure, and its judgement."""
 
     entry: int
-    what: str
+    what: str  # description
     because: str  # reason given by the trainee
     judged: str  # JUSTIFIED, DENIED or OPEN
-    why: str  # evidence of the records
-    step: str = ""  # omitted step
+    why: str  # evidence from the records
+    step: str = ""  # name of an omitted step; else empty
 
 
 def deviations(desk: Desk) -> Iterator[Deviation]:
-    """Yield the judgement of each omitted step, rejected hit and extra check, by entry."""
+    """Yield the judgement of each deviation, in the order of the entries.
+
+    Deviations are noted omissions, rejections of hits within the windows, and additional checks
+    that a reading called for.
+    """
     before = Desk(desk.day.until(0))
     for event in desk.day.events:
         if event.number not in desk.day.struck and event.number > desk.day.supplied_events:
@@ -51,7 +57,7 @@ def deviations(desk: Desk) -> Iterator[Deviation]:
 
 
 def needless_seconds(judged: list[Deviation], desk: Desk) -> float:
-    """Return the time [s] of checks that a visible sign justified, which costs no points."""
+    """Return the total time of justified additional checks [s], which costs no points."""
     entries = {each.entry for each in judged if each.judged == JUSTIFIED}
     return sum(
         event.seconds
@@ -61,7 +67,10 @@ def needless_seconds(judged: list[Deviation], desk: Desk) -> float:
 
 
 def anomaly_of(desk: Desk, shot: int) -> str:
-    """Return the anomaly of a shot, from 0, apart from its windows, or empty."""
+    """Return the anomaly that the records of a shot show, in words; empty if there is none.
+
+    Shots are numbered from 0. The acceptance windows are not considered.
+    """
     fired = [event for event in desk.day.events if event.action == "fire"][shot]
     for struck in fired.sketch.get("struck", ()):
         if struck in SEEN:
@@ -79,7 +88,7 @@ def anomaly_of(desk: Desk, shot: int) -> str:
 
 
 def _judge_deviation(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
-    """Yield a noted deviation, compared with the visible evidence."""
+    """Yield the judgement of a noted omission, by the evidence for its reason."""
     step, day = str(event.arguments["step"]), desk.day
     omitted = [each for each in left_out(day) if each.step == step]
     shots = [each.shot for each in omitted if each.shot is not None]
@@ -108,7 +117,7 @@ def _judge_deviation(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
 
 
 def _judge_rejection(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
-    """Yield a rejected hit that was within the windows."""
+    """Yield the judgement of a rejection, if the hit was within the windows."""
     shot = int(event.arguments["shot"]) - 1
     if desk.missing or desk.reasons[shot]:
         return
@@ -123,7 +132,7 @@ def _judge_rejection(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
 
 
 def _judge_check(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
-    """Yield a check that an earlier visible sign justified."""
+    """Yield an additional check, if an earlier reading beyond its limit justified it."""
     sheet = action_table().actions[event.action]
     checks = {name for detection in detectable().values() for name in detection.actions}
     if sheet.in_book or event.action not in checks:
@@ -141,7 +150,7 @@ def _judge_check(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
 
 
 def _is_repeated_after(desk: Desk, step: str) -> bool:
-    """Return whether a step was done later, and the action that needs it was then repeated."""
+    """Return whether an omitted step was done later, followed by the action that needs it."""
     actions = [event.action for event in desk.day.events]
     return step in actions and PREPARING[step] in actions[actions.index(step) :]
 
@@ -155,7 +164,7 @@ def _zero_evidence(desk: Desk) -> Evidence:
 
 
 def _edges(desk: Desk, shot: int) -> list[CheckRow]:
-    """Return the rows of the gates' edges of one shot, from 0, none if an edge is missing."""
+    """Return the rows on the blocking times of one shot, from 0; empty if an edge is missing."""
     fired = [event for event in desk.day.events if event.action == "fire"][shot]
     record = desk.session.records["impact"]["gates"]
     if not isinstance(record, GateRecord | BoardRecord):
@@ -205,8 +214,10 @@ def _ball_evidence(desk: Desk, shot: int) -> Evidence:
     return rested * 60 >= rest, why if earlier else f"it was the first hit of ball {ball + 1}"
 
 
-BY_SHOT: Mapping[str, Callable[[Desk, int], Evidence]] = {  # step: evidence of its shot
-    "zero-encoder": _rest_evidence,  # an initial count is subtracted if the bat was at rest
+BY_SHOT: Mapping[
+    str, Callable[[Desk, int], Evidence]
+] = {  # evidence whether a shot needed the step
+    "zero-encoder": _rest_evidence,  # the initial count is subtracted: no error if the bat rests
     "wait-rest": _rest_evidence,
     "wait-pressure": _speed_evidence,
     "clear-scrap": _gate_evidence,

@@ -17,22 +17,22 @@ from virtual_lab.bench.scoring.deviations import (
 )
 from virtual_lab.measurement.procedure import not_met, verdict
 
-MENDABLE = 0.6  # score of a day that was rightly refused although it could have been repaired
+MENDABLE = 0.6  # score of a justified INVALID if the fault could have been repaired
 
 
 class ScoredResult(NamedTuple):
-    """The parts of the score of a result."""
+    """The data that determine the score of a result."""
 
     value: float | None
     u: float | None
     right: RightVerdict
     verdict: str
-    reason: bool  # whether the records support a reason to refuse the day
+    reason: bool  # whether the records support INVALID
     mendable: bool  # whether every fault has a remedy
 
 
 class RightVerdict(NamedTuple):
-    """The correct verdict, given the truth."""
+    """The correct verdict, given the truth: word, reason, and true metric (None if unknown)."""
 
     word: str
     because: str
@@ -42,7 +42,11 @@ class RightVerdict(NamedTuple):
 def right_verdict(
     apparatus: Apparatus, desk: Desk, value: float | None, u: float | None, *, spoilt: bool
 ) -> RightVerdict:
-    """Return the correct verdict, which is INVALID if a fault moved the result by more than U."""
+    """Return the correct verdict of a day with the result `value` and standard uncertainty `u`.
+
+    If the day is `spoilt` by a fault, the verdict is INVALID if the error exceeds U = 2 u. Without
+    a result it is INVALID on a spoilt day and MEASURED on any other.
+    """
     truth = None
     if value is not None:
         truth = apparatus.finish(desk).sealed.measurand.get("metric")
@@ -57,10 +61,11 @@ def right_verdict(
 
 
 def result_score(day: ScoredResult) -> tuple[float, str]:
-    """Score |x - truth| / U with U = 2 u, and nothing for a false pass or a false fail.
+    """Return the score of a result, 0 to 1, and its explanation.
 
-    A trainee with a reason that the records support may refuse to judge. If the day could have been
-    repaired, this scores less than a right verdict. Without a reason a refusal scores 0.
+    An error within U = 2 u scores 1, and a larger one U / |error|; a verdict other than the correct
+    one halves the score. A false PASS or FAIL scores 0. INVALID scores 1 if the records support it
+    and nothing could repair the fault, `MENDABLE` if a repair was possible, and 0 without support.
     """
     right = day.right.word
     if {day.verdict, right} == {"PASS", "FAIL"}:
@@ -96,7 +101,11 @@ def _score_invalid(day: ScoredResult) -> tuple[float, str]:
 def detection_score(
     named: Mapping[str, float], faults: tuple[str, ...], rates: Mapping[str, float]
 ) -> tuple[float, str]:
-    """Score 1 - Σ (p - o)² over the list, an unnamed fault at its rate; not below 0."""
+    """Return the detection score, max(0, 1 - Σ (p - o)²), and its explanation.
+
+    The sum runs over all possible, present and named faults: p is the probability that the trainee
+    gave to a fault, or its rate if it was not named; o is 1 if the fault was present.
+    """
     probabilities = dict.fromkeys(faults, 0.0) | dict(rates) | dict(named)
     penalty = sum((p - (name in faults)) ** 2 for name, p in probabilities.items())
     detected = sum(is_named(name, named, rates) for name in faults)
@@ -110,14 +119,15 @@ def detection_score(
 
 
 def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
-    """Return whether the probability given to a fault exceeds its rate on any day."""
+    """Return whether the trainee gave a fault a probability above its rate; False if unnamed."""
     return named.get(fault, 0.0) > rates.get(fault, 0.0)
 
 
 def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
-    """Score the share of the steps of the book that were done in time or omitted with a reason.
+    """Return the share of due steps that were done in time or omitted for a reason, in words too.
 
-    A reason counts unless visible evidence contradicts it; for a step the last one noted counts.
+    A noted reason counts unless the records contradict it; the last note on a step counts. Without
+    a due step the score is 0.
     """
     due = len(list(steps_due(day)))
     reasons = {each.step: each.judged != DENIED for each in judged if each.step}
@@ -130,7 +140,7 @@ def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
 
 
 def justly_rejected(day: Day, judged: list[Deviation]) -> set[int]:
-    """Return the shots that were rightly rejected for an anomaly although within the windows."""
+    """Return the shots, from 0, that were rejected for an anomaly in their records."""
     just = {each.entry for each in judged if each.judged == JUSTIFIED}
     shots = {
         int(event.arguments["shot"]) - 1
@@ -143,9 +153,10 @@ def justly_rejected(day: Day, judged: list[Deviation]) -> set[int]:
 def record_score(
     desk: Desk, results: tuple[EnteredResult, ...], justified: set[int]
 ) -> tuple[float, str]:
-    """Score the share of hits decided by the windows, and of entered results that agree.
+    """Return the share of correct decisions and of correct entered results, and its explanation.
 
-    An `justified` hit may be rejected although it is within the windows.
+    A decision is correct if it follows the acceptance windows. A hit in `justified`, numbered from
+    0, may also be rejected although it is within them. Without a hit the score is 0.
     """
     reasons = desk.reasons if not desk.missing else ()
     if not reasons:
@@ -164,7 +175,11 @@ def record_score(
 
 
 def economy_score(day: Day, expert: Day, needless: float, result: float) -> tuple[float, str]:
-    """Score the ratio of the expert's to the trainee's time and shots, times the result score."""
+    """Return the economy score, 0 to 1, and its explanation.
+
+    It is the product of the expert's over the trainee's time, the same ratio of shots, each at most
+    1, and the `result` score. `needless` seconds of the trainee's time are not counted.
+    """
     minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
     theirs, fired = expert.seconds / 60, max(len(expert.fired), 1)
     share = min(1.0, theirs / minutes) * min(1.0, fired / shots)
@@ -176,7 +191,7 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
 
 
 def before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:
-    """Return the shots that were fired before a repair that removed a fault."""
+    """Return the shots, from 0, that were fired before the last repair of one of the `faults`."""
     fired = before = 0
     for event in day.events:
         fired += event.action == "fire"

@@ -1,4 +1,4 @@
-"""The server of the pages, which carries out the actions of forms on a day.
+"""The web server, which shows the pages of days and carries out the actions of their forms.
 
 The server receives each day as a `TraineeDay` and opens no file, so it can show only what that day
 shows. Every request is checked first: its host name, its origin, which must be a page of this
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from virtual_lab.bench.day.desk import Desk
     from virtual_lab.bench.day.exam import Hall
 
-PATIENCE = 1.0  # time until a page says that a debrief is being made [s]
+PATIENCE = 1.0  # longest wait for a debrief before a page asks for patience [s]
 LARGEST_BODY = 64 * 1024  # largest request [B]
 MOST_A_SECOND = 20  # largest rate of requests per session [1/s]
 KEPT = {"Cache-Control": "private, max-age=600"}  # header of responses that do not change
@@ -64,7 +64,7 @@ HEADERS = {
 
 
 class TraineeDay(Protocol):
-    """A day that can be viewed and continued."""
+    """A day that a trainee can view and continue."""
 
     @property
     def desk(self) -> Desk: ...
@@ -72,46 +72,47 @@ class TraineeDay(Protocol):
     def briefing(self) -> Mapping[str, Any]: ...
     @property
     def open_book(self) -> bool:
-        """Whether the truth may be shown: after the hand-in, and in an exam only to the trainer."""
+        """Whether the truth may be shown: after the hand-in, in an exam only to the trainer."""
         ...
 
     def do(self, action: Action, number: int | None = None) -> DayEvent: ...
     def motion(self, shot: int) -> Motion | None:
-        """Return the true motion of a shot, from 1, None before the day is handed in."""
+        """Return the true motion of a shot, numbered from 1; None before the hand-in."""
         ...
 
     def film(self, shot: int, *, true: bool) -> bytes:
-        """Return a camera's frames of a shot, from 1, as one PNG, or no bytes without frames."""
+        """Return camera frames of a shot, numbered from 1, as one PNG; empty without frames."""
         ...
 
     @property
     def scenarios_offered(self) -> Mapping[str, Scenario]:
-        """Days that can be begun instead of this one, by name."""
+        """Scenarios that the trainee may begin instead of this day, by name."""
         ...
 
     def begin(self, name: str) -> TraineeDay:
-        """Return another day begun instead. Raises `InputError` if it is not offered."""
+        """Begin another scenario instead of this day. Raises `InputError` if it is not offered."""
         ...
 
     def branch(self, entry: int) -> TraineeDay:
-        """Return a day of practice that continues from an entry. Raises `InputError` if none."""
+        """Begin a practice day from an entry. Raises `InputError` if there is no such entry."""
         ...
 
     def certificate(self) -> str:
-        """Return the certificate's page. Raises `InputError` before there is one."""
+        """Return the certificate as an HTML page. Raises `InputError` before the verdict."""
         ...
 
     def debrief(self, patience: float | None = None) -> str:
-        """Return the debrief's page. Raises `InputError` before the day is handed in.
+        """Return the debrief as an HTML page.
 
-        Raises `TimeoutError` if it is not ready within `patience` [s].
+        Raises `InputError` before the hand-in, and `TimeoutError` if it takes longer than
+        `patience` [s].
         """
         ...
 
 
 @dataclass(kw_only=True)
 class Seat:
-    """The seat of a trainee: the day, a lock for one action at a time, and times of requests."""
+    """A browser of a trainee: the day, a lock for one action at a time, and times of requests."""
 
     day: TraineeDay | None  # None for a trainer
     lock: threading.Lock = field(default_factory=threading.Lock)
@@ -125,7 +126,7 @@ def application(
     secure: bool = False,
     exam: tuple[str, Hall] | None = None,
 ) -> ASGIApp:
-    """Return the server of some days.
+    """Return the web application that serves days.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ def application(
     secure
         Whether TLS is used.
     exam
-        The trainer's token, and the hall that opens and closes the days.
+        The token of the trainer, and the state of the exam, which opens and closes the days.
     """
 
     async def act(request: Request) -> Response:
@@ -161,7 +162,7 @@ def application(
     def switch_day(
         to: Callable[[TraineeDay, dict[str, str]], TraineeDay],
     ) -> Callable[[Request], Any]:
-        """Return the handler that moves a trainee from one day to another."""
+        """Return the handler that moves a trainee to another day, which `to` returns."""
 
         def switch_in_thread(seat: Seat, fields: dict[str, str]) -> Response:
             with seat.lock:
@@ -233,7 +234,7 @@ def _branch(day: TraineeDay, fields: Mapping[str, str]) -> TraineeDay:
 def _with_lock(
     answer: Callable[[TraineeDay, Request], Response | str],
 ) -> Callable[[Request], Response]:
-    """Return a handler that answers from a trainee's day, one request at a time."""
+    """Return the handler of requests that `answer` answers, one at a time for each trainee."""
 
     def answer_with_lock(request: Request) -> Response:
         seat = request.scope["seat"]
@@ -245,7 +246,7 @@ def _with_lock(
 
 
 async def _form_fields(request: Request) -> dict[str, str]:
-    """Return the fields of a form; none where there are too many."""
+    """Return the fields of a form by name; empty if there are more than 50."""
     body = (await request.body()).decode("utf-8", errors="replace")
     try:
         return dict(parse_qsl(body, max_num_fields=50))
@@ -254,7 +255,7 @@ async def _form_fields(request: Request) -> dict[str, str]:
 
 
 def _query(request: Request, name: str) -> int:
-    """Return a number in an address, or -1."""
+    """Return the number of a field in an address; -1 if it is no number."""
     text = request.query_params.get(name, "")
     return int(text) if text.isdecimal() and len(text) < 7 else -1
 
@@ -286,12 +287,12 @@ def _replay(day: TraineeDay, request: Request) -> Response | str:
 
 
 def _progress(request: Request) -> Response:
-    """Answer with the shots so far, without waiting for a salvo in progress."""
+    """Answer with the number of shots so far, without waiting for shots in progress."""
     return Response(str(len(request.scope["seat"].day.desk.day.fired)), media_type="text/plain")
 
 
 def _film(request: Request) -> Response:
-    """Answer with frames, without blocking other requests."""
+    """Answer with the camera frames of a shot, without blocking other requests."""
     true = request.query_params.get("as") == "it-was"
     picture = request.scope["seat"].day.film(_query(request, "shot"), true=true)
     if not picture:
@@ -320,7 +321,7 @@ def _sandbox(page: Callable[[], str]) -> Response:
 
 
 def _hall_routes(hall: Hall) -> list[Route]:
-    """Return the routes of a trainer."""
+    """Return the routes of the trainer in an exam."""
 
     async def turn(request: Request) -> Response:
         try:
@@ -336,7 +337,7 @@ def _hall_routes(hall: Hall) -> list[Route]:
 
 
 def _do(day: TraineeDay, name: str, number: str, fields: dict[str, str]) -> None:
-    """Do one action, or the several actions of a button, each of which is one entry."""
+    """Carry out one action, or all actions of a button. Each action becomes one entry."""
     due = len(day.desk.day.events) + 1
     if number != str(due):
         allowed = f"entry {due} is next: this page was out of date, so nothing was done"
@@ -352,10 +353,10 @@ def _do(day: TraineeDay, name: str, number: str, fields: dict[str, str]) -> None
 
 
 def _fire_shots(day: TraineeDay, fields: Mapping[str, str]) -> None:
-    """Load, prepare and fire up to twelve balls.
+    """Load, prepare and fire up to twelve balls, as the fields of the form request.
 
-    If requested, accept each hit within the windows and move to the next impact position. Stop at
-    the first hit outside them.
+    With the field `accept` each hit within the windows is accepted, and the next impact position is
+    set. With the field `stop` the firing ends after the first shot outside the windows.
     """
     try:
         shots = int(fields.get("shots", "1"))
@@ -384,7 +385,7 @@ def _fire_shots(day: TraineeDay, fields: Mapping[str, str]) -> None:
 
 
 class Door:
-    """Access control, and the headers of every response."""
+    """Access control in front of the application, which also adds headers to each response."""
 
     def __init__(
         self,
@@ -397,9 +398,11 @@ class Door:
         self.inside, self.hosts, self.secure = inside, hosts, secure
         self.codes = {token: Seat(day=day) for token, day in days.items()}
         self.hall: Hall | None = None
-        self.hall_inside = inside  # application for a trainer
+        self.hall_inside = inside  # application for the trainer
         self.seats: dict[str, Seat] = {}  # seats by cookie
-        self.cookie = "bench-" + min(hosts).rpartition(":")[2]  # cookies do not depend on the port
+        self.cookie = (
+            "bench-" + min(hosts).rpartition(":")[2]
+        )  # browsers share cookies between ports
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -430,7 +433,7 @@ class Door:
             await refused(scope, receive, send_with_headers)
 
     def _refuse_request(self, request: Request) -> Response | None:
-        """Return the refusal of another host, another origin, or too long a request, else None."""
+        """Return the refusal of a wrong host or origin, or of too long a request; else None."""
         if request.headers.get("host", "") not in self.hosts:
             return _sentence_page(403, "This address is not served here.")
         if request.method == "POST":
@@ -438,14 +441,17 @@ class Door:
             if request.headers.get("origin") not in {f"{scheme}://{name}" for name in self.hosts}:
                 return _sentence_page(403, "A request must come from a page of this server.")
             length = request.headers.get("content-length", "")
-            if "transfer-encoding" in request.headers:  # its length is unknown before its end
+            if "transfer-encoding" in request.headers:  # the length is unknown in advance
                 return _sentence_page(411, "A request must state its length, and come whole.")
             if not length.isdigit() or int(length) > LARGEST_BODY:
                 return _sentence_page(413, f"A request may have at most {LARGEST_BODY} bytes.")
         return None
 
     def _enter(self, request: Request) -> Response | None:
-        """Return the answer to a token, which is valid once, or again for a trainee of an exam."""
+        """Return the answer to a request with a token, or None without one.
+
+        A token is valid once. In an exam the token of a trainee stays valid.
+        """
         token = _find_key(self.codes, request.query_params.get("token", ""))
         if token is None:
             return None
@@ -453,7 +459,7 @@ class Door:
         if self.hall is None or seat.day is None:
             del self.codes[token]
         for earlier in [session for session, occupied in self.seats.items() if occupied is seat]:
-            del self.seats[earlier]  # the lost browser must not continue
+            del self.seats[earlier]  # the earlier browser must not continue
             if self.hall is not None:
                 self.hall.join_again(seat.day)
         session = secrets.token_urlsafe(32)
@@ -466,7 +472,7 @@ class Door:
         return answer
 
     def _refuse_session(self, request: Request) -> Response | None:
-        """Return the refusal of a request without cookie or too many requests, else None."""
+        """Return the refusal of a request without a cookie, or of too many; else None."""
         session = _find_key(self.seats, request.cookies.get(self.cookie, ""))
         if session is None:
             request.scope["seat"] = Seat(day=None)
@@ -489,7 +495,7 @@ class Door:
         return _sentence_page(403, sentence, title=self.hall.title, by_code=True)
 
     def _refuse_by_exam(self, request: Request) -> Response | None:
-        """Return the answer to a trainee before the exam begins or after it ends, else None."""
+        """Return the refusal of a trainee while the exam is not in progress; else None."""
         trainer = request.scope["seat"].day is None
         free = trainer or request.url.path in OPEN_TO_ALL
         if free or self.hall is None or self.hall.is_open:
@@ -498,7 +504,7 @@ class Door:
 
 
 def _find_key(keys: Mapping[str, object], text: str) -> str | None:
-    """Return the matching key, compared in constant time, or None."""
+    """Return the key that equals `text`, or None. The comparison takes constant time."""
     matches = [key for key in keys if secrets.compare_digest(key.encode(), text.encode())]
     return matches[0] if matches else None
 
