@@ -26,8 +26,8 @@ from virtual_lab import catalog
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.operators import HABITS, operator_of
-from virtual_lab.bench.day.protocol import left_out
-from virtual_lab.bench.day.readings import doubts
+from virtual_lab.bench.day.protocol import omitted_steps
+from virtual_lab.bench.day.readings import suspected_faults
 from virtual_lab.bench.day.scenario import Scenario, load_scenario
 from virtual_lab.bench.day.table import detectable, preparation
 from virtual_lab.bench.entrance.served_day import ServedDay
@@ -55,7 +55,7 @@ def found(fault: str, seeds: Iterable[int]) -> int:
     for seed in seeds:
         scenario = replace(load_scenario((SOUND, DECOY)[seed % 2]).spec, faults=(fault,))
         day = run_operator(Apparatus(laboratory_of(scenario, seed, b"")), detector(fault))
-        days += any(doubt.fault == fault for doubt in doubts(Desk(day)))
+        days += any(doubt.fault == fault for doubt in suspected_faults(Desk(day)))
     return days
 
 
@@ -65,7 +65,7 @@ def features(day: Day) -> list[float]:
     reasons = desk.reasons if not desk.missing else ()
     decided = [(day.decisions[shot].accepted, not why) for shot, why in enumerate(reasons)]
     return [
-        len(left_out(day)),
+        len(omitted_steps(day)),
         sum(accepted and not within for accepted, within in decided),
         sum(within and not accepted for accepted, within in decided),
         sum(day.times(check) for check in CHECKS),

@@ -11,8 +11,8 @@ from virtual_lab.bench.scoring.deviations import (
     JUSTIFIED,
     OPEN,
     Deviation,
+    anomaly_of,
     deviations,
-    oddity,
 )
 
 END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
@@ -102,7 +102,7 @@ def test_an_odd_hit_may_be_rejected_and_a_sound_one_not() -> None:
     for faults in ((), ("gate-doubles",)):
         desk = Desk(day_of(PLAIN, *faults))
         shots = [s for s, why in enumerate(desk.reasons) if not why]
-        shot = next((s for s in shots if oddity(desk, s)), shots[0])
+        shot = next((s for s in shots if anomaly_of(desk, s)), shots[0])
         reject = ("reject", {"shot": shot + 1, "because": "look at the trace"})
         day = play_actions(apparatus(*faults), asked([*PLAIN, reject, *END]))
         closing = debrief_of(day, *faults)

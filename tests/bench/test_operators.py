@@ -24,9 +24,9 @@ from tests.bench.days import (
 from virtual_lab import catalog
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk
-from virtual_lab.bench.day.doubts import known_doubts
+from virtual_lab.bench.day.doubts import fault_titles
 from virtual_lab.bench.day.operators import by_script, operator_of
-from virtual_lab.bench.day.readings import doubts
+from virtual_lab.bench.day.readings import suspected_faults
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.day.table import detectable
 from virtual_lab.bench.machines.apparatus import Apparatus
@@ -75,7 +75,7 @@ def test_an_expert_adds_checks_and_changes_no_result() -> None:
 @pytest.mark.parametrize("fault", ["scale-not-tared", "encoder-half-counts"])
 def test_an_expert_finds_what_the_book_does_not(fault: str) -> None:
     assert debrief_by("expert", fault).found == (fault,)
-    assert fault not in {doubt.fault for doubt in doubts(Desk(day_by("book")))}
+    assert fault not in {doubt.fault for doubt in suspected_faults(Desk(day_by("book")))}
 
 
 def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
@@ -103,7 +103,7 @@ def test_no_scenario_holds_a_fault_that_an_expert_has_no_check_for(name: str) ->
     assert {*found.may_go_wrong, *(found.faults or ())} <= set(detectable())
     told = {key: value for key, value in found.briefing().items() if key != "may_go_wrong"}
     told_of = " ".join(map(str, told.values()))
-    assert not any(fault in told_of + name for fault in known_doubts())
+    assert not any(fault in told_of + name for fault in fault_titles())
 
 
 def test_an_expert_reduces_with_the_gauge_where_a_gate_was_moved() -> None:

@@ -11,9 +11,9 @@ from virtual_lab import catalog
 from virtual_lab.bench.day.actions import action_of
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.doubts import fault_sheets
-from virtual_lab.bench.day.readings import CLOCK, doubts
+from virtual_lab.bench.day.readings import CLOCK, suspected_faults
 from virtual_lab.bench.day.table import action_table, detectable
-from virtual_lab.bench.machines.checks import _charted
+from virtual_lab.bench.machines.checks import _chart_rows
 from virtual_lab.bench.machines.stored_day import play_actions, run_operator
 from virtual_lab.errors import InputError
 
@@ -24,7 +24,7 @@ ROW = re.compile(r"^  ([\w-]+) +(\d+)$", re.MULTILINE)
 @pytest.mark.parametrize("fault", detectable())
 def test_a_fault_is_found_by_its_checks_and_no_other_is_named(fault: str) -> None:
     day = run_operator(apparatus(fault), detector(fault))
-    assert {doubt.fault for doubt in doubts(Desk(day))} == {fault}
+    assert {doubt.fault for doubt in suspected_faults(Desk(day))} == {fault}
 
 
 SOUND_TOO = ("encoder-slip", "bat-cracked", "bearing-friction", "pendulum-wide", "pivot-off")
@@ -32,7 +32,7 @@ SOUND_TOO = ("encoder-slip", "bat-cracked", "bearing-friction", "pendulum-wide",
 
 @pytest.mark.parametrize("fault", [*SOUND_TOO, "clamp-forgotten", "gate-clock", "wrong-lot"])
 def test_the_same_checks_name_nothing_on_a_sound_day(fault: str) -> None:
-    assert list(doubts(Desk(run_operator(apparatus(), detector(fault))))) == []
+    assert list(suspected_faults(Desk(run_operator(apparatus(), detector(fault))))) == []
 
 
 @pytest.mark.parametrize("name", ["reweigh-balls", "recheck-balls"])
@@ -45,7 +45,7 @@ def test_a_pendulum_let_go_too_far_is_so_from_every_angle() -> None:
     for amplitude in (2, 4, 20, 45):
         days = [("fit-clamp", {}), ("swing", {"amplitude": amplitude})]
         named = [
-            {doubt.fault for doubt in doubts(Desk(day_of(days, *faults)))}
+            {doubt.fault for doubt in suspected_faults(Desk(day_of(days, *faults)))}
             for faults in ((), ("pendulum-wide",))
         ]
         assert named == [set(), {"pendulum-wide"}]
@@ -77,5 +77,5 @@ def test_a_clock_that_runs_fast_is_shown_fast() -> None:
 
 def test_a_chart_shows_mean_and_scatter_of_its_mornings() -> None:
     """1, 2, 3: mean 2, s = 1 of a sample."""
-    shown = _charted("ratio", 2.5, np.array([1.0, 2.0, 3.0]), 3, "ppm")
+    shown = _chart_rows("ratio", 2.5, np.array([1.0, 2.0, 3.0]), 3, "ppm")
     assert [value for _, value, _ in shown] == [2.5, 2.0, 1.0]

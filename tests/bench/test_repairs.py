@@ -11,7 +11,7 @@ from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import ready_steps
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.operators import Look, Operator, operator_of
-from virtual_lab.bench.day.readings import doubts
+from virtual_lab.bench.day.readings import suspected_faults
 from virtual_lab.bench.day.table import (
     action_table,
     detectable,
@@ -47,9 +47,9 @@ def mending(fault: str) -> Operator:
         yield from map(action_of, checks)
         if shoots:
             yield from fires(look)
-        assert fault in {row.fault for row in doubts(look())}
+        assert fault in {row.fault for row in suspected_faults(look())}
         if fault == "ball-worn-out":
-            worn = next(row for row in doubts(look()) if row.fault == fault)
+            worn = next(row for row in suspected_faults(look()) if row.fault == fault)
             yield action_of(name, {**given, "ball": worn.words[0]})
         else:
             yield action_of(name, dict(given))
@@ -63,7 +63,7 @@ def mending(fault: str) -> Operator:
 
 def whole_again(fault: str) -> bool:
     desk = Desk(run_operator(apparatus(fault), mending(fault)))
-    return fault not in {row.fault for row in doubts(desk)}
+    return fault not in {row.fault for row in suspected_faults(desk)}
 
 
 @pytest.mark.parametrize("fault", FEW)

@@ -75,7 +75,7 @@ def to_two_undecided_hits(look: Callable[[], Desk]) -> Iterator[Action]:
     """Fire where the rules ask for it until two hits are within the windows; decide none."""
     yield from map(action_of, preparation())
     while len(look().waiting) < 2:
-        if look().rule_off:
+        if look().needs_position:
             yield action_of("set-place", {"place": round((look().next_place or 0.0) * 1e3, 3)})
         yield action_of("load-ball", {"ball": look().next_ball + 1})
         yield from map(action_of, (*ready_steps(look().day), "fire"))
@@ -147,7 +147,7 @@ def test_a_fault_that_no_check_finds_is_in_no_scenario(tmp_path: Path) -> None:
 def test_a_day_draws_from_what_may_go_wrong_at_its_rates(tmp_path: Path) -> None:
     """Of 4 000 days each fault befalls 10 %, within 4 standard errors; the page lists them all."""
     told = load_scenario("tuesday").spec
-    drawn = [told.drawn(seed).faults or () for seed in range(4000)]
+    drawn = [told.draw_faults(seed).faults or () for seed in range(4000)]
     for fault, rate in told.may_go_wrong.items():
         share = sum(fault in faults for faults in drawn) / len(drawn)
         assert abs(share - rate) < 4 * (rate * (1 - rate) / len(drawn)) ** 0.5

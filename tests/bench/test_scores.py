@@ -69,7 +69,7 @@ class HandDesk:
         found = [event for event in self.day.events if event.action == action]
         return found[-1] if found else None
 
-    def own(self, _: Mapping[str, object]) -> tuple[EnteredResult, ...]:
+    def entered_results(self, _: Mapping[str, object]) -> tuple[EnteredResult, ...]:
         return self.entered
 
 

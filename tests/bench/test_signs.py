@@ -84,8 +84,8 @@ def number(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def found(fault: str, *events: tuple[str, dict[str, float], dict[str, Any]]) -> float:
         row = row_of(fault, *events)
-        assert row.certificate is not None
-        return abs(row.reading - row.certificate) / row.u
+        assert row.expected is not None
+        return abs(row.reading - row.expected) / row.u
 
     return found
 
@@ -148,7 +148,7 @@ def test_balls_fired_again() -> None:
 def test_a_worn_out_ball() -> None:
     """.54 where the middle of five is .6, and 4 % less is allowed."""
     row = row_of("ball-worn-out", shown("hit-wall", a=0.6, b=0.61, c=0.54, d=0.6, e=0.59))
-    assert (row.reading, row.certificate, row.low) == (0.54, 0.6, pytest.approx(0.576))
+    assert (row.reading, row.expected, row.low) == (0.54, 0.6, pytest.approx(0.576))
     assert "ball 3" in row.what
 
 
@@ -178,7 +178,7 @@ def test_a_gauged_gate(monkeypatch: pytest.MonkeyPatch) -> None:
     table = SimpleNamespace(consequences=CONSEQUENCES)
     monkeypatch.setattr(readings, "action_table", lambda: table)
     found = [row for row in rows_of(desk(("gauge-gates", event, {}))) if "moved" in row.fault]
-    assert [row.reading - (row.certificate or 0) for row in found] == pytest.approx([0, 1])
+    assert [row.reading - (row.expected or 0) for row in found] == pytest.approx([0, 1])
     assert [row.u for row in found] == pytest.approx([0.5, 0.5])
 
 
@@ -216,7 +216,7 @@ def test_marks_are_off_in_diameters_of_the_ball(
     """Of 73 mm, from where the cannon is known to aim along, from the axis' height across."""
     event = {"mean along": 1.5, "mean across": -2.0} | {f"mean {way}": aimed + sign * off * 73.0}
     row = row_of(f"aim-{way}", ("aim-paper", event, {}))
-    assert row.reading - (row.certificate or 0) == pytest.approx(sign * off * 73)
+    assert row.reading - (row.expected or 0) == pytest.approx(sign * off * 73)
     assert detectable()[f"aim-{way}"].beyond == 0.05
     assert row.within is not decides
 
@@ -227,7 +227,7 @@ def test_a_row_in_print() -> None:
         fault="gate-moved",
         what="gate 1 from the bat",
         reading=250.04,
-        certificate=249.9,
+        expected=249.9,
         u=0.0884,
         low=249.9 - 4 * 0.0884,
         high=249.9 + 4 * 0.0884,
@@ -238,7 +238,7 @@ def test_a_row_in_print() -> None:
     assert printed[1:6] == ("250.040", "249.900", "+0.140", "0.088", "± 0.354")
     assert (row.within, printed.word) == (True, "within")
     assert replace(row, low=250.1).printed.word == "beyond the limit"
-    assert replace(row, low=-inf, certificate=None).printed.limit == "at most 250.254"
+    assert replace(row, low=-inf, expected=None).printed.limit == "at most 250.254"
     assert replace(row, high=inf, low=249.0).printed.limit == "at least 249.000"
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from virtual_lab.bench.day.arguments import Argument, Value
-from virtual_lab.bench.day.doubts import known_doubts
+from virtual_lab.bench.day.doubts import fault_titles
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.errors import InputError, nearest
 
@@ -39,7 +39,7 @@ def typed_words(action: str, arguments: Mapping[str, Value]) -> str:
     Arguments are separated by "; ". Empty ones are left out.
     """
     takes = {each.name: each for each in ARGUMENTS.get(action, ())}
-    titles = known_doubts() | {name: each.title for name, each in action_table().actions.items()}
+    titles = fault_titles() | {name: each.title for name, each in action_table().actions.items()}
     words = []
     for name, value in arguments.items():
         argument = takes[name]

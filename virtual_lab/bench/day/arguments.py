@@ -8,7 +8,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Literal
 
-from virtual_lab.bench.day.doubts import LONGEST_TEXT, doubt_of
+from virtual_lab.bench.day.doubts import LONGEST_TEXT, fault_of_text
 from virtual_lab.catalog.specs import Real, Spec, is_line
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.units import DIMENSIONS, INCH, OUNCE
@@ -51,7 +51,7 @@ class Argument(Spec):
                 raise InputError(action, self.name, text, allowed)
             return text
         if self.kind == "doubt":
-            return doubt_of(str(raw).strip(), action, self.name)
+            return fault_of_text(str(raw).strip(), action, self.name)
         if self.kind == "choice":
             if raw not in self.choices:
                 allowed = f"{nearest(raw, self.choices)}allowed: {', '.join(self.choices)}"

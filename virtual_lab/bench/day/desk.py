@@ -89,7 +89,7 @@ class EnteredResult:
     u: float | None
 
     @property
-    def off(self) -> float | None:
+    def deviation(self) -> float | None:
         """Entered minus reduced result, in standard uncertainties; None without a reduced one."""
         if self.reduced is None or not self.u:
             return None
@@ -97,7 +97,7 @@ class EnteredResult:
 
     @property
     def agrees(self) -> bool:
-        deviation = self.off
+        deviation = self.deviation
         return deviation is not None and abs(deviation) <= action_table().consequences.own_agrees
 
 
@@ -166,7 +166,7 @@ class Desk:
         metric = self.certification.metric
         return metric.value, metric.u
 
-    def own(self, entered: Mapping[str, object]) -> list[EnteredResult]:
+    def entered_results(self, entered: Mapping[str, object]) -> list[EnteredResult]:
         """Return the results that the trainee entered, each with the result of the records."""
         quantities = self.certification.quantities if self.result else {}
         return [
@@ -276,7 +276,7 @@ class Desk:
         return following
 
     @property
-    def rule_off(self) -> bool:
+    def needs_position(self) -> bool:
         """Whether the impact position must still be set for the next shot."""
         position, rule = self.next_place, self.day.place
         return position is not None and (rule is None or abs(position - rule) > 1e-6)

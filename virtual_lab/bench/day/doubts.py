@@ -22,12 +22,12 @@ def fault_sheets() -> Mapping[str, FaultSheet]:
     )
 
 
-def known_doubts() -> dict[str, str]:
+def fault_titles() -> dict[str, str]:
     """Return the title of each fault that a trainee can name, by the name of the fault."""
     return {name: sheet.title for name, sheet in fault_sheets().items()}
 
 
-def doubt_of(words: str, action: str, key: str) -> str:
+def fault_of_text(words: str, action: str, key: str) -> str:
     """Return the name of the fault that a trainee typed by its title or name.
 
     Text that begins with “other:” is a trainee's own description and is returned as it is.
@@ -37,7 +37,7 @@ def doubt_of(words: str, action: str, key: str) -> str:
     InputError
         The text is no title and no name; the message suggests the most similar title.
     """
-    titles = known_doubts()
+    titles = fault_titles()
     names = {title.lower(): name for name, title in titles.items()}
     if words in {*titles, "none", "no result"}:
         return words

@@ -16,8 +16,8 @@ import numpy as np
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import ready_steps
 from virtual_lab.bench.day.desk import Desk
-from virtual_lab.bench.day.protocol import excuses_of, left_out
-from virtual_lab.bench.day.readings import doubts
+from virtual_lab.bench.day.protocol import excuses_of, omitted_steps
+from virtual_lab.bench.day.readings import suspected_faults
 from virtual_lab.bench.day.table import (
     action_table,
     detectable,
@@ -88,14 +88,18 @@ def _decide_hits(look: Look) -> Iterator[Action]:
             because = {"because": why} if why else {}
             yield action_of("reject" if why else "accept", {"shot": shot + 1, **because})
     excuses = excuses_of(look().day)
-    steps = dict.fromkeys(each.step for each in left_out(look().day) if each.step not in excuses)
+    steps = dict.fromkeys(
+        each.step for each in omitted_steps(look().day) if each.step not in excuses
+    )
     for step in steps:
         yield action_of("note-deviation", {"step": step, "because": "left out in the records"})
 
 
 def _repair_faults(look: Look) -> Iterator[Action]:
     """Yield, for each suspected fault, a note, the repair, and the readings to repeat."""
-    while new := [row for row in doubts(look()) if row.fault not in _noted_faults(look())]:
+    while new := [
+        row for row in suspected_faults(look()) if row.fault not in _noted_faults(look())
+    ]:
         row, sheets = new[0], action_table().actions
         sure = 100 * detectable()[row.fault].sure
         yield action_of("note-doubt", {"doubt": row.fault, "confidence": sure})
@@ -133,7 +137,7 @@ def _hits(look: Look, habits: Habits) -> Iterator[Action]:
     """Yield shots and decisions until the rules need no further hit."""
     while not look().missing and (place := look().next_place) is not None:
         shot = len(look().day.fired)
-        if look().rule_off:
+        if look().needs_position:
             yield action_of("set-place", {"place": round(place * 1e3, 3)})
         if not (shot and habits.slips(habits.forgets, "load-ball", shot)):
             yield action_of("load-ball", {"ball": look().next_ball + 1})
@@ -180,7 +184,7 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
         if "tap-bat" in habits.looks_for(look().day.listed) and not look().day.supplied_events:
             yield action_of("tap-bat")
         yield from _repair_faults(look)
-        sure = {doubt.fault: detectable()[doubt.fault].sure for doubt in doubts(look())}
+        sure = {doubt.fault: detectable()[doubt.fault].sure for doubt in suspected_faults(look())}
         certain = {fault: each for fault, each in sure.items() if each >= 0.9}
     if look().missing or not look().day.fired:
         yield action_of("give-verdict", {"verdict": "INVALID", "doubt": "no result"})

@@ -38,7 +38,7 @@ def steps_due(day: Day) -> Iterator[StepDue]:
             shot += 1
 
 
-def left_out(day: Day) -> list[StepDue]:
+def omitted_steps(day: Day) -> list[StepDue]:
     """Return the steps that were due but not done in time, in order."""
     return [each for each in steps_due(day) if not each.done]
 
@@ -58,7 +58,7 @@ def remarks(day: Day) -> Display:
     sheets = action_table().actions
     return tuple(
         (f"skipped: {sheets[each.step].title.lower()}", sheets[each.step].skipped, "")
-        for each in left_out(day)
+        for each in omitted_steps(day)
         if each.before == last
     )
 
@@ -80,7 +80,7 @@ def checklist(day: Day, *, end: bool) -> Display:
         lines = {
             f"{sheets['tap-bat'].title} again": "tap-bat" in after,
             "Every hit accepted or rejected": not undecided,
-            "A reason noted for every skipped step": {each.step for each in left_out(day)}
+            "A reason noted for every skipped step": {each.step for each in omitted_steps(day)}
             <= excuses_of(day).keys(),
         }
     return tuple((title, "done" if done else "not done", "") for title, done in lines.items())

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from virtual_lab.bench.day.entries import record_of
-from virtual_lab.bench.day.protocol import left_out
+from virtual_lab.bench.day.protocol import omitted_steps
 from virtual_lab.bench.day.table import action_table, detectable, repairs
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.records import BoardRecord, GateRecord, PendulumRecord, Record
@@ -41,7 +41,7 @@ class CheckRow:
     fault: str  # fault that a reading beyond its limits indicates
     what: str  # name of the reading
     reading: float
-    certificate: float | None  # expected value; None if there is none
+    expected: float | None  # expected value; None if there is none
     u: float  # standard uncertainty of the difference; 0 for a count
     low: float  # lower limit of the reading
     high: float
@@ -60,11 +60,11 @@ class CheckRow:
         def number(value: float) -> str:
             return f"{value + 0.0:.{places}f}".replace("-0." + "0" * places, "0." + "0" * places)
 
-        difference = None if self.certificate is None else self.reading - self.certificate
+        difference = None if self.expected is None else self.reading - self.expected
         limits = (
-            f"± {number(self.high - self.certificate)}"
-            if self.certificate is not None
-            and abs(self.high + self.low - 2 * self.certificate) < 1e-9 * max(1.0, abs(self.high))
+            f"± {number(self.high - self.expected)}"
+            if self.expected is not None
+            and abs(self.high + self.low - 2 * self.expected) < 1e-9 * max(1.0, abs(self.high))
             else f"{number(self.low)} to {number(self.high)}"
             if inf not in (-self.low, self.high)
             else f"at most {number(self.high)}"
@@ -74,8 +74,8 @@ class CheckRow:
         return PrintedRow(
             what=self.what,
             reading=number(self.reading),
-            certificate="–" if self.certificate is None else number(self.certificate),
-            off="–" if difference is None else f"{difference:+.{places}f}",
+            expected="–" if self.expected is None else number(self.expected),
+            difference="–" if difference is None else f"{difference:+.{places}f}",
             u=digits(self.u) if self.u else "counted",
             limit=limits,
             unit=self.unit,
@@ -87,7 +87,7 @@ class CheckRow:
         """The comparison as a sentence: reading, expected value, u and limit."""
         row = self.printed
         unit = f" {row.unit}" if row.unit else ""
-        of = f", expected {row.certificate}{unit}" if self.certificate is not None else ""
+        of = f", expected {row.expected}{unit}" if self.expected is not None else ""
         u = f", u {row.u}" if self.u else ""
         return f"{row.what} {row.reading}{unit}{of}{u}, limit {row.limit}{unit}"
 
@@ -97,15 +97,15 @@ class PrintedRow(NamedTuple):
 
     what: str
     reading: str
-    certificate: str
-    off: str
+    expected: str
+    difference: str
     u: str
     limit: str
     unit: str
     word: str
 
 
-def doubts(desk: Desk) -> Iterator[CheckRow]:
+def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
     """Yield the first row beyond its limit for each suspected fault.
 
     A fault is left out if another suspected fault explains the same readings.
@@ -120,7 +120,7 @@ def doubts(desk: Desk) -> Iterator[CheckRow]:
 
 
 def rows_of(desk: Desk) -> Iterator[CheckRow]:
-    """Yield one row per reading that has an expected value, within or beyond its limits."""
+    """Yield one row per reading that has a limit, within it or beyond."""
     for look in LOOKS:
         yield from look(desk)
 
@@ -129,7 +129,7 @@ def _row(
     fault: str,
     event: DayEvent,
     reading: float,
-    certificate: float | None = None,
+    expected: float | None = None,
     u: float = 0.0,
     *words: object,
     **limits: float,
@@ -142,14 +142,14 @@ def _row(
     """
     sheet = detectable()[fault]
     low, high = limits.get("low", -inf), limits.get("high", inf)
-    if certificate is not None and not limits.keys() & {"low", "high"}:
-        tolerance = limits.get("reach", sheet.beyond * u)
-        low, high = certificate - tolerance, certificate + tolerance
+    if expected is not None and not limits.keys() & {"low", "high"}:
+        tolerance = limits.get("tolerance", sheet.beyond * u)
+        low, high = expected - tolerance, expected + tolerance
     return CheckRow(
         fault=fault,
         what=sheet.reading.format(*words),
         reading=float(reading),
-        certificate=None if certificate is None else float(certificate),
+        expected=None if expected is None else float(expected),
         u=float(u),
         low=float(low),
         high=float(high),
@@ -305,7 +305,7 @@ def _paper(desk: Desk) -> Iterator[CheckRow]:
         )
         fault, u = f"aim-{direction}", 1e3 * hypot(aim.u, scatter, 1e-4)
         mean, tolerance = values[f"mean {direction}"], _beyond(f"aim-{direction}") * diameter
-        yield _row(fault, event, mean, 1e3 * aim.value, u, reach=tolerance)
+        yield _row(fault, event, mean, 1e3 * aim.value, u, tolerance=tolerance)
 
 
 def _cylinder(desk: Desk) -> Iterator[CheckRow]:
@@ -337,7 +337,7 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
     record = desk.session.records["impact"]["gates"]
     if isinstance(record, GateRecord | BoardRecord):
         yield from rows_of_edges(record, last, range(since, len(fired)))
-    hurried = {(each.step, each.shot) for each in left_out(desk.day)}
+    hurried = {(each.step, each.shot) for each in omitted_steps(desk.day)}
     waited = {
         step: [shot for shot in range(since, len(fired)) if (step, shot) not in hurried]
         for step in ("wait-pressure", "wait-rest")
@@ -421,7 +421,7 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
         ("gate-doubles", "smallest", last, last < 1 / (1 + _beyond("gate-doubles"))),
     ):
         shot = shots.start + int(np.nanargmin(np.abs(ratio - number))) + 1
-        row = _row(usual, event, number, 1.0, _scatter(usual), word, shot, reach=_beyond(usual))
+        row = _row(usual, event, number, 1.0, _scatter(usual), word, shot, tolerance=_beyond(usual))
         yield replace(row, fault=fault) if struck else row
 
 

@@ -58,7 +58,7 @@ class Scenario(Spec):
         lists = {key: dict(getattr(self, key)) for key in ("may_go_wrong", "laboratory")}
         return {key: getattr(self, key) for key in keys} | lists
 
-    def drawn(self, seed: int) -> Scenario:
+    def draw_faults(self, seed: int) -> Scenario:
         """Return the scenario of one day: if its `faults` are None, draw them from the seed."""
         if self.faults is not None:
             return self

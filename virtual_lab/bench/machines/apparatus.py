@@ -439,7 +439,7 @@ class Apparatus:
 
     def _enter_result(self, day: Day, action: Action) -> Reading:
         """Show the entered results, compared with those of the records except in an exam."""
-        results = Desk(day).own(action.arguments)
+        results = Desk(day).entered_results(action.arguments)
         if not results:
             allowed = "is missing: enter at least one of r, e_A, e and BPF"
             raise InputError(action.name, "result", None, allowed)
@@ -448,13 +448,13 @@ class Apparatus:
             rows.append((each.name, each.entered, ""))
             if day.exam:
                 continue
-            if each.off is None:
+            if each.deviation is None:
                 word = "the records give no result yet"
             else:
                 word = (
                     "agrees"
                     if each.agrees
-                    else f"differs by {each.off:+.1f} standard uncertainties"
+                    else f"differs by {each.deviation:+.1f} standard uncertainties"
                 )
             rows.append((f"{each.name}, compared with the records", word, ""))
         return Reading(shown=tuple(rows))

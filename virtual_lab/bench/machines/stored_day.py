@@ -97,19 +97,19 @@ class StoredDay:
         The files are written together or not at all, so the folder is usable after a crash. Raises
         `InputError` if the folder exists or the scenario does not fit.
         """
-        drawn = secrets.randbits(SEED_BITS) if seed is None else seed
+        used_seed = secrets.randbits(SEED_BITS) if seed is None else seed
         salt = secrets.token_bytes(16)
-        today = scenario.spec.drawn(drawn)
-        laboratory = laboratory_of(today, drawn, salt)
+        today = scenario.spec.draw_faults(used_seed)
+        laboratory = laboratory_of(today, used_seed, salt)
         sealed = {
             "scenario": scenario.text,
-            "seed": str(drawn),
+            "seed": str(used_seed),
             "salt": salt.hex(),
             "faults": list(today.faults or ()),
             "truth": _individuals(laboratory),
         }
         content = json.dumps(sealed).encode()
-        supplied = _records_of(today, laboratory, drawn)
+        supplied = _records_of(today, laboratory, used_seed)
         with new_folder(folder) as draft:
             handle = os.open(draft / SECRET, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             with os.fdopen(handle, "wb") as file:

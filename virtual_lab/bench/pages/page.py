@@ -14,7 +14,7 @@ from virtual_lab.bench.day.actions import ARGUMENTS, typed_words
 from virtual_lab.bench.day.arguments import Argument
 from virtual_lab.bench.day.day import Day, DayEvent, is_offered, ready_steps
 from virtual_lab.bench.day.desk import Desk
-from virtual_lab.bench.day.doubts import known_doubts
+from virtual_lab.bench.day.doubts import fault_titles
 from virtual_lab.bench.day.exam import Hall
 from virtual_lab.bench.day.readings import rows_of
 from virtual_lab.bench.day.scenario import UNITS, Scenario
@@ -279,7 +279,7 @@ def _steps(desk: Desk) -> list[Step]:
 
 def _doubts(day: Day) -> list[str]:
     """Return the titles of all faults; the faults that the scenario lists come first."""
-    titles = known_doubts()
+    titles = fault_titles()
     return [titles[name] for name in dict.fromkeys([*day.listed, *titles])]
 
 
@@ -305,7 +305,7 @@ def _next_step(desk: Desk, steps: list[Step], hits: list[PrintedHit]) -> str:
     name = next((step.name for step in steps if step.state == "now"), "")
     if name != "fire":
         return name
-    return "set-place" if not desk.missing and desk.rule_off else "fire-shots"
+    return "set-place" if not desk.missing and desk.needs_position else "fire-shots"
 
 
 def _last_control(events: tuple[DayEvent, ...]) -> str:

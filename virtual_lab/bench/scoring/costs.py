@@ -13,7 +13,7 @@ import numpy as np
 from virtual_lab.bench.day.actions import ARGUMENTS, RESULT_QUANTITIES, Action
 from virtual_lab.bench.day.day import Decision
 from virtual_lab.bench.day.desk import Desk, EnteredResult
-from virtual_lab.bench.day.protocol import left_out
+from virtual_lab.bench.day.protocol import omitted_steps
 from virtual_lab.bench.day.table import (
     action_table,
 )
@@ -148,7 +148,7 @@ def _corrected_days(
         if shot < len(reasons) and chosen.accepted == (not reasons[shot])
     }
     by_step: dict[str, list[int]] = {}
-    for each in left_out(day):
+    for each in omitted_steps(day):
         if each.step != "load-ball":  # the ball that should have been loaded is unknown
             by_step.setdefault(each.step, []).append(each.before)
     for step, places in by_step.items():

@@ -10,10 +10,10 @@ from typing import Any
 from virtual_lab.bench.day.actions import RESULT_QUANTITIES, Action, typed_words
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk, EnteredResult, HitResult
-from virtual_lab.bench.day.doubts import known_doubts
+from virtual_lab.bench.day.doubts import fault_titles
 from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.protocol import StepDue, excuses_of, steps_due
-from virtual_lab.bench.day.readings import doubts
+from virtual_lab.bench.day.readings import suspected_faults
 from virtual_lab.bench.day.scenario import SCORES, UNITS, Scenario
 from virtual_lab.bench.day.table import PREPARING, action_table, detectable, remedy_of, repairs
 from virtual_lab.bench.machines.apparatus import Apparatus
@@ -201,7 +201,9 @@ def debrief(
     day = desk.day
     if not day.handed_in:
         raise InputError("debrief", "day", None, "has not been handed in yet")
-    results = tuple(desk.own(entry.arguments) if (entry := desk.last("enter-result")) else ())
+    results = tuple(
+        desk.entered_results(entry.arguments) if (entry := desk.last("enter-result")) else ()
+    )
     value, u = _result(desk, results)
     limit = desk.rules.spec.metric_limit
     verdict = desk.last("give-verdict")
@@ -316,11 +318,11 @@ def _named_faults(day: Day, worst: str) -> dict[str, float]:
 
     A fault that is named only with the verdict gets 0.5.
     """
-    named = {worst: 0.5} if worst in known_doubts() else {}
+    named = {worst: 0.5} if worst in fault_titles() else {}
     for event in day.events:
         if event.action == "note-doubt" and event.number not in day.struck:
             named[str(event.arguments["doubt"])] = float(event.arguments["confidence"]) / 100
-    return {name: sure for name, sure in named.items() if name in known_doubts()}
+    return {name: sure for name, sure in named.items() if name in fault_titles()}
 
 
 def _visible_faults(day: Day) -> dict[str, int]:
@@ -330,7 +332,7 @@ def _visible_faults(day: Day) -> dict[str, int]:
     for event in day.events:
         desk = desk.after(event)
         if event.records or event.shown:
-            for doubt in doubts(desk):
+            for doubt in suspected_faults(desk):
                 visible.setdefault(doubt.fault, event.number)
     return visible
 

@@ -6,7 +6,7 @@ import json
 from functools import partial
 from pathlib import Path
 
-from virtual_lab.bench.day.doubts import fault_sheets, known_doubts
+from virtual_lab.bench.day.doubts import fault_sheets, fault_titles
 from virtual_lab.bench.day.scenario import UNITS
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.bench.pages.tally import in_units
@@ -18,10 +18,10 @@ from virtual_lab.output.template import page_template
 def debrief_page(debrief: Debrief, *, linked: bool = False) -> str:
     """Return the debrief as a self-contained HTML page; `linked` adds links to the replay."""
     return page_template("virtual_lab.bench.pages", "debrief.html").render(
-        told=debrief,
+        debrief=debrief,
         linked=linked,
         sheets=action_table().actions,
-        titles=known_doubts(),
+        titles=fault_titles(),
         faults=fault_sheets(),
         printed=partial(in_units, system=debrief.units),
         length=UNITS[debrief.units][0],

@@ -14,8 +14,8 @@ import numpy as np
 
 from virtual_lab.bench.day.day import DayEvent
 from virtual_lab.bench.day.desk import Desk
-from virtual_lab.bench.day.protocol import left_out
-from virtual_lab.bench.day.readings import CheckRow, doubts, rows_of, rows_of_edges
+from virtual_lab.bench.day.protocol import omitted_steps
+from virtual_lab.bench.day.readings import CheckRow, rows_of, rows_of_edges, suspected_faults
 from virtual_lab.bench.day.table import PREPARING, action_table, detectable
 from virtual_lab.output.rounding import beyond
 from virtual_lab.records import BoardRecord, GateRecord
@@ -90,7 +90,7 @@ def anomaly_of(desk: Desk, shot: int) -> str:
 def _judge_deviation(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     """Yield the judgement of a noted omission, by the evidence for its reason."""
     step, day = str(event.arguments["step"]), desk.day
-    omitted = [each for each in left_out(day) if each.step == step]
+    omitted = [each for each in omitted_steps(day) if each.step == step]
     shots = [each.shot for each in omitted if each.shot is not None]
     if omitted and all(each.before < day.supplied_events for each in omitted):
         reason: Evidence = (None, "another laboratory skipped it")
@@ -137,7 +137,7 @@ def _judge_check(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     checks = {name for detection in detectable().values() for name in detection.actions}
     if sheet.in_book or event.action not in checks:
         return
-    for doubt in doubts(desk):
+    for doubt in suspected_faults(desk):
         if event.action in detectable()[doubt.fault].actions:
             yield Deviation(
                 entry=event.number,
@@ -157,8 +157,8 @@ def _is_repeated_after(desk: Desk, step: str) -> bool:
 
 def _zero_evidence(desk: Desk) -> Evidence:
     for row in rows_of(desk):
-        if row.fault == "scale-not-tared" and row.certificate is not None:
-            zeroed = abs(row.reading - row.certificate) < 2.0 * row.u
+        if row.fault == "scale-not-tared" and row.expected is not None:
+            zeroed = abs(row.reading - row.expected) < 2.0 * row.u
             return (True if zeroed else None if row.within else False), row.why
     return None, "the check mass had not been weighed by then"
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk, EnteredResult
-from virtual_lab.bench.day.protocol import left_out, steps_due
+from virtual_lab.bench.day.protocol import omitted_steps, steps_due
 from virtual_lab.bench.day.table import action_table, repairs
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.scoring.deviations import (
@@ -131,7 +131,7 @@ def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
     """
     due = len(list(steps_due(day)))
     reasons = {each.step: each.judged != DENIED for each in judged if each.step}
-    missed = [each.step for each in left_out(day) if not reasons.get(each.step, False)]
+    missed = [each.step for each in omitted_steps(day) if not reasons.get(each.step, False)]
     words = f"{due - len(missed)} of {due} steps done in time, or skipped with a noted reason"
     if missed:
         titles = {action_table().actions[step].title.lower() for step in missed}

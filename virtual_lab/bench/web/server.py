@@ -371,7 +371,7 @@ def _fire_shots(day: TraineeDay, fields: Mapping[str, str]) -> None:
             place = day.desk.next_place
             if place is None:
                 return
-            if day.desk.rule_off:
+            if day.desk.needs_position:
                 day.do(action_of("set-place", {"place": round(place * 1e3, 3)}))
         day.do(action_of("load-ball", {"ball": day.desk.next_ball + 1}))
         for step in ready_steps(day.desk.day):
