@@ -109,7 +109,7 @@ def test_a_fault_is_found(visit: Visit) -> None:
     page.get_by_label("distances to use").select_option("gauge")
     press(page, "Measure the distances of the gates")
     page.locator("#notebook > summary").click()
-    page.get_by_label("fault").fill("A gate moved after its survey")
+    page.get_by_label("fault", exact=True).fill("A gate moved after its survey")
     page.get_by_label("confidence [%]").first.fill("0,9")
     press(page, "Note a suspected fault")
     assert names(day) == ["gauge-gates", "gauge-gates", "note-doubt"]
@@ -119,7 +119,7 @@ def test_a_fault_is_found(visit: Visit) -> None:
     press(page, "Give the verdict")
     press(page, "Hand in the day")
     page.get_by_role("link", name="debrief").click()
-    page.wait_for_selector("text=Right verdict", timeout=60_000)  # it may be made first
+    page.wait_for_selector("text=Correct verdict", timeout=60_000)  # it may be made first
     assert "named it" in page.inner_text("main")
 
 

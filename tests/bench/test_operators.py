@@ -141,7 +141,7 @@ def test_the_cost_of_a_decision_is_the_day_played_with_it_mended() -> None:
         for name, given in PLAIN
     ]
     day, sound = day_of([*wrong, *END]), after_plain(*END)
-    found = debrief_by(day)
+    found = debrief_of(day)
     entry = next(e.number for e in day.events if e.action == "measure-balance")
     costs = {each.entry: each for each in found.costly}
     other = Desk(sound).certification.metric
@@ -158,7 +158,7 @@ def test_a_lucky_mistake_is_called_luck() -> None:
     words = set()
     for shot in (1, 3, 4, 5, 6, 7):
         day = after_plain(("reject", {"shot": shot, "because": "a feeling"}), *END)
-        each = debrief_by(day).costly[0]
+        each = debrief_of(day).costly[0]
         assert (each.cost < 0) == each.word.startswith("luck")
         words.add(each.word.split(":")[0])
         if len(words) == 2:
@@ -170,7 +170,7 @@ def test_a_justified_deviation_is_not_marked_down() -> None:
     days = [each for each in PLAIN if each[0] != "level-stand"]
     note = ("note-deviation", {"step": "level-stand", "because": "the stand levels itself"})
     bare, excused = (
-        scores(debrief_by(day_of(each)))["protocol"]
+        scores(debrief_of(day_of(each)))["protocol"]
         for each in ([*days, *END], [note, *days, *END])
     )
     assert bare < excused == 1.0
@@ -182,7 +182,7 @@ def test_confidence_counts() -> None:
     def score(confidence: float) -> float:
         doubt = ("note-doubt", {"doubt": "gate-moved", "confidence": confidence})
         day = after_plain(doubt, *END)
-        return scores(debrief_by(day))["detection"]
+        return scores(debrief_of(day))["detection"]
 
     assert score(30) == pytest.approx(1 - 0.09)
     assert score(90) == pytest.approx(1 - 0.81)
@@ -190,7 +190,7 @@ def test_confidence_counts() -> None:
 
 def test_a_false_pass_is_worth_nothing() -> None:
     day = replace(after_plain(*END), verdict="FAIL")
-    assert scores(debrief_by(day))["result"] == 0
+    assert scores(debrief_of(day))["result"] == 0
 
 
 def test_a_fail_is_explained_in_the_debrief_and_the_bench_gives_no_verdict() -> None:
@@ -216,13 +216,13 @@ def test_a_fail_is_explained_in_the_debrief_and_the_bench_gives_no_verdict() -> 
 
 def test_the_debrief_waits_for_the_end() -> None:
     with pytest.raises(InputError, match="handed in"):
-        debrief_by(after_plain())
+        debrief_of(after_plain())
 
 
 def test_what_is_typed_is_escaped() -> None:
     note = ("note-deviation", {"because": "<script>alert(1)</script>"})
     day = after_plain(note, *END)
-    page = debrief_page(debrief_by(day))
+    page = debrief_page(debrief_of(day))
     assert "<script" not in page
     assert "&lt;script&gt;" in page
 
@@ -348,7 +348,7 @@ def test_the_confidence_in_the_verdict_is_scored_by_brier() -> None:
     for verdict, confidence, brier in (("PASS", 80, 0.04), ("FAIL", 80, 0.64), ("FAIL", 0, 0)):
         given = ("give-verdict", {"verdict": verdict, "confidence": confidence})
         day = after_plain(("reduce", {}), given, ("hand-in", {}))
-        assert debrief_by(day).brier == pytest.approx(brier)
+        assert debrief_of(day).brier == pytest.approx(brier)
 
 
 def test_own_results_are_checked_and_are_what_the_verdict_rests_on() -> None:
@@ -365,7 +365,7 @@ def test_own_results_are_checked_and_are_what_the_verdict_rests_on() -> None:
 
     def taken_with(**entered: float) -> tuple[Day, Debrief]:
         day = after_plain(("enter-result", entered), END[1], END[2])
-        return day, debrief_by(day)
+        return day, debrief_of(day)
 
     day, agreed = taken_with(**right, BPF=round(bpf, 4))
     said = {what: value for event in day.events[-3:] for what, value, _ in event.shown}
@@ -384,7 +384,7 @@ def test_a_disputed_score_keeps_the_trainees_note() -> None:
     note = ("dispute-score", {"score": "economy", "note": "the wall rig was =taken="})
     with pytest.raises(InputError, match="has not been handed in"):
         play_actions(apparatus(), asked([*PLAIN, note]))
-    found = debrief_by(after_plain(*END, note))
+    found = debrief_of(after_plain(*END, note))
     assert found.disputes == (("economy", "the wall rig was =taken="),)
     assert "Disputed: the wall rig was =taken=" in debrief_page(found)
     assert scores(found) == scores(debrief_by("book"))

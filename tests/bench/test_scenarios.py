@@ -89,7 +89,7 @@ def test_a_college_day_shows_its_rules_and_what_holds_the_scan() -> None:
     assert len(held.waiting) == 2
     assert all(not held.reasons[shot] for shot in held.waiting)
     page = day_page(held, told.briefing())
-    place = re.search(r"still ask for hits at ([\d.]+) mm", page)
+    place = re.search(r"still requires hits at ([\d.]+) mm", page)
     following = re.search(r"the next impact position is ([\d.]+) mm", page)
     assert place
     assert following

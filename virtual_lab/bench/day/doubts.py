@@ -46,5 +46,5 @@ def fault_of_text(words: str, action: str, key: str) -> str:
     if words.lower().startswith("other:") and is_line(words, LONGEST_TEXT):
         return words
     suggestion = nearest(words, titles.values())
-    allowed = f"{suggestion}allowed: a fault of the list, none, or your own words after “other:”"
+    allowed = f"{suggestion}allowed: a fault from the list, none, or your own words after “other:”"
     raise InputError(action, key, words, allowed)

@@ -46,7 +46,9 @@ class DayLog:
             self.morning: dict[str, Any] = json.loads(rows[0][0])
             schema = self.morning["schema"]
         except (sqlite3.DatabaseError, IndexError, KeyError, ValueError) as fault:
-            raise InputError(str(path), "log", None, f"is no log of a day ({fault})") from fault
+            raise InputError(
+                str(path), "log", None, f"is not the log of a day ({fault})"
+            ) from fault
         if schema != SCHEMA:
             raise InputError(str(path), "schema", schema, f"allowed: {SCHEMA}")
 

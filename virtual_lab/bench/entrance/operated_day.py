@@ -42,7 +42,7 @@ class RehearsedDay:
         debrief = self.debrief
         because = f": {debrief.right_because}" if debrief.right_because else ""
         lines = [
-            f"{debrief.title}: {debrief.verdict} given, {debrief.right_verdict} right{because}"
+            f"{debrief.title}: verdict {debrief.verdict}, correct {debrief.right_verdict}{because}"
         ]
         lines += [f"  {each.name:<10} {each.value:.2f}  {each.because}" for each in debrief.scores]
         for each in debrief.costly:

@@ -116,9 +116,7 @@ def trends(folder: str | Path) -> Rows[CurvePoint]:
                 so_far.append(value)
                 mean = sum(so_far) / len(so_far)
                 points.append(
-                    CurvePoint(
-                        trainee=quote(trainee), day=number, of=curve, value=value, mean=mean
-                    )
+                    CurvePoint(trainee=quote(trainee), day=number, of=curve, value=value, mean=mean)
                 )
     return Rows(name="trends", title="learning curves", rows=points)
 
@@ -198,7 +196,7 @@ def check_scenario(name: str | Path) -> Rows[TriedDay]:
             )
     return Rows(
         name="scenario",
-        title=f"{scenario.title}: it can be played",
+        title=f"{scenario.title}: the scenario is valid",
         rows=rows,
         words="\n".join(_advice(scenario, rows)),
     )
@@ -209,12 +207,12 @@ def _advice(scenario: Scenario, rows: list[TriedDay]) -> list[str]:
     minutes, shots = max(row.minutes for row in expert), max(row.shots for row in expert)
     words = [f"an expert takes up to {minutes:.0f} min and {shots} shots"]
     if scenario.minutes / 60 < minutes or scenario.shots < shots:
-        budget = f"{scenario.minutes / 60:.0f} min and {scenario.shots}"
-        words.append(f"you give {budget}: a tight budget")
+        budget = f"{scenario.minutes / 60:.0f} min and {scenario.shots} shots"
+        words.append(f"your scenario allows {budget}: a tight budget")
     if any(row.missed for row in expert):
         words.append("an expert misses a fault on some of these days")
     if scenario.may_go_wrong and not any(row.missed for row in rows):
-        words.append("who keeps to the book finds every fault")
+        words.append("an operator who only follows the procedure finds every fault")
     return words
 
 
@@ -251,7 +249,9 @@ def replay(path: str | Path) -> Rows[PlayedEntry]:
             )
         )
     differ = [str(row.entry) for row in rows if not row.same]
-    words = f"entries that come out otherwise: {', '.join(differ)}" if differ else "the same day"
+    words = (
+        f"entries that differ from the log: {', '.join(differ)}" if differ else "all entries agree"
+    )
     return Rows(name="replay", title=day.scenario.title, rows=rows, words=words)
 
 

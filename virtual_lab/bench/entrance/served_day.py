@@ -230,7 +230,7 @@ class ServedDay:
             return debrief_page(debrief.result(patience), linked=True)
         except TimeoutError as late:
             ahead = DEBRIEFS.ahead(debrief)
-            words = f"Debriefs before yours: {ahead}" if ahead else "Yours is next"
+            words = f"Debriefs before yours: {ahead}" if ahead else "Your debrief is next"
             raise TimeoutError(words) from late
 
     def _make_debrief(self) -> Debrief:

@@ -343,7 +343,7 @@ class Apparatus:
             )
         )
 
-    # the rig at the bat
+    # the impact rig
 
     def _measure_pivot(self, day: Day, action: Action) -> Reading:
         pivot = instrument_of(self.laboratory.stations[Stage.IMPACT], "pivot")

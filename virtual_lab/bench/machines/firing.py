@@ -154,7 +154,7 @@ class Firing:
         laboratory, plan = self.as_it_stands(shot)
         station: Any = laboratory.stations[Stage.IMPACT]
         if isinstance(station, FilmingStation):  # frames are made when they are viewed
-            station = station.unfilmed()
+            station = station.without_camera()
             stations = {**laboratory.stations, Stage.IMPACT: station}
             laboratory = replace(laboratory, stations=stations)
         play = laboratory.play(Stage.IMPACT, plan)
@@ -213,4 +213,4 @@ def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
 
 def alter_instrument(station: Station, part: str, **true: float) -> Station:
     """Return a station with changed true constants of its instrument `part`."""
-    return fitted_with(station, part, instrument_of(station, part).altered(**true))
+    return fitted_with(station, part, instrument_of(station, part).with_true(**true))

@@ -133,7 +133,7 @@ class FixedRebound(Ladder):
 
 
 def has_camera(laboratory: Laboratory) -> bool:
-    """Return whether the rig at the bat has a camera."""
+    """Return whether the impact rig has a camera."""
     return isinstance(laboratory.stations[Stage.IMPACT], FilmingStation)
 
 

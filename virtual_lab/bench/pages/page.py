@@ -32,7 +32,7 @@ PACKAGE = "virtual_lab.bench.pages"
 PARTS = {
     "bench": "Bench",
     "wall": "Wall rig",
-    "rig": "Rig at the bat",
+    "rig": "Impact rig",
     "checks": "Checks",
     "hits": "Hits",
     "notebook": "Notebook",
@@ -385,7 +385,7 @@ def _undecided_note(desk: Desk, briefing: Mapping[str, Any]) -> str:
     else:
         consequence = f"the next impact position is {_length(following_position, briefing)} {unit}"
     return (
-        f"Undecided hits do not count, so the rules still ask for hits at {position}. "
+        f"Undecided hits do not count, so the procedure still requires hits at {position}. "
         f"If you accept the {count} within the windows, {consequence}."
     )
 

@@ -132,7 +132,7 @@ def _ms(time: float) -> str:
 
 def _summary(gates: int, missing: int, counts: Array) -> str:
     passed = 2 * gates - missing
-    words = f"the gates saw the ball on {passed} of {2 * gates} passages"
+    words = f"the gates detected {passed} of {2 * gates} passages of the ball"
     if counts.size:
-        words += f"; the encoder turned from {int(counts[0])} to {int(counts[-1])} counts"
+        words += f"; the encoder count went from {int(counts[0])} to {int(counts[-1])}"
     return words

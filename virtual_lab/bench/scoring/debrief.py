@@ -410,7 +410,9 @@ def _steps(day: Day) -> Iterator[StepReview]:
     for step, times in due.items():
         omitted = [each for each in times if not each.done]
         shots = ", ".join(str(each.shot + 1) for each in omitted if each.shot is not None)
-        outcome = "done" if not omitted else f"skipped before shot {shots}" if shots else "skipped"
+        plural = "s" if "," in shots else ""
+        skipped = f"skipped before shot{plural} {shots}" if shots else "skipped"
+        outcome = skipped if omitted else "done"
         before = f"before “{sheets[PREPARING[step]].title}”" if step in PREPARING else ""
         yield StepReview(
             title=sheets[step].title,

@@ -69,13 +69,13 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     """
     right = day.right.word
     if {day.verdict, right} == {"PASS", "FAIL"}:
-        return 0.0, f"a false {day.verdict}: the right verdict is {right}"
+        return 0.0, f"a false {day.verdict}: the correct verdict is {right}"
     if day.verdict == "INVALID":
         return _score_invalid(day)
     if right == "INVALID":
         return (
             0.2,
-            "a fault made the result wrong by more than its U, so INVALID was right",
+            "a fault made the result wrong by more than its U, so INVALID was correct",
         )
     if day.value is None or day.u is None or day.right.truth is None:
         return 0.0, "no result, although the bat could be judged"
@@ -86,7 +86,7 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     return (
         (fits, why)
         if day.verdict == right
-        else (fits / 2, f"{why}, but the right verdict is {right}")
+        else (fits / 2, f"{why}, but the correct verdict is {right}")
     )
 
 
