@@ -127,6 +127,7 @@ def experts(*faults: str) -> Day:
     return run_operator(apparatus(*faults), operator_of("expert"))
 
 
-def debrief_of(day: Day, *faults: str) -> Debrief:
+def debrief_of(day: Day, *faults: str, scores_only: bool = False) -> Debrief:
     """Return the debrief of a day of a test."""
-    return debrief(apparatus(*faults), day, scenario(faults), expert=experts(*faults))
+    there, expert = apparatus(*faults), experts(*faults)
+    return debrief(there, day, scenario(faults), expert=expert, scores_only=scores_only)

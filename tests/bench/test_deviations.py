@@ -85,7 +85,7 @@ def test_a_step_made_good_is_justified_once_it_is() -> None:
 def test_what_is_justified_is_not_marked_down_and_what_is_denied_is() -> None:
     def protocol(step: str, *more: Asked) -> float:
         day = play_actions(apparatus(), asked([*without(step), *more, *END]))
-        closing = debrief_of(day)
+        closing = debrief_of(day, scores_only=True)
         assert len(closing.deviations) == len(more)
         assert not more or f"<strong>{closing.deviations[0].judged}</strong>" in debrief_page(
             closing
@@ -117,7 +117,7 @@ def test_a_check_that_a_sign_asked_for_costs_nothing() -> None:
     twice = [("gauge-gates", {}), ("gauge-gates", {"use": "gauge"})]
     for faults in ((), ("gate-moved",)):
         day = play_actions(apparatus(*faults), asked([*twice, *PLAIN, *END]))
-        closing = debrief_of(day, *faults)
+        closing = debrief_of(day, *faults, scores_only=True)
         assert [each.entry for each in closing.deviations] == ([2] if faults else [])
         words = {each.name: each.because for each in closing.scores}["economy"]
         assert ("without 3 min of checks that a reading called for" in words) == bool(faults)

@@ -170,7 +170,7 @@ def test_a_justified_deviation_is_not_marked_down() -> None:
     days = [each for each in PLAIN if each[0] != "level-stand"]
     note = ("note-deviation", {"step": "level-stand", "because": "the stand levels itself"})
     bare, excused = (
-        scores(debrief_of(day_of(each)))["protocol"]
+        scores(debrief_of(day_of(each), scores_only=True))["protocol"]
         for each in ([*days, *END], [note, *days, *END])
     )
     assert bare < excused == 1.0
@@ -182,7 +182,7 @@ def test_confidence_counts() -> None:
     def score(confidence: float) -> float:
         doubt = ("note-doubt", {"doubt": "gate-moved", "confidence": confidence})
         day = after_plain(doubt, *END)
-        return scores(debrief_of(day))["detection"]
+        return scores(debrief_of(day, scores_only=True))["detection"]
 
     assert score(30) == pytest.approx(1 - 0.09)
     assert score(90) == pytest.approx(1 - 0.81)
@@ -190,7 +190,7 @@ def test_confidence_counts() -> None:
 
 def test_a_false_pass_is_worth_nothing() -> None:
     day = replace(after_plain(*END), verdict="FAIL")
-    assert scores(debrief_of(day))["result"] == 0
+    assert scores(debrief_of(day, scores_only=True))["result"] == 0
 
 
 def test_a_fail_is_explained_in_the_debrief_and_the_bench_gives_no_verdict() -> None:
@@ -348,7 +348,7 @@ def test_the_confidence_in_the_verdict_is_scored_by_brier() -> None:
     for verdict, confidence, brier in (("PASS", 80, 0.04), ("FAIL", 80, 0.64), ("FAIL", 0, 0)):
         given = ("give-verdict", {"verdict": verdict, "confidence": confidence})
         day = after_plain(("reduce", {}), given, ("hand-in", {}))
-        assert debrief_of(day).brier == pytest.approx(brier)
+        assert debrief_of(day, scores_only=True).brier == pytest.approx(brier)
 
 
 def test_own_results_are_checked_and_are_what_the_verdict_rests_on() -> None:

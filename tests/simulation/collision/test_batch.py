@@ -41,7 +41,7 @@ def bats() -> list[ModalModel]:
 
 @pytest.mark.parametrize("which", range(4))
 def test_the_default_keeps_its_tolerance_all_over_the_bat(which: int) -> None:
-    model, scenes = bats()[which], WIDE.draw(3000, 20 + which)
+    model, scenes = bats()[which], WIDE.draw(2000, 20 + which)
     found, slow = model.collide(scenes), replace(model, stepper=OneByOne()).collide(scenes)
     gap = np.abs(found.collision_efficiency - slow.collision_efficiency)
     print(f"worst {gap.max():.1e}, closing to {np.abs(total(found) - 1).max():.1e}")
