@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -31,6 +32,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         from tests.warming import warm_kernels
 
         warm_kernels()
+
+
+def pytest_collection_finish() -> None:
+    """Exempt modules and tests, which live to the end, from every later garbage collection."""
+    gc.collect()
+    gc.freeze()
 
 
 Play = Callable[..., "lab.BatTest"]

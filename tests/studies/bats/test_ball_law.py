@@ -9,7 +9,7 @@ from virtual_lab.studies.bats import ball_law
 
 
 def test_the_law_alone_moves_the_peaks_of_a_wood_bat(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ball_law, "PLACES_IN", np.arange(4.0, 8.01, 0.5))  # the peaks and about
+    monkeypatch.setattr(ball_law, "PLACES_IN", np.arange(4.0, 8.01))  # the peaks and about
     rows = ball_law.sensitivity("r161")
     names = [(row.law, row.exponent) for row in rows]
     power, other = rows[:3], rows[3:]
