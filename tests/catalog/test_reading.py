@@ -1,4 +1,4 @@
-"""The catalog: what ships reads, what is wrong is said in one line with its mend."""
+"""The catalog: shipped files are valid; each fault gives one line with the remedy."""
 
 import csv
 import tomllib
@@ -56,7 +56,7 @@ GATES = (DATA / "instruments" / "pivot-gates.toml").read_text(encoding="utf-8")
 
 @pytest.mark.parametrize("name", catalog.names("bats"))
 def test_every_bat_reads(name: str) -> None:
-    """The shipped files themselves."""
+    """All shipped files are valid."""
     entry = catalog.load_bat(name)
     assert entry.spec.name == name
     assert entry.sheet
@@ -65,13 +65,13 @@ def test_every_bat_reads(name: str) -> None:
 
 @pytest.mark.parametrize("name", catalog.names("balls"))
 def test_every_ball_reads(name: str) -> None:
-    """The shipped files themselves."""
+    """All shipped files are valid."""
     assert catalog.load("balls", name, BallSpec).spec.name == name
 
 
 @pytest.mark.parametrize("name", catalog.names("procedures"))
 def test_every_procedure_reads_and_names_what_exists(name: str) -> None:
-    """A procedure's rig must be installed and its ball must stand in the catalog."""
+    """The rig of each procedure is installed, and its ball is in the catalog."""
     rules = catalog.load("procedures", name, Procedure).spec
     assert rules.name == name
     assert rules.rig in installed_rigs()
@@ -80,26 +80,26 @@ def test_every_procedure_reads_and_names_what_exists(name: str) -> None:
 
 @pytest.mark.parametrize("name", catalog.names("instruments"))
 def test_every_instrument_reads(name: str) -> None:
-    """By the kind its file says; a kind unknown here is a file nobody tests."""
+    """Each file is read by its stated kind; an unknown kind would leave a file untested."""
     kind = tomllib.loads((DATA / "instruments" / f"{name}.toml").read_text("utf-8"))["kind"]
     assert catalog.load("instruments", name, INSTRUMENTS[kind]).spec.kind == kind
 
 
 @pytest.mark.parametrize("name", catalog.names("conditions"))
 def test_every_game_reads(name: str) -> None:
-    """A game's ball must stand in the catalog."""
+    """The ball of each game is in the catalog."""
     game = catalog.load("conditions", name, GameConditions).spec
     assert {game.ball, game.softball} <= set(catalog.names("balls"))
 
 
 @pytest.mark.parametrize("name", catalog.names("faults"))
 def test_every_fault_reads(name: str) -> None:
-    """What it says beyond this is held in tests/faults."""
+    """Its content is tested in tests/simulation/faults."""
     assert catalog.load("faults", name, FaultSheet).spec.name == name
 
 
 def test_every_folder_of_the_catalog_is_read_here() -> None:
-    """A new kind of file needs a test above."""
+    """Each folder of the catalog has a test above."""
     holding = {path.parent.name for path in DATA.glob("*/*.toml")}
     assert holding == {
         "bats",
@@ -114,7 +114,7 @@ def test_every_folder_of_the_catalog_is_read_here() -> None:
 
 
 def test_the_table_of_actions_reads() -> None:
-    """What it says beyond this is held in tests/bench."""
+    """Its content is tested in tests/bench."""
     assert action_table().actions
 
 
@@ -125,7 +125,7 @@ def test_every_scenario_reads(name: str) -> None:
 
 @pytest.mark.parametrize("name", catalog.names("rigs"))
 def test_every_rig_file_is_read_by_its_rig(name: str) -> None:
-    """A rig reads its own file, and its instruments', when it is commissioned."""
+    """A rig reads its file and those of its instruments when it is commissioned."""
     assert installed_rigs()[name].commission(Quiet()).calibration
 
 
@@ -141,7 +141,7 @@ def _sources(document: Any) -> Iterator[str]:
 
 
 def test_source_keys_are_the_ones_explained() -> None:
-    """Both ways: no number of unknown source, no explanation that nothing needs."""
+    """Every source key of a number is explained, and every explanation is used."""
     explained = tomllib.loads((DATA / "sources.toml").read_text("utf-8"))
     used: dict[str, Path] = {}
     for path in sorted(DATA.rglob("*/*.toml")):
@@ -167,14 +167,14 @@ def test_provenance_stands_beside_the_number() -> None:
 
 @pytest.mark.parametrize(("name", "hint"), [("r116", "r161"), ("R161", "r161"), ("r-161", "r161")])
 def test_unknown_bat_gets_a_suggestion(name: str, hint: str) -> None:
-    """A slip of the finger must find the bat that was meant."""
+    """A typing error suggests the intended bat."""
     with pytest.raises(InputError) as caught:
         catalog.load_bat(name)
     assert str(caught.value).startswith(f"bat = '{name}'; did you mean {hint}")
 
 
 def test_unknown_bat_unlike_any_gets_the_list() -> None:
-    """Nothing near: no suggestion, all known names."""
+    """Without a similar name, the message lists all known names."""
     with pytest.raises(InputError) as caught:
         catalog.load_bat("zzzzzzzz")
     assert "did you mean" not in str(caught.value)
@@ -247,7 +247,7 @@ WALL = 'wall = {{ value = [{}], unit = "in", source = "assumed", verified = fals
     ],
 )
 def test_a_bad_bat_file(old: str, new: str, key: str, value: str | None, allowed: str) -> None:
-    """Each fault alone in a file that otherwise reads: place, value and mend are named."""
+    """One fault at a time in a valid file: key, value and remedy are named."""
     assert old in BAT
     fault = _refused(BAT.replace(old, new, 1))
     assert fault.key == key
@@ -302,7 +302,7 @@ def test_a_bad_bat_file(old: str, new: str, key: str, value: str | None, allowed
 def test_a_bad_file_of_another_kind(
     kind: str, text: str, old: str, new: str, key: str, allowed: str
 ) -> None:
-    """Each fault alone in a shipped file that otherwise reads."""
+    """One fault at a time in a valid shipped file."""
     assert old in text
     fault = _refused(text.replace(old, new, 1), kind)
     assert fault.key == key
@@ -310,14 +310,14 @@ def test_a_bad_file_of_another_kind(
 
 
 def test_broken_toml_names_the_line() -> None:
-    """The TOML reader's own place is kept."""
+    """The message keeps the line that the TOML parser reports."""
     fault = _refused('name = "x"\ntitle = \n')
     assert fault.key == "TOML"
     assert "line 2" in fault.allowed
 
 
 def test_not_utf8(tmp_path: Path) -> None:
-    """A file saved in Latin-1 names itself."""
+    """The message names a file that was saved in Latin-1."""
     path = tmp_path / "latin.toml"
     path.write_bytes('title = "Schläger"\n'.encode("latin-1"))
     with pytest.raises(InputError) as caught:
@@ -329,21 +329,21 @@ def test_not_utf8(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["nowhere.toml", ""])
 def test_missing_file(name: str, tmp_path: Path) -> None:
-    """A path that leads nowhere, a folder, an empty name."""
+    """A path that does not exist, a folder, and an empty name."""
     with pytest.raises(InputError) as caught:
         catalog.load_bat(str(tmp_path / name) if name else "")
     assert "\n" not in str(caught.value)
 
 
 def test_a_users_own_file_reads_like_the_catalogs(tmp_path: Path) -> None:
-    """The same text, the same spec."""
+    """The same text in a user's file gives the same specification."""
     path = tmp_path / "mine.toml"
     path.write_text(BAT, encoding="utf-8")
     assert catalog.load_bat(str(path)).spec == catalog.load_bat("r161").spec
 
 
 def test_a_title_is_asked_of_a_file_without_one(tmp_path: Path) -> None:
-    """What `virtual-lab bats` would list: no title is an error in one line, not a traceback."""
+    """A missing title is an error in one line, not a traceback."""
     path = tmp_path / "mine.toml"
     path.write_text('name = "mine"\n', encoding="utf-8")
     with pytest.raises(InputError, match="title"):
@@ -385,7 +385,7 @@ wall_factor = {FACTOR}
 
 
 def test_a_modified_bat_is_its_base_but_for_the_change() -> None:
-    """Walls times 0.9, one weight more, provenance inherited where it was not replaced."""
+    """Walls times 0.9 and one added weight; other values keep their provenance."""
     weight = """
 [[lumps]]
 name = "insert"
@@ -457,7 +457,7 @@ def test_a_wall_factor_may_be_a_plain_number() -> None:
 
 @pytest.mark.parametrize("base", catalog.names("bats"))
 def test_a_bat_may_be_its_base_with_nothing_but_a_name_or_a_sport_of_its_own(base: str) -> None:
-    """Solid bats too, since no wall is thinned."""
+    """The base may be a solid bat, because no wall is thinned."""
     text = f'name = "twin"\ntitle = "Twin"\nbase = "{base}"\n'
     whole, twin = catalog.load_bat(base).spec, catalog.read_bat(text, "mine.toml").spec
     assert (twin.body, twin.spread, twin.sport) == (whole.body, whole.spread, whole.sport)
@@ -479,7 +479,7 @@ def test_a_bat_may_be_its_base_with_nothing_but_a_name_or_a_sport_of_its_own(bas
     ],
 )
 def test_a_bad_modified_bat(old: str, new: str, key: str, allowed: str) -> None:
-    """One line that names the mend; where the fault lies in the change the file is named too."""
+    """One line names the remedy, and the file if the fault lies in the change."""
     with pytest.raises(InputError) as caught:
         catalog.read_bat(MODIFIED.replace(old, new), "mine.toml")
     sentence = str(caught.value)
@@ -490,7 +490,7 @@ def test_a_bad_modified_bat(old: str, new: str, key: str, allowed: str) -> None:
 
 
 def test_a_bat_based_on_itself(tmp_path: Path) -> None:
-    """A chain of bases that closes is bad input, not a stack overflow."""
+    """A circular chain of bases is bad input, not a stack overflow."""
     path = tmp_path / "loop.toml"
     path.write_text(MODIFIED.replace("ea70", str(path)), encoding="utf-8")
     with pytest.raises(InputError, match="base"):

@@ -1,4 +1,4 @@
-"""Rounding by hand: an uncertainty has two digits, and its value ends at the same place."""
+"""Rounding by hand: an uncertainty has two digits, and its value the same decimals."""
 
 import re
 
@@ -48,7 +48,7 @@ def test_a_value_beyond_its_limit_looks_so(value: float, shown: str) -> None:
 
 @pytest.mark.parametrize("u", [0.0, 9.6e-17, 5.0e-14])
 def test_an_uncertainty_of_the_computers_own_arithmetic_is_none(u: float) -> None:
-    """Of numbers of about 1, whose last bit is 2e-16: six decimals, and no eighteen."""
+    """Numbers near 1 have a last bit of 2e-16; they get six decimals, not eighteen."""
     assert with_uncertainty(0.946841641506381726, u) == "0.946842 (u 0)"
     assert decimals(u) == 6
 

@@ -1,4 +1,4 @@
-"""Digests of channels in ``session.json``, by the words of data/README.md."""
+"""Digests of channels in ``session.json``, computed as data/README.md describes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 
 def channel_digest(session: Mapping[str, Any], path: Path) -> str:
-    """Return the digest that a session has of a channel's file."""
+    """Return the digest of a channel's file in ``session.json``."""
     simulation = session.get("simulation")
     start = json.dumps(simulation, sort_keys=True) if simulation else ""
     return hashlib.sha256(start.encode() + path.read_bytes()).hexdigest()

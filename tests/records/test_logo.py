@@ -1,4 +1,4 @@
-"""A logo is a small picture that can neither run nor load anything."""
+"""A logo is a small picture that cannot run or load anything."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def drawing(body: str = '<path d="M0 0h9v9"/>', size: str = 'viewBox="0 0 9 9"')
 
 
 def nested(part: str, used: str, depth: int) -> bytes:
-    """Return a drawing whose parts each use the one before ten times: 10^depth squares."""
+    """Return a drawing in which each part uses the previous one ten times: 10^depth squares."""
     body = '<defs><rect id="p0" width="1" height="1"/>'
     for n in range(1, depth + 1):
         inside = "".join(used.format(n - 1) for _ in range(10))
@@ -52,7 +52,7 @@ def png(height: int = 8, width: int = 12) -> bytes:
 
 
 def no_points() -> bytes:
-    """Return a PNG whose head states 0 x 0."""
+    """Return a PNG with a size of 0 × 0 in its header."""
     whole = png()
     return whole[:16] + bytes(8) + whole[24:]
 
@@ -61,7 +61,7 @@ def no_points() -> bytes:
     "size", ["", 'width="12.5mm" height="100%"', 'width="+1e2" height=".5in" viewBox="-1,-1, 3 4"']
 )
 def test_a_drawing_of_a_size_is_kept(tmp_path: Path, size: str) -> None:
-    """And one of hundred shapes that are used a hundred times each; styles load no other part."""
+    """A drawing of a hundred shapes, each used a hundred times, is kept; styles load nothing."""
     logo_of(written(tmp_path, drawing(size=size)), tmp_path, "lab.toml")
     logo_of(written(tmp_path, nested("g", '<use href="#p{}"/>', 3)), tmp_path, "lab.toml")
     styled = drawing("<style>.a { mask: URL(#p) }</style>")

@@ -1,4 +1,4 @@
-"""What a report states beside its results: read, checked, kept with the records, printed."""
+"""Particulars of a report are read, checked, stored with the records, and printed."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_an_option_comes_before_the_file(stated: Particulars) -> None:
 
 
 def test_the_empty_form_has_every_key_and_states_nothing() -> None:
-    """The keys in a comment too: authoriser and instruments may not be empty."""
+    """Keys in comments count, too: authoriser and instruments may not be empty."""
     text = "\n".join(form())
     assert particulars_of(parse_toml(text, "form"), "form") == NOTHING_STATED
     filled = re.sub(r'^#? ?(\w+) = ""', r'\1 = "2026-11-25"', text, flags=re.MULTILINE)
@@ -118,7 +118,7 @@ def test_joiners_that_a_script_needs_are_printed() -> None:
 
 
 def test_they_stay_with_the_records(stated: Particulars, tmp_path: Path) -> None:
-    """And records that state nothing say nothing of it."""
+    """Records without particulars have no such key."""
     session = certified().certification.session
     for particulars in (stated, NOTHING_STATED):
         folder = tmp_path / str(bool(particulars.stated))
@@ -149,7 +149,7 @@ def test_page_and_text_say_what_is_stated_and_what_is_not(stated: Particulars) -
 
 
 def test_instruments_of_a_file_are_added_to_those_of_the_data_sheets(stated: Particulars) -> None:
-    """One that has the name of a data sheet replaces it."""
+    """An instrument with the name of a data sheet replaces it."""
 
     def named(particulars: Particulars) -> dict[str, str]:
         setup = lab.TestSetup.of("r161", procedure=PROCEDURE, particulars=particulars)
@@ -166,7 +166,7 @@ def test_instruments_of_a_file_are_added_to_those_of_the_data_sheets(stated: Par
 def test_a_calibration_that_was_due_before_the_test_is_a_flag(
     stated: Particulars, due: str, flagged: bool
 ) -> None:
-    """A remark: the verdict stands."""
+    """The flag is a remark; the verdict does not change."""
     gates = replace(stated.instruments["gates"], due=due)
     found = with_particulars(replace(stated, instruments={"gates": gates}))
     flags = {flag.name: flag for flag in found.flags}

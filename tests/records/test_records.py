@@ -1,4 +1,4 @@
-"""Raw records: what they hold, their file form, and every way a file can be wrong."""
+"""Raw records: their content, their file form, and all faults of a file."""
 
 import re
 from dataclasses import FrozenInstanceError
@@ -35,9 +35,9 @@ SIZE = st.integers(1, 4)
 def records(
     draw: st.DrawFn, kind: type[Record], number: st.SearchStrategy[float] = FINITE
 ) -> Record:
-    """Draw a record of a kind: any axis lengths, any numbers, NaN where it may be missing.
+    """Draw a random record: axis lengths, numbers, and NaN where a value may be missing.
 
-    Times are in the order in which things happen, numbers of items are whole.
+    Times increase in the order of events, and numbers of items are whole.
     """
     sizes: dict[str, int] = {"way": 2, "edge": 2}
     arrays = {}
@@ -56,7 +56,7 @@ def records(
 def in_order(
     draw: st.DrawFn, column: RecordColumn, shape: tuple[int, ...], number: st.SearchStrategy[float]
 ) -> np.ndarray:
-    """Draw times that can be: rising, a ball's from gate to gate and back the other way."""
+    """Draw possible times: increasing, for a ball from gate to gate and back in reverse."""
     times = np.sort(draw(hnp.arrays(np.float64, prod(shape), elements=number, unique=True)))
     times = times.reshape(shape)
     if "way" not in column.axes:
@@ -69,7 +69,7 @@ ANY = st.sampled_from(list(RECORD_TYPES.values())).flatmap(records)
 
 
 def bits(record: Record) -> dict[str, tuple[tuple[int, ...], bytes]]:
-    """Return shape and bits of every field, any NaN as one."""
+    """Return shape and bits of every field, with one bit pattern for all NaN."""
     return {
         field: (values.shape, np.where(np.isnan(values), nan, values).tobytes())
         for field in record.columns
@@ -78,7 +78,7 @@ def bits(record: Record) -> dict[str, tuple[tuple[int, ...], bytes]]:
 
 
 def test_every_type_is_registered() -> None:
-    """A record type nobody can load would be written and lost."""
+    """A record type that is not registered could be written but not loaded."""
     defined = {kind for kind in vars(module).values() if isinstance(kind, type)}
     assert set(RECORD_TYPES.values()) == {
         kind for kind in defined if issubclass(kind, Record) and kind not in {Record, BallRecord}
@@ -87,7 +87,7 @@ def test_every_type_is_registered() -> None:
 
 @given(record=ANY)
 def test_through_a_table_bit_for_bit(record: Record) -> None:
-    """The file form holds every row once, with whole-number indices counted by hand."""
+    """The file has every row once; the whole-number indices are counted by hand."""
     table = record.table()
     sizes = record.sizes()
     assert len(table) == np.prod(list(sizes.values()))
@@ -97,7 +97,7 @@ def test_through_a_table_bit_for_bit(record: Record) -> None:
 
 @given(record=ANY, data=st.data())
 def test_row_order_does_not_matter(record: Record, data: st.DataObject) -> None:
-    """Somebody else's software may sort the rows as it likes."""
+    """Rows in any order give the same record."""
     table = record.table()
     order = data.draw(st.permutations(range(len(table))))
     shuffled = table.iloc[list(order)].reset_index(drop=True)
@@ -105,7 +105,7 @@ def test_row_order_does_not_matter(record: Record, data: st.DataObject) -> None:
 
 
 def test_the_file_form_of_gates() -> None:
-    """Written out by hand: one row an edge, an index column for each axis."""
+    """Written by hand: one row per edge, one index column per axis."""
     record = GateRecord(times=np.arange(8.0).reshape(1, 2, 2, 2))
     table = record.table()
     assert list(table.columns) == ["shot", "way", "gate", "edge", "time_s"]
@@ -114,7 +114,7 @@ def test_the_file_form_of_gates() -> None:
 
 
 def test_records_cannot_be_changed() -> None:
-    """What was written down stays: neither field nor array takes a new value."""
+    """Neither a field nor an array of a record accepts a new value."""
     mine = np.zeros((2, 3))
     record = MassReadings(readings=mine)
     with pytest.raises(FrozenInstanceError):
@@ -127,19 +127,19 @@ def test_records_cannot_be_changed() -> None:
 
 @pytest.mark.parametrize("shape", [(), (3,), (1, 2, 3)])
 def test_wrong_number_of_axes(shape: tuple[int, ...]) -> None:
-    """A reading is (item, repeat) and nothing else."""
+    """The shape of readings is (item, repeat)."""
     with pytest.raises(ValueError, match=r"readings needs axes \('item', 'repeat'\)"):
         MassReadings(readings=np.zeros(shape))
 
 
 def test_fields_that_disagree() -> None:
-    """Two shots in one field, three in another."""
+    """One field has two shots, another has three."""
     with pytest.raises(ValueError, match="place has 3 along 'shot', others 2"):
         ShotLog(ball=np.zeros(2), nominal_speed=np.ones(2), place=np.ones(3))
 
 
 def test_join_of_rounds() -> None:
-    """Shots are appended, what belongs to the session is kept from the first round."""
+    """Shots are appended; values of the session are those of the first round."""
     rounds = [EncoderRecord(counts=np.full((n, 3), float(n)), times=np.arange(3.0)) for n in (1, 2)]
     both = join(rounds)
     assert both.counts.tolist() == [[1.0] * 3, [2.0] * 3, [2.0] * 3]
@@ -150,7 +150,7 @@ def test_join_of_rounds() -> None:
 
 @pytest.mark.parametrize("record", [PendulumRecord, GateRecord])
 def test_join_of_one_is_itself(record: type[Record]) -> None:
-    """One round is a session of one round."""
+    """Joining a single round returns it."""
     sizes = {"times": np.ones([2] * len(record.columns["times"].axes))}
     others = {name: np.ones(2) for name in record.columns if name != "times"}
     one = record(**sizes, **others)
@@ -204,7 +204,7 @@ def _set(column: str, value: object, row: int = -1):
 def test_a_bad_table(
     kind: type[Record], good: pd.DataFrame, change, key: str, allowed: str
 ) -> None:
-    """Each fault alone in a table that otherwise reads (the last: one clock, two times)."""
+    """One fault at a time in a valid table (the last: one clock, two times)."""
     kind.from_table(good, "x.csv")
     with pytest.raises(InputError) as caught:
         kind.from_table(change(good), "x.csv")
@@ -216,14 +216,14 @@ def test_a_bad_table(
 
 
 def test_the_offending_text_is_shown() -> None:
-    """Not just any cell of the column: the one that is no number."""
+    """The message shows the cell that is no number, not another one of its column."""
     with pytest.raises(InputError) as caught:
         GateRecord.from_table(_set("time_s", "12 ms", row=3)(GATES), "x.csv")
     assert "12 ms" in str(caught.value)
 
 
 def _swap(times: np.ndarray, *places: tuple[int, ...]) -> np.ndarray:
-    """Return the times with those at two places exchanged."""
+    """Return the times with two of them exchanged."""
     times = times.copy()
     one, other = places
     times[one], times[other] = times[other].copy(), times[one].copy()
@@ -243,7 +243,7 @@ def _swap(times: np.ndarray, *places: tuple[int, ...]) -> np.ndarray:
 def test_gates_that_time_runs_backwards_at(
     one: tuple[int, ...], other: tuple[int, ...], fault: str, at: str
 ) -> None:
-    """Each exchange alone; the sentence counts from 0, or from where the file does."""
+    """One exchange at a time; the message counts from 0 or from the file's first number."""
     table = GateRecord(times=_swap(FLIGHTS, one, other)).table()
     with pytest.raises(InputError, match=f"{fault}.*{at}") as caught:
         GateRecord.from_table(table, "x.csv")
@@ -256,7 +256,7 @@ def test_gates_that_time_runs_backwards_at(
 
 
 def test_a_ball_back_before_it_came() -> None:
-    """A whole flight back, in order within itself, ahead of the flight in."""
+    """All times of the flight back are in order, but before the flight in."""
     with pytest.raises(InputError, match="came back before it came in"):
         GateRecord.from_table(
             GateRecord(times=FLIGHTS - 9 * np.reshape([0.0, 1.0], (2, 1, 1))).table(), "x.csv"
@@ -264,7 +264,7 @@ def test_a_ball_back_before_it_came() -> None:
 
 
 def test_order_looks_past_what_was_not_seen() -> None:
-    """Three gates, the middle one blind: the last still may not come before the first."""
+    """The middle of three gates is blind; the last may still not come before the first."""
     times = np.full((1, 2, 3, 2), nan)
     times[0, 0, 0], times[0, 0, 2] = (2.0, 3.0), (1.0, 4.0)
     with pytest.raises(InputError, match=r"out of turn.*gate 2, edge 0"):
@@ -272,7 +272,7 @@ def test_order_looks_past_what_was_not_seen() -> None:
 
 
 def test_gates_nearer_than_a_ball_is_long() -> None:
-    """The second beam breaks before the first clears, and slow clocks show the same tick."""
+    """The second beam breaks before the first clears, or on the same tick of a slow clock."""
     times = np.full((1, 2, 2, 2), nan)
     times[0, 0] = [[0.0, 3.0], [1.0, 4.0]]
     record = GateRecord(times=times)
@@ -283,7 +283,7 @@ def test_gates_nearer_than_a_ball_is_long() -> None:
 
 @pytest.mark.parametrize("time", [1.0, 0.5])
 def test_a_clock_that_does_not_rise(time: float) -> None:
-    """An encoder's, a pendulum's: standing still or running back, at the sample named."""
+    """The clock of an encoder or pendulum stops or runs back; the message names the sample."""
     counts = EncoderRecord(counts=np.zeros((2, 3)), times=np.array([0.0, 1.0, time]))
     with pytest.raises(InputError, match=f"time_s = {time}; .*sample 2"):
         EncoderRecord.from_table(counts.table(), "x.csv")

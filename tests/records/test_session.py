@@ -1,4 +1,4 @@
-"""Sessions on disk: the same bits back, and every broken folder said in one line."""
+"""Sessions on disk are read back bit for bit; each broken folder gives one line."""
 
 import hashlib
 import json
@@ -62,7 +62,7 @@ SUPPLIED = replace(EXAMPLE, origin=Supplied(laboratory="Übungslabor", customer=
 @given(record=ANY, known=st.dictionaries(st.text(min_size=1), ESTIMATES, max_size=3))
 @settings(max_examples=60)
 def test_every_record_comes_back_bit_for_bit(record: Record, known: dict) -> None:
-    """Any doubles of any record type through CSV; calibrations through JSON."""
+    """Arbitrary doubles of each record type through CSV, and calibrations through JSON."""
     with TemporaryDirectory() as folder:
         session = replace(EXAMPLE, records={"impact": {"x": record}}, calibration=known)
         save_session(session, Path(folder))
@@ -76,7 +76,7 @@ def test_every_record_comes_back_bit_for_bit(record: Record, known: dict) -> Non
 
 @pytest.mark.parametrize("example", [EXAMPLE, SUPPLIED])
 def test_what_is_no_record_comes_back_too(example: Session, tmp_path: Path) -> None:
-    """Names, rigs, the procedure's very text, where the records come from."""
+    """Names, rigs, the exact text of the procedure, and the origin of the records."""
     save_session(example, tmp_path)
     loaded = load_session(tmp_path)
     named = ("bat", "ball", "bat_sport", "ball_sport", "date", "rigs")
@@ -99,7 +99,7 @@ def _edit(change: Callable[[dict], object]) -> Callable[[Path], object]:
 
 
 def _file(name: str, old: str, new: str) -> Callable[[Path], object]:
-    """Return a change of a record whose digest in session.json is right."""
+    """Return a change of a record file that also corrects its digest in session.json."""
 
     def change(folder: Path) -> None:
         path = folder / name
@@ -119,7 +119,7 @@ def _rules(folder: Path) -> None:
 
 
 def _linked(name: str) -> Callable[[Path], object]:
-    """Replace a file or a folder by a link to the same elsewhere."""
+    """Replace a file or a folder by a link to a copy elsewhere."""
 
     def change(folder: Path) -> None:
         elsewhere = (folder / name).rename(folder.with_name("elsewhere"))
@@ -264,7 +264,7 @@ GATES = "impact/gates.csv"
 def test_a_broken_folder(
     break_it: Callable[[Path], object], file: str, key: str, allowed: str, tmp_path: Path
 ) -> None:
-    """Each fault alone in a folder that otherwise reads: file, key and mend in one line."""
+    """One fault at a time in a valid folder: one line names file, key and remedy."""
     folder = tmp_path / "records"
     folder.mkdir()
     save_session(EXAMPLE, folder)
@@ -280,7 +280,7 @@ def test_a_broken_folder(
 
 
 def test_a_session_written_by_hand_as_the_manual_says(tmp_path: Path) -> None:
-    """No program of ours: the keys of data/README.md, tables of text, digests of the library."""
+    """Written without this package: keys of data/README.md, plain text, digests by hashlib."""
     (tmp_path / "bench").mkdir()
     (tmp_path / "bench" / "bat-mass.csv").write_text("item,repeat,mass_kg\n0,0,0.91\n0,1,0.92\n")
     (tmp_path / "procedure.toml").write_text('name = "ours"\n')
@@ -306,7 +306,7 @@ def test_a_session_written_by_hand_as_the_manual_says(tmp_path: Path) -> None:
 
 
 def test_a_missing_edge_is_an_empty_cell(tmp_path: Path) -> None:
-    """NaN: not seen; another laboratory's file simply leaves the cell empty."""
+    """NaN means not detected; another laboratory's file leaves the cell empty."""
     save_session(EXAMPLE, tmp_path)
     _file(GATES, "1,1,0,1,15.0", "1,1,0,1,")(tmp_path)
     times = load_session(tmp_path).records["impact"]["gates"].times
@@ -365,7 +365,7 @@ def _wrong_kind(session: Session) -> Session:
     ],
 )
 def test_a_session_that_lacks_what_the_reduction_needs(change, named: str, played) -> None:
-    """Another laboratory's session, one thing missing or impossible: one line that names it."""
+    """A session with one missing or impossible entry gives one line that names it."""
     session = played().certification.session
     with pytest.raises(InputError) as caught:
         certify_session(change(session))
@@ -385,7 +385,7 @@ PIXELS, BACKGROUND = "impact/clip-pixels.npy", "impact/clip-background.npy"
 
 
 def test_arrays_beside_a_table_come_back_bit_for_bit(tmp_path: Path) -> None:
-    """Grey values of 16 bits and real ones, mapped and not read; a record without any, too."""
+    """Grey values of 16 bits and floats are memory-mapped; a record without arrays works, too."""
     save_session(FILMED, tmp_path)
     clip = load_session(tmp_path).records["impact"]["clip"]
     assert isinstance(clip, ClipRecord)
@@ -414,7 +414,7 @@ def test_rounds_with_pixels_are_joined_shot_after_shot() -> None:
 
 
 def _array(name: str, values: np.ndarray) -> Callable[[Path], object]:
-    """Return a change of an array beside a table whose digest in session.json is right."""
+    """Return a change of an array beside a table that also corrects its digest in session.json."""
 
     def change(folder: Path) -> None:
         np.save(folder / name, values)
@@ -469,7 +469,7 @@ def _shorter(folder: Path) -> None:
 def test_broken_arrays_beside_a_table(
     break_it: Callable[[Path], object], file: str, key: str, allowed: str, tmp_path: Path
 ) -> None:
-    """Each fault alone: the array's own file is named, or the table it should lie beside."""
+    """One fault at a time: the message names the array's file, or the table it belongs to."""
     save_session(FILMED, tmp_path)
     load_session(tmp_path)
     break_it(tmp_path)

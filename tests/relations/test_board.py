@@ -1,4 +1,4 @@
-"""Calibration boards against OpenCV's own layout, and texts that name none."""
+"""Calibration boards against OpenCV's layout, and texts that describe no board."""
 
 import cv2
 import numpy as np
@@ -10,7 +10,7 @@ from virtual_lab.relations.board import Board, board_of, length_of
 
 @pytest.mark.parametrize("rows", [6, 7])
 def test_a_board_is_laid_out_as_opencv_does(rows: int) -> None:
-    """Corners row by row from the first, markers in the white squares in the order of their ids."""
+    """Corners are ordered by rows; markers fill the white squares in the order of their ids."""
     board = board_of(f"charuco:9x{rows}:25mm:18mm")
     words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_1000)
     theirs = cv2.aruco.CharucoBoard((9, rows), 0.025, 0.018, words)

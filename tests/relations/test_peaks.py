@@ -1,4 +1,4 @@
-"""Tops of curves known at places, against the curves' own closed forms."""
+"""Maxima of curves known at points, against closed forms."""
 
 import numpy as np
 import pytest

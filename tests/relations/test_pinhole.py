@@ -1,4 +1,4 @@
-"""The lens against OpenCV's, and back again."""
+"""The lens model against OpenCV's, and its inverse."""
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ PLACES = np.stack(np.meshgrid(np.linspace(-0.35, 0.35, 15), np.linspace(-0.25, 0
 
 @pytest.mark.parametrize("lens", LENSES)
 def test_undistorted_undoes_distorted(lens: list[float]) -> None:
-    """To 1e-9, over pictures as wide as 40 degrees."""
+    """The inverse holds to 1e-9 for pictures up to 40 degrees wide."""
     assert np.abs(undistort(distort(PLACES, lens), lens) - PLACES).max() < 1e-9
 
 
@@ -31,7 +31,7 @@ def test_opencv_draws_what_was_undistorted_where_it_was(lens: list[float]) -> No
 
 
 def test_constants_may_be_columns() -> None:
-    """Several lenses at once, as a budget calls it."""
+    """Several lenses at once, as in an uncertainty budget."""
     columns = [np.array(values)[:, None] for values in zip(*LENSES, strict=True)]
     row = PLACES.reshape(-1, 2)
     both = undistort(np.broadcast_to(row, (len(LENSES), *row.shape)), columns)
@@ -40,7 +40,7 @@ def test_constants_may_be_columns() -> None:
 
 
 def test_looking_down() -> None:
-    """Untilted: X right, Y up in the picture (OpenCV's y is down), Z toward the camera."""
+    """Without tilt, X points right, Y up (OpenCV's y points down) and Z toward the camera."""
     assert np.array_equal(looking_down(np.zeros(3)), np.diag([1.0, -1.0, -1.0]))
     several = looking_down(np.array([[0.0, 0.0, 0.0], [0.1, -0.2, 0.3]]))
     assert several.shape == (2, 3, 3)

@@ -1,4 +1,4 @@
-"""Constants in any unit of their dimension; what is no such constant is named."""
+"""Constants are read in any unit of their dimension, and unknown ones are named."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ UNITS = [(dimension, unit) for dimension in KEYS for unit in DIMENSIONS[dimensio
 def test_any_unit_of_a_dimension(
     share: float, wide: float, dof: float | None, unit: tuple[str, str]
 ) -> None:
-    """Value and u are both in the unit; the factor is that of the table of units."""
+    """Value and u have the same unit. The oracle is the factor in the table of units."""
     dimension, name = unit
     key, factor = KEYS[dimension], DIMENSIONS[dimension][name]
     of = constant_of(key)
@@ -55,7 +55,7 @@ def test_any_unit_of_a_dimension(
 
 
 def test_inches_by_hand() -> None:
-    """NIST's own: 1 in is 25.4 mm, 1 oz in is 28.349523125 g times that."""
+    """By NIST: 1 in is 25.4 mm, and 1 oz in is 28.349523125 g times 25.4 mm."""
     entries = {
         "impact.gates.distance_0": {"value": 20, "unit": "in", "u": 0.01},
         "bench.pendulum.clamp_moment": {"value": 2, "unit": "oz in", "u": 0},
@@ -69,7 +69,7 @@ def test_inches_by_hand() -> None:
 
 
 def test_the_page_lists_the_constants_of_a_pivoted_test() -> None:
-    """All that the form of the test asks for, and none that it does not."""
+    """The page lists all constants of the form, and no others."""
     page = (DATA / "README.md").read_text("utf-8")
     sentence = page.split("needs these calibration constants:")[1].split("\n\n")[0]
     listed = []
@@ -81,7 +81,7 @@ def test_the_page_lists_the_constants_of_a_pivoted_test() -> None:
 
 @pytest.mark.parametrize("procedure", catalog.names("procedures"))
 def test_every_constant_of_ours_is_explained(procedure: str) -> None:
-    """Whoever adds an instrument adds its constants, with dimension and meaning."""
+    """Each constant of an instrument has a dimension and a meaning."""
     for key in our_own(procedure).calibration:
         known = constant_of(key)
         assert known, key
@@ -122,7 +122,7 @@ KEY = "impact.gates.distance_0"
     ],
 )
 def test_an_entry_that_does_not_fit(entry: object, key: str, allowed: str) -> None:
-    """Each fault alone in an entry that otherwise reads."""
+    """One fault at a time in an entry that is otherwise valid."""
     read_constants({KEY: GOOD}, "x.toml")
     with pytest.raises(InputError) as caught:
         read_constants({KEY: entry}, "x.toml")
@@ -133,6 +133,6 @@ def test_an_entry_that_does_not_fit(entry: object, key: str, allowed: str) -> No
 
 
 def test_a_key_without_its_quotes() -> None:
-    """In TOML the dots then make tables within tables."""
+    """Without quotes, TOML reads the dots as nested tables."""
     with pytest.raises(InputError, match="quotes around the whole key"):
         read_constants({"impact": {"gates": {"distance_0": GOOD}}}, "x.toml")

@@ -1,4 +1,4 @@
-"""A whole laboratory of another maker: reduced to the known answer, and every fault in one line."""
+"""Records of another laboratory reduce to the known answer; each fault gives one line."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ QUANTITIES = [name for name in KNOWN if name != "verdict"]
 
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_the_known_answer(name: str) -> None:
-    """What its recorders' rounding moves is a fiftieth of u; the truth lies within 2 u."""
+    """The rounding of the recorders changes the result by u/50; the truth lies within 2 u."""
     budget = reduce(RECORDS).certification.quantities[name]
     known = KNOWN[name]
     assert abs(budget.value - known["value"]) < 0.02 * known["u"]
@@ -48,7 +48,7 @@ def test_names_and_sources_are_kept() -> None:
 
 
 def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
-    """The records it saves are ours, in SI, and give the same numbers again."""
+    """The saved records are in our format and SI, and reduce to the same numbers."""
     code, out, _ = run("reduce", str(RECORDS), "--out", "theirs", "--json")
     document = json.loads(out)
     assert code == 0
@@ -75,7 +75,7 @@ def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
 
 
 def test_a_signed_counter_that_starts_again_changes_nothing() -> None:
-    """Of 16 bits, 32767 then -32768 in the midst of every record; nor on the certificate's plot."""
+    """A 16-bit counter steps from 32767 to -32768 in every record; the plot is unchanged, too."""
     session = load_laboratory(RECORDS)
     encoder = session.records["impact"]["encoder"]
     assert isinstance(encoder, EncoderRecord)
@@ -108,7 +108,7 @@ def _both(*changes: Change) -> Change:
 
 
 def _more(constant: str) -> Change:
-    """Add a constant to the others."""
+    """Add a constant to the form."""
     return _form(
         '^"ball.radius"', f'"{constant}" = {{ value = 1, unit = "1", u = 0 }}\n"ball.radius"'
     )
@@ -173,7 +173,7 @@ def test_a_laboratory_with_one_fault(
     run: Run,  # noqa: F811
     tmp_path: Path,
 ) -> None:
-    """By the command line: exit code 2, one line that names it, and nothing written."""
+    """The command ends with code 2 and one line that names the fault, and writes nothing."""
     shutil.copytree(RECORDS, tmp_path / "theirs")
     break_it(tmp_path / "theirs")
     code, out, err = run("reduce", "theirs", "--out", "mine")
@@ -184,7 +184,7 @@ def test_a_laboratory_with_one_fault(
 
 
 def test_rules_of_their_own(tmp_path: Path) -> None:
-    """A procedure beside the form, written on Windows; a fault in it is named by its file."""
+    """A procedure file beside the form, with Windows line ends; its faults name the file."""
     from virtual_lab import catalog
 
     shutil.copytree(RECORDS, tmp_path / "theirs")
@@ -207,7 +207,7 @@ def test_a_form_written_on_windows(tmp_path: Path) -> None:
 
 
 def test_a_rig_nobody_here_has(tmp_path: Path) -> None:
-    """Rules for such a rig: a missing constant is still named, if only the first."""
+    """For a rig unknown here, the first missing constant is still named."""
     from virtual_lab import catalog
 
     shutil.copytree(RECORDS, tmp_path / "theirs")
@@ -223,7 +223,7 @@ def test_a_rig_nobody_here_has(tmp_path: Path) -> None:
 
 
 def test_the_readme_has_every_key() -> None:
-    """What may be said of a channel, and of a laboratory, is written down for its users."""
+    """The README lists every key of a channel and of a laboratory."""
     readme = (Path(__file__).parents[3] / "data" / "README.md").read_text("utf-8")
     section = readme.partition("# A form for another laboratory")[2]
     for form in (ChannelForm, LaboratoryForm):

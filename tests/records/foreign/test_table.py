@@ -1,4 +1,4 @@
-"""Tables of others: any unit, order and way of counting gives the record; faults are named."""
+"""Tables in any unit, order and numbering give the same record; faults are named."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def axes_of(kind: type[Record]) -> list[str]:
 
 
 def read(table: pd.DataFrame | bytes, form: ChannelForm, index_from: int = 0) -> Record:
-    """Return the record of a table written to a file."""
+    """Write a table to a file, and return the record that is read from it."""
     with TemporaryDirectory() as folder:
         data = table if isinstance(table, bytes) else table.to_csv(index=False).encode()
         (Path(folder) / form.file).write_bytes(data)
@@ -69,7 +69,7 @@ def form_of(record: Record, **more: object) -> ChannelForm:
 
 
 def is_blank(record: Record) -> bool:
-    """Return whether it is a form nobody filled in, which is an error."""
+    """Return whether a form is blank, which is an error."""
     return all(np.isnan(getattr(record, field)).all() for field in record.columns)
 
 
@@ -79,7 +79,7 @@ def columns() -> list[str]:
 
 @pytest.mark.parametrize("column", columns())
 def test_the_units_a_column_may_have(column: str) -> None:
-    """By hand above: the dimension is that of our unit, and a rate is no time."""
+    """Against the table written by hand above: the dimension of the unit, and a rate is no time."""
     assert column_names(column) == pytest.approx(COLUMNS[column], rel=1e-15)
 
 
@@ -90,7 +90,7 @@ def test_the_units_a_column_may_have(column: str) -> None:
 )
 @settings(max_examples=60)
 def test_any_unit_of_a_dimension(record: Record, data: st.DataObject, index_from: int) -> None:
-    """Written in a unit drawn for each column, counted from 0 or 1, it comes back in SI."""
+    """A table in random units, with indices from 0 or 1, is read in SI."""
     table = record.table()
     for column in record.columns.values():
         units = COLUMNS[column.name]
@@ -109,7 +109,7 @@ def test_any_unit_of_a_dimension(record: Record, data: st.DataObject, index_from
 @given(record=ANY, data=st.data())
 @settings(max_examples=60)
 def test_any_order_and_any_names_of_columns(record: Record, data: st.DataObject) -> None:
-    """Columns permuted and renamed, rows shuffled, one more column to ignore: the same bits."""
+    """Permuted and renamed columns, shuffled rows and an ignored column give the same bits."""
     table = record.table()
     table = table[data.draw(st.permutations(list(table.columns)))]
     table = table.iloc[data.draw(st.permutations(range(len(table))))]
@@ -124,7 +124,7 @@ def test_any_order_and_any_names_of_columns(record: Record, data: st.DataObject)
 @given(times=st.lists(st.booleans(), min_size=16, max_size=16), index_from=st.sampled_from([0, 1]))
 @settings(max_examples=30)
 def test_a_row_a_shot(times: list[bool], index_from: int) -> None:
-    """Gates in a wide table, some cells empty, against the record they were written from."""
+    """Gates in a wide table with empty cells give the record from which it was written."""
     assume(any(times))
     seen = np.reshape(times, (2, 2, 2, 2))
     record = GateRecord(times=np.where(seen, FLIGHTS, nan))
@@ -144,21 +144,21 @@ def test_a_row_a_shot(times: list[bool], index_from: int) -> None:
 
 
 def test_rows_are_counted_within_what_the_table_tells_apart() -> None:
-    """Readings without a number of their own, of two items in turns."""
+    """The readings of two items alternate and have no number."""
     table = pd.DataFrame({"item": [2, 1, 2, 1], "mass_g": [21.0, 11.0, 22.0, 12.0]})
     record = read(table, ChannelForm(record="mass-readings", file="x.csv", rows="repeat"), 1)
     assert record.readings == pytest.approx(np.array([[0.011, 0.012], [0.021, 0.022]]))
 
 
 def test_the_one_item_of_a_table() -> None:
-    """One column of readings is all there is to the mass of a bat."""
+    """The mass of a bat is one column of readings."""
     form = ChannelForm(record="mass-readings", file="x.csv", rows="repeat", fixed={"item": 1})
     record = read(b"mass_g\n881\n882\n", form, 1)
     assert record.readings == pytest.approx(np.array([[0.881, 0.882]]))
 
 
 def test_amplitudes_stand_once_in_a_wide_table() -> None:
-    """A row a release, its passages side by side, the amplitudes beside them."""
+    """One row per release: its passages side by side, then the amplitudes."""
     cells = {f"t{n}": {"passage": n} for n in range(3)}
     form = ChannelForm(record="pendulum", file="x.csv", wide={"time_ms": cells})
     data = b"release,t0,t1,t2,first_amplitude_deg,last_amplitude_deg\n0,0,1400,2801,5,4\n"
@@ -170,7 +170,7 @@ def test_amplitudes_stand_once_in_a_wide_table() -> None:
 
 
 def test_what_belongs_to_fewer_indices_stands_once() -> None:
-    """A clock all shots share, an amplitude a release: anywhere in its rows, or in all of them."""
+    """A common clock, one amplitude per release: in any of its rows, or in all of them."""
     data = b"shot,sample,counts,time_ms\n0,0,5,1\n0,1,6,\n1,0,7,\n1,1,8,2\n"
     record = read(data, ChannelForm(record="encoder", file="x.csv"))
     assert record.counts.tolist() == [[5, 6], [7, 8]]
@@ -197,7 +197,7 @@ def test_what_belongs_to_fewer_indices_stands_once() -> None:
     ids=["BOM", "CRLF", "CR", "spreadsheet", "tabs", "spaces", "quotes"],
 )
 def test_what_spreadsheets_make_of_a_table(data: bytes, more: dict) -> None:
-    """Marks, line ends, separators, spaces, quotes: the same two readings."""
+    """Byte-order marks, line ends, separators, spaces and quotes do not change two readings."""
     form = ChannelForm(record="mass-readings", file="x.csv", **more)
     assert read(data, form).readings == pytest.approx(np.array([[1.5e-3, 2.5e-3]]), rel=1e-15)
 
@@ -271,7 +271,7 @@ def test_a_table_that_does_not_fit(
     value: object,
     allowed: str,
 ) -> None:
-    """Each fault alone in a table that otherwise reads; numbers as the file has them."""
+    """One fault at a time in a valid table; messages use the numbers of the file."""
     np.testing.assert_allclose(read(THEIRS, FORM, 1).times, GATES.times, rtol=1e-15)
     with pytest.raises(InputError) as caught:
         read(change(THEIRS), FORM, 1)
@@ -304,7 +304,7 @@ def test_a_table_that_does_not_fit(
     ],
 )
 def test_a_form_that_does_not_fit(more: dict, key: str, allowed: str, tmp_path: Path) -> None:
-    """The table is good; what is said of it is not."""
+    """The table is valid, but the form describes it wrongly."""
     (tmp_path / "theirs.csv").write_text(TEXT)
     with pytest.raises(InputError) as caught:
         read_channel(replace(FORM, **more), tmp_path, 1, WHERE)
@@ -315,7 +315,7 @@ def test_a_form_that_does_not_fit(more: dict, key: str, allowed: str, tmp_path: 
 
 
 def test_200_000_rows() -> None:
-    """Read whole, and checked: the last of them running backwards is found."""
+    """All rows are read and checked: a time that decreases in the last row is found."""
     table = pd.DataFrame(
         {
             "time_ms": np.tile(np.arange(50_000.0), 4),
@@ -334,7 +334,7 @@ def test_200_000_rows() -> None:
 
 
 def test_200_000_rows_of_something_else() -> None:
-    """Shot numbers by which it would have to be 10^10 readings are refused, not made."""
+    """Shot numbers that imply 10^10 readings are refused, and no such array is allocated."""
     number = np.arange(200_000)
     table = pd.DataFrame({"item": number, "repeat": number, "mass_kg": 1.0})
     with pytest.raises(InputError, match="expected 40000000000 "):

@@ -1,6 +1,6 @@
 """The worked example for students: its numbers by plain arithmetic, and by the program.
 
-Nothing of the laboratory's own reduction is called to compute them: tables by pandas, equations
+The reduction of the package is not called: tables are read by pandas, and the equations are
 written out. Every number printed in ``worked_by_hand.md`` must round from what is computed, and
 what the program reduces must round to what is printed.
 """
@@ -54,7 +54,7 @@ def speed_back(kappa: float, time: float) -> float:
 
 
 def turning(contact: np.ndarray, rings: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return counts/s of each shot 0.7 ms after contact [s], and the squares the fit leaves."""
+    """Return the rate [counts/s] of each shot 0.7 ms after contact, and the residual squares."""
     encoder = table("encoder.csv")
     ms = encoder["t [ms]"].to_numpy()
     used = ms > 1e3 * contact.max() + 3
@@ -73,7 +73,7 @@ def turning(contact: np.ndarray, rings: np.ndarray) -> tuple[np.ndarray, float]:
 
 @cache
 def by_hand() -> dict[str, float]:
-    """Return every quantity of the page, in the unit printed there."""
+    """Return every quantity of the page in its printed unit."""
     x: dict[str, float] = {}
     weigh_and_swing(x)
     mass, kappa, e0_of = hit_the_wall(x)
@@ -133,7 +133,7 @@ def hit_the_wall(x: dict[str, float]) -> tuple[pd.Series, pd.Series, pd.Series]:
 
 
 def flights() -> tuple[pd.Series, np.ndarray]:
-    """Return the time between the gates and that of contact [s] of each shot at the bat."""
+    """Return the time between the gates and the time of contact [s] of each shot at the bat."""
     gates = table("gates.csv")
     passages = gates[gates.way == 1].groupby(["shot", "gate"]).time_us.mean().unstack() / 1e6
     duration = passages[2] - passages[1]
@@ -185,7 +185,7 @@ def test_every_number_on_the_page_is_computed_and_every_one_computed_is_there() 
 
 
 def test_the_rings_printed_leave_the_least_squares() -> None:
-    """A step of any one frequency or decay either way, and the fit leaves more."""
+    """A step of any frequency or decay, up or down, increases the residual squares."""
     _, contact = flights()
     best = rings()
     assert best.shape == (6, 2)
@@ -224,7 +224,7 @@ def test_the_program_gives_the_same_to_every_digit_printed() -> None:
 
 
 def test_the_constants_are_those_of_the_form() -> None:
-    """What is written above once more by hand stands in the laboratory's own form."""
+    """The constants written above equal those in the laboratory's form."""
     known = reduce(RECORDS).certification.session.calibration
     for key, value in {
         "hall.gravity": G,
