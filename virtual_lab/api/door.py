@@ -111,6 +111,8 @@ def _placed(value: Any, store: Store) -> Any:
     """Return a value with names in the place of sheets, whose texts are put into the store."""
     if isinstance(value, tuple):
         return tuple(_placed(each, store) for each in value)
+    if isinstance(value, dict):  # a study by its keys
+        return {key: _placed(each, store) for key, each in value.items()}
     if not isinstance(value, Sheet):
         return value
     kind = value.kind
