@@ -1,6 +1,6 @@
-"""Laboratories side by side: each certifies what the golden table of the loop says of it.
+"""A block of laboratories: each gives the result of the golden table.
 
-The table was written before there were blocks, by laboratories one after another.
+The table was written by a loop over laboratories, before blocks existed.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def row_of(block: lab.BlockTest, case: Case, one: int, scenes: int) -> Row:
 
 
 def compare(procedure: str, bat: str, first: int, last: int) -> list[str]:
-    """Return what differs from the table, a line each."""
+    """Return the differences from the table, one line each."""
     block, lines = block_of(procedure, bat, first, last), []
     for number in range(first, last):
         case = Case(kind="summed", procedure=procedure, bat=bat, number=number)
@@ -72,7 +72,7 @@ def compare(procedure: str, bat: str, first: int, last: int) -> list[str]:
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_a_block_is_its_laboratories_one_after_another(procedure: str) -> None:
-    """Metric, u, ν, truth, shots, verdict and flags of twenty, weak rebounds among them."""
+    """Metric, u, ν, truth, shots, verdict and flags of twenty laboratories agree."""
     assert compare(procedure, bat_of(procedure), 0, 20) == []
 
 
@@ -80,7 +80,7 @@ def test_a_block_is_its_laboratories_one_after_another(procedure: str) -> None:
 @pytest.mark.parametrize("procedure", PROCEDURES)
 @pytest.mark.parametrize("which", [0, 1])
 def test_blocks_are_the_whole_table(procedure: str, which: int) -> None:
-    """Three hundred laboratories of both bats, in blocks of a hundred."""
+    """Blocks of a hundred give the table's three hundred laboratories of both bats."""
     bat = (SOFTBALL if procedure == "asa" else BASEBALL)[which]
     for first in (0, 100, 200):
         assert compare(procedure, bat, first, first + 100) == []
@@ -88,7 +88,7 @@ def test_blocks_are_the_whole_table(procedure: str, which: int) -> None:
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_a_test_of_a_block_is_printed_as_that_of_its_laboratory_alone(procedure: str) -> None:
-    """Every record, budget line, flag and all that was true, bit for bit."""
+    """Every record, budget line, flag and true value agrees bit for bit."""
     shared = round_robin(procedure, bat_of(procedure))
     block = block_of(procedure, bat_of(procedure), 0, 20)
     for number in (0, 13):
@@ -106,7 +106,7 @@ def test_a_test_of_a_block_is_printed_as_that_of_its_laboratory_alone(procedure:
 def test_individual_bats_of_a_block_are_those_of_their_laboratories(
     procedure: str, bat: str
 ) -> None:
-    """Records and truth bit for bit, a bat as it is sealed; no two bats alike."""
+    """Records, truth and the sealed bat agree bit for bit; no two bats are equal."""
     shared = lab.RoundRobin.of(bat, procedure, individual=True)
     (block,) = shared.blocks(3, SEED)
     assert block.sessions.laboratories == 3
@@ -133,7 +133,7 @@ def test_a_bat_is_the_same_on_another_day_where_it_is_asked_for() -> None:
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_nothing_depends_on_the_neighbours(procedure: str) -> None:
-    """Twenty in one block, and in blocks of 1, 7 and 12: all numbers by their bits."""
+    """Twenty laboratories in one block, and in blocks of 1, 7 and 12, have the same bits."""
     bat = bat_of(procedure)
     whole = block_of(procedure, bat, 0, 20)
     for first, last in pairwise((0, 1, 8, 20)):
@@ -148,7 +148,7 @@ def test_nothing_depends_on_the_neighbours(procedure: str) -> None:
 
 
 class BrokenError(Exception):
-    """A function that both should have called."""
+    """The error of a function that both calls should reach."""
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_one_laboratory_and_many_run_the_same_functions(
 
 
 def test_a_block_of_another_day_is_the_second_tests_of_its_laboratories() -> None:
-    """The loop's tests of branch 1: rigs as on the first day, other balls, readings and hits."""
+    """Tests of branch 1 in the loop: the rigs of the first day, other balls, readings and hits."""
     shared = round_robin("astm-f1881", "r161")
     setup = replace(shared.setup, test=1)
     block = lab.certify_block(replace(setup, seed=SEED, number=np.arange(3, 6)))

@@ -1,4 +1,4 @@
-"""The control bat: e of a test over what a bat of known e gave with the same balls."""
+"""The control bat: e of the tested bat over e of a bat of known e with the same balls."""
 
 from functools import cache
 from itertools import combinations
@@ -29,7 +29,7 @@ standard = { value = 0.5, unit = "1", source = "assumed", verified = false }
 
 @pytest.fixture(scope="module")
 def rules(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Return the file of bbcor with a control bat."""
+    """Return the text of `bbcor` with a control bat."""
     path = tmp_path_factory.mktemp("rules") / "controlled.toml"
     path.write_text(BBCOR + CORRECTION)
     return str(path)
@@ -41,7 +41,7 @@ def controlled(rules: str, reality: Reality = Reality.REAL, seed: int = 7) -> la
 
 
 def test_without_errors_it_is_the_ratio_of_two_tests(rules: str) -> None:
-    """Each bat certified alone by bbcor, and one e over the other."""
+    """Each bat is certified alone by `bbcor`; the metric is the ratio of both e."""
     bat, cylinder = (
         certified(name, procedure="bbcor", reality=Reality.IDEAL) for name in ("r161", CYLINDER)
     )
@@ -57,7 +57,7 @@ def test_without_errors_it_is_the_ratio_of_two_tests(rules: str) -> None:
 
 
 def test_the_control_bat_is_hit_anew_in_every_test_of_a_laboratory(rules: str) -> None:
-    """By the marks on its aim paper, which only chance tells apart: test 1, 2, and the only one."""
+    """The random marks on its aim paper differ between test 1, test 2 and a single test."""
     marks = [
         certify(
             "r161",
@@ -108,7 +108,7 @@ def test_the_constant_is_the_control_bats_e_with_its_uncertainty(rules: str) -> 
 
 
 def test_the_intervals_hold_the_truth(rules: str) -> None:
-    """8 laboratories; of intervals of 95 % fewer than 5 hold it once in 2500 times."""
+    """Eight laboratories; fewer than 5 of 8 intervals of 95 % hold the truth once in 2500 times."""
     held = 0
     for seed in range(60_000, 60_008):
         found = controlled(rules, seed=seed)
@@ -119,7 +119,7 @@ def test_the_intervals_hold_the_truth(rules: str) -> None:
 
 
 def test_a_livelier_lot_goes_out_of_the_ratio(rules: str, tmp_path: Path) -> None:
-    """e0 up by 0.004: e goes up by about as much, and e over the control bat's by a tenth of it."""
+    """If e0 rises by 0.004, e rises by about as much, and the ratio by a tenth of this."""
     ball = catalog.text("balls", "baseball-2003").replace(
         "value = 0.55, unit", "value = 0.554, unit"
     )

@@ -1,7 +1,7 @@
-"""Every constant is there for something: the true ones move records, the known ones results.
+"""Every constant has an effect: a true constant on records, a stated one on results.
 
-What `--ideal` shows of all corrections together is here asked of each: a true constant that moves
-no record, a calibration that moves no result or the wrong way, a scatter that scatters nothing.
+`--ideal` tests all corrections together. Here each is tested alone: a true constant that changes
+no record, a calibration that moves no result or in the wrong direction, a scatter without effect.
 """
 
 from collections.abc import Mapping
@@ -45,9 +45,9 @@ from virtual_lab.units import INCH, MPH
 Array = np.ndarray
 Changed = set[str]
 SHOTS = 8
-FAR = 20.0  # of its u, so that steps of instruments hide no constant
-# A summed-up record knows the support by its nominal axis alone: `struck` says why. The rest of
-# these only pictures show.
+FAR = 20.0  # change of a constant in u, large enough that no resolution hides it
+# A summed record depends on the support only by its nominal axis, see `struck`. Only complete
+# records or pictures show the others.
 UNSEEN = {
     ("ball-cannon", RecordDetail.SUMMED): {"pivot.from_knob"},
     ("filmed-cannon", RecordDetail.SUMMED): {"pivot.from_knob", "camera.gain"},
@@ -55,7 +55,7 @@ UNSEEN = {
 
 
 class Collisions:
-    """The modal rung for everything, its modes built once."""
+    """The modal model for all collisions, with its modes computed once."""
 
     of = staticmethod(cache(ModalModel.of))
 
@@ -92,7 +92,7 @@ def plan(rig: str, detail: RecordDetail, shots: int = SHOTS) -> ShotPlan:
 
 
 def differing(one: Mapping[str, Record], other: Mapping[str, Record]) -> Changed:
-    """Return the channels in which two plays' records differ."""
+    """Return the channels in which the records of two plays differ."""
     return {
         channel
         for channel, record in one.items()
@@ -104,7 +104,7 @@ def differing(one: Mapping[str, Record], other: Mapping[str, Record]) -> Changed
 
 
 def moved(station: Station, name: str) -> Station:
-    """Return a station one of whose true constants is `FAR` times its u away."""
+    """Return a station with one true constant changed by `FAR` times its u."""
     if name == "wall.restitution":
         return station.with_wall(0.99)
     part, _, key = name.partition(".")
@@ -116,12 +116,12 @@ def moved(station: Station, name: str) -> Station:
 
 
 def altered(station: Station, part: str, **true: float) -> Station:
-    """Return a station with some true constants of one of its instruments changed."""
+    """Return a station with some true constants of one instrument changed."""
     return fitted_with(station, part, instrument_of(station, part).with_true(**true))
 
 
 def with_sheet(station: Any, part: str, **changes: Any) -> Any:
-    """Return a station one of whose parts is not what its sheet says, measures it or not."""
+    """Return a station with one part, an instrument or not, that differs from its sheet."""
     if instrument_of(station, part):
         return other_sheet(station, part, **changes)
     own = getattr(station, part)
@@ -139,7 +139,7 @@ CHEAP = [rig for rig in installed_rigs() if rig != "filmed-cannon"]
     ],
 )
 def test_every_true_constant_moves_a_record(rig: str, detail: RecordDetail) -> None:
-    """Of every station in either detail, all draws alike; and the clock of gates all it times."""
+    """For every station, in both details of the records; a clock changes all its times."""
     draws, struck = Streams(11), specimen()
     station = installed_rigs()[rig].commission(draws)
     asked = plan(rig, detail)
@@ -149,7 +149,7 @@ def test_every_true_constant_moves_a_record(rig: str, detail: RecordDetail) -> N
         for name in station.true_constants
         if name not in station.calibration or station.calibration[name].u > 0
     }
-    # marks on an aim paper are no shots: an aim that only they show strikes where it was set
+    # marks on an aim paper are no shots: they change the aim, not the set position
     still = {name for name, channels in found.items() if not channels - {"aim"}}
     assert still == UNSEEN.get((rig, detail), set())
     for encoder in ("encoder", "swing"):
@@ -158,7 +158,7 @@ def test_every_true_constant_moves_a_record(rig: str, detail: RecordDetail) -> N
 
 
 def test_the_gain_of_a_camera_moves_its_pictures() -> None:
-    """The one constant of the camera that places of the ball do not know of."""
+    """The gain is the only camera constant that the ball's position does not depend on."""
     draws, struck = Streams(11), specimen()
     station = installed_rigs()["filmed-cannon"].commission(draws)
     asked = plan("filmed-cannon", RecordDetail.FULL, 1)
@@ -170,13 +170,13 @@ def test_the_gain_of_a_camera_moves_its_pictures() -> None:
 
 
 def watching(records: Mapping[str, Record]) -> str:
-    """Return the channel of what watches the balls."""
+    """Return the channel of the instrument that watches the balls."""
     return next(name for name, record in records.items() if isinstance(record, BallRecord))
 
 
 @pytest.mark.parametrize("rig", [rig for rig in CHEAP if rig != "bench"])
 def test_the_lots_own_radius_and_slope_move_records(rig: str) -> None:
-    """What `lot_constants` is unsure of is true of the balls on the rig."""
+    """The true radius and slope of the balls on the rig are those drawn from `lot_constants`."""
     draws, struck = Streams(12), specimen()
     station, asked = installed_rigs()[rig].commission(draws), plan(rig, RecordDetail.FULL)
     records = station.play(asked, struck, draws).records
@@ -189,7 +189,7 @@ def test_the_lots_own_radius_and_slope_move_records(rig: str) -> None:
 
 
 def test_a_lots_radius_and_slope_scatter_as_stated() -> None:
-    """400 lots: (true - stated)/u standard normal; 4.5 standard errors of mean and variance."""
+    """In 400 lots, (true - stated)/u is standard normal within 4.5 standard errors."""
     spec = catalog.load("balls", "baseball-2003", BallSpec).spec
     known = lot_constants(spec)
     lots = [draw_balls(spec, 1, Streams(seed)).spec for seed in range(400)]
@@ -203,7 +203,7 @@ def test_a_lots_radius_and_slope_scatter_as_stated() -> None:
         assert abs(z.var() - 1) < 4.5 * np.sqrt(2 / 400)
 
 
-SCATTERS = {  # by rig: field of the station, number of its sheet, what it scatters
+SCATTERS = {  # scatters of each rig: field of the station, number of its sheet, scattered quantity
     "bench": [
         ("scale", "repeatability", "bat-mass"),
         ("scale", "resolution", "ball-mass"),
@@ -243,8 +243,8 @@ SCATTERS = {  # by rig: field of the station, number of its sheet, what it scatt
         ("drive", "timing_scatter", "gates"),
     ],
 }
-OWN_SHEET = {"drive"}  # a part of a station that is its own sheet
-SUMS = {  # in sums a recorder has rounded, and the bearing has rubbed, before it sums
+OWN_SHEET = {"drive"}  # part of a station that is a sheet itself
+SUMS = {  # recorders round, and the bearing rubs, before readings are summed
     "ball-wall": [("gates", "edge_jitter", "gates"), ("gates", "tick", "gates")],
     "astm-pivot": [("gates", "edge_jitter", "gates"), ("pivot", "friction", "encoder")],
     "ball-cannon": [("gates", "edge_jitter", "gates"), ("gates", "trip_spread", "gates")],
@@ -254,7 +254,7 @@ EACH_SCATTER += [(rig, RecordDetail.SUMMED, *what) for rig, all_ in SUMS.items()
 
 
 def variances(record: Record) -> dict[str, Array]:
-    """Return the variance of every column over its first axis, or over all where that is one."""
+    """Return the variance of each column over its first axis, or over all if its length is 1."""
     found = {}
     for name in record.columns:
         values = np.ma.masked_invalid(np.asarray(getattr(record, name), dtype=float))
@@ -266,9 +266,9 @@ def variances(record: Record) -> dict[str, Array]:
 def test_every_declared_scatter_scatters(
     rig: str, detail: RecordDetail, part: str, number: str, channel: str
 ) -> None:
-    """Set to nothing, all draws alike, it changes the variance of what it scatters.
+    """Setting a scatter to zero, with equal draws, changes the variance of its quantity.
 
-    In one laboratory of eight at least: a rule's step hides most of what it repeats to.
+    At least one laboratory of eight shows it: the resolution of the rule hides most of its noise.
     """
     assert any(
         scatters(Streams(seed), rig, detail, part, number, channel) for seed in range(11, 19)
@@ -278,10 +278,10 @@ def test_every_declared_scatter_scatters(
 def scatters(
     draws: Streams, rig: str, detail: RecordDetail, part: str, number: str, channel: str
 ) -> bool:
-    """Return whether a record's variance is another without one number of a sheet."""
+    """Return whether the variance of a record changes without one number of a sheet."""
     station, struck = installed_rigs()[rig].commission(draws), specimen()
     asked = plan(rig, detail, 4 * SHOTS)
-    if number == "sabot_rate":  # which strikes one shot in a hundred
+    if number == "sabot_rate":  # fault of one shot in a hundred
         station = with_sheet(station, part, sabot_rate=0.5)
     if part in OWN_SHEET:
         still = replace(station, **{part: replace(getattr(station, part), **{number: 0.0})})
@@ -294,10 +294,10 @@ def scatters(
 
 @pytest.mark.parametrize("detail", RecordDetail)
 def test_the_encoder_turns_about_the_true_axis(detail: RecordDetail) -> None:
-    """A rigid bat on an axis 8 mm from where it should be: ω = J lever / I about that axis.
+    """A rigid bat on an axis 8 mm from its nominal position: ω = J lever / I about that axis.
 
-    And, where the encoder shows the ring, with the slope of each mode there: a sum of decaying
-    sines from what the collision left in them.
+    If the encoder shows the ring, the oracle adds the slope of each mode there: a sum of decaying
+    sines that start with the modal state after the collision.
     """
     struck, asked = specimen(draws=Quiet()), plan("astm-pivot", detail, 2)
     station = installed_rigs()["astm-pivot"].commission(Quiet(), ideal=True)
@@ -336,9 +336,9 @@ def test_the_encoder_turns_about_the_true_axis(detail: RecordDetail) -> None:
 
 @pytest.mark.parametrize("off", [-0.05, 0.0, 0.05])
 def test_a_journal_rubs_by_the_reaction_of_the_blow(off: float) -> None:
-    """Struck `off` [m] the centre of percussion: it bears |1 - b m d/I| of the blow J, none there.
+    """Struck `off` [m] from the centre of percussion, the pivot bears |1 - b m d/I| of the blow J.
 
-    The rate falls by μ R J |1 - b m d/I|/I, of J = m v (1 + e_A); the sheet's R.
+    The rate falls by μ R J |1 - b m d/I|/I, with J = m v (1 + e_A) and R of the sheet.
     """
     station = with_sheet(installed_rigs()["astm-pivot"].commission(Quiet()), "pivot", friction=0.0)
     struck, asked = specimen(), plan("astm-pivot", RecordDetail.SUMMED, 1)
@@ -360,7 +360,7 @@ def test_a_journal_rubs_by_the_reaction_of_the_blow(off: float) -> None:
 
 
 def test_the_thresholds_of_beams_scatter_edges() -> None:
-    """A sheet's spread of thresholds is drawn when the boards are commissioned."""
+    """The spread of thresholds on the sheet is drawn when the boards are commissioned."""
     spread = {}
     for rig in ("ball-cannon", "ncaa-swing"):
         boards = installed_rigs()[rig].commission(Streams(11)).gates
@@ -372,7 +372,7 @@ def test_the_thresholds_of_beams_scatter_edges() -> None:
 @pytest.mark.parametrize("rig", [rig for rig in CHEAP if rig != "bench"])
 @pytest.mark.parametrize("scatter", ["mass", "restitution", "hit_restitution"])
 def test_every_scatter_of_a_ball_scatters(rig: str, detail: RecordDetail, scatter: str) -> None:
-    """Lots of alike masses, of alike e0, and hits alike: what is seen of balls varies otherwise."""
+    """Equal masses, equal e0 or equal hits in a lot change the variance of the ball records."""
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     alike = replace(ball, spread=replace(ball.spread, **{scatter: 0.0}))
     draws, station = Streams(11), installed_rigs()[rig].commission(Streams(11))
@@ -387,10 +387,10 @@ def test_every_scatter_of_a_ball_scatters(rig: str, detail: RecordDetail, scatte
 
 
 def few(session: Session, shots: int) -> Session:
-    """Return a session with the first shots at the bat alone, where more constants matter.
+    """Return a session with only the first shots at the bat, where more constants matter.
 
-    All are 2 mm above the bat's axis, by what is known of the bat's height or by the marks, and
-    1 % faster than balls at the wall, by where the first gate is.
+    All shots are 2 mm above the bat's axis, by the bat's known height or by the marks, and
+    1 % faster than balls at the wall, by the position of the first gate.
     """
     impact: dict[str, Record] = {}
     for channel, record in session.records["impact"].items():
@@ -418,16 +418,16 @@ def with_constant(session: Session, name: str, value: float) -> Session:
 
 
 def slopes(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return least-squares slope and intercept of y over x, a line a row."""
+    """Return least-squares slope and intercept of y over x, one line per row."""
     lines = [np.polyfit(*row, 1) for row in zip(*np.broadcast_arrays(x, y), strict=True)]
     slope, intercept = np.array(lines).T
     return slope, intercept
 
 
 def by_hand(session: Session, reduced: SessionReduction) -> dict[str, Array]:  # noqa: PLR0915 one page
-    """Return what the records of an airless laboratory say, worked out from the paper's equations.
+    """Return the results of the records of an airless laboratory by the paper's equations.
 
-    Signals, which is to say passages and rates in counts, are taken as reduced.
+    Signals (passages and rates in counts) are those of the reduction.
     """
     x = {name: known.value for name, known in session.calibration.items()}
     bench, readings, rules = session.records["bench"], reduced.readings, reduced.procedure
@@ -451,7 +451,7 @@ def by_hand(session: Session, reduced: SessionReduction) -> dict[str, Array]:  #
     moment = mass * lever + x["bench.pendulum.clamp_moment"]
     both = (total / count / longer / 2 / pi) ** 2 * x["hall.gravity"] * moment
     inertia = both - x["bench.pendulum.clamp_inertia"] - mass * lever**2
-    # balls at the wall
+    # section: balls at the wall
     log, seen = session.records["balls"]["log"], reduced.model.balls.flights.passages
     ball_mass = bench["ball-mass"].readings.mean(axis=1) - x["bench.scale.zero"]
     ball_mass = ball_mass / x["bench.scale.span"]
@@ -517,7 +517,7 @@ def by_hand(session: Session, reduced: SessionReduction) -> dict[str, Array]:  #
 
 
 def flown(x: Mapping[str, float], stage: str, seen: Any) -> tuple[Array, Array, Array]:
-    """Return speeds in and out, and the height at the target, of balls in no air."""
+    """Return the speeds before and after, and the height at the target, of balls without air."""
     gates = seen.times.shape[-1]
     far = np.array([x[f"{stage}.gates.distance_{gate}"] for gate in range(gates)])
     clock = x[f"{stage}.gates.clock"]
@@ -532,17 +532,17 @@ def flown(x: Mapping[str, float], stage: str, seen: Any) -> tuple[Array, Array, 
 
 
 EXACT = {"resolution", "over", "lowest", "pitch"}
-# the slope is measured where the wall is hit at two speeds; a bat at rest has no speed to know
+# the slope is measured if the wall is hit at two speeds; a bat at rest has no known speed
 IDLE = {
     "astm-f1881": set(),
     "bbcor": {"ball.restitution_slope", "impact.pivot.from_knob"},
     "ncaa-besr": {"ball.restitution_slope"},
 }
-MOVES = 3.0  # of u in a real laboratory, or a thousandth where a sheet is exact
+MOVES = 3.0  # step in u of a real laboratory, or a thousandth if a sheet is exact
 
 
 def moves_of(real: Session, ideal: Session) -> dict[str, float]:
-    """Return each constant's moved value."""
+    """Return the changed value of each constant."""
     return {
         name: known.value + (MOVES * real.calibration[name].u or 1e-3 * known.value)
         for name, known in ideal.calibration.items()
@@ -554,7 +554,7 @@ def moves_of(real: Session, ideal: Session) -> dict[str, float]:
 def test_every_calibration_moves_the_result_as_its_correction_says(
     procedure: str, played: Play
 ) -> None:
-    """An ideal laboratory's records with each constant moved, against equations worked by hand."""
+    """Records of an ideal laboratory, with each constant changed, against the paper's equations."""
     ideal = few(played("r161", Reality.IDEAL, procedure=procedure).certification.session, 6)
     real = played("r161", procedure=procedure).certification.session
     start = reduce_session(ideal)
@@ -581,12 +581,12 @@ def effect(session: Session, name: str, value: float) -> tuple[SessionReduction,
 def test_air_slows_a_ball_from_the_gates_to_the_bat(
     name: str, procedure: str, played: Play
 ) -> None:
-    """V at the bat is v at the gates' middle times 1 - κ D, and back 1 + κ D: to κ² D²."""
+    """The speed at the bat is that between the gates times 1 ∓ κ D, inbound and back, to κ² D²."""
     ideal = few(played("r161", Reality.IDEAL, procedure=procedure).certification.session, 6)
     other = "density" if name == "drag_coefficient" else "drag_coefficient"
     blown = with_constant(ideal, f"hall.air.{other}", {"density": 1.2}.get(other, 0.4))
     still, windy = effect(blown, f"hall.air.{name}", {"density": 1.2}.get(name, 0.4))
-    if other == "density":  # a coefficient of air that is there
+    if other == "density":  # drag coefficient of air above zero
         still = reduce_session(ideal)
     x = {key: known.value for key, known in ideal.calibration.items()}
     area = pi * x["ball.radius"] ** 2
@@ -600,7 +600,7 @@ def test_air_slows_a_ball_from_the_gates_to_the_bat(
 
 
 def test_the_beams_of_a_board_are_where_its_sheet_says(played: Play) -> None:
-    """Raised beams raise the ball; wider spaced ones spread it about the lowest."""
+    """Raised beams raise the ball; a wider spacing scales its height above the lowest beam."""
     ideal = few(played("r161", Reality.IDEAL, procedure="bbcor").certification.session, 6)
     lowest = ideal.calibration["impact.gates.lowest"].value
     start, raised = effect(ideal, "impact.gates.lowest", lowest + 1e-3)
@@ -626,7 +626,7 @@ def test_the_beams_of_a_board_are_where_its_sheet_says(played: Play) -> None:
 def test_a_hundredth_more(
     name: str, factor: float, field: str, power: float | None, played: Play
 ) -> None:
-    """In plain words: a fast clock makes fast balls, a coarse encoder slow bats, and so on."""
+    """A clock known to be fast makes balls faster, a coarser encoder bats slower, and so on."""
     ideal = few(played("r161", Reality.IDEAL).certification.session, 6)
     known = ideal.calibration[name].value
     start, found = effect(ideal, name, factor * known)
@@ -636,21 +636,21 @@ def test_a_hundredth_more(
 
 
 def test_balls_that_strike_farther_along_have_a_shorter_lever(played: Play) -> None:
-    """What propagation asks: aimed as found, struck 1 mm off. (1 + e_A) lever stays, r does too."""
+    """Aimed as measured, struck 1 mm farther along: (1 + e_A) lever and r stay the same."""
     reduced = reduce_session(played("r161", Reality.IDEAL).certification.session)
     x = {name: np.array(known.value) for name, known in reduced.constants.items()}
     name = "impact.cannon.along"
     beside = reduced.model.shots({**x, name: x[name] + 1e-3}, reduced.bat)
     lever = reduced.bat.length - x["impact.pivot.from_knob"] - reduced.shots.place
     expected = (1 + reduced.shots.collision_efficiency) * lever / (lever - 1e-3) - 1
-    expected -= 0.006 / 0.0254 * 1e-3  # the sheet's slope of e_A along the barrel
+    expected -= 0.006 / 0.0254 * 1e-3  # slope of e_A along the barrel on the sheet
     assert beside.collision_efficiency == pytest.approx(expected, rel=1e-9)
-    assert beside.place == pytest.approx(reduced.shots.place)  # to which the slope carries it
+    assert beside.place == pytest.approx(reduced.shots.place)
     assert beside.recoil_factor == pytest.approx(reduced.shots.recoil_factor, rel=1e-12)
 
 
 def test_a_drive_that_droops_slows_by_its_share_a_second() -> None:
-    """Of a shaft without ripple, counted in parts: rate (1 + d t) at t s before the contact."""
+    """A shaft without ripple has the rate (1 + d t) at t s before contact."""
     station: Any = installed_rigs()["ncaa-swing"].commission(Quiet())
     station = replace(station, drive=replace(station.drive, ripple=0.0, droop=-0.5))
     station = with_sheet(station, "swing", whole_counts=False)
@@ -664,10 +664,10 @@ def test_a_drive_that_droops_slows_by_its_share_a_second() -> None:
 
 @pytest.mark.parametrize("late", [-3.0, 3.0])
 def test_a_slanting_bat_is_seen_through(late: float) -> None:
-    """An otherwise ideal machine 0.9 ms out of step, 2.5° at 47 rad/s, either way.
+    """An otherwise ideal machine is 0.9 ms early or late: 2.5° at 47 rad/s.
 
     The ball meets the bat farther out by lever (1/cos - 1), 0.6 mm, and nearer to the boards or
-    farther from them by 2 cm. A slant taken for none costs e_A 1e-3 and the place 0.6 mm.
+    farther from them by 2 cm. Ignoring the slant would shift e_A by 1e-3 and the place by 0.6 mm.
     """
 
     class Late(Quiet):
@@ -695,7 +695,7 @@ def test_a_slanting_bat_is_seen_through(late: float) -> None:
     assert shots.place == pytest.approx(play.truth["place"], abs=1e-6)
     assert shots.bat_speed == pytest.approx(play.truth["bat_speed"], rel=1e-6)
     assert shots.collision_efficiency == pytest.approx(play.truth["collision_efficiency"], abs=1e-6)
-    # what the test would see of a bat taken to stand square
+    # result if the bat is assumed to be square
     lever = play.truth["bat_speed"] / 47.0
     assert (lever * (1 - np.cos(slant)) > 3e-4).all()
 
@@ -714,7 +714,7 @@ PRINTED_BAT = {
     "procedure", [PROCEDURE, "bbcor", pytest.param("proposed", marks=pytest.mark.long)]
 )
 def test_every_uncertainty_printed_is_its_budgets(procedure: str, played: Play) -> None:
-    """Metric, all quantities and bat properties: the root of the sum of (sensitivity u)²."""
+    """For metric, quantities and bat properties, u is the root of the sum of (sensitivity u)²."""
     found = played("r161", procedure=procedure).certification
     document = certificate(found).as_json()
     assert found.metric is not None
@@ -733,10 +733,10 @@ def test_every_uncertainty_printed_is_its_budgets(procedure: str, played: Play) 
 
 
 def test_components_rest_on_what_the_certificates_state(played: Play) -> None:
-    """Every calibration's u in a budget is that of the session, to the last bit."""
+    """The u of every calibration in a budget equals that of the session, to the last bit."""
     found = played("r161").certification
     known = found.session.calibration
     for budget in [found.metric, *found.quantities.values(), *found.bat.values()]:
         for part in budget.components:
-            if part.name in known and part.name != "hall.air.density":  # read on the day
+            if part.name in known and part.name != "hall.air.density":  # values of the day
                 assert (part.u, part.dof) == (known[part.name].u, known[part.name].dof)

@@ -1,9 +1,9 @@
-"""No two things that chance decides share a random number.
+"""No two random quantities share a random number.
 
-A number belongs to (seed, branch, laboratory, name, slot, index). Whoever asks for one is told by
-the line that asks and all that led to it in simulation and rigs: a cannon fires at a bat and at an
+A number belongs to (seed, branch, laboratory, name, slot, index). A caller is identified by
+its line and its call stack in simulation and rigs: a cannon fires at a bat and at an
 aim paper by the same line, and every instrument of a laboratory is drawn by the same two. One key
-asked for from two places would give two things one number.
+requested by two callers would give two quantities one number.
 """
 
 import sys
@@ -24,14 +24,14 @@ from virtual_lab.simulation.instruments import RecordDetail
 
 STREAMS = Path(streams.__file__).parent
 SIMULATED = Path(simulation.__file__).parent, *map(Path, rigs.__path__)
-HALL = {"hall.air.errors", "hall.gravity.errors"}  # one air and one gravity for all rigs
+HALL = {"hall.air.errors", "hall.gravity.errors"}  # air and gravity, shared by all rigs
 Place = tuple[str, int]
 PROCEDURES = ("asa", "astm-f1881", "bbcor", "ncaa-besr", "ncaa-modified", "proposed")
 
 
 @contextmanager
 def overheard(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[tuple, set[tuple[Place, ...]]]]:
-    """Collect who asks for the numbers of each (seed, branch, laboratory, name)."""
+    """Collect the callers for the numbers of each (seed, branch, laboratory, name)."""
     asked: dict[tuple, set[tuple[Place, ...]]] = defaultdict(set)
     draw = streams.Streams._numbers
 
@@ -45,7 +45,7 @@ def overheard(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[tuple, set[tuple
 
 
 def _callers() -> tuple[Place, ...]:
-    """Return the line outside the streams that asks, and those in simulation and rigs above it."""
+    """Return the calling line outside the streams, and those in simulation and rigs above it."""
     frame: FrameType | None = sys._getframe(2)
     while frame is not None and Path(frame.f_code.co_filename).parent == STREAMS:
         frame = frame.f_back
@@ -60,7 +60,7 @@ def _callers() -> tuple[Place, ...]:
 
 
 def shared(asked: dict[tuple, set[tuple[Place, ...]]]) -> dict[tuple, set[tuple[Place, ...]]]:
-    """Return what was asked for from two places, but for what all rigs have in common."""
+    """Return the keys that two callers requested, except those that all rigs share."""
     assert len(asked) > 25
     return {key: who for key, who in asked.items() if len(who) > 1 and key[-1] not in HALL}
 
@@ -78,14 +78,14 @@ def test_no_two_places_ask_for_the_same_numbers(
 
 
 def test_nor_do_the_faults_of_a_day(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All at once, as each befalls this rig."""
+    """All faults of this rig occur at once."""
     with overheard(monkeypatch) as asked:
         certify("r161", procedure="astm-f1881", seed=11, faults=tuple(CATALOGUE))
     assert not shared(asked)
 
 
 def test_nor_do_a_bat_and_its_control_bat(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """In tests 1, 2, 3 of a laboratory, which have in common what belongs to no test: its rigs."""
+    """In tests 1, 2 and 3 of a laboratory, which share only its rigs."""
     rules = tmp_path / "controlled.toml"
     rules.write_text(BBCOR + CORRECTION)
     branches = []

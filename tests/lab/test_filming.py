@@ -1,4 +1,4 @@
-"""What a test at the filmed cannon leaves for `track`: a calibration of camera, ball and bat."""
+"""A test at the filmed cannon writes a calibration of camera, ball and bat for `track`."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from virtual_lab.video.clips.calibration_file import read_calibration
 def test_the_calibration_beside_a_film_is_what_the_laboratory_knows(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """It reads; the camera is the session's; the bat's pivot and width are within millimetres."""
+    """The file is valid, the camera is the session's, and pivot and width agree to millimetres."""
     monkeypatch.setattr(rigs.filmed_cannon, "write_films", lambda *_: None)
     done = certify(
         "r161",

@@ -1,4 +1,4 @@
-"""What does not fit is refused before anything is fired, in one line that names the mend."""
+"""A setup that does not fit is refused before the first shot, in one line with the remedy."""
 
 from pathlib import Path
 
@@ -75,13 +75,13 @@ def test_a_scan_off_the_bat_is_refused(change: tuple[str, str], said: str, tmp_p
 def test_windows_without_the_nominal_ball_are_refused(
     change: tuple[str, str], said: str, tmp_path: Path
 ) -> None:
-    """Twelve balls of which hardly one could count are no test."""
+    """Windows that would reject nearly all of twelve balls are refused."""
     with pytest.raises(InputError, match=said):
         certify("r161", procedure=rules(tmp_path, "astm-f1881", change), seed=1)
 
 
 def test_another_rig_that_fits_is_taken(tmp_path: Path) -> None:
-    """The pivoted rig's gates see the rebound too: a scan of 85 mph can be done there."""
+    """The gates of the pivoted rig measure the rebound, too, so a scan at 85 mph is possible."""
     slow = rules(tmp_path, "bbcor", ("ball_speed = { value = 136,", "ball_speed = { value = 85,"))
     tested = certify("r161", procedure=slow, rig="astm-pivot", reality=Reality.IDEAL, seed=1)
     found, true = tested.certification, tested.sealed.measurand
@@ -92,7 +92,7 @@ def test_another_rig_that_fits_is_taken(tmp_path: Path) -> None:
 
 
 def test_a_rig_without_a_camera_films_nothing() -> None:
-    """Said before the test, with the rig that can."""
+    """The refusal comes before the test and names the rig that can film."""
     require_camera(find_rig("filmed-cannon", Stage.IMPACT))
     with pytest.raises(InputError, match="filmed-cannon") as caught:
         require_camera(find_rig("ball-cannon", Stage.IMPACT))

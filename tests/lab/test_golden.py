@@ -1,4 +1,4 @@
-"""The golden table: what each laboratory gave when the table was made, it gives today."""
+"""The golden table: each laboratory gives the result stored in the table."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from tests.lab.golden.make import Case, Row, cases, differences, row_of, table, write
 
-FEW = [  # with those of tests/lab/test_round_robin, every rig
+FEW = [  # tests of every rig, together with tests/lab/test_round_robin
     Case(kind="summed", procedure="astm-f1881", bat="r161", number=2),
     Case(kind="summed", procedure="bbcor", bat="ea70", number=2),
     Case(kind="full", procedure="asa", bat="softball-34", number=1),
@@ -25,13 +25,13 @@ ROW = Row(
 
 @pytest.mark.parametrize("case", FEW, ids=lambda case: f"{case.kind}-{case.procedure}{case.what}")
 def test_a_few_tests_are_those_of_the_table(case: Case) -> None:
-    """To 1e-9, as on any processor."""
+    """Results agree to 1e-9, on any processor."""
     assert differences(row_of(case), table()[case], value=1e-9, dof=1e-6) == []
 
 
 @pytest.mark.long
 def test_every_test_is_that_of_the_table() -> None:
-    """To 1e-12, ν to 1e-9: on the processor family that made it."""
+    """Results agree to 1e-12, ν to 1e-9, on the processor family that made the table."""
     assert list(table()) == list(cases())
     found = {case: differences(row_of(case), row) for case, row in table().items()}
     assert {case: lines for case, lines in found.items() if lines} == {}
@@ -65,7 +65,7 @@ def test_a_difference_is_told(changed: dict[str, object], name: str) -> None:
 
 
 def test_less_than_the_share_is_no_difference() -> None:
-    """ν by 1e-9; all numbers by 1e-8 where a scene was played."""
+    """Tolerances: ν 1e-9; all numbers 1e-8 if a scene was played."""
     near = replace(ROW, metric=0.95 * (1 + 5e-13), dof=12 * (1 + 5e-10))
     assert differences(near, ROW) == []
     played = replace(ROW, scenes=1)
@@ -74,6 +74,6 @@ def test_less_than_the_share_is_no_difference() -> None:
 
 
 def test_the_table_asks_for_every_procedure_fault_and_operator() -> None:
-    """Six procedures by two bats, 300 summed and 20 in full; 27 faults, five operators."""
+    """Six procedures, two bats, 300 summed and 20 full laboratories; 27 faults, five operators."""
     every = list(cases())
     assert len(every) == len(set(every)) == 6 * 2 * (300 + 20) + 27 + 5

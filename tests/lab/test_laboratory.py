@@ -1,4 +1,4 @@
-"""The whole laboratory: what it recovers, what it repeats, where it stops."""
+"""The whole laboratory: accuracy, reproducibility and ends of a test."""
 
 import re
 from dataclasses import replace
@@ -42,7 +42,7 @@ RIGS = [
 
 
 def numbers(certification: Certification) -> dict[str, tuple[float, ...]]:
-    """Return every number of a certification's budgets, exactly."""
+    """Return every number of a certification's budgets."""
     return {
         name: (budget.value, budget.u, budget.dof, *budget.interval_95)
         for name, budget in (certification.quantities | dict(certification.bat)).items()
@@ -50,7 +50,7 @@ def numbers(certification: Certification) -> dict[str, tuple[float, ...]]:
 
 
 def _bats(procedure: str) -> list[str]:
-    """Return the bats of the procedure's own game, all of them where they cost least."""
+    """Return the bats of the procedure's sport, all of them for the fastest procedure."""
     ball = catalog.load("procedures", procedure, Procedure).spec.ball
     if procedure == PROCEDURE:
         return BATS
@@ -62,7 +62,7 @@ EACH = [(name, bat) for name in catalog.names("procedures") for bat in _bats(nam
 
 @pytest.mark.parametrize(("procedure", "bat"), EACH)
 def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: Play) -> None:
-    """Perfect instruments and nominal individuals: only algebra is left, to 1e-9."""
+    """With perfect instruments and nominal individuals only algebra remains, to 1e-9."""
     tested = played(bat, Reality.IDEAL, procedure=procedure)
     found, true = tested.certification, tested.sealed.measurand
     assert found.outcome.reason == ""
@@ -79,10 +79,10 @@ def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: P
 
 
 def test_noise_free_laboratory(played: Play, capsys: pytest.CaptureFixture[str]) -> None:
-    """Ring, counts, air, friction and the operator's steps kept: e_A within 1e-3.
+    """With ring, counts, air, friction and the operator's steps, e_A is right within 1e-3.
 
-    Or within three standard uncertainties of one shot's rate where an encoder's counts are read:
-    without noise they are rounded alike at every shot, so six shots are one draw of that.
+    If encoder counts are read, it is within three standard uncertainties of the rate of one shot:
+    without noise all shots round alike, so six shots are one draw.
     """
     rows, allowed = [], []
     for procedure, bat in EACH:
@@ -106,15 +106,15 @@ def test_noise_free_laboratory(played: Play, capsys: pytest.CaptureFixture[str])
             print(name + "".join(f"{value:+12.1e}" for value in bias))
     for (name, *bias), most in zip(rows, allowed, strict=True):
         assert abs(bias[1 + RECOVERED.index("collision_efficiency")]) < most, name
-        assert abs(bias[0]) < 2 * most, name  # of an e of half, by e_A's own error
+        assert abs(bias[0]) < 2 * most, name  # tolerance for e near one half, from the error of e_A
 
 
 @pytest.mark.parametrize("procedure", ["bbcor", "ncaa-besr", "proposed"])
 def test_a_scan_on_a_real_day(procedure: str, played: Play) -> None:
-    """Four days each: within 4.5 standard uncertainties, and that is near what is hoped for.
+    """Four days each are within 4.5 standard uncertainties, and u is near its expected value.
 
-    The top of a fitted curve, or the fresh mean at the best place, against the sealed result of
-    the rules on the exact curve of this very bat at the places visited.
+    The maximum of a fitted curve, or the new mean at the best position, against the sealed result
+    of the rules on the exact curve of this bat at the tested positions.
     """
     for seed in range(1, 5):
         tested = played("r161", seed=seed, procedure=procedure)
@@ -122,19 +122,19 @@ def test_a_scan_on_a_real_day(procedure: str, played: Play) -> None:
         assert metric is not None
         assert abs(metric.value - true["metric"]) < 4.5 * metric.u
         assert metric.u / metric.value < 0.01
-        # between the places the curve is a little higher; the cubic through its top strays 1e-4
+        # tolerance: between positions the curve is higher; the cubic at its top errs by 1e-4
         assert -1e-4 < true[CONTINUOUS] / true["metric"] - 1 < 0.01
 
 
 def test_noise_free_and_ideal_know_no_seed(played: Play) -> None:
-    """Nothing is drawn, so no seed can matter."""
+    """Nothing is drawn, so the seed has no effect."""
     for reality in (Reality.NOISE_FREE, Reality.IDEAL):
         first, other = (played("r161", reality, seed) for seed in (1, 2))
         assert numbers(first.certification) == numbers(other.certification)
 
 
 def test_same_seed_same_numbers(played: Play) -> None:
-    """Twice in one process, the second time from nothing but the seed."""
+    """The test is run twice in one process, the second time from the seed alone."""
     again = certify("r161", procedure=PROCEDURE, seed=1)
     assert numbers(again.certification) == numbers(played(seed=1).certification)
     assert again.sealed.measurand == played(seed=1).sealed.measurand
@@ -142,7 +142,7 @@ def test_same_seed_same_numbers(played: Play) -> None:
 
 
 def test_a_chosen_seed_gives_the_same_folder_to_the_byte(tmp_path: Path) -> None:
-    """Number, page, records, truth and seal; the salt of a drawn seed is drawn, too."""
+    """Number, page, records, truth and seal are equal; the salt of a random seed is random, too."""
     for name in ("one", "two"):
         vl.certify("r161", seed=7).save(tmp_path / name)
     files = {path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*")}
@@ -158,13 +158,13 @@ def test_a_chosen_seed_gives_the_same_folder_to_the_byte(tmp_path: Path) -> None
 
 
 def test_other_seed_other_numbers(played: Play) -> None:
-    """Another bat, other balls, other noise: no number is the same."""
+    """Another seed gives another bat, balls and noise: no number is equal."""
     first, other = numbers(played(seed=1).certification), numbers(played(seed=2).certification)
     assert all(first[name][0] != other[name][0] for name in first)
 
 
 def test_no_seed_given_draws_one() -> None:
-    """Two laboratories without a seed are two laboratories, and each says which it was."""
+    """Two laboratories without a seed differ, and each states its seed."""
     first, other = (certify("r161", procedure=PROCEDURE) for _ in range(2))
     assert first.sealed.seed != other.sealed.seed
     again = certify("r161", procedure=PROCEDURE, seed=first.sealed.seed)
@@ -173,7 +173,7 @@ def test_no_seed_given_draws_one() -> None:
 
 @pytest.mark.parametrize("bit", [31, 32, 63, 64, 127])
 def test_every_bit_of_a_seed_counts(bit: int) -> None:
-    """Two seeds of 128 bits that differ in one are two laboratories."""
+    """Two seeds of 128 bits that differ in one bit give two laboratories."""
     seed = 0xB7E151628AED2A6ABF7158809CF4F3C7
     first, other = (
         opened("r161", procedure=PROCEDURE, seed=each).specimen for each in (seed, seed ^ 1 << bit)
@@ -183,7 +183,7 @@ def test_every_bit_of_a_seed_counts(bit: int) -> None:
 
 
 def test_laboratories_of_one_seed_share_nothing() -> None:
-    """Number 0 is the one without a number; number 5, its tests and their control bat draw anew."""
+    """Number 0 is the default; number 5, its tests and their control bat have other draws."""
     alone, first, other = (
         opened("r161", procedure=PROCEDURE, seed=1, test=2, **given)
         for given in ({}, {"number": 0}, {"number": 5})
@@ -234,14 +234,14 @@ def test_a_negative_seed_is_refused() -> None:
 
 
 def test_the_commitment_opens(played: Play) -> None:
-    """SHA-256(salt‖seed) of what is sealed is what the session carries."""
+    """The session has the SHA-256 of the sealed salt and seed."""
     tested = played(seed=3)
     said = tested.certification.session.origin.seed_commitment
     assert said == commitment(tested.sealed.salt, tested.sealed.seed)
 
 
 def test_loaded_records_reduce_to_the_same_bits(played: Play, tmp_path: Path) -> None:
-    """Disk forgets nothing and adds nothing."""
+    """Records read from disk give the same results."""
     session = played(seed=1).certification.session
     save_session(session, tmp_path)
     reduced = certify_session(load_session(tmp_path))
@@ -251,7 +251,7 @@ def test_loaded_records_reduce_to_the_same_bits(played: Play, tmp_path: Path) ->
 
 
 def test_no_record_holds_the_seed_or_the_truth(tmp_path: Path) -> None:
-    """A seed of 19 digits, decimal or hexadecimal, in no file; nor any number of the measurand."""
+    """No file contains the 19-digit seed, decimal or hexadecimal, or a true value."""
     seed = 7305918264950173846
     tested = certify("r161", procedure=PROCEDURE, seed=seed)
     save_session(tested.certification.session, tmp_path)
@@ -275,7 +275,7 @@ def _rules(tmp_path: Path, old: str, new: str) -> str:
 
 
 def test_attempts_run_out(tmp_path: Path) -> None:
-    """A window no shot can meet: 12 balls are fired, none counts, INVALID and no number."""
+    """No shot can meet the window: 12 balls are fired, none counts, INVALID without a number."""
     rules = _rules(tmp_path, "speed_tolerance = { value = 1.0", "speed_tolerance = { value = 1e-9")
     said: list[str] = []
     result = certify("r161", procedure=rules, seed=1, progress=said.append).certification
@@ -293,7 +293,7 @@ def test_attempts_run_out(tmp_path: Path) -> None:
 
 
 def test_fires_until_enough_hits_are_valid(tmp_path: Path) -> None:
-    """A narrow window (0.4 mph at a scatter of 0.4 mph) rejects about a third."""
+    """A window of 0.4 mph with a scatter of 0.4 mph rejects about a third of the hits."""
     rules = _rules(tmp_path, "speed_tolerance = { value = 1.0", "speed_tolerance = { value = 0.4")
     result = certify("r161", procedure=rules, seed=4).certification
     valid = int(result.judgement.valid.sum())
@@ -302,7 +302,7 @@ def test_fires_until_enough_hits_are_valid(tmp_path: Path) -> None:
     shots = result.session.records["impact"]
     assert shots["log"].ball.tolist() == list(range(len(result.judgement.reasons)))
     assert len(shots["gates"].times) == len(shots["encoder"].counts) == len(shots["log"].ball)
-    # the mean is that of the valid hits, by its definition
+    # the mean of the valid hits, by definition
     bpf = result.shots.bat_performance_factor[result.judgement.valid]
     assert result.metric.value == pytest.approx(bpf.mean(), rel=1e-12)
 
@@ -314,9 +314,9 @@ def test_fires_until_enough_hits_are_valid(tmp_path: Path) -> None:
 def test_what_is_said_of_the_simulation_follows_from_the_setup_alone(
     bat: str, procedure: str, tests: int
 ) -> None:
-    """Forty individual bats, axes and lots, every other with a fault: one text, one number.
+    """Forty individual bats, axes and lots, half with a fault, give one text and one number.
 
-    The error of the rung once followed the bat on the rig: -0.94 with its modulus.
+    An earlier version stated the error of the individual bat, which followed its modulus (-0.94).
     """
     said, moduli = [], set()
     for seed in range(tests):
@@ -334,7 +334,7 @@ def test_what_is_said_of_the_simulation_follows_from_the_setup_alone(
 
 
 def test_the_certificates_of_two_individuals_say_the_same_of_the_simulation(played: Play) -> None:
-    """The rungs of the whole test, as they are printed."""
+    """The printed collision models of the whole test are equal."""
     one, other = (played(seed=seed).certification.session.origin for seed in (1, 2))
     assert one.seed_commitment != other.seed_commitment
     assert replace(one, seed_commitment=other.seed_commitment) == other
@@ -363,7 +363,7 @@ def _specimen() -> Specimen:
 def test_one_instruments_noise_is_its_own(
     rig: str, stage: Stage, instrument: str, noise: str, channel: str
 ) -> None:
-    """Taken away from one instrument, it changes that channel and no bit of any other."""
+    """Removing the noise of one instrument changes its channel and no bit of any other."""
     draws, specimen = Streams(5), _specimen()
     turns = np.arange(4)
     plan = ShotPlan(slot=turns, ball=turns, speed=np.full(4, 26.8224), place=np.full(4, 0.16))
@@ -383,7 +383,7 @@ def test_one_instruments_noise_is_its_own(
 
 @pytest.fixture(scope="module")
 def scores(played: Play) -> dict[str, np.ndarray]:
-    """Return (measured - true)/u of each quantity over the seeds."""
+    """Return (measured - true)/u of each quantity for the seeds."""
     tests = [played(seed=seed) for seed in SEEDS]
     return {
         name: np.array(
@@ -400,10 +400,10 @@ def scores(played: Play) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("name", [*RECOVERED, "ball_restitution"])
 def test_scores_of_real_days(name: str, scores: dict[str, np.ndarray]) -> None:
-    """24 seeds: mean z within 4/√24 of 0, its standard deviation 0.6 to 1.6, none beyond 6.
+    """24 seeds: mean z within 4/√24 of 0, standard deviation 0.6 to 1.6, no z beyond 6.
 
-    A Student z of 5 degrees of freedom has a standard deviation of 1.29; with 24 of them the
-    sample's own is within 32 % at two of its standard errors.
+    A Student t with 5 degrees of freedom has a standard deviation of 1.29; with 24 of them the
+    sample standard deviation is within 32 % at two standard errors.
     """
     z = scores[name]
     assert len(z) >= 22
@@ -414,7 +414,7 @@ def test_scores_of_real_days(name: str, scores: dict[str, np.ndarray]) -> None:
 
 @pytest.mark.parametrize("name", [*RECOVERED, "ball_restitution"])
 def test_intervals_of_real_days(name: str, played: Play) -> None:
-    """Of 24 intervals of 95 % at least 19 hold the truth (binomial: fewer by chance 1 in 1000)."""
+    """At least 19 of 24 intervals of 95 % hold the truth (binomial: fewer by chance 1 in 1000)."""
     held = 0
     for seed in SEEDS:
         tested = played(seed=seed)
@@ -424,7 +424,7 @@ def test_intervals_of_real_days(name: str, played: Play) -> None:
 
 
 def test_the_bat_is_measured_right(played: Play) -> None:
-    """The bat's measured properties against the sealed ones, 24 seeds: |z| < 5 and not all tiny."""
+    """Measured against sealed properties of the bat for 24 seeds: |z| < 5, and not all tiny."""
     for name in ("mass", "z_cm", "inertia_cm", "length"):
         z = np.array(
             [
@@ -440,7 +440,7 @@ def test_the_bat_is_measured_right(played: Play) -> None:
 
 @pytest.mark.parametrize("compiled", [True, False])
 def test_it_says_what_goes_on(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sentence a stage, in the order of the day; before all, the wait of the very first run."""
+    """One sentence per stage in the order of the day, after the notice of the first compilation."""
     monkeypatch.setattr("virtual_lab.lab.certify.kernel_is_compiled", lambda: compiled)
     said: list[str] = []
     certify("r161", procedure=PROCEDURE, reality=Reality.IDEAL, progress=said.append)
@@ -450,7 +450,7 @@ def test_it_says_what_goes_on(compiled: bool, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_rig_with_its_axis_elsewhere_is_refused(tmp_path: Path) -> None:
-    """The rules ask for an axis 12 in from the knob, the rig has it at 6 in."""
+    """The rules require an axis 12 in from the knob; that of the rig is at 6 in."""
     text = catalog.load("procedures", "astm-f1881", Procedure).text
     changed = text.replace("pivot_from_knob = { value = 6,", "pivot_from_knob = { value = 12,")
     assert changed != text
@@ -460,7 +460,7 @@ def test_a_rig_with_its_axis_elsewhere_is_refused(tmp_path: Path) -> None:
 
 
 def test_one_hall_has_one_air_and_one_gravity(played: Play) -> None:
-    """All rigs stand in it: the same constants, drawn once, for what swings and what falls."""
+    """All rigs share the constants of the hall, drawn once, for the pendulum and the balls."""
     tested = played("r161", seed=1, procedure="bbcor")
     hall = ["hall.air.density", "hall.air.drag_coefficient", "hall.gravity"]
     for names in (tested.sealed.constants, tested.certification.session.calibration):
@@ -495,7 +495,7 @@ def test_a_scale_factor_of_nothing_is_refused(name: str, played: Play) -> None:
 
 
 def test_tests_of_one_laboratory_share_its_rigs_and_nothing_else() -> None:
-    """Calibration errors are the laboratory's; bat, balls and hits are each test's own."""
+    """Tests of a laboratory share calibration errors, but not bat, balls and hits."""
     first, second = (
         certify("r161", procedure=PROCEDURE, seed=4, test=test).sealed for test in (0, 1)
     )
@@ -511,7 +511,7 @@ def test_tests_of_one_laboratory_share_its_rigs_and_nothing_else() -> None:
 
 @pytest.mark.parametrize("bat", ["ea70", "knob-loaded"])
 def test_a_bat_that_stops_the_ball_near_its_tip_is_scanned_all_the_same(bat: str) -> None:
-    """At 3 in its e_A is below 0.05: the ball does not reach the boards again."""
+    """At 3 in e_A is below 0.05, so the ball does not return to the boards."""
     tested = certify(bat, procedure="bbcor", seed=0, reality=Reality.IDEAL)
     assert tested.certification.outcome.reason == ""
     assert tested.certification.metric is not None
@@ -521,7 +521,7 @@ def test_a_bat_that_stops_the_ball_near_its_tip_is_scanned_all_the_same(bat: str
 
 
 def test_gates_that_see_no_ball_make_an_invalid_test(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing to fit, nothing to state, and no fault of the program: a certificate says so."""
+    """Without a detected ball there is no result and no crash; the certificate says so."""
     whole = LightGates.watch
 
     def blind(self: LightGates, *args: Any) -> Record:

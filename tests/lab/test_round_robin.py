@@ -1,4 +1,4 @@
-"""Many laboratories: what one gives depends on its number alone; its scenes lie in the box."""
+"""Many laboratories: each result depends only on its number; its scenes lie in the box."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.rig import ShotPlan, Stage
 
-BATS = {"asa": "softball-34"}  # the others are tests of baseball bats
+BATS = {"asa": "softball-34"}  # the other procedures test baseball bats
 PROCEDURES = catalog.names("procedures")
-SIDE = 0.712  # m, a pivot somewhere on the bat
+SIDE = 0.712  # position of a pivot on the bat [m]
 Bits = dict[int, str]
 
 
 def bits(tested: lab.BatTest) -> str:
-    """Return a hash of metric, u, every record and all that was true."""
+    """Return a hash of metric, u, every record and every true value."""
     metric = tested.certification.metric
     digest = hashlib.sha256(repr((metric.value, metric.u, metric.dof) if metric else None).encode())
     for stage, records in sorted(tested.certification.session.records.items()):
@@ -47,7 +47,7 @@ def bits(tested: lab.BatTest) -> str:
 
 
 def played(procedure: str, numbers: Iterable[int]) -> Bits:
-    """Return the bits of the laboratories of a round robin of their own, played in turn."""
+    """Return the hashes of the laboratories of a separate round robin, played in turn."""
     round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
     return {
         number: bits(lab.by_the_book(round_robin.laboratory(1, number)).of(0)) for number in numbers
@@ -66,7 +66,7 @@ def of_64() -> Bits:
 
 
 def test_a_laboratory_is_the_same_alone_and_among_37_or_64() -> None:
-    """From any first number: metric, u, records and truth, bit for bit."""
+    """Metric, u, records and truth agree bit for bit, from any first number."""
     of_37 = run("astm-f1881", 37, 20)
     assert of_37 == {number: of_64()[number] for number in of_37 if number <= 64}
     assert len(set(of_64().values())) == 64
@@ -76,7 +76,7 @@ def test_a_laboratory_is_the_same_alone_and_among_37_or_64() -> None:
 
 @pytest.mark.long
 def test_two_processes_give_what_one_gives() -> None:
-    """Started by the test, half of the laboratories each, one of them backward."""
+    """Two processes, each with half of the laboratories, one in reverse order."""
     halves = range(1, 4), range(6, 3, -1)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         found = [pool.submit(played, "astm-f1881", half) for half in halves]
@@ -86,14 +86,14 @@ def test_two_processes_give_what_one_gives() -> None:
 
 @contextmanager
 def threads(count: int) -> Iterator[Any]:
-    """Take the part of `workers`: what is sent is pickled, and no sheet is in place there."""
+    """Replace `workers` by threads: arguments are pickled, and no sheet is in place there."""
     with ThreadPoolExecutor(1) as pool:
         yield lambda function, *sent: pool.submit(function, *pickle.loads(pickle.dumps(sent)))
 
 
 @pytest.mark.parametrize("by", [threads, pytest.param(None, marks=pytest.mark.long)])
 def test_workers_give_what_one_process_gives(by: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Blocks in turn, with a sheet that stands in the place of the one that ships."""
+    """Blocks in turn, with a sheet that replaces the shipped one."""
     if by:
         monkeypatch.setattr("virtual_lab.lab.round_robin.workers", by)
     monkeypatch.setattr("virtual_lab.lab.round_robin.INDIVIDUALS", 3)
@@ -112,7 +112,7 @@ def metrics_of(block: lab.BlockTest) -> list[float]:
 
 @pytest.mark.parametrize("procedure", ["asa", "bbcor", "ncaa-besr"])
 def test_what_ran_before_changes_nothing(procedure: str) -> None:
-    """Other laboratories, and scenes far from any of a test, before the one looked at."""
+    """Earlier laboratories and far scenes do not change the result of a laboratory."""
     (alone,) = played(procedure, [3]).values()
     round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
     body, box = round_robin.setup.bat.spec.body, round_robin.setup.collision.box
@@ -134,12 +134,12 @@ def test_what_ran_before_changes_nothing(procedure: str) -> None:
 
 
 class AskedError(Exception):
-    """The scenes are there: what would follow of the shots is of no interest."""
+    """Signal that the scenes were collected, to stop the shots."""
 
 
 @dataclass
 class Watching:
-    """The collision of a round_robin, and the scenes it was asked for."""
+    """The collision model of a round robin, which collects the requested scenes."""
 
     round_robin: RoundRobin
     seen: list[Scenes] = field(default_factory=list)
@@ -154,9 +154,9 @@ class Watching:
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
-    """Of 20 000 shots, to both ends of the places that a procedure knows, none is outside.
+    """None of 20 000 shots, at both ends of a procedure's positions, is outside.
 
-    And the box is no wider than it must be: the shots fill four tenths of each of its sides.
+    The box is not too wide: the shots fill four tenths of each side.
     """
     round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
     box, shots = round_robin.setup.collision.box, 20_000
@@ -184,7 +184,7 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
 
 
 def test_no_sheet_is_parsed_for_a_further_laboratory(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The setup has worked out what is unverified; the rigs' sheets are read once in a process."""
+    """The setup counts unverified values once; the rigs' sheets are read once per process."""
     round_robin = RoundRobin.of("r161", "astm-f1881")
     round_robin.laboratory(1)
     parsed: list[str] = []
@@ -198,12 +198,12 @@ def test_no_sheet_is_parsed_for_a_further_laboratory(monkeypatch: pytest.MonkeyP
     doubts = round_robin.laboratory(2).session.origin.unverified_numbers
     assert parsed == []
     assert doubts == lab.TestSetup.of("r161", procedure="astm-f1881").unverified
-    assert "pendulum.toml" in parsed  # of a new setup
+    assert "pendulum.toml" in parsed  # first test of a new setup
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor", "ncaa-besr"])
 def test_summed_and_full_records_share_their_truth(procedure: str) -> None:
-    """Speed, place, e0 of every shot and the true constants, bit for bit; balls and bat too."""
+    """Speed, position and e0 of every shot, true constants, balls and bat agree bit for bit."""
     setup = replace(RoundRobin.of("r161", procedure).setup, seed=4, number=3)
     rules, slots = setup.rules.spec, np.arange(24)
     truths, constants, balls = [], [], []

@@ -1,4 +1,4 @@
-"""The seal on an output folder: what was altered is named, file and key, and nothing else is."""
+"""The seal of an output folder: each altered file and key is named, and no other."""
 
 import hashlib
 import json
@@ -25,7 +25,7 @@ EDITS: dict[str, Any] = {
     "metric.value": 0.846,
     "metric.interval_95[1]": 0.9,
     "verdict": "FAIL",
-    "marginal": 0,  # equal to false in Python
+    "marginal": 0,  # a value that equals False in Python
     "restitution.value": None,
     "recoil_factor.value": "0.2",
     "ball_correction": {},
@@ -40,7 +40,7 @@ EDITS: dict[str, Any] = {
 
 @pytest.fixture(scope="module")
 def issued(played: Play, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of one test, as it was written."""
+    """Return the folder of one test as it was written."""
     tested = played()
     folder = tmp_path_factory.mktemp("seal") / "r161"
     return Certificate(certification=tested.certification, sealed=tested.sealed).save(folder)
@@ -48,7 +48,7 @@ def issued(played: Play, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(issued: Path, tmp_path: Path) -> Path:
-    """Return a copy of it to alter."""
+    """Return a copy of the folder to alter."""
     shutil.copytree(issued, tmp_path / "r161")
     return tmp_path / "r161"
 
@@ -72,7 +72,7 @@ def edit(path: Path, key: str, value: Any) -> None:
 
 
 def test_what_nobody_altered_is_whole(folder: Path) -> None:
-    """Beside it others may lie: notes, the page as printed."""
+    """Other files may lie beside it: notes, a printed page."""
     (folder / "notes.txt").write_text("seen by me")
     assert alterations(folder) == []
 
@@ -84,7 +84,7 @@ def test_an_edited_value_of_the_certificate_is_named(key: str, folder: Path) -> 
 
 
 def test_the_last_digits_of_a_value_are_held(folder: Path) -> None:
-    """One part in 1e12 of the metric, which no table prints, and the last bit of its u."""
+    """A change of 1e-12 of the metric, or of the last bit of its u, is detected."""
     path = folder / "certificate.json"
     metric = json.loads(path.read_text())["metric"]
     for key, value in (("value", metric["value"] * (1 + 1e-12)), ("u", nextafter(metric["u"], 1))):
@@ -94,7 +94,7 @@ def test_the_last_digits_of_a_value_are_held(folder: Path) -> None:
 
 
 def test_every_key_of_the_certificate_is_held(folder: Path) -> None:
-    """One altered after the other: each is named, and nothing beside it."""
+    """Each key, altered alone, is named, and no other."""
     path = folder / "certificate.json"
     text = path.read_text()
     for top in json.loads(text):
@@ -106,7 +106,7 @@ def test_every_key_of_the_certificate_is_held(folder: Path) -> None:
 
 
 def test_a_certificate_laid_out_otherwise_is_the_same(folder: Path) -> None:
-    """Other white space, order of keys, and 60 for 60.0: no value differs."""
+    """Other white space, another order of keys, and 60 for 60.0 change no value."""
     path = folder / "certificate.json"
     document = json.loads(path.read_text())
     assert document["nominal_speed_mph"] == 60
@@ -119,7 +119,7 @@ def test_keys_removed_and_added(folder: Path) -> None:
     path = folder / "certificate.json"
     document = json.loads(path.read_text())
     del document["metric"]["limit"]
-    document["metric.u"] = document["metric"]["u"]  # may not pass for the other one
+    document["metric.u"] = document["metric"]["u"]  # value that must not count as the other one
     document["metric"]["u"] = 0.001
     path.write_text(json.dumps(document))
     assert named(folder) == [
@@ -143,7 +143,7 @@ def test_a_record_cut_short(folder: Path) -> None:
 
 
 def test_one_sample_altered_and_its_digest_in_the_session_too(folder: Path) -> None:
-    """Which `reduce` takes for the record that was written."""
+    """The seal detects it, although `reduce` accepts the record."""
     session = folder / "records" / "session.json"
     path = folder / "records" / "balls" / "gates.csv"
     text = path.read_text()
@@ -166,7 +166,7 @@ def test_records_removed_and_added(folder: Path) -> None:
 
 
 def test_links_and_pipes_among_records_are_told(folder: Path, tmp_path: Path) -> None:
-    """In place of a file, of a folder, and beside them; none is opened."""
+    """Links and pipes that replace or accompany files and folders are named, and none is opened."""
     records = folder / "records"
     gates = (records / "impact" / "gates.csv").rename(tmp_path / "gates.csv")
     (records / "impact" / "gates.csv").symlink_to(gates)
@@ -210,7 +210,7 @@ def test_the_rules_and_the_calibration(folder: Path) -> None:
 
 @pytest.mark.parametrize("name", ["certificate.html", "readings.csv", "truth/truth.json"])
 def test_other_files(name: str, folder: Path) -> None:
-    """Altered by a byte, and removed."""
+    """Other files are altered by a byte, or removed."""
     path = folder / name
     path.write_bytes(path.read_bytes() + b" ")
     assert named(folder) == [f"{name}: altered since it was sealed"]
@@ -222,7 +222,7 @@ def test_other_files(name: str, folder: Path) -> None:
     ("old", "new"), [('"metric.value": "', '"metric.value": "0'), ('": ', ": "), ("{", "")]
 )
 def test_an_edited_seal_is_named(old: str, new: str, folder: Path) -> None:
-    """A digest in it altered, JSON no more; its own white space means nothing."""
+    """An altered digest, or invalid JSON, is named; white space does not matter."""
     path = folder / "truth" / "seal.json"
     text = path.read_text()
     path.write_text(json.dumps(json.loads(text)))
@@ -232,7 +232,7 @@ def test_an_edited_seal_is_named(old: str, new: str, folder: Path) -> None:
 
 
 def test_no_other_value_passes_for_a_sealed_one(tmp_path: Path) -> None:
-    """Digests of 64 bits and more, and no two alike among those of 5 000 values."""
+    """Digests have at least 64 bits, and those of 5 000 values are all different."""
     (tmp_path / "truth").mkdir()
     values = {f"key {number}": number for number in range(5000)}
     (tmp_path / "values.json").write_text(json.dumps(values))
@@ -249,7 +249,7 @@ def test_no_seal(folder: Path) -> None:
 
 
 def test_the_seal_gives_nothing_of_the_truth_away(folder: Path) -> None:
-    """The truth stands in it as one digest, over a salt of the truth's own."""
+    """The seal has one digest of the truth, which includes a salt."""
     content = json.loads((folder / "truth" / "seal.json").read_text())["content"]
     data = (folder / "truth" / "truth.json").read_bytes()
     assert content["truth/truth.json"] == hashlib.sha256(data).hexdigest()
@@ -257,7 +257,7 @@ def test_the_seal_gives_nothing_of_the_truth_away(folder: Path) -> None:
 
 
 def test_folders_within(folder: Path, tmp_path: Path) -> None:
-    """A control bat's test is sealed with the test it served, and by itself."""
+    """The test of a control bat is sealed with the test that used it, and alone."""
     shutil.copytree(folder, folder / "control")
     write_seal(folder)
     edit(folder / "control" / "certificate.json", "verdict", "FAIL")

@@ -1,4 +1,4 @@
-"""A test by steps: who takes them, and in which order, changes nothing that does not hang on it."""
+"""A test by steps: their order and the person who takes them change nothing else."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ REASON = "sabot scrap on the bat"
 
 
 def same(one: dict[str, dict[str, Record]], other: dict[str, dict[str, Record]]) -> bool:
-    """Return whether two sessions hold the same records, bit for bit."""
+    """Return whether two sessions have the same records, bit for bit."""
     return one.keys() == other.keys() and all(
         np.array_equal(getattr(record, name), getattr(other[stage][channel], name), equal_nan=True)
         for stage, records in one.items()
@@ -24,7 +24,7 @@ def same(one: dict[str, dict[str, Record]], other: dict[str, dict[str, Record]])
 
 
 def test_the_order_of_steps_and_rounds_changes_no_record() -> None:
-    """The wall first and the scale last, the six balls fired one by one: metric and all records."""
+    """With the wall first, the scale last and single shots, metric and all records are equal."""
     by_the_book = certified(seed=3).certification
     day = lab.TestDay.begin(opened("r161", procedure=PROCEDURE, seed=3))
     day = day.hit_wall().swing().weigh().prepare()
@@ -37,7 +37,7 @@ def test_the_order_of_steps_and_rounds_changes_no_record() -> None:
 
 
 def test_the_true_lot_is_the_one_that_the_wall_left() -> None:
-    """Softballs age: each is taken for as lively as it was over its own hits, on the mean."""
+    """Softballs age: the true e0 of each is the mean over its hits."""
     day = lab.TestDay.begin(opened("softball-34", procedure="asa", seed=3))
     fresh, after = day.laboratory.specimen.balls, day.hit_wall()
     assert after.wall is not None
@@ -50,7 +50,7 @@ def test_the_true_lot_is_the_one_that_the_wall_left() -> None:
 
 
 def test_a_person_may_reject_a_hit() -> None:
-    """Another ball is fired for it, the certificate gives the person's reason, the mean is new."""
+    """Another ball is fired, the certificate states the person's reason, and the mean changes."""
 
     def wary(*given) -> Judgement:
         reasons = judge(*given).reasons
@@ -69,7 +69,7 @@ def test_a_person_may_reject_a_hit() -> None:
 
 
 def test_a_day_is_not_changed_by_what_follows_it() -> None:
-    """A step returns another day: one can go back to any and do otherwise."""
+    """Each step returns a new day, so an earlier day can be continued differently."""
     day = lab.prepared(opened("r161", procedure=PROCEDURE, seed=3))
     before = replace(day)
     fired = day.fire(day.next_shots()).judge()

@@ -1,6 +1,6 @@
-"""The true metric against the paper's procedures, and tests that see a wrong reduction.
+"""The true metric against the paper's procedures, and tests that detect a wrong reduction.
 
-Section V of the paper, written out: given e_A along the barrel, what does each procedure say?
+The oracle is Section V of the paper: the result of each procedure, given e_A along the barrel.
 """
 
 from collections.abc import Callable
@@ -32,8 +32,8 @@ from virtual_lab.studies.bats.profile import profiles
 INCH, MPH, OUNCE = 0.0254, 0.44704, 0.028349523125
 BASEBALL = ("r161", "ea70", "barrel-loaded", "knob-loaded")
 SCANS = ("ncaa-besr", "ncaa-modified", "proposed", "bbcor")
-# of exact curves, by an independent reading of Sec. V B 3: BESR where v_f is greatest; the loaded
-# bats by Verlet steps of 0.25 us over 100 modes, which give ea70's too
+# results of exact curves, by an independent reading of Sec. V B 3: BESR at the maximum of v_f;
+# loaded bats by Verlet steps of 0.25 us over 100 modes, which give ea70's too
 BESR_AT_GREATEST_SPEED = {
     "r161": 0.6843,
     "ea70": 0.7082,
@@ -45,7 +45,7 @@ Line = Callable[[float], float]
 
 
 def lines(curve: TrueCurve) -> dict[str, Line]:
-    """Return e_A, r, e and e0 as functions of the place [m]."""
+    """Return e_A, r, e and e0 as functions of the impact position [m]."""
     columns = {
         "e_A": curve.collision_efficiency,
         "r": curve.recoil_factor,
@@ -56,7 +56,7 @@ def lines(curve: TrueCurve) -> dict[str, Line]:
 
 
 def by_the_paper(procedure: str, bat: str, of: dict[str, Line]) -> float:
-    """Return the result of Sec. V for a bat of 34 in (a scan from 3 to 9 in), [SI]."""
+    """Return the result of Sec. V for a bat of 34 in (a scan from 3 to 9 in) [SI]."""
     beam = CURVES[bat, procedure].bat
     length = beam.length
 
@@ -64,7 +64,7 @@ def by_the_paper(procedure: str, bat: str, of: dict[str, Line]) -> float:
         bat_speed = 66 * MPH * (length - 6 * INCH - z) / (length - 12 * INCH)
         return of["e_A"](z) * 70 * MPH + (1 + of["e_A"](z)) * bat_speed
 
-    def standard_ball(z: float) -> float:  # a springy shell gives back all that it takes
+    def standard_ball(z: float) -> float:  # an elastic shell returns all its energy
         e, e0 = of["e"](z), of["e0"](z)
         if e <= e0:
             return e * 0.5 / e0
@@ -107,19 +107,19 @@ def exact_curve(bat: str, procedure: str) -> TrueCurve:
 @pytest.mark.parametrize("bat", BASEBALL)
 @pytest.mark.parametrize("procedure", SCANS)
 def test_each_scan_says_what_the_paper_does(procedure: str, bat: str, played: Play) -> None:
-    """Given the same e_A along the barrel, to 1e-6 of the metric."""
+    """With the same e_A along the barrel, results agree to 1e-6 of the metric."""
     curve = exact_curve(bat, procedure)
     expected = by_the_paper(procedure, bat, lines(curve))
     true = played(bat, Reality.IDEAL, procedure=procedure).sealed.measurand
     assert true[CONTINUOUS] == pytest.approx(expected, rel=1e-6)
-    # a cubic over places 0.5 in apart; bbcor takes the best of these places
+    # a cubic over positions 0.5 in apart; `bbcor` takes the best of these positions
     apart = 2e-3 if procedure == "bbcor" else 1.5e-4
     assert true["metric"] == pytest.approx(true[CONTINUOUS], rel=apart)
 
 
 @pytest.mark.parametrize("bat", BASEBALL)
 def test_besr_is_that_of_the_greatest_speed(bat: str, played: Play) -> None:
-    """Not the greatest BESR, which stands 1 to 1.6 in farther from the tip and 0.011 higher."""
+    """The greatest BESR is 1 to 1.6 in farther from the tip, and 0.011 higher."""
     true = played(bat, Reality.IDEAL, procedure="ncaa-besr").sealed.measurand
     curve = exact_curve(bat, "ncaa-besr")
     assert true["metric"] == pytest.approx(BESR_AT_GREATEST_SPEED[bat], abs=1e-4)
@@ -130,9 +130,9 @@ def test_besr_is_that_of_the_greatest_speed(bat: str, played: Play) -> None:
 def test_a_thinner_wall_is_livelier_until_its_hoop_keeps_the_energy(
     factor: float, factor_of_bat: float, tmp_path: Path
 ) -> None:
-    """By an outside check, whose hoop follows the wall as a ring does; ea70 has 1.0362.
+    """An independent calculation, in which the hoop follows the wall as a ring, gives ea70 1.0362.
 
-    With the hoop of the whole wall BPF fell at once, to 1.0304 at 0.8.
+    With the hoop mode of the whole wall, BPF would fall at once, to 1.0304 at 0.8.
     """
     file = tmp_path / "thin.toml"
     file.write_text(f'name = "thin"\ntitle = "thin"\nbase = "ea70"\nwall_factor = {factor}\n')
@@ -142,9 +142,9 @@ def test_a_thinner_wall_is_livelier_until_its_hoop_keeps_the_energy(
 
 @pytest.mark.parametrize("bat", BASEBALL)
 def test_the_proposal_is_the_field(bat: str, played: Play) -> None:
-    """Its exact result against the bat struck in the field by the standard ball: 0.1 mph.
+    """Its exact result is within 0.1 mph of the bat struck in the field by the standard ball.
 
-    A ball of 0.45 corrected as for a rigid shell made aluminium bats 1.3 to 1.45 mph too fast.
+    A correction for a rigid shell (ball of 0.45) would make aluminium bats 1.3 to 1.45 mph faster.
     """
     true = played(bat, Reality.IDEAL, procedure="proposed").sealed.measurand
     field = profiles(bat, swings=(0.3,))[0].peaks["v_f_mph"].value * MPH
@@ -153,7 +153,7 @@ def test_the_proposal_is_the_field(bat: str, played: Play) -> None:
 
 @pytest.mark.parametrize(("procedure", "bat"), [("astm-f1881", "r161"), ("asa", "softball-34")])
 def test_fixed_places_say_what_the_paper_does(procedure: str, bat: str, played: Play) -> None:
-    """BPF at the centre of percussion; v_f of e_A there, at bat speeds that go with M^-1/4."""
+    """BPF at the centre of percussion; v_f from e_A there, with bat speeds as M^-1/4."""
     tested = played(bat, Reality.IDEAL, procedure=procedure)
     true, rules = tested.sealed.measurand, tested.certification.procedure
     r, e_A = true["recoil_factor"], true["collision_efficiency"]
@@ -182,7 +182,7 @@ def test_fixed_places_say_what_the_paper_does(procedure: str, bat: str, played: 
     ],
 )
 def test_corrections_by_hand(method: str, by_hand: float) -> None:
-    """E of a ball of e0 0.45, converted to one of 0.50."""
+    """The e with a ball of e0 0.45 is converted to a ball of 0.50."""
     rules = catalog.load("procedures", "bbcor", Procedure).spec
     curve = replace(
         exact_curve("r161", "bbcor"),
@@ -196,7 +196,7 @@ def test_corrections_by_hand(method: str, by_hand: float) -> None:
 
 
 def test_a_shell_that_gives_back_less_than_the_ball_is_taken_for_a_rigid_one() -> None:
-    """Below e0 there is no trampoline: e of .40 with e0 .45, for a ball of .50, is .40/.9."""
+    """Below e0 there is no trampoline effect: e of .40 with e0 .45 becomes .40/.9 with e0 .50."""
     rules = catalog.load("procedures", "bbcor", Procedure).spec
     curve = replace(
         exact_curve("r161", "bbcor"),
@@ -211,10 +211,10 @@ def test_a_shell_that_gives_back_less_than_the_ball_is_taken_for_a_rigid_one() -
 
 
 def test_the_width_is_that_of_the_highest_of_several_hills() -> None:
-    """Parabolas of tops 1 at 100 mm, .9 at 60 and 140 mm, bends of 400/m²; a drop of .02.
+    """Parabolas with maxima 1 at 100 mm and .9 at 60 and 140 mm, curvature 400/m², drop .02.
 
-    √(.02 · 2/400) = 10 mm to either side of the first; the lower hills cross the level nowhere,
-    those of .99 do, farther out.
+    The half width of the first is √(.02 · 2/400) = 10 mm; the lower ones never reach the level,
+    but maxima of .99 do, farther out.
     """
 
     def hills(lower: float) -> float:
@@ -230,7 +230,7 @@ def test_the_width_is_that_of_the_highest_of_several_hills() -> None:
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
 def test_a_wrong_equation_6_shows(procedure: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In an ideal laboratory, and in the scores of eight real ones."""
+    """A wrong Eq. (6) shows in an ideal laboratory, and in the scores of eight real ones."""
     plant(monkeypatch, "restitution_from_efficiency", lambda e_A, r: e_A * (1 + 0.9 * r) + 0.9 * r)
     ideal = opened("r161", procedure=procedure, seed=1, reality=Reality.IDEAL)
     tested = by_the_book(ideal).of(0)
@@ -247,7 +247,7 @@ def test_a_wrong_equation_6_shows(procedure: str, monkeypatch: pytest.MonkeyPatc
 
 
 def test_besr_of_another_place_shows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A reduction that looks for the greatest BESR, as this one once did."""
+    """A reduction that takes the greatest BESR is detected."""
     laboratory = opened("r161", procedure="ncaa-besr", seed=1, reality=Reality.IDEAL)
     rules = laboratory.rules
     wrong = rules.text.replace('seeks = "batted_speed"', 'seeks = "metric"')
@@ -261,7 +261,7 @@ def test_besr_of_another_place_shows(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_conversion_the_rules_do_not_ask_for_is_assumed() -> None:
-    """Bbcor normalises nothing; asked for, the certificate says which and that it is assumed."""
+    """`bbcor` has no correction; a requested one is named on the certificate as assumed."""
     plain = certify("ea70", procedure="bbcor", reality=Reality.IDEAL)
     asked = certify("ea70", procedure="bbcor", reality=Reality.IDEAL, correction="trampoline:0.5")
     document = certificate(asked.certification)

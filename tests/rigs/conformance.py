@@ -1,12 +1,12 @@
-"""What every rig must do, whoever made it.
+"""Requirements on every rig, checked for any author.
 
-Its author runs this against the rig, installed or not:
+The author of a rig runs these checks, whether it is installed or not:
 
     @pytest.mark.parametrize("check", conformance.CHECKS, ids=conformance.name_of)
     def test_my_rig(check, tmp_path):
         check(conformance.Bench(my_rig, tmp_path))
 
-Nothing here knows a particular rig; what each check asks is what `virtual_lab.simulation.rig`
+No check depends on a particular rig; each tests a requirement that `virtual_lab.simulation.rig`
 documents.
 """
 
@@ -54,7 +54,7 @@ TURN_RATE = 50.0  # rad/s, of a rig that swings its bat
 
 
 class _Modal:
-    """The modal rung for everything."""
+    """The modal model for all collisions."""
 
     @staticmethod
     @lru_cache(maxsize=4)
@@ -70,14 +70,14 @@ class _Modal:
 
 @dataclass
 class Bench:
-    """One rig under test, with the plays that several checks look at."""
+    """One rig under test, with the plays that several checks use."""
 
     rig: Rig
     folder: Path
 
     @cached_property
     def specimen(self) -> Specimen:
-        """A drawn bat and lot: the catalog's first bat and first ball."""
+        """Return a drawn bat and lot of the catalog's first bat and first ball."""
         bat = catalog.load_bat(catalog.names("bats")[0]).spec
         ball = catalog.load("balls", catalog.names("balls")[0], BallSpec).spec
         draws = Streams(SEED)
@@ -86,7 +86,7 @@ class Bench:
         )
 
     def plan(self, shots: int = SHOTS, first: int = 0) -> ShotPlan:
-        """Ask for the first `shots` balls of the lot, one each, as shots `first` and up."""
+        """Plan one shot for each of the first `shots` balls, numbered from `first`."""
         return ShotPlan(
             slot=first + np.arange(shots),
             ball=np.arange(shots),
@@ -97,17 +97,17 @@ class Bench:
 
     @cached_property
     def played(self) -> RigOutput:
-        """A play of the first shots, which is as good as any other."""
+        """Return one play of the first shots."""
         return self.play()
 
     def play(self, *, seed: int = SEED, shots: int = SHOTS, first: int = 0) -> RigOutput:
-        """Commission anew and play: two calls share nothing but their arguments."""
+        """Commission the rig again and play: two calls share only their arguments."""
         draws = Streams(seed)
         return self.rig.commission(draws).play(self.plan(shots, first), self.specimen, draws)
 
 
 def same(left: Mapping[str, Record], right: Mapping[str, Record]) -> bool:
-    """Return whether two plays wrote the same channels with the same bits."""
+    """Return whether two plays recorded the same channels with the same bits."""
     return left.keys() == right.keys() and all(
         type(left[channel]) is type(right[channel])
         and all(
@@ -119,7 +119,7 @@ def same(left: Mapping[str, Record], right: Mapping[str, Record]) -> bool:
 
 
 def attributes(bench: Bench) -> None:
-    """Say what it is."""
+    """Have a name, a stage and the other required attributes."""
     rig = bench.rig
     assert rig.name
     assert rig.name == rig.name.strip().lower()
@@ -131,7 +131,7 @@ def attributes(bench: Bench) -> None:
 
 
 def records_are_as_declared(bench: Bench) -> None:
-    """Write only channels it declares, of the type it declares, and not none."""
+    """Record at least one channel, and only declared channels of the declared types."""
     records = bench.played.records
     assert records
     for channel, record in records.items():
@@ -139,7 +139,7 @@ def records_are_as_declared(bench: Bench) -> None:
 
 
 def records_survive_the_disk(bench: Bench) -> None:
-    """Give every record the same bits after saving and loading."""
+    """Keep all bits of the records when they are saved and loaded."""
     records, stage = bench.played.records, bench.rig.stage.value
     calibration = bench.rig.commission(Streams(SEED)).calibration
     session = Session(
@@ -160,7 +160,7 @@ def records_survive_the_disk(bench: Bench) -> None:
 
 
 def same_seed_same_records(bench: Bench) -> None:
-    """Draw from `draws` alone: a rig commissioned twice does the same thing."""
+    """Draw only from `draws`: a rig commissioned twice gives the same records."""
     first, second = bench.played, bench.play()
     assert same(first.records, second.records)
     assert first.truth.keys() == second.truth.keys()
@@ -169,20 +169,20 @@ def same_seed_same_records(bench: Bench) -> None:
 
 
 def other_seed_other_records(bench: Bench) -> None:
-    """Another seed is another laboratory: nothing is left of the first one's noise."""
+    """Another seed gives another laboratory: no noise of the first one remains."""
     assert not same(bench.played.records, bench.play(seed=SEED + 1).records)
 
 
 def other_shots_other_noise(bench: Bench) -> None:
-    """Shots of other numbers have other noise. A bench has no shots."""
+    """Shots with other numbers have other noise. A bench has no shots."""
     if bench.rig.stage is not Stage.BENCH:
         assert not same(bench.played.records, bench.play(first=SHOTS).records)
 
 
 def a_shot_hangs_on_its_number_alone(bench: Bench) -> None:
-    """Give each shot the bits it had when it is fired in another order, or in another round.
+    """Each shot has the same bits if it is fired in another order or round.
 
-    In either detail of the records; what is read once a laboratory stays as it was too.
+    This holds for both details of the records. Readings once per laboratory stay the same, too.
     """
     draws = Streams(SEED)
     station = bench.rig.commission(draws)
@@ -211,14 +211,14 @@ def _rows_of(plan: ShotPlan, rows: list[int]) -> ShotPlan:
 
 
 def _axes_of(record: Record) -> dict[str, tuple[str, ...]]:
-    """Return the axes of all that a record holds, columns and what is attached."""
+    """Return the axes of all columns and attached arrays of a record."""
     columns = {field: column.axes for field, column in record.columns.items()}
     there = {name: axes for name, axes in record.attached.items() if len(getattr(record, name))}
     return columns | there
 
 
 def fewer_shots_same_shapes(bench: Bench) -> None:
-    """Only the shot axis knows how many shots there were (and the items of a bench)."""
+    """Only the shot axis (and the item axis of a bench) depends on the number of shots."""
     many, few = bench.played, bench.play(shots=FEWER)
     assert many.records.keys() == few.records.keys()
     for channel, record in many.records.items():
@@ -234,26 +234,26 @@ def fewer_shots_same_shapes(bench: Bench) -> None:
 
 
 def true_constants_are_known_ones(bench: Bench) -> None:
-    """Whatever a calibration is unsure of has a true value, within reason of what it says."""
+    """Every uncertain constant of a calibration has a true value near its stated one."""
     station = bench.rig.commission(Streams(SEED))
     for key, known in station.calibration.items():
         if known.u > 0:
             off = abs(station.true_constants[key] - known.value)
-            assert 0 < off < 6 * known.u, key  # 2e-9 a constant, fixed seed
+            assert 0 < off < 6 * known.u, key  # by chance: 2e-9 per constant
     for key in station.true_constants.keys() & station.calibration.keys():
         known = station.calibration[key]
         assert abs(station.true_constants[key] - known.value) <= 6 * known.u, key
 
 
 def quiet_laboratory_is_nominal(bench: Bench) -> None:
-    """Without randomness every constant is what the calibration says."""
+    """Without randomness every true constant equals its calibration."""
     for ideal in (False, True):
         station = bench.rig.commission(Quiet(), ideal=ideal)
         _all_nominal(station)
 
 
 def ideal_rig_has_no_uncertainty(bench: Bench) -> None:
-    """Know its constants when it is ideal, whatever is drawn."""
+    """Know all constants exactly if the rig is ideal, whatever is drawn."""
     station = bench.rig.commission(Streams(SEED), ideal=True)
     for key, known in station.calibration.items():
         assert known.u == 0, key
@@ -269,7 +269,7 @@ def calibration_is_of_estimates(bench: Bench) -> None:
 
 
 def truth_has_a_shot_axis(bench: Bench) -> None:
-    """Truth is arrays, one entry a shot; of a bench, one number a property."""
+    """Give the truth as arrays with one entry per shot, or as single numbers for a bench."""
     truth = bench.played.truth
     assert truth, "a rig that hides what happened cannot be scored"
     for name, values in truth.items():
@@ -281,7 +281,7 @@ def truth_has_a_shot_axis(bench: Bench) -> None:
 
 
 def seed_is_in_no_record(bench: Bench) -> None:
-    """No number a rig writes is the seed, and no file holds its digits."""
+    """No number in a record equals the seed, and no file contains its digits."""
     records = bench.played.records
     for channel, record in records.items():
         for field in record.columns:
@@ -290,7 +290,7 @@ def seed_is_in_no_record(bench: Bench) -> None:
 
 
 def log_is_the_order(bench: Bench) -> None:
-    """Where a rig keeps a shot log it says what was asked for, not what happened."""
+    """Log the plan, not the true events, if the rig keeps a shot log."""
     log = bench.played.records.get("log")
     if log is not None:
         plan = bench.plan()
@@ -300,7 +300,7 @@ def log_is_the_order(bench: Bench) -> None:
 
 
 def impact_station_knows_the_measurand(bench: Bench) -> None:
-    """Numbers a bat can have, one a place; no shot moves them, and no ball but the lot's mean."""
+    """One plausible number per position, which depends only on bat and mean ball."""
     station = bench.rig.commission(Streams(SEED))
     if bench.rig.stage is not Stage.IMPACT:
         return
@@ -313,7 +313,7 @@ def impact_station_knows_the_measurand(bench: Bench) -> None:
     for name, values in _shares_of(before).items():
         assert values.shape == (SHOTS,), name
         assert np.array_equal(values, _shares_of(after)[name]), name
-        assert (values == values[0]).all(), name  # places and speeds are alike, so are answers
+        assert (values == values[0]).all(), name  # equal positions and speeds
         assert (np.abs(values) < 1).all(), name
     assert (before.relative_speed >= SPEED).all()
 

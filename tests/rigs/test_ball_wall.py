@@ -1,4 +1,4 @@
-"""The ball-wall rig: what a ball's earlier hits do to it."""
+"""The ball-wall rig: effect of earlier hits on a ball."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def play(
 
 
 def test_hits_of_a_ball_count_in_their_order() -> None:
-    """Ball 2 is hit three times, ball 0 twice, ball 1 once; one hundredth a hit and no recovery."""
+    """Ball 2 is hit three times, ball 0 twice, ball 1 once; each hit costs 1 % for good."""
     truth = play(Reality.NOISE_FREE).truth
     assert truth["restitution_loss"] == pytest.approx([0, 0, 0.01, 0.02, 0, 0.01], abs=1e-12)
     assert truth["ball_restitution"] == pytest.approx(0.55 - truth["restitution_loss"], abs=1e-12)
 
 
 def test_a_real_balls_hits_scatter_about_the_loss() -> None:
-    """The same seed without ageing: the difference of the two is the loss alone."""
+    """With the same seed without ageing, the difference is the loss alone."""
     aged, fresh = play(Reality.REAL).truth, play(Reality.REAL, ageing=None).truth
     difference = fresh["ball_restitution"] - aged["ball_restitution"]
     assert difference == pytest.approx(aged["restitution_loss"], abs=1e-15)
@@ -72,7 +72,7 @@ def test_the_lot_as_found_has_each_balls_mean_loss() -> None:
 
 
 def test_a_wall_that_gives_slows_the_rebound() -> None:
-    """Without air and noise the time back over the time in is 1 over e0 and the wall's own part."""
+    """Without air and noise, time back over time in is 1 over e0 times the wall's restitution."""
     for wall, ratio in ((None, 0.55), (1.0, 0.55), (0.9, 0.495)):
         played = play(Reality.IDEAL, wall=wall)
         times = played.records["gates"].times.mean(axis=-1)

@@ -1,4 +1,4 @@
-"""The bench: where on the bat its readings are taken."""
+"""The bench: position of its readings on the bat."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from virtual_lab.streams import Quiet
 
 
 def test_the_barrels_radius_is_read_six_inches_from_the_tip(tmp_path) -> None:
-    """On a cone: 60 mm at the tip, 1 mm less for each inch; so 54 mm there, a radius of 27 mm."""
+    """A cone of 60 mm at the tip loses 1 mm per inch: 54 mm at 6 in, a radius of 27 mm."""
     bench = Bench(find_rig("bench", Stage.BENCH), tmp_path)
     specimen = bench.specimen
     profile = specimen.bat.body.profile

@@ -1,7 +1,7 @@
-"""A block of laboratories: each draws, plays and is asked what it would alone, to the last bit.
+"""A block of laboratories gives the draws and records of each laboratory alone, bit for bit.
 
-The oracle is the laboratory alone, whose constants are plain numbers; with it stands every test of
-one laboratory.
+The oracle is the laboratory alone, whose constants are plain numbers. All other tests of one
+laboratory support it.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ RIGS = {
 }
 SPEEDS = {"ball-wall": 60 * MPH, "astm-pivot": 60 * MPH, "ball-cannon": 136 * MPH}
 NUMBERS = np.random.default_rng(4).permutation(10_000)[:512]
-SHOTS = 14  # of every laboratory
-BARREL = 0.05, 0.28  # m, weak rebounds at its ends
-MIDDLE = 0.12, 0.20  # m, where balls come back with no one in their way
+SHOTS = 14  # number of shots of every laboratory
+BARREL = 0.05, 0.28  # positions [m], with weak rebounds at the ends
+MIDDLE = 0.12, 0.20  # positions [m] from which balls return without obstacles
 
 
 @cache
@@ -57,7 +57,7 @@ def collision(ball: BallSpec, rig: str) -> Ladder:
 
 @dataclass(frozen=True)
 class Laboratories:
-    """A rig in some laboratories, or in one, and what is on it."""
+    """A rig in several laboratories, or in one, with its specimen."""
 
     rig: str
     draws: Draws
@@ -83,7 +83,7 @@ class Laboratories:
 
     @property
     def plan(self) -> ShotPlan:
-        """Ask every laboratory for the same shots, the bench for readings of every ball."""
+        """Plan the same shots for every laboratory, and readings of every ball for the bench."""
         shots = BALLS if self.rig == "bench" else SHOTS
         place = np.linspace(*self.places, shots)
         own = {
@@ -91,7 +91,7 @@ class Laboratories:
             "ball": np.arange(shots) % BALLS,
             "speed": np.full(shots, SPEEDS.get(self.rig, 70 * MPH)),
             "place": place,
-            "turn_rate": 30.0 + place,  # one a shot
+            "turn_rate": 30.0 + place,  # one per shot
         }
         owner = np.arange(*self.shape).repeat(shots) if self.shape else ...
         columns: dict[str, Any] = {name: np.tile(each, self.shape) for name, each in own.items()}
@@ -102,7 +102,7 @@ class Laboratories:
 
 
 def arrays(output: Any) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield what was recorded and what was true."""
+    """Yield all arrays of the records and of the truth."""
     for channel, record in output.records.items():
         for name in record.columns:
             yield f"{channel}.{name}", getattr(record, name)
@@ -111,8 +111,8 @@ def arrays(output: Any) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def part(values: np.ndarray, alone: np.ndarray, first: int, count: int, of: int) -> np.ndarray:
-    """Return the rows of `count` laboratories out of a block `of` so many."""
-    if values.ndim == 0:  # of the bat that all have in common
+    """Return the rows of `count` laboratories from a block `of` several."""
+    if values.ndim == 0:  # fields of the bat that all laboratories share
         return values
     rows = len(alone) // count
     assert len(values) == rows * of
@@ -121,7 +121,7 @@ def part(values: np.ndarray, alone: np.ndarray, first: int, count: int, of: int)
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_a_laboratory_plays_in_a_block_what_it_plays_alone(rig: str) -> None:
-    """Six out of 60, all channels and the truth, with plain numbers against arrays."""
+    """For six laboratories of 60, all channels and the truth; plain numbers against arrays."""
     numbers = NUMBERS[:60]
     block = dict(arrays(Laboratories.of(rig, numbers).play()))
     for at in (0, 1, 17, 30, 58, 59):
@@ -134,7 +134,7 @@ def test_a_laboratory_plays_in_a_block_what_it_plays_alone(rig: str) -> None:
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_nothing_depends_on_the_neighbours(rig: str) -> None:
-    """A block of 512 against those of 1, 37 and 474 that it splits into."""
+    """A block of 512 equals blocks of 1, 37 and 474."""
     whole = dict(arrays(Laboratories.of(rig, NUMBERS, places=MIDDLE).play()))
     for first, count in ((0, 1), (1, 37), (38, 474)):
         some = NUMBERS[first : first + count]
@@ -145,7 +145,7 @@ def test_nothing_depends_on_the_neighbours(rig: str) -> None:
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_a_station_of_a_block_knows_what_each_laboratory_knows(rig: str) -> None:
-    """Calibration and true constants, by the same names."""
+    """Calibration and true constants have the same names and values."""
     assert knows_blocks(find_rig(rig, RIGS[rig]))
     block = Laboratories.of(rig, NUMBERS[:5]).station
     for at in (0, 4):
@@ -156,7 +156,7 @@ def test_a_station_of_a_block_knows_what_each_laboratory_knows(rig: str) -> None
 
 @pytest.mark.parametrize("rig", ["astm-pivot", "ball-cannon", "ncaa-swing"])
 def test_the_truth_of_a_block_is_that_of_each_laboratory(rig: str) -> None:
-    """Two of 40, balls set aside among them; their mean ball to rounding, all else by its bits."""
+    """For two of 40, with balls set aside: the mean ball to rounding, all else bit for bit."""
     used = np.random.default_rng(1).random((40, BALLS)) > 0.3
     used[:, 0] = True
     block = Laboratories.of(rig, NUMBERS[:40])
@@ -181,7 +181,7 @@ def _outcomes(outcome: Any, prefix: str = "") -> Iterator[tuple[str, np.ndarray]
 
 
 def test_a_lot_of_a_block_is_that_of_the_laboratory() -> None:
-    """Drawn, fired at the wall, and taken out again."""
+    """A lot is drawn, fired at the wall, and selected from the block."""
     block, loss = Laboratories.of("ball-wall", NUMBERS[:9]), 0.01 * np.arange(9.0 * SHOTS)
     lots = block.specimen.balls
     found = lots.as_found(block.plan.ball, loss, block.plan.owner)
@@ -195,7 +195,7 @@ def test_a_lot_of_a_block_is_that_of_the_laboratory() -> None:
 
 
 def test_a_scene_outside_the_surrogate_goes_to_the_modal_rung_alone() -> None:
-    """One laboratory fires at the very tip: its e_A is the modal one, all others stay."""
+    """One laboratory fires at the tip: its e_A is that of the modal model, others do not change."""
     block = Laboratories.of("ball-cannon", NUMBERS[:20])
     far = block.plan.place.copy()
     far[5 * SHOTS] = 0.02

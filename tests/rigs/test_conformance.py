@@ -1,4 +1,4 @@
-"""Every rig installed here, ours and the third party's, held to the same suite."""
+"""Every installed rig, of this project or a third party, passes the same suite."""
 
 from pathlib import Path
 
@@ -18,28 +18,28 @@ BENCHES: dict[str, conformance.Bench] = {}
 
 
 def test_ours_and_the_third_partys_are_discovered() -> None:
-    """Entry points of two distributions: this project's and tests/third_party_rig's."""
+    """Entry points of two distributions are found: this project and tests/third_party_rig."""
     assert OURS | {THIRD_PARTY} <= INSTALLED.keys()
     assert type(INSTALLED[THIRD_PARTY]).__module__ == "third_party_rig"
 
 
 @pytest.mark.parametrize("name", INSTALLED)
 def test_a_rig_is_installed_under_its_own_name(name: str) -> None:
-    """`find_rig` is asked by entry point, certificates print `Rig.name`: they must agree."""
+    """`find_rig` uses the entry point and certificates print `Rig.name`: both must agree."""
     assert INSTALLED[name].name == name
 
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=conformance.name_of)
 @pytest.mark.parametrize("name", INSTALLED)
 def test_installed_rig(name: str, check, tmp_path: Path) -> None:
-    """The suite of tests/rigs/conformance.py, on one bench a rig."""
+    """The suite of tests/rigs/conformance.py passes for each rig."""
     bench = BENCHES.setdefault(name, conformance.Bench(INSTALLED[name], tmp_path))
     bench.folder = tmp_path
     check(bench)
 
 
 class Leaky:
-    """A rig with every fault the suite looks for that does not stop it from playing."""
+    """A rig with every fault that the suite detects and that does not prevent a play."""
 
     name, stage = "Leaky ", Stage.IMPACT
     channels = {"../log": ShotLog}  # noqa: RUF012
@@ -81,7 +81,7 @@ class Leaky:
     ids=conformance.name_of,
 )
 def test_the_suite_catches_a_bad_rig(check, tmp_path: Path) -> None:
-    """Mutation of the oracle: each check must fail where its promise is broken."""
+    """Each check must fail if its requirement is broken."""
     with pytest.raises((AssertionError, KeyError)):
         check(conformance.Bench(Leaky(), tmp_path))
 

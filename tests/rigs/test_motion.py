@@ -1,4 +1,4 @@
-"""The pymunk rung of the rigs: what it recovers, how it agrees with the closed form, refusals."""
+"""The pymunk model of the motion: agreement with the closed form, and refusals."""
 
 from pathlib import Path
 
@@ -31,7 +31,7 @@ def test_an_ideal_laboratory_by_pymunk_recovers_the_truth(rig: str) -> None:
 
 @pytest.mark.parametrize("rig", DONE)
 def test_both_rungs_give_one_certificate(rig: str) -> None:
-    """A real day: drag, fall, aim beside the axis of the bat. The scenes know no closed form."""
+    """A real day with drag, gravity and an aim off the bat's axis; scenes use no closed form."""
     closed, carried = (certified(rig, motion, Reality.REAL) for motion in ("closed-form", "pymunk"))
     for name, budget in closed.certification.quantities.items():
         other = carried.certification.quantities[name]
@@ -39,7 +39,7 @@ def test_both_rungs_give_one_certificate(rig: str) -> None:
         assert other.u == pytest.approx(budget.u, rel=1e-6), name
     for name, shots in closed.sealed.shots.items():
         np.testing.assert_allclose(carried.sealed.shots[name], shots, rtol=1e-9, err_msg=name)
-    # a scene's last bits are its own: equal to the bit were no scene at all
+    # the last bits of a scene differ: exact equality would mean that no scene was played
     back = (each.sealed.shots["rebound_speed"] for each in (closed, carried))
     assert next(back).tobytes() != next(back).tobytes()
 

@@ -1,4 +1,4 @@
-"""An instrument of another maker: four files of its package and its entry points, nothing here."""
+"""An instrument of another package: four files and entry points, and no change here."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,15 +21,15 @@ def ideal() -> BatTest:
 
 
 def test_a_radar_gun_measures_e_of_an_ideal_laboratory(ideal: BatTest) -> None:
-    """Scale, distance and drag are corrected with their signs, or e is off by 1e-4 and more."""
+    """Scale, distance and drag are corrected with the right sign; otherwise e is wrong by 1e-4."""
     true = ideal.sealed.measurand["metric"]
     assert ideal.certification.metric.value == pytest.approx(true, abs=1e-9)
 
 
 def test_a_radar_guns_constants_are_in_the_budget() -> None:
-    """A gun farther away by δ: e_A = v_out/v_in exp(2 κ d) grows, v_in ∝ exp(-κ d) falls.
+    """For a gun farther away by δ, e_A = v_out/v_in exp(2 κ d) rises and v_in ∝ exp(-κ d) falls.
 
-    So e grows by (1 + r) e_A 2 κ δ, and by e/e0 times what e0 at a slower ball would be more.
+    So e rises by (1 + r) e_A 2 κ δ, and by e/e0 times the gain of e0 at the lower speed.
     """
     tested = certify("r161", procedure="bbcor", rig="radar-range", seed=1)
     parts = {part.name: part.contribution for part in tested.certification.metric.components}
@@ -44,14 +44,14 @@ def test_a_radar_guns_constants_are_in_the_budget() -> None:
             "speed",
         )
     )
-    slope = -0.001 / 0.44704  # s/m, of this ball, in this lot to 2 %
+    slope = -0.001 / 0.44704  # slope of e0 of this ball [s/m], within 2 % in this lot
     known = {name: of.value for name, of in tested.certification.session.calibration.items()}
     area, mass = np.pi * known["ball.radius"] ** 2, shots.ball_mass[used].mean()
     air = known["hall.air.density"] * known["hall.air.drag_coefficient"]
     kappa = air * area / (2 * mass)
     by_distance = ((1 + r) * e_A * 2 + e / e0 * slope * v) * kappa * 2e-3
     assert abs(parts["impact.radar.distance"]) == pytest.approx(by_distance, rel=0.03)
-    by_scale = e / e0 * slope * v * 2e-4  # cancels in e_A, but for the speed at which e0 is taken
+    by_scale = e / e0 * slope * v * 2e-4  # cancels in e_A, not in the speed for e0
     assert abs(parts["impact.radar.scale"]) == pytest.approx(abs(by_scale), rel=0.03)
 
 

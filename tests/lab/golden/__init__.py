@@ -1,1 +1,1 @@
-"""What the loop over laboratories gave, row by row: the oracle of whatever takes its place."""
+"""Results of the loop over laboratories, row by row: the oracle of its replacement."""

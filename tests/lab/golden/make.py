@@ -1,8 +1,8 @@
 """The golden table: ``python -m tests.lab.golden.make``, some minutes.
 
-A row a test: two bats by each procedure in the laboratories of seed 1, with instruments that write
-sums and a nominal bat, and in full with a bat of its own; each fault and each operator of the bench
-once. Floats stand there to the last bit.
+One row per test: two bats by each procedure in the laboratories of seed 1, with instruments that
+write sums and a nominal bat, and in full with individual bats; each fault and each operator of
+the bench once. Floats are stored to the last bit.
 
 ``--summed`` and ``--full`` ask for fewer laboratories, ``--check`` compares with the table instead
 of writing it.
@@ -33,38 +33,38 @@ from virtual_lab.simulation.truth import SealedTruth
 
 TABLE = Path(__file__).with_name("table.csv")
 SEED = 1
-SUMMED, FULL = 300, 20  # laboratories of a bat by a procedure
+SUMMED, FULL = 300, 20  # number of laboratories per bat and procedure
 BASEBALL, SOFTBALL = ("r161", "ea70"), ("softball-34", "softball-wood-34")
-SCENARIO = "plain-day"  # of the operators
+SCENARIO = "plain-day"  # number of days per operator
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
     """A test of the table."""
 
-    kind: str  # summed, full, fault, operator
+    kind: str  # kind of test: summed, full, fault or operator
     procedure: str
     bat: str
-    number: int = 0  # of the laboratory
-    what: str = ""  # the fault or the operator
+    number: int = 0  # number of the laboratory
+    what: str = ""  # name of the fault or the operator
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row(Case):
-    """What became of it, SI; NaN without a result."""
+    """The result of a test, SI; NaN without a result."""
 
     metric: float
     u: float
     dof: float
     truth: float
-    shots: int  # fired at the bat
-    scenes: int  # of them, those that closed form did not know; not compared
+    shots: int  # number of shots at the bat
+    scenes: int  # number of shots beyond the closed form; not compared
     verdict: str
     flags: str
 
 
 def cases(summed: int = SUMMED, full: int = FULL) -> Iterator[Case]:
-    """Yield the tests, of so many laboratories each."""
+    """Yield the tests, for these numbers of laboratories."""
     for procedure in catalog.names("procedures"):
         for bat in SOFTBALL if procedure == "asa" else BASEBALL:
             for kind, laboratories in (("summed", summed), ("full", full)):
@@ -79,7 +79,7 @@ def cases(summed: int = SUMMED, full: int = FULL) -> Iterator[Case]:
 
 
 def row_of(case: Case) -> Row:
-    """Carry a test out."""
+    """Carry out a test, and return its row."""
     with patch.object(flights, "play_events", wraps=flights.play_events) as played:
         found, sealed = _operated(case) if case.kind == "operator" else _tested(case)
     metric = found.metric
@@ -97,10 +97,10 @@ def row_of(case: Case) -> Row:
 
 
 def differences(found: Row, golden: Row, *, value: float = 1e-12, dof: float = 1e-9) -> list[str]:
-    """Return what differs, a line each; numbers by more than these shares, ν by more than `dof`.
+    """Return the differences, one line each: numbers beyond these shares, ν beyond `dof`.
 
-    Where a scene was played the numbers may differ by 1e-8: pymunk played it as the table was made,
-    and the last bits of a time become those of a place.
+    If a scene was played, numbers may differ by 1e-8: pymunk played it when the table was made,
+    and the last bits of a time change those of a position.
     """
     if golden.scenes:
         value = dof = 1e-8
@@ -128,7 +128,7 @@ def write(rows: Iterable[Row], path: Path) -> None:
 
 @cache
 def table(path: Path = TABLE) -> dict[Case, Row]:
-    """Return the rows of the table by their test."""
+    """Return the rows of the table, by test."""
     kinds = {
         each.name: {"int": int, "float": float}.get(str(each.type), str) for each in fields(Row)
     }
@@ -174,7 +174,7 @@ def _made(asked: Iterable[Case]) -> Iterator[Row]:
 
 
 def _compared(asked: Iterable[Case]) -> int:
-    """Print what differs from the table; return how many tests do."""
+    """Print the differences from the table, and return the number of tests with one."""
     many = 0
     for row in _made(asked):
         golden = table()[Case(**{each.name: getattr(row, each.name) for each in fields(Case)})]
