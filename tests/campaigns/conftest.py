@@ -1,4 +1,4 @@
-"""A small campaign, made once, and copies of it to be damaged."""
+"""A small campaign, made once, and copies to damage."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def copy(made: Path, tmp_path: Path) -> Path:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Return all files of a campaign but its study's remarks, by path."""
+    """Return all files of a campaign by path, without the remarks of its study."""
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in sorted(folder.rglob("*"))

@@ -1,7 +1,7 @@
 """A campaign under kills: ``python -m tests.campaigns.kills kills.csv``, some minutes.
 
-Each kind of process is killed at moments of a fixed list, or its writes fail; then the campaign is
-resumed. In the end its files are those of a run that nobody disturbed, none is beside them, and no
+Each kind of process is killed at fixed times, or its writes fail; then the campaign is
+resumed. In the end its files equal those of an undisturbed run, no other file is left, and no
 process is left.
 """
 
@@ -26,7 +26,7 @@ import virtual_lab as vl
 STUDY = {
     "bats": ["r161"],
     "procedures": ["astm-f1881"],
-    "laboratories": 2500,  # half a second a part
+    "laboratories": 2500,  # study whose parts take half a second
     "repeats": 12,
     "seed": 3,
 }
@@ -37,16 +37,16 @@ KILLS = {"worker": 15, "parent": 10, "dask worker": 5, "scheduler": 5, "failed w
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """What so many kills of one kind did."""
+    """Result of a number of kills of one kind."""
 
     kind: str
     kills: int
-    runs: int  # that were needed to the end
+    runs: int  # number of runs until the campaign was complete
     seconds: int
     equal_parts: int
     other_parts: int
-    strays: int  # files and folders that are no part
-    orphans: int  # processes
+    strays: int  # number of files and folders that are no part
+    orphans: int  # number of remaining processes
 
 
 def children(pid: int) -> list[int]:
@@ -64,7 +64,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def orphans(folder: Path) -> int:
-    """Return how many worker processes of a campaign there are."""
+    """Return the number of worker processes of a campaign."""
     found = 0
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):
@@ -74,7 +74,7 @@ def orphans(folder: Path) -> int:
 
 
 def moments(seed: int) -> Iterator[float]:
-    """Yield times to wait [s], from 0 to 3 and evenly spread: multiples of the golden section."""
+    """Yield waiting times [s] spread evenly from 0 to 3, as multiples of the golden section."""
     number = seed
     while True:
         number += 1
@@ -86,7 +86,7 @@ Started = subprocess.Popen[bytes]
 
 @contextmanager
 def started(*words: str) -> Iterator[Started]:
-    """Yield a process, which is killed in the end."""
+    """Yield a process, and kill it at the end."""
     with subprocess.Popen(words, stdout=DEVNULL, stderr=DEVNULL) as process:
         try:
             yield process
@@ -95,7 +95,7 @@ def started(*words: str) -> Iterator[Started]:
 
 
 def until_a_part(folder: Path, process: Started, before: int) -> None:
-    """Wait until a run has made a part, so that its workers are at work."""
+    """Wait until a run has made a part, so that its workers are busy."""
     while process.poll() is None and len(contents(folder)) <= before:
         time.sleep(0.05)
 
@@ -107,7 +107,7 @@ def of_workers(folder: Path, kills: int, wait: Iterator[float]) -> int:
         with started(*PROGRAM, str(folder), "--workers", "2") as parent:
             runs += 1
             until_a_part(folder, parent, len(contents(folder)))
-            for _ in range(3):  # a run
+            for _ in range(3):  # arguments of a run
                 time.sleep(next(wait) / 3)
                 for child in children(parent.pid)[: done < kills]:
                     with suppress(ProcessLookupError):
@@ -169,7 +169,7 @@ def of_schedulers(folder: Path, kills: int, wait: Iterator[float]) -> int:
 
 
 def of_writes(folder: Path, kills: int, wait: Iterator[float]) -> int:
-    """Limit the size of a file, in kB, below that of a part: as a disk that is full."""
+    """Limit the file size [kB] below that of a part, to simulate a full disk."""
     for number in range(kills):
         lose_some(folder)
         words = f"ulimit -f {20 * number + 20}; exec {' '.join(PROGRAM)} {folder} --workers 2"
@@ -179,7 +179,7 @@ def of_writes(folder: Path, kills: int, wait: Iterator[float]) -> int:
 
 
 def lose_some(folder: Path) -> None:
-    """Remove parts where none is missing, so that there is work."""
+    """Remove some parts if none is missing, so that there is work."""
     there = sorted((folder / "parts").glob("*.parquet"))
     if len(there) == STUDY["repeats"]:
         for path in there[::2]:
@@ -196,7 +196,7 @@ OF: dict[str, Callable[[Path, int, Iterator[float]], int]] = {
 
 
 def killed(kind: str, kills: int, whole: Path, folder: Path) -> Row:
-    """Return what so many kills did to a campaign in a new folder; `whole` was left alone."""
+    """Return the effect of a number of kills on a new campaign; `whole` is an undisturbed one."""
     begun = time.monotonic()
     vl.campaign(STUDY, folder, blocks="1/12")
     runs = OF[kind](folder, kills, moments(len(kind)))
@@ -218,7 +218,7 @@ def killed(kind: str, kills: int, whole: Path, folder: Path) -> Row:
 
 
 def main(path: str) -> None:
-    """Write the table of all kinds."""
+    """Write the table of all kinds of kills."""
     with TemporaryDirectory() as place:
         whole = Path(place) / "whole"
         vl.campaign(STUDY, whole)

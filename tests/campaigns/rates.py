@@ -1,4 +1,4 @@
-"""Tests a second of a campaign, by the clock: ``python -m tests.campaigns.rates rates.csv``.
+"""Tests per second of a campaign: ``python -m tests.campaigns.rates rates.csv``.
 
 Neighbours on a shared machine disturb such times: each row has the time of numpy's normal numbers
 around it, and two ways that are to be compared take turns. Past start-up: from the first part to
@@ -23,25 +23,25 @@ import virtual_lab as vl
 from tests.campaigns.kills import BY_DASK, WORKER, scheduler, started
 
 STUDY = {"bats": ["r161"], "procedures": ["astm-f1881"], "seed": 1}
-MANY, FEW, TURNS = 200_000, 81_920, 5  # laboratories, and those of a turn: ten parts
+MANY, FEW, TURNS = 200_000, 81_920, 5  # number of laboratories, and per alternating run: ten parts
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rate:
-    """How quickly one way made a campaign."""
+    """Speed of a campaign with one kind of workers."""
 
     way: str
     tests: int
-    seconds: float  # in all
-    tests_a_second: float  # in all
+    seconds: float  # total time [s]
+    tests_a_second: float  # total time [s]
     past_start_up: float | None  # tests a second
-    normal_ns: float  # beside it
-    normals_a_test: float  # of the time in all
+    normal_ns: float  # time of one normal number [ns]
+    normals_a_test: float  # start-up [share of the total time]
     bytes_a_test: float
 
 
 def normal_ns() -> float:
-    """Return the time of a normal number of numpy, the median of nine tries."""
+    """Return the time of one normal number of numpy [ns], the median of nine tries."""
     generator, times = np.random.default_rng(1), []
     for _ in range(9):
         begun = time.perf_counter()
@@ -51,7 +51,7 @@ def normal_ns() -> float:
 
 
 def rate(way: str, laboratories: int) -> Rate:
-    """Return the rate of one way: ``1 worker``, ``2 workers``, ``2 separate``, ``2 of Dask``."""
+    """Return the rate for ``1 worker``, ``2 workers``, ``2 separate`` or ``2 of Dask``."""
     seen: list[tuple[float, int]] = []
 
     def progress(_text: str, done: int = 0, _total: int = 0) -> None:
@@ -59,7 +59,7 @@ def rate(way: str, laboratories: int) -> Rate:
 
     with TemporaryDirectory() as place:
         folder, study = Path(place) / "campaign", {**STUDY, "laboratories": laboratories}
-        vl.campaign(study, folder, blocks="1/1000000")  # no part
+        vl.campaign(study, folder, blocks="1/1000000")  # file that is no part
         before, begun = normal_ns(), time.monotonic()
         if way == "2 separate":
             words = [sys.executable, "-m", "virtual_lab", "campaign", "resume", str(folder)]
@@ -90,7 +90,7 @@ def rate(way: str, laboratories: int) -> Rate:
 
 
 def main(path: str) -> None:
-    """Write the table: many laboratories once, few in turns."""
+    """Write the table: many laboratories once, few in alternating runs."""
     rows = [rate(way, MANY) for way in ("1 worker", "2 workers")]
     rows += [rate(way, FEW) for _ in range(TURNS) for way in ("2 workers", "2 separate")]
     with ExitStack() as stack:
@@ -98,7 +98,7 @@ def main(path: str) -> None:
         for _ in range(2):
             stack.enter_context(started(*WORKER))
         time.sleep(10)
-        rate("2 of Dask", FEW)  # its workers load what they need
+        rate("2 of Dask", FEW)  # workers import what they need
         rows += [rate(way, FEW) for _ in range(TURNS) for way in ("2 workers", "2 of Dask")]
     table = pd.DataFrame(rows)
     table.round(3).to_csv(path, index=False)

@@ -1,4 +1,4 @@
-"""A campaign's parts hold what its laboratories certify, and nothing that happens loses one."""
+"""The parts of a campaign have its laboratories' results, and no event loses a part."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from virtual_lab.errors import InputError
 
 @pytest.mark.parametrize("repeat", [0, 1])
 def test_a_row_is_the_laboratory_of_its_number_and_day(made: Path, repeat: int) -> None:
-    """Against the loop, which makes the objects of a certificate: the budget line by line."""
+    """The oracle is the loop over laboratories, budget line by line."""
     with catalog.sheets_in_place({("instruments", "pivot-gates"): changed_gates(0.1)}):
         setup = lab.RoundRobin.of("r161", "astm-f1881").setup
         setup = replace(setup, seed=5, number=3, test=repeat or None)
@@ -79,7 +79,7 @@ def test_a_column_states_its_unit_and_meaning(made: Path) -> None:
 
 
 def test_units_of_a_metric_that_is_a_speed(tmp_path: Path) -> None:
-    """The proposed test's metric is v_f, 95 mph or so; its scan has a width in m."""
+    """The metric of `proposed` is v_f, about 95 mph; its scan has a width in m."""
     study = {"bats": "r161", "procedures": "proposed", "laboratories": 2, "seed": 1}
     vl.campaign(study, tmp_path / "c")
     schema = pq.read_schema(part(tmp_path / "c", 0))
@@ -92,7 +92,7 @@ def test_units_of_a_metric_that_is_a_speed(tmp_path: Path) -> None:
 
 
 def test_a_test_without_a_result_is_blank(tmp_path: Path) -> None:
-    """A window of the recoil fit that no hit meets: hits are missing, so the tests are INVALID."""
+    """No hit meets a window of the recoil fit, so the tests are INVALID."""
     rules = vl.procedure("astm-f1881").with_({"windows.recoil_u": 1e-6})
     study = {"bats": ["r161"], "procedures": [rules], "laboratories": 3, "seed": 1}
     vl.campaign(study, tmp_path / "c")
@@ -109,7 +109,7 @@ def test_the_study_stands_in_the_folder_as_it_was_given(made: Path) -> None:
 
 
 def test_a_campaign_keeps_the_sheets_its_tests_read(made: Path, tmp_path: Path) -> None:
-    """A block reads no sheet beside them; a sheet of one's own goes with the folder."""
+    """A block reads no other sheet; a user's sheet is stored with the folder."""
     known = Campaign.open(made)
     with catalog.sheets_in_place({}) as used:
         workers.table_of(known.block(0), 5, known.layout(known.block(0)))
@@ -129,7 +129,7 @@ def test_two_workers_make_the_same_parts_as_one(made: Path, tmp_path: Path) -> N
 
 
 def test_two_runs_on_one_folder_do_no_harm(made: Path, tmp_path: Path) -> None:
-    """Both begin it, both make its parts; each file is whole at any moment."""
+    """Both start it and make its parts; each file is complete at any time."""
     folder, study = tmp_path / "both", begun(tmp_path / "both")
     with ThreadPoolExecutor(2) as pool:
         runs = [pool.submit(vl.campaign, study, folder) for _ in range(2)]
@@ -173,7 +173,7 @@ def test_a_damaged_part_is_made_again_and_told(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no limit of a file's size")
 def test_a_write_that_fails_leaves_nothing_and_loses_nothing(copy: Path, made: Path) -> None:
-    """A limit of a file's size stands for a disk that is full."""
+    """A limit of the file size simulates a full disk."""
     import resource
 
     part(copy, 3).unlink()
@@ -212,7 +212,7 @@ def test_workers_end_with_a_parent_that_is_killed(copy: Path, made: Path) -> Non
 
 
 def until(done: Callable[[], bool], patience: float = 60.0) -> None:
-    """Wait for what must come."""
+    """Wait until a condition holds."""
     end = time.monotonic() + patience
     while not done():
         assert time.monotonic() < end
@@ -264,7 +264,7 @@ def test_a_block_that_fails_twice_is_told_and_the_others_are_made(
 
 
 def test_the_summary_is_that_of_the_table(made: Path) -> None:
-    """Against pandas; the standard deviation within a laboratory is half the squared difference."""
+    """The oracle is pandas; the variance within a laboratory is half the squared difference."""
     summary = vl.Campaign.open(made).summary()
     table = vl.Campaign.open(made).table
     for row, (_, own) in zip(summary, table.groupby(KEY), strict=True):
@@ -399,7 +399,7 @@ def dask_address() -> Iterator[str]:
         yield cluster.scheduler_address
 
 
-@pytest.mark.filterwarnings("ignore")  # of Dask's own: a busy machine makes it wait for its disk
+@pytest.mark.filterwarnings("ignore")  # warning of Dask: a busy machine waits for its disk
 def test_dask_makes_the_same_parts(copy: Path, made: Path, dask_address: str) -> None:
     for number in (0, 3):
         part(copy, number).unlink()
@@ -409,7 +409,7 @@ def test_dask_makes_the_same_parts(copy: Path, made: Path, dask_address: str) ->
 
 @pytest.fixture
 def silent_address() -> Iterator[str]:
-    """Yield the address of a port that accepts and says nothing."""
+    """Yield the address of a port that accepts connections but never answers."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
 
@@ -429,7 +429,7 @@ def test_an_address_of_dask_that_does_not_answer(
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_scheduler_of_dask_without_workers(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From the start, and where the only worker ended before its first part."""
+    """There is no worker from the start, or the only one ended before its first part."""
     from distributed import LocalCluster
 
     monkeypatch.setattr(workers, "PATIENCE", 0.2)
@@ -454,7 +454,7 @@ def block_of_docs(language: str, number: int = 0) -> str:
 def test_the_script_of_an_array_of_jobs_makes_the_campaign(
     made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Under bash, with a stand-in for the program that runs in this process afterwards."""
+    """The script runs under bash with a stand-in for the program, which runs afterwards."""
     program = tmp_path / "bin" / "virtual-lab"
     program.parent.mkdir()
     program.write_text('#!/bin/sh\nfor word; do echo "$word"; done > asked\n', "utf-8")
@@ -514,7 +514,7 @@ seed = 1
 def test_a_share_of_the_largest_study_starts_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its 524 million blocks have no name until they are made; the first of them fails here."""
+    """Its 524 million blocks get a name only when they are made; the first one fails here."""
     tried: list[int] = []
 
     def make_part(_folder: str, number: int) -> InputError:
@@ -543,7 +543,7 @@ def test_tests_in_a_share_are_the_rows_of_its_blocks(made: Path, laboratories: i
 
 
 def test_many_cases_are_counted_while_they_are_checked(tmp_path: Path) -> None:
-    """Ten thousand crossed values take half a minute; each is counted."""
+    """Ten thousand crossed values take half a minute; progress counts each."""
     seen: list[tuple[str, int, int]] = []
     values = ", ".join(f"{0.05 + 0.001 * number:.3f}" for number in range(12))
     study = begun(tmp_path / "c", STUDY.replace("0.05, 0.1", values))
@@ -554,7 +554,7 @@ def test_many_cases_are_counted_while_they_are_checked(tmp_path: Path) -> None:
 def test_a_folder_that_is_begun_is_not_checked_again(
     copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each job of an array begins with the study's file."""
+    """Each job of an array starts from the study's file."""
 
     def sheets(*_: object) -> None:
         raise AssertionError
@@ -577,7 +577,7 @@ def test_a_sheet_that_changed_since_the_campaign_began_is_another_campaign(
 
 
 def test_a_seed_is_as_long_as_a_drawn_one(tmp_path: Path) -> None:
-    """In a study's file too, where a number in hexadecimal may have any length."""
+    """A hexadecimal number in a study's file may have any length."""
     for digits in (f"{2**128:#x}", "0x" + "f" * 9000):
         study = begun(tmp_path / "c", STUDY.replace("seed = 5", f"seed = {digits}"))
         with pytest.raises(InputError, match=f"seed = .*less than or equal to {2**128 - 1}"):

@@ -1,4 +1,4 @@
-"""Forty kills lose nothing; the tests beside this one kill less, at every run of the suite."""
+"""Forty kills lose nothing; other tests of the suite kill fewer processes."""
 
 from __future__ import annotations
 

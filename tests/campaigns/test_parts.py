@@ -1,4 +1,4 @@
-"""A part is what was made of its block, to the last bit, with all columns of its study."""
+"""A part equals its block to the last bit, with all columns of its study."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HEIGHTS = "impact.gates.height_u"
 
 @pytest.fixture(scope="module")
 def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a campaign of two procedures with unlike budgets; in one case an u is 0."""
+    """Return a campaign of two procedures with different budgets; in one case a u is 0."""
     folder = tmp_path_factory.mktemp("mixed") / "campaign"
     study = {
         "bats": "r161",
@@ -44,7 +44,7 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_part_has_the_columns_of_all_parts(mixed: Path) -> None:
-    """Readers of a folder take the columns of its first file; here they lose none."""
+    """Readers of a folder use the columns of its first file, so all parts have all columns."""
     files = sorted((mixed / "parts").iterdir())
     tables = [pd.read_parquet(each) for each in files]
     assert len(files) == 4
@@ -53,13 +53,13 @@ def test_every_part_has_the_columns_of_all_parts(mixed: Path) -> None:
         assert list(table.dtypes) == list(tables[0].dtypes)
     whole = pd.read_parquet(mixed / "parts")
     assert list(whole.columns) == list(vl.Campaign.open(mixed).table.columns)
-    assert whole.notna().any().all()  # no column that is in no test
+    assert whole.notna().any().all()  # no column exists that no test has
     squares = (whole.filter(like="contribution.") ** 2).sum(axis=1)
     assert squares.to_numpy() == pytest.approx(whole["u"].to_numpy() ** 2, rel=1e-9)
 
 
 def test_a_column_is_blank_where_the_test_has_no_such_number(mixed: Path) -> None:
-    """A scan has a curve, and distances without uncertainty contribute nothing."""
+    """Only a scan has a curve, and distances without uncertainty contribute nothing."""
     table = vl.Campaign.open(mixed).table
     blank = {name: table[table[name].isna()] for name in table}
     one_place, two_gates = table["procedure"] == "astm-f1881", table[KEY] == 0
@@ -96,7 +96,7 @@ def test_a_number_that_the_first_laboratories_do_not_show_is_no_lost_column(
 def test_blocks_of_a_case_have_laboratories_one_after_another(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """However the laboratories of a case are divided into parts, each is tested once."""
+    """Each laboratory of a case is tested once, however the case is divided into parts."""
     study = {"bats": "r161", "procedures": "astm-f1881", "laboratories": 6, "seed": 5}
     vl.campaign(study, tmp_path / "one")
     one = vl.Campaign.open(tmp_path / "one").table
@@ -128,7 +128,7 @@ def test_laboratories_of_an_individual_study_have_the_bats_of_their_certificates
 
 
 def rewritten(change: Callable[[pa.Table], pa.Table]) -> Callable[[Path], None]:
-    """Return damage by another program, which keeps the words that the file has of itself."""
+    """Return damage by another program, which keeps the description in the file."""
 
     def damage(path: Path) -> None:
         pq.write_table(change(pq.read_table(path)), path)
@@ -153,7 +153,7 @@ def folder(path: Path) -> None:
 
 
 def words(text: str) -> Callable[[Path], None]:
-    """Return damage to what a part says of itself, with right digests."""
+    """Return damage to the description of a part, with right digests."""
     blanks = (
         f'{{"{digests.DATA}": "{digests.NO_DIGEST}", "{digests.FOOTER}": "{digests.NO_DIGEST}"}}'
     )
@@ -199,7 +199,7 @@ def test_a_part_that_is_not_what_was_made_is_told(kind: str, copy: Path) -> None
     (why,) = known.check().missing.values()
     assert said in why
     assert "\n" not in why
-    assert known.part(1).wrong == why  # of the footer alone
+    assert known.part(1).wrong == why  # damage to the footer alone
     assert len(known.table) == 18
     assert [row["missing"] for row in known.summary()] == [6, 0]
 
@@ -207,7 +207,7 @@ def test_a_part_that_is_not_what_was_made_is_told(kind: str, copy: Path) -> None
 def test_check_unpacks_nothing_that_was_changed(
     copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A file of 46 kB may hold 2.4 GB."""
+    """A changed file of 46 kB might unpack to 2.4 GB."""
     table = pq.read_table(part(copy, 0))
     pq.write_table(pa.concat_tables([table] * 100), part(copy, 0), compression="zstd")
 
@@ -219,7 +219,7 @@ def test_check_unpacks_nothing_that_was_changed(
 
 
 def test_every_bit_of_a_footer_counts(copy: Path) -> None:
-    """Four hundred of them, spread by the golden section, one at a time."""
+    """Four hundred bits, spread by the golden section, are flipped one at a time."""
     path, known = part(copy, 0), Campaign.open(copy)
     sound = path.read_bytes()
     length = int.from_bytes(sound[-8:-4], "little") + 8
@@ -264,7 +264,7 @@ def other_unit(table: pa.Table) -> pa.Table:
 def test_columns_are_those_of_the_study(
     change: Callable[[pa.Table], pa.Table], said: str, copy: Path
 ) -> None:
-    """Names, types and units, also where the digests are right."""
+    """Names, types and units are compared even if the digests are right."""
     known = Campaign.open(copy)
     write_part(change(pq.read_table(part(copy, 0))), copy / "parts", known.block(0))
     (why,) = known.check().missing.values()
@@ -291,7 +291,7 @@ def test_an_edited_sheet_or_column_of_the_folder_is_refused(key: str, copy: Path
 
 
 def test_the_summary_tells_above_from_below() -> None:
-    """Four tests by hand: two true values above their intervals, one below, one within."""
+    """Four tests by hand: two true values are above their intervals, one below, one within."""
     table = pa.table(
         {
             "verdict": ["PASS"] * 4,

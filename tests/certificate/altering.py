@@ -1,4 +1,4 @@
-"""Ways to alter a result folder by hand, without the functions that `verify` checks it with."""
+"""Ways to alter a result folder by hand, without the functions that `verify` uses."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def in_document(**values: Any) -> Change:
 
 
 def with_risk(document: dict[str, Any]) -> None:
-    """Let the risk follow from the metric, as who forges it well does."""
+    """Set the risk that follows from the metric, as a careful forger would."""
     metric = document["metric"]
     stated = MetricStated(**{**metric, "interval_95": tuple(metric["interval_95"])})
     risk = risk_of(stated, document["verdict"], eligible=True)
@@ -65,7 +65,7 @@ def with_risk(document: dict[str, Any]) -> None:
 
 
 def forms_again(folder: Path) -> None:
-    """Make page and PDF anew from certificate.json, name and all."""
+    """Make page and PDF again from certificate.json, with the new file name."""
     parsed = json.loads((folder / "certificate.json").read_text(encoding="utf-8"))
     document = document_of(parsed, "")
     (folder / "certificate.html").write_text(certificate_page(document), encoding="utf-8")
@@ -75,7 +75,7 @@ def forms_again(folder: Path) -> None:
 
 
 def in_all_forms(**values: Any) -> Change:
-    """Change certificate.json, and make page and PDF anew from it."""
+    """Change certificate.json, and make page and PDF from it again."""
 
     def change(folder: Path) -> None:
         in_document(**values)(folder)
@@ -86,20 +86,20 @@ def in_all_forms(**values: Any) -> Change:
 
 
 def records_told_again(folder: Path) -> None:
-    """State the digest of session.json in the certificate, and make its forms anew."""
+    """Update the digest of session.json in the certificate, and make its forms again."""
     digest = hashlib.sha256((folder / "records" / "session.json").read_bytes()).hexdigest()
     in_document(session_digest=digest)(folder)
     forms_again(folder)
 
 
 def number_by_hand(text: str) -> str:
-    """Return the number of a certificate.json: of its digest, the commit left out."""
+    """Return the number of a certificate.json: the start of its digest without the commit."""
     counted = json.dumps({**json.loads(text), "commit": None}, indent=2) + "\n"
     return hashlib.sha256(counted.encode()).hexdigest()[:12]
 
 
 def in_record(channel: str, change: Callable[[list[str]], list[str]]) -> Change:
-    """Change the lines of a record, and its digest and rows in session.json to match."""
+    """Change the lines of a record, and update its digest and rows in session.json."""
 
     def changed(folder: Path) -> None:
         path = folder / "records" / f"{channel}.csv"
@@ -140,7 +140,7 @@ def heavier(lines: list[str]) -> list[str]:
 
 
 def swapped(lines: list[str]) -> list[str]:
-    """Exchange the edges of the first two shots, whose indices stay."""
+    """Exchange the edges of the first two shots, but not their indices."""
 
     def split(line: str) -> tuple[str, str]:
         head, _, value = line.rpartition(",")
@@ -156,7 +156,7 @@ def swapped(lines: list[str]) -> list[str]:
 
 
 def supplied(session: dict[str, Any]) -> None:
-    """Let the records be those of another laboratory."""
+    """Declare the records as those of another laboratory."""
     session.pop("simulation")
     session.update(origin="supplied", laboratory="Crosstown Bat Laboratory")
 
@@ -174,14 +174,14 @@ def pdf_of(folder: Path) -> Path:
 
 
 def another_attachment(folder: Path) -> None:
-    """Write the PDF of a better result under the name of this one."""
+    """Replace the PDF by that of a better result."""
     parsed = json.loads((folder / "certificate.json").read_text(encoding="utf-8"))
     parsed["valid_hits"] += 1
     pdf_of(folder).write_bytes(certificate_pdf(document_of(parsed, "")))
 
 
 def sums_again(folder: Path) -> None:
-    """Write SHA256SUMS anew, as ``sha256sum`` does, if it is there."""
+    """Write SHA256SUMS again, as ``sha256sum`` does, if the folder has it."""
     if not (folder / "SHA256SUMS").exists():
         return
     names = sorted(

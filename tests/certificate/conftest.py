@@ -1,4 +1,4 @@
-"""Result folders that the tests of certificates copy, each made once in a process."""
+"""Result folders that the tests of certificates copy; each is made once per process."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ standard = { value = 0.5, unit = "1", source = "assumed", verified = false }
 
 @pytest.fixture(scope="module")
 def each_form_is_made_once() -> Iterator[None]:
-    """Keep the forms and certifications that verify makes; that they repeat has other tests."""
+    """Cache the forms and certifications of `verify`; their repeatability is tested elsewhere."""
     forms: dict[tuple[object, ...], Any] = {}
-    files: dict[int, object] = {}  # of the records of a session
+    files: dict[int, object] = {}  # digest of the records of a session
     load, certify = verifying.load_session, verifying.certify_session
 
     def load_session(folder: Path) -> Session:
@@ -90,7 +90,7 @@ def controlled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def chain(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Save a result, one that replaces it, and one of the same records that replaces this."""
+    """Save a result, a second one that replaces it, and a third one of the same records."""
     folder = tmp_path_factory.mktemp("chain")
     first, second = folder / "first", folder / "second"
     vl.certify("r161", seed=7).save(first)

@@ -1,4 +1,4 @@
-"""The marks of a figure in SVG, read off by the ticks of its axes as a reader would."""
+"""The marks of an SVG figure in the units of its axes, found from the ticks."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ PATH = re.compile(r'<path d="(M[^"]*)" fill="([^"]*)"([^>]*)/>')
 
 @dataclass
 class Plot:
-    """One pair of axes: its words, and its marks in the numbers of the axes."""
+    """One pair of axes, with its texts, and its marks in the units of the axes."""
 
     left: float
     top: float
     bottom: float
     right: float
-    across: dict[float, str] = field(default_factory=dict)  # ticks: place [pt], words
+    across: dict[float, str] = field(default_factory=dict)  # ticks: position [pt], label
     upward: dict[float, str] = field(default_factory=dict)
-    words: list[tuple[float, float, str]] = field(default_factory=list)  # x, y of what is written
-    discs: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # by their fill
+    words: list[tuple[float, float, str]] = field(default_factory=list)  # x, y of texts
+    discs: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # discs by their fill
     lines: list[tuple[str, np.ndarray]] = field(default_factory=list)  # style, (point, 2)
     whiskers: list[tuple[float, float, float]] = field(default_factory=list)  # x, low, high
     shapes: list[tuple[str, np.ndarray]] = field(default_factory=list)  # fill, (point, 2)
 
     def _scale(self, ticks: dict[float, str]) -> np.poly1d:
         values = [float(words.replace("−", "-")) for words in ticks.values()]
-        if len(values) < 2:  # no ticks: points of the page
+        if len(values) < 2:  # without ticks: points of the page
             return np.poly1d([1.0, 0.0])
         fitted = np.poly1d(np.polyfit([*ticks], values, 1))
-        assert np.ptp(fitted([*ticks]) - values) < 0.03 * abs(fitted[1])  # even steps
+        assert np.ptp(fitted([*ticks]) - values) < 0.03 * abs(fitted[1])  # ticks at even steps
         return fitted
 
     @property
@@ -61,7 +61,7 @@ class Plot:
 
 
 def plots_of(drawing: str) -> list[Plot]:
-    """Return the axes of a figure with all that is drawn within them."""
+    """Return the axes of a figure with everything drawn within them."""
     found = []
     for *corners, ticks in FRAME.findall(drawing):
         plot = Plot(*map(float, corners))
@@ -73,7 +73,7 @@ def plots_of(drawing: str) -> list[Plot]:
 
 
 def _write(plot: Plot, drawing: str, ticks: str) -> None:
-    """Take ticks with their words, and what is written within the axes."""
+    """Add ticks with their labels, and texts within the axes."""
     across = [float(at) for at in re.findall(r"M([\d.]+) [\d.]+v", ticks)]
     upward = [float(at) for at in re.findall(r"M[\d.]+ ([\d.]+)h", ticks)]
     for place_x, place_y, anchor, more, inner in TEXT.findall(drawing):
@@ -90,7 +90,7 @@ def _write(plot: Plot, drawing: str, ticks: str) -> None:
 
 
 def _mark(plot: Plot, drawing: str) -> None:
-    """Take discs and crosses."""
+    """Add discs and crosses."""
     for x, y, _, _, fill in DOT.findall(drawing):
         if plot.holds(float(x), float(y)):
             marked = plot.discs.setdefault(fill or "cross", [])
@@ -98,7 +98,7 @@ def _mark(plot: Plot, drawing: str) -> None:
 
 
 def _draw(plot: Plot, drawing: str) -> None:
-    """Take lines, whiskers and filled shapes."""
+    """Add lines, whiskers and filled shapes."""
     for path, fill, style in PATH.findall(drawing):
         corners = [tuple(map(float, pair)) for pair in re.findall(rf"{NUMBER} {NUMBER}", path)]
         if not corners or not plot.holds(*corners[0]):

@@ -1,6 +1,6 @@
-"""Ways to alter or exchange a result folder: none of them is whole to `verify`.
+"""Ways to alter or exchange a result folder: `verify` calls none of them whole.
 
-Whoever alters a folder here makes its list of digests anew; without that, the list alone tells.
+Each alteration also renews the list of digests; otherwise the list alone would reveal it.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ from virtual_lab.certificate.verify import verify
 pytestmark = pytest.mark.usefixtures("each_form_is_made_once")
 
 CALIBRATION = "impact.gates.distance_0"
-OTHER = {"versions__virtual-lab": "0.0.1"}  # the version stated, from which the number follows
+OTHER = {"versions__virtual-lab": "0.0.1"}  # the stated version, which the number depends on
 BETTER = {"metric__value": 0.94, "metric__interval_95": [0.93, 0.95]}
 OLDER = {"schema": 3, **OTHER}
 
 
 def renumbered(**values: object) -> Change:
-    """Change certificate.json, and write its new number into page and name of the PDF."""
+    """Change certificate.json, and write its new number into the page and the name of the PDF."""
 
     def change(folder: Path) -> None:
         number = (folder / "certificate.html").read_text("utf-8")
@@ -88,8 +88,10 @@ def every(name: str, old: str, new: str) -> Change:
     return change
 
 
-ALTERED: dict[str, tuple[Change, str, str]] = {  # change; a row of file and key
-    # one form alone
+ALTERED: dict[
+    str, tuple[Change, str, str]
+] = {  # change, and the row (file and key) that `verify` must name
+    # alterations of one form alone
     "the value in the document": (
         in_document(metric__value=0.9),
         "certificate.json",
@@ -175,7 +177,7 @@ ALTERED: dict[str, tuple[Change, str, str]] = {  # change; a row of file and key
         "ro-crate-metadata.json",
         "@graph[1].hasPart",
     ),
-    # files and folders
+    # alterations of files and folders
     "a file added": (
         lambda folder: (folder / "approved.txt").write_text("yes"),
         "approved.txt",
@@ -212,7 +214,7 @@ ALTERED: dict[str, tuple[Change, str, str]] = {  # change; a row of file and key
         "records/procedure.toml",
         "sha256",
     ),
-    # several forms alike, so that only the records tell
+    # the same alteration of several forms, so that only the records reveal it
     "u halved in all forms": (in_all_forms(metric__u=0.002), "certificate.json", "metric.u"),
     "the value and its interval in all forms": (
         in_all_forms(**BETTER),
@@ -236,7 +238,7 @@ ALTERED: dict[str, tuple[Change, str, str]] = {  # change; a row of file and key
         "certificate.json",
         "valid_hits",
     ),
-    # the records, with digests to match in session.json
+    # alterations of the records, with matching digests in session.json
     "a digit of a reading": (
         in_record("bench/bat-mass", digit(1, "8", "9")),
         "certificate.json",
@@ -311,14 +313,14 @@ ALTERED: dict[str, tuple[Change, str, str]] = {  # change; a row of file and key
         "certificate.json",
         "session_digest",
     ),
-    # the truth
+    # alterations of the truth
     "the truth exchanged": (
         lambda folder: (folder / "truth/truth.json").write_text("no JSON"),
         "truth/truth.json",
         "sha256",
     ),
     "the truth gone from its folder": (removed("truth/truth.json"), "truth/truth.json", ""),
-    # the folder of another program, as its certificate states
+    # folders of another program, as stated in the certificate
     "another version's number alone": (
         in_document(**OTHER),
         "certificate.html",
@@ -464,7 +466,7 @@ ALTERED: dict[str, tuple[Change, str, str]] = {  # change; a row of file and key
 }
 
 
-DIFFERS = {  # ways that another program may have gone: it may be right
+DIFFERS = {  # differences that another, possibly right, program may cause
     "a better value of another version",
     "a smaller u of another version",
     "e_A of a hit of another version",
@@ -482,12 +484,12 @@ def test_there_are_sixty_ways() -> None:
     assert len(ALTERED) >= 60
 
 
-FIRST = {file: way for way, (_, file, _) in reversed(ALTERED.items())}  # way of each file
+FIRST = {file: way for way, (_, file, _) in reversed(ALTERED.items())}  # alteration of each file
 
 
 @pytest.mark.parametrize("way", ALTERED)
 def test_what_was_altered_is_named(made: Path, tmp_path: Path, way: str) -> None:
-    """With its file and key, and both values if it has any; for each file without the truth too."""
+    """`verify` names file, key and both values, if any, also in a folder without the truth."""
     change, file, key = ALTERED[way]
     folder = shutil.copytree(made, tmp_path / "copy")
     change(folder)
@@ -508,7 +510,7 @@ def test_what_was_altered_is_named(made: Path, tmp_path: Path, way: str) -> None
 
 
 def test_without_a_new_list_the_list_tells(made: Path, tmp_path: Path) -> None:
-    """Of every file, by one byte more; of a file less, and of one more."""
+    """The list reveals one byte more in any file, a missing file and an additional file."""
     folder = shutil.copytree(made, tmp_path / "copy")
     assert list(compared_sums(folder, ("truth",))) == []
     for path in [each for each in folder.rglob("*") if each.is_file() and each.name != SUMS]:
@@ -527,7 +529,9 @@ def better_ratio(session: dict[str, Any]) -> None:
     session["calibration"]["control.restitution_ratio"]["value"] *= 1.01
 
 
-CONTROL: dict[str, tuple[Change, str, str]] = {  # change; a row of file and key
+CONTROL: dict[
+    str, tuple[Change, str, str]
+] = {  # change, and the row (file and key) that `verify` must name
     "its page": (
         edit("control/certificate.html", "± ", "± 0"),
         "control/certificate.html",
@@ -599,7 +603,7 @@ def test_the_control_bats_test_belongs_to_the_test(
 def test_a_control_bats_test_that_is_missing_was_not_checked(
     controlled: Path, tmp_path: Path
 ) -> None:
-    """Though a list made anew does not name it, nor does a repeated reduction have it."""
+    """A renewed list does not name the control test, and a repeated reduction lacks it."""
     assert verify(controlled).state == "whole"
     folder = shutil.copytree(controlled, tmp_path / "copy")
     shutil.rmtree(folder / "control")
@@ -615,7 +619,7 @@ def in_second(change: Change) -> Change:
 
 
 def replaced_by(**values: object) -> Change:
-    """Change what the second report says of the first, in its records and all its forms."""
+    """Change what the second report states about the first, in its records and all forms."""
 
     def change(folder: Path) -> None:
         told = {f"particulars__replaces__{key}": value for key, value in values.items()}
@@ -626,7 +630,9 @@ def replaced_by(**values: object) -> Change:
     return change
 
 
-CHAINED: dict[str, tuple[Change, str, str]] = {  # change; a row of file and key
+CHAINED: dict[
+    str, tuple[Change, str, str]
+] = {  # change, and the row (file and key) that `verify` must name
     "a folder above": (in_second(replaced_by(folder="../x")), "records", "replaces"),
     "the folder above": (in_second(replaced_by(folder="..")), "records", "replaces"),
     "this folder": (in_second(replaced_by(folder=".")), "records", "replaces"),

@@ -1,4 +1,4 @@
-"""The certificate's page in a real browser: axe-core, sizes, themes, and its print."""
+"""The certificate's page in a real browser: axe-core, sizes, themes and printing."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from virtual_lab.records.particulars import Particulars, particulars_of
 
 LOOKS = [(390, "light"), (390, "dark"), (1280, "dark"), (1280, "light")]
 CASES = ("pass", "scan with fresh hits", "no valid hit", "all stated", "scan without a limit")
-SHORT = ("scan with fresh hits", "all stated")  # in the suite; the others are long
+SHORT = ("scan with fresh hits", "all stated")  # case in the suite; the others are marked long
 EACH = [each if each in SHORT else pytest.param(each, marks=pytest.mark.long) for each in CASES]
 PRINTED = [pytest.param(each, marks=[pytest.mark.long] * (each != SHORT[0])) for each in CASES]
 STATED = {
@@ -53,7 +53,7 @@ def browser() -> Iterator[Any]:
 @pytest.mark.parametrize("look", [0, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", EACH)
 def test_axe_finds_nothing_and_nothing_is_cut_off(browser: Any, name: str, look: int) -> None:
-    """On a phone and a screen, light and dark; what must be scrolled sideways is a fault."""
+    """On a phone and a screen, light and dark; horizontal scrolling is a fault."""
     page = browser.new_page()
     complaints: list[str] = []
     page.on("console", lambda line: complaints.append(line.text))
@@ -68,7 +68,7 @@ def test_axe_finds_nothing_and_nothing_is_cut_off(browser: Any, name: str, look:
 
 
 def of_print(browser: Any, name: str, paper: str) -> list[str]:
-    """Return the text of each page of the page printed by the browser."""
+    """Return the text of each sheet that the browser prints."""
     page = browser.new_page()
     page.set_content(certificate_page(document(name), paper))
     data = page.pdf(prefer_css_page_size=True)
@@ -78,14 +78,16 @@ def of_print(browser: Any, name: str, paper: str) -> list[str]:
 
 def texts(pdf: bytes) -> list[str]:
     pages = PdfReader(io.BytesIO(pdf)).pages
-    found = (unicodedata.normalize("NFKC", each.extract_text()) for each in pages)  # ligatures
+    found = (
+        unicodedata.normalize("NFKC", each.extract_text()) for each in pages
+    )  # ligatures of the font
     return [re.sub(r"\s+", " ", each) for each in found]
 
 
 @pytest.mark.parametrize("paper", ["a4", pytest.param("letter", marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", PRINTED)
 def test_every_page_in_print_is_named_and_full(browser: Any, name: str, paper: str) -> None:
-    """Of the browser and of the PDF: no page is empty or holds the end mark alone."""
+    """In the browser's print and in the PDF, no sheet is empty or holds only the end mark."""
     shown = document(name)
     number = shown.number
     for pages in (of_print(browser, name, paper), texts(certificate_pdf(shown, paper))):

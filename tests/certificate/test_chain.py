@@ -16,7 +16,7 @@ from virtual_lab.errors import InputError
 
 
 def test_a_result_is_loaded_as_it_was(chain: Path) -> None:
-    """Document, tables and forms; save writes the same bytes."""
+    """Document, tables and forms are equal, and `save` writes the same bytes."""
     test, found = vl.certify("r161", seed=7), vl.load(chain / "first")
     stated = json.loads((chain / "first" / "certificate.json").read_text("utf-8"))
     assert found.document == stated
@@ -34,7 +34,7 @@ def test_a_result_is_loaded_as_it_was(chain: Path) -> None:
 def test_a_certificate_that_its_records_do_not_give_is_not_loaded(
     chain: Path, tmp_path: Path
 ) -> None:
-    """Nor one whose words are others: a customer, a serial number, a remark that is gone."""
+    """Texts count, too: a customer, a serial number, a removed remark."""
     folder = shutil.copytree(chain / "first", tmp_path / "copy")
     text = (folder / "certificate.json").read_text("utf-8")
     for keys, value in (
@@ -70,7 +70,7 @@ def test_a_report_names_the_one_it_replaces(chain: Path) -> None:
 
 
 def test_verify_follows_the_chain(chain: Path, tmp_path: Path) -> None:
-    """To its beginning; a folder that is elsewhere is said, one that was altered is named."""
+    """`verify` follows the chain to its start, and names missing and altered folders."""
     found = verify(chain / "third")
     assert (found.rows, found.code) == ((), 0)
     assert "in second" in found.note
@@ -87,7 +87,7 @@ def test_verify_follows_the_chain(chain: Path, tmp_path: Path) -> None:
 
 
 def test_a_chain_in_a_circle_ends(chain: Path, tmp_path: Path) -> None:
-    """Of two folders, each named by the other."""
+    """Two folders replace each other."""
     there = shutil.copytree(chain, tmp_path / "chain")
     shutil.rmtree(there / "first")
     shutil.copytree(there / "third", there / "first")

@@ -49,13 +49,13 @@ def lines(drawing: str) -> Iterator[np.ndarray]:
 
 
 def same_shape(shown: np.ndarray, wanted: np.ndarray) -> None:
-    """Compare two rows of numbers up to scale and offset."""
+    """Return whether two rows of numbers agree up to scale and offset."""
     slope, level = np.polyfit(wanted, shown, 1)
     assert shown == pytest.approx(slope * wanted + level, abs=0.02)
 
 
 def test_a_scan_has_its_curves_and_means_along_the_barrel(scan: CertificateDocument) -> None:
-    """e_A, e, v_f and the metric; curves by numpy's own fit of the hits on the certificate."""
+    """The figure has e_A, e, v_f and the metric; the curves are numpy's fits of the hits."""
     along = scan.along
     assert along is not None
     assert [each.name for each in along.quantities] == [
@@ -87,7 +87,7 @@ def test_a_scan_has_its_curves_and_means_along_the_barrel(scan: CertificateDocum
 def test_batted_speed_along_the_barrel_is_that_at_the_speeds_of_the_rules(
     scan: CertificateDocument,
 ) -> None:
-    """The rules' ball at 70 mph, the bat at 66 mph 6 in from its tip, turning about 6 in of it."""
+    """The game of the rules: ball 70 mph, bat 66 mph at 6 in from its tip."""
     assert scan.along is not None
     assert scan.bat.length_m.value is not None
     found = {each.name: np.array(each.mean) for each in scan.along.quantities}
@@ -105,7 +105,7 @@ def test_the_numbers_stand_beside_the_curves(scan: CertificateDocument) -> None:
 
 
 def test_the_contact_sheet_shows_every_shot_to_one_scale(document: CertificateDocument) -> None:
-    """The first is the ring of the encoder's own figure, of the same record."""
+    """The first ring equals that of the encoder's figure, from the same record."""
     sheet, drawn = document.contact_sheet, contact_figure(document)
     assert [each.shot for each in sheet] == [row.shot for row in document.shots]
     shown = [points for points in lines(drawn) if len(points) == len(sheet[0].angle_deg)]
@@ -123,7 +123,7 @@ def test_the_contact_sheet_shows_every_shot_to_one_scale(document: CertificateDo
 def test_every_figure_has_words_and_no_colour(
     document: CertificateDocument, scan: CertificateDocument
 ) -> None:
-    """Readable in grey: every stroke and fill is one."""
+    """Every stroke and fill is grey."""
     for drawn in (*certificate_figures(document).values(), *certificate_figures(scan).values()):
         if drawn is not None:
             assert len(description_of(drawn)) > 20
@@ -144,7 +144,7 @@ def test_an_invalid_test_has_no_distribution_and_no_budget(
 
 @pytest.mark.parametrize("least", [1.0, 1e-2, 1e-4])
 def test_the_label_of_an_axis_stands_beside_its_numbers(least: float) -> None:
-    """Numbers end 5 pt from the axis; a digit of a sans-serif font is .556 of its height wide."""
+    """Numbers end 5 pt from the axis; a sans-serif digit is .556 of its height wide."""
     drawn = Panel(
         left=100, right=200, top=0, bottom=100, x=(0, 1), y=(-least, least), y_label="what"
     ).drawn()
@@ -154,7 +154,7 @@ def test_the_label_of_an_axis_stands_beside_its_numbers(least: float) -> None:
     assert float(label) + 2 < 100 - 5 - widest
 
 
-# every mark, read off by the ticks of its axes
+# every mark in the units of its axes
 
 
 def plots(drawing: str | None) -> list[Plot]:
@@ -163,7 +163,7 @@ def plots(drawing: str | None) -> list[Plot]:
 
 
 def stands(plot: Plot, found: Any, wanted: Any) -> None:
-    """Compare marks with numbers of the axes, to a few hundredths of a point of the page."""
+    """Return whether marks agree with numbers to a few hundredths of a point of the page."""
     found, wanted = (np.array(each, float).reshape(-1, 2) for each in (found, wanted))
     assert found.shape == wanted.shape
     off = np.abs(found - wanted).max(axis=0, initial=0.0)
@@ -180,7 +180,7 @@ SOLID, LIMIT, UPRIGHT, READ = 'width="0.9"', 'width="1.4"', 'dasharray="1 1.6"',
 def test_the_hits_stand_where_the_document_has_them(
     document: CertificateDocument, scan: CertificateDocument
 ) -> None:
-    """Shots count from 1; an invalid hit is a cross, on a scan an unused one a ring."""
+    """Shots count from 1; an invalid hit is a cross, an unused hit of a scan is a ring."""
     last = replace(document.shots[-1], reason="x", used=False)
     spoilt = replace(document, shots=(*document.shots[:-1], last))
     (hits, _) = plots(hits_figure(spoilt))
@@ -216,14 +216,14 @@ def test_an_invalid_test_shows_its_hits_against_the_limit(document: CertificateD
 def test_the_result_stands_against_its_limit_with_students_density(
     document: CertificateDocument, dof: float | None
 ) -> None:
-    """Interval, value, limit, and scipy's density over its greatest; the risk is filled in."""
+    """Interval, value, limit and scipy's density, scaled to its maximum; the risk is filled."""
     value, u = 0.95, 0.01
     half = u * (stats.t.ppf(0.975, dof) if dof else 1.96)
     metric = replace(
         document.metric,
         value=value,
         u=u,
-        interval_95=(value - 0.9 * half, value + half),  # draws may be lopsided
+        interval_95=(value - 0.9 * half, value + half),  # intervals by draws may be asymmetric
         degrees_of_freedom=dof,
         limit=value + u,
     )
@@ -255,14 +255,14 @@ def test_the_result_stands_against_its_limit_with_students_density(
     failed = replace(near, verdict="FAIL", risk=risk_of(metric, "FAIL", eligible=True))
     ((_, wrong),) = plots(hits_figure(failed))[1].shapes
     assert wrong[:, 1].max() < value + u + against.near()[1]
-    assert plots(hits_figure(document))[1].shapes == []  # far from its limit
+    assert plots(hits_figure(document))[1].shapes == []  # result far from its limit
 
 
 @pytest.mark.parametrize("rules", ["scan", "swung"])
 def test_bars_along_the_barrel_are_one_u_to_either_side(
     rules: str, request: pytest.FixtureRequest
 ) -> None:
-    """And curves, means and places are the document's, each in the unit of its title."""
+    """Curves, means and positions equal the document's, in the unit of each title."""
     scan: CertificateDocument = request.getfixturevalue(rules)
     along = scan.along
     assert along is not None
@@ -315,7 +315,7 @@ def test_the_bars_of_the_budget_are_the_shares_of_the_words_beside_them(
 
 
 def test_recoil_and_rebound_stand_against_each_other(document: CertificateDocument) -> None:
-    """Left against right on equal scales; their difference hit by hit, with its mean ± u."""
+    """Both on equal scales, and their difference hit by hit, with its mean ± u."""
     *_, last = (row.shot for row in document.shots if row.rebound_efficiency is not None)
     spoilt = (replace(row, reason="x" if row.shot == last else "") for row in document.shots)
     document = replace(document, shots=tuple(spoilt))
@@ -343,7 +343,7 @@ def test_recoil_and_rebound_stand_against_each_other(document: CertificateDocume
 
 
 def test_the_encoders_record_stands_over_its_time(document: CertificateDocument) -> None:
-    """Left the record and its turn after contact, right the ring, its fit from the dotted line."""
+    """Left: record and rotation after contact. Right: ring, with its fit from the dotted line."""
     trace = document.encoder
     assert trace is not None
     (whole, rest) = plots(certificate_figures(document)["encoder_figure"])
@@ -362,7 +362,7 @@ def test_the_encoders_record_stands_over_its_time(document: CertificateDocument)
 
 
 def test_the_contact_sheet_has_its_shots_from_left_to_right(document: CertificateDocument) -> None:
-    """From 0 to 20 ms and from −most to most, about a thin line at 0; rejected ones say so."""
+    """Each shot spans 0 to 20 ms and a symmetric range about a line at 0; rejects are marked."""
     first = replace(document.shots[0], reason="x")
     drawn = contact_figure(replace(document, shots=(first, *document.shots[1:])))
     sheet, shown = document.contact_sheet, plots_of(drawn)
@@ -383,7 +383,7 @@ def test_the_contact_sheet_has_its_shots_from_left_to_right(document: Certificat
 def test_axes_say_what_they_show_and_in_which_unit(
     document: CertificateDocument, scan: CertificateDocument, swung: CertificateDocument
 ) -> None:
-    """Titles and labels, each as often as it is to be read."""
+    """Titles and labels appear as often as expected."""
     place, shot = "place from the tip, in", "shot"
     for made, name, labels in (
         (document, "hits_figure", ["hit by hit", shot, "BPF", "against the limit"]),
@@ -407,7 +407,7 @@ def test_axes_say_what_they_show_and_in_which_unit(
 def test_a_legend_has_the_sign_of_what_it_names(
     document: CertificateDocument, swung: CertificateDocument
 ) -> None:
-    """A band is grey, the result's line solid, an invalid hit a cross; the rule's n is dotted."""
+    """A grey band, a solid line for the result, a cross for an invalid hit, a dotted line for n."""
     last = replace(document.shots[-1], reason="x", used=False)
     spoilt = hits_figure(replace(document, shots=(*document.shots[:-1], last)))
     swings = str(certificate_figures(swung)["swings_figure"])

@@ -1,4 +1,4 @@
-"""Folders of many tests: what `vl.sweep` keeps, and the reports of the job to try."""
+"""Folders of many tests: those that `vl.sweep` keeps, and the exercise with hidden faults."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import pytest
 import virtual_lab as vl
 from virtual_lab.errors import InputError
 
-MANY = 2  # of 200
+MANY = 2  # number of faulty tests of 200
 
 
 def quiet(*_: object) -> None:
-    """Say nothing."""
+    """Ignore the progress."""
 
 
 def test_a_sweep_keeps_a_folder_a_test_that_loads_and_verifies(tmp_path: Path) -> None:
@@ -48,7 +48,7 @@ def test_traces_are_kept_by_those_who_ask_for_them_and_for_folders(tmp_path: Pat
 
 
 def test_reports_with_hidden_faults_are_handed_on_without_the_truth(tmp_path: Path) -> None:
-    """As in how-do-i.md: nothing altered, and the fault stands in the truth alone."""
+    """As in how-do-i.md: nothing is altered, and only the truth names the fault."""
     hidden = set(Random(5).sample(range(MANY), 1))
     for number in range(MANY):
         fault = {"faults": "gate-moved"} if number in hidden else {}

@@ -1,4 +1,4 @@
-"""Certificates whose scatter of hits is that of earlier tests too, read from their folders."""
+"""Certificates that pool the scatter of hits with earlier tests, read from folders."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def saved(folder: Path, bat: str = "r161", procedure: str = "astm-f1881", **more
 
 @pytest.fixture(scope="module")
 def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Save three tests of one laboratory, which has a name, into a folder."""
+    """Save three tests of one named laboratory into a folder."""
     folder = tmp_path_factory.mktemp("history")
     for test in (1, 2, 3):
         saved(folder / f"test-{test}", test=test, particulars=RIVERSIDE)
@@ -44,9 +44,9 @@ def hits(document: dict[str, Any]) -> tuple[float, float]:
 
 
 def test_the_scatter_is_that_of_all_tests(earlier: Path, tmp_path: Path) -> None:
-    """By the budgets of four certificates, six hits at one place each, and numbers alone.
+    """The oracle uses the budgets of four certificates, with six hits at one position each.
 
-    What is left of a variance is 6 u²; ν = 5 (left / seen)² gives what was seen.
+    The remaining variance is 6 u²; ν = 5 (remaining / observed)² gives the observed one.
     """
     form = tmp_path / "laboratory.toml"
     form.write_text('[laboratory]\nname = "Riverside"\n', encoding="utf-8")
@@ -74,7 +74,7 @@ def test_the_scatter_is_that_of_all_tests(earlier: Path, tmp_path: Path) -> None
 
 
 def test_the_shorter_interval_is_that_of_this_test_and_ten_more() -> None:
-    """Of a scatter of ν = 1 alone: t of 11 degrees of freedom 2.201, of one 12.706, by a table."""
+    """For a scatter with ν = 1 alone: t is 2.201 for 11 degrees of freedom, 12.706 for one."""
     found = certified().certification
     assert found.metric is not None
     hits = next(part for part in found.metric.components if part.name == "hits")
@@ -84,7 +84,7 @@ def test_the_shorter_interval_is_that_of_this_test_and_ten_more() -> None:
 
 
 def test_a_history_of_other_tests_is_refused(earlier: Path, tmp_path: Path) -> None:
-    """One line each that names folder and key."""
+    """Each refusal is one line that names folder and key."""
     first, second, third = sorted(earlier.iterdir())
     other = saved(tmp_path / "ea70", "ea70", test=5)
     rules = saved(tmp_path / "bbcor", procedure="bbcor", test=5)

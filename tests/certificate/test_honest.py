@@ -1,4 +1,4 @@
-"""A thousand results that nobody altered, no two alike, are whole to `verify`."""
+"""A thousand different unaltered results are whole to `verify`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def without_truth(folder: Path) -> Path:
 
 
 def by_another_system(folder: Path) -> Path:
-    """Give every text line ends of another system."""
+    """Convert the line ends of every text to those of another system."""
     for path in folder.rglob("*"):
         if path.suffix in (".csv", ".json", ".html", ".toml"):
             path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
@@ -75,7 +75,7 @@ WAYS: tuple[Callable[[Path], Path], ...] = (
 
 
 def honest_result(number: int, folder: Path) -> Path:
-    """Save the result of a number: procedure, bat, names, paper and forms follow from it."""
+    """Save result `number`, which determines procedure, bat, names, paper and forms."""
     procedure = [*BATS, "astm-f1881", "astm-f1881"][number % 6]
     bats = BATS[procedure]
     test = vl.certify(
@@ -91,7 +91,7 @@ def honest_result(number: int, folder: Path) -> Path:
 
 
 def numbers_passed(first: int, many: int, folder: Path) -> set[str]:
-    """Verify results of numbers in a row; return the digests of their certificates."""
+    """Verify the results of consecutive numbers; return the digests of their certificates."""
     digests = set()
     for number in range(first, first + many):
         here = folder / str(number)
@@ -107,7 +107,7 @@ def numbers_passed(first: int, many: int, folder: Path) -> set[str]:
 
 
 def test_some_honest_results_are_whole(tmp_path: Path) -> None:
-    """Of the first three ways of handing one on."""
+    """Results are whole after the first three ways of copying."""
     assert len(numbers_passed(0, 3, tmp_path)) == 3
 
 

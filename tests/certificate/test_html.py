@@ -1,4 +1,4 @@
-"""The certificate's page: complete, self-contained, well-formed, and rounded as it should be."""
+"""The certificate's page: complete, self-contained, well-formed, and rounded."""
 
 import dataclasses
 import re
@@ -35,7 +35,7 @@ from virtual_lab.simulation.rig import Reality
 
 SVG = "{http://www.w3.org/2000/svg}"
 NAMESPACES = ("http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink")
-HEAVIEST = 60_000  # bytes of one figure
+HEAVIEST = 60_000  # largest size of one figure [bytes]
 
 
 def quick(reality: Reality = Reality.REAL) -> Certification:
@@ -49,7 +49,7 @@ def scanned(procedure: str) -> Certification:
 
 
 def again(*changes: tuple[str, str], **fields: object) -> Certification:
-    """Return the same records judged by a procedure with some words of its text changed."""
+    """Return the same records judged by a procedure whose text is changed."""
     session = quick().session
     text = session.procedure_text
     for old, new in changes:
@@ -83,7 +83,7 @@ CASES: Mapping[str, Callable[[], Certification]] = {
 
 @cache
 def case(name: str) -> Certification:
-    """Return a certification of one of the kinds that a page must be able to show."""
+    """Return a certification of one of the kinds that a page must show."""
     return CASES[name]()
 
 
@@ -93,7 +93,7 @@ def page(name: str) -> str:
 
 
 def words(html: str) -> str:
-    """Return what a reader sees of a page or a card, without the figures."""
+    """Return the visible text of a page or a card, without the figures."""
     root = ElementTree.fromstring(html.strip())
     for parent in root.iter():
         for child in list(parent):
@@ -114,14 +114,14 @@ def test_a_page_is_well_formed_and_needs_nothing_but_itself(name: str) -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_page_never_shows_a_missing_value_as_the_computer_writes_it(name: str) -> None:
-    """Words of the page and of its figures: a missing value is a dash or a sentence."""
+    """A missing value is a dash or a sentence, on the page and in its figures."""
     text = " ".join(ElementTree.fromstring(page(name)).itertext())
     assert not re.search(r"\b(None|nan|NaN|inf|Undefined)\b", text)
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_page_can_be_read_aloud(name: str) -> None:
-    """Language, headings in order, scopes of table heads, titles of figures, ids used once."""
+    """It has a language, ordered headings, scopes, figure titles and unique ids."""
     root = ElementTree.fromstring(page(name))
     assert root.get("lang") == "en"
     levels = [int(e.tag[1]) for e in root.iter() if re.fullmatch(r"h[1-6]", e.tag)]
@@ -140,10 +140,10 @@ def test_a_page_can_be_read_aloud(name: str) -> None:
 
 
 def test_the_result_is_rounded_by_its_uncertainty() -> None:
-    """Expanded uncertainty to two digits, the value to the same place."""
+    """The expanded uncertainty has two digits, the value the same decimals."""
     metric = quick().metric
     expanded = metric.interval_95[1] - metric.value
-    assert 0.00995 < expanded < 0.0995  # so two digits are three decimals
+    assert 0.00995 < expanded < 0.0995  # two digits of u are three decimals
     said = f"BPF = {metric.value:.3f} ± {expanded:.3f}"
     assert said in words(page("pass"))
     assert f"k = {expanded / metric.u:.2f}" in words(page("pass"))
@@ -166,7 +166,7 @@ def test_the_verdict_stands_in_words(name: str, verdict: str) -> None:
 
 
 def test_a_fail_names_the_rule_that_is_not_met_and_no_other() -> None:
-    """R161: 34 in less 31.16 oz are 2.8; its BPF of .95 is far below the limit 1.2."""
+    """R161: 34 in minus 31.16 oz is 2.8; its BPF of .95 is far below the limit 1.2."""
     heavy = again(("[windows]", f"{HEAVY}[windows]"))
     document = certificate(heavy)
     mass, length = (heavy.bat[name].value for name in ("mass", "length"))
@@ -192,7 +192,7 @@ def test_a_fail_by_the_limit_gives_value_and_limit() -> None:
 
 
 def test_a_bat_that_fails_by_weight_is_not_marginal() -> None:
-    """Though the limit lies within the interval: a test more would give the same verdict."""
+    """The limit lies within the interval, but another test would give the same verdict."""
     near = (LIMIT, f"limit = {{ value = {quick().metric.value - 0.001:.4f}")
     found = again(near, ("[windows]", f"{HEAVY}[windows]"))
     assert case("marginal").marginal
@@ -217,7 +217,7 @@ def test_a_marginal_result_is_said_to_be_and_another_is_not() -> None:
 @pytest.mark.parametrize(("share", "marginal"), [(0.97, True), (1.03, False)])
 @pytest.mark.parametrize("side", [-1, 1])
 def test_marginal_is_by_the_interval_and_not_by_u(share: float, side: int, marginal: bool) -> None:
-    """Half of it is t u, here 2.3 u: limits just within it and just beyond, on both sides."""
+    """Half of the interval is t u = 2.3 u; limits lie just inside and outside, on both sides."""
     metric = quick().metric
     half = metric.interval_95[1] - metric.value
     limit = metric.value + side * share * half
@@ -236,7 +236,7 @@ def test_an_invalid_test_states_no_value_and_names_every_reason() -> None:
 
 
 def test_an_invalid_test_with_a_number_shows_it_as_no_result() -> None:
-    """The document keeps it: five hits, where the procedure asks for six, have a mean."""
+    """The document keeps the mean of five hits, although the procedure requires six."""
     document = certificate(case("too few valid hits"))
     assert document.metric.value is not None
     for form in (words(page("too few valid hits")), certificate_text(document)):
@@ -247,7 +247,7 @@ def test_an_invalid_test_with_a_number_shows_it_as_no_result() -> None:
 
 
 def test_a_result_of_supplied_records_never_passes_for_a_simulated_or_verified_one() -> None:
-    """Statement in the head of each page, in text, card and JSON; no other page says so."""
+    """The statement is in the head of each page, in text, card and JSON, and nowhere else."""
     said = 'from records supplied by Crosstown "Bat" Laboratory; not verified.'
     document = certificate(case("real laboratory"))
     html = page("real laboratory")
@@ -266,7 +266,7 @@ def test_a_result_of_supplied_records_never_passes_for_a_simulated_or_verified_o
 
 @pytest.mark.parametrize("name", ["pass", "scan with fresh hits", "real laboratory"])
 def test_the_head_that_print_repeats_names_certificate_and_statement(name: str) -> None:
-    """The sheet begins with it, however many pages it takes."""
+    """Each printed sheet begins with it."""
     number = number_by_hand(certificate(case(name)).text)
     root = ElementTree.fromstring(page(name))
     sheets = [each for each in root.iter("section") if each.get("class") == "sheet"]
@@ -280,7 +280,7 @@ def test_the_head_that_print_repeats_names_certificate_and_statement(name: str) 
 
 @pytest.mark.parametrize("name", CASES)
 def test_no_word_of_a_figure_is_cut_at_its_edge(name: str) -> None:
-    """Letters reach 6 pt above and 2 pt below the line that they stand on, at 8 pt."""
+    """At 8 pt, letters reach 6 pt above and 2 pt below their baseline."""
     for drawing in ElementTree.fromstring(page(name)).iter(f"{SVG}svg"):
         *_, width, height = map(float, drawing.get("viewBox").split())
         for text in drawing.iter(f"{SVG}text"):
@@ -305,7 +305,7 @@ def test_every_shot_and_every_unverified_value_is_listed() -> None:
 
 
 def test_the_budget_speaks_in_words_and_its_shares_add_up() -> None:
-    """No constant known here is left with its name in the program."""
+    """No known constant is printed under its name in the program."""
     table = re.search(r"Uncertainty budget.*?</table>", page("pass"), re.DOTALL)[0]
     assert not re.search(r"\b(bench|impact|balls|bat)\.", table)
     body = table[: table.index("<tfoot>")]
@@ -340,7 +340,7 @@ def test_figures_are_light_and_the_same_every_time(name: str) -> None:
 
 
 def test_a_certificate_is_printed_from_its_own_file(tmp_path: Path) -> None:
-    """Read back it is the same document, text and page; every kind, scans and invalid ones too."""
+    """Document, text and page are the same after reading, for every kind of test."""
     for name in CASES:
         document = certificate(case(name))
         path = tmp_path / "certificate.json"
@@ -397,7 +397,7 @@ def test_a_certificate_is_printed_from_its_own_file(tmp_path: Path) -> None:
 def test_a_certificate_that_contradicts_itself_is_refused(
     name: str, key: str, value: object, said: str
 ) -> None:
-    """One value changed: one line with file, key, value and what is allowed."""
+    """One changed value gives one line with file, key, value and allowed values."""
     parsed = certificate(case(name)).as_json()
     assert document_of(parsed, "x.json").as_json() == parsed
     *above, last = key.split(".")
@@ -433,7 +433,9 @@ def test_every_property_of_the_schema_has_a_description() -> None:
         "The certificate's number does not depend on it."
     )
     stated = schema["$defs"]["SimulationStated"]["properties"]
-    assert stated["seed_commitment"]["description"] == "SHA-256 of salt and seed."  # of its base
+    assert (
+        stated["seed_commitment"]["description"] == "SHA-256 of salt and seed."
+    )  # description of a field of the base class
     for definition in (*schema["$defs"].values(), schema):
         assert all(each["description"] for each in definition["properties"].values())
 
@@ -447,13 +449,13 @@ def test_the_page_runs_no_script_and_is_printed_on_the_paper_asked_for() -> None
 
 
 def points(drawing: str, mark: str) -> list[tuple[float, float]]:
-    """Return where a figure's marks of a kind stand [pt]."""
+    """Return the positions of a kind of mark in a figure [pt]."""
     places = re.findall(rf'<g transform="translate\(([\d.]+),([\d.]+)\)"><{mark} r="2.4"', drawing)
     return [(float(x), float(y)) for x, y in places]
 
 
 def test_a_figure_shows_the_numbers_to_scale() -> None:
-    """Six hits at even steps of the shot; heights in the ratio of their metric, upwards."""
+    """Six hits at even steps, with heights in proportion to their metric."""
     document = certificate(quick())
     rows = [row for row in document.shots if not row.reason]
     shown = points(hits_figure(document), "circle")[: len(rows)]
@@ -466,9 +468,9 @@ def test_a_figure_shows_the_numbers_to_scale() -> None:
 
 
 def test_the_encoders_figure_shows_the_counts_as_degrees_after_contact() -> None:
-    """Of the first valid shot, with an encoder that counts 1 % too many; by hand from the records.
+    """For the first valid shot of an encoder that counts 1 % too many, by hand from the records.
 
-    360°/(10 000 x 1.01) a count; contact is where the ball's way from gate to gate goes on to.
+    One count is 360°/(10 000 × 1.01); the contact is extrapolated from the gates.
     """
     session = quick().session
     known = dict(session.calibration)
@@ -497,7 +499,7 @@ def test_the_encoders_figure_shows_the_counts_as_degrees_after_contact() -> None
 
 
 def test_the_check_by_the_rebound_takes_the_hits_that_count() -> None:
-    """Two of the six shots are too far from 60 mph for a window of half a mile an hour."""
+    """Two of six shots miss a window of ± 0.5 mph about 60 mph."""
     document = certificate(again((SPEED, "speed_tolerance = { value = 0.5")))
     count = [shot for shot in document.shots if not shot.reason]
     assert len(count) == document.valid_hits == 4
@@ -516,7 +518,7 @@ def test_the_check_by_the_rebound_takes_the_hits_that_count() -> None:
 
 
 def test_the_cameras_numbers_stand_on_page_and_text_each_in_its_column() -> None:
-    """Every value and u another one, so that none can stand for another."""
+    """Every value and u is different, so that none can replace another."""
 
     def compared(start: float, *, agree: bool) -> ComparedResult:
         values = (Stated(value=start + n / 100, u=0.0011 + 0.0003 * n) for n in range(3))
@@ -556,7 +558,7 @@ def test_the_cameras_numbers_stand_on_page_and_text_each_in_its_column() -> None
 
 
 def test_a_card_is_one_element_of_html() -> None:
-    """Notebooks put it in the middle of a page of their own."""
+    """Notebooks embed the card in their own page."""
 
     class Depth(HTMLParser):
         depth, roots = 0, 0
@@ -577,7 +579,7 @@ def test_a_card_is_one_element_of_html() -> None:
 
 
 def test_the_width_of_a_scan_is_told_where_the_rules_ask_for_it() -> None:
-    """As text and as HTML the number of the document, rounded by its uncertainty."""
+    """Text and HTML show the number of the document, rounded by its uncertainty."""
     document = certificate(scanned("bbcor"))
     width = document.width_m
     assert width is not None
@@ -592,7 +594,7 @@ def test_the_width_of_a_scan_is_told_where_the_rules_ask_for_it() -> None:
 
 
 def test_a_width_cut_off_at_an_end_is_at_least_so_much() -> None:
-    """Of a steel cylinder, whose e hardly falls along the barrel: so in three laboratories of 8."""
+    """The e of a steel cylinder hardly falls along its length: three laboratories of 8 show it."""
     flat = certified("check-cylinder", procedure="bbcor", seed=5).certification
     document = certificate(flat)
     width = document.width_m
@@ -605,7 +607,7 @@ def test_a_width_cut_off_at_an_end_is_at_least_so_much() -> None:
 
 @pytest.mark.parametrize("name", ["pass", "scan with fresh hits"])
 def test_a_result_says_what_it_is_conditional_on(name: str) -> None:
-    """In JSON, text and page; records of a real laboratory rest on no model of a collision."""
+    """JSON, text and page say it; records of a real laboratory depend on no collision model."""
     document = certificate(case(name))
     sentence = document.conditional_on
     number = len(document.unverified)
@@ -619,7 +621,7 @@ def test_a_result_says_what_it_is_conditional_on(name: str) -> None:
 
 
 def test_a_place_chosen_raises_the_result_and_says_so() -> None:
-    """By what its neighbours may be better: the value is the fresh hits' mean and that."""
+    """The value is the mean of new hits plus the expected advantage of a neighbour."""
     chosen = scanned("bbcor")
     document = certificate(chosen)
     mean = chosen.shot_metric[chosen.outcome.used].mean()
@@ -645,7 +647,7 @@ def test_twelve_balls_are_one_line_of_the_budget(name: str) -> None:
 def test_the_slope_at_the_aim_is_in_the_budget() -> None:
     """BPF = (e_A (1 + r) + r)/e0: its u is (1 + r)/e0 times slope u times the aim's.
 
-    And the aim's own effect is less by the slope than it is without one.
+    The effect of the aim itself is smaller by the slope.
     """
     budget = {part.name: part for part in quick().metric.components}
     quantities = quick().quantities
@@ -660,7 +662,7 @@ def test_the_slope_at_the_aim_is_in_the_budget() -> None:
 
 
 def test_the_text_has_every_word_that_a_verdict_hangs_on() -> None:
-    """People count shots and balls from 1; the risk of a FAIL is that of a good bat."""
+    """Shots and balls count from 1; the risk of a FAIL is that of rejecting a good bat."""
     flag = FlagRaised(name="balls-mixed", sentence="two balls", invalidates=False)
     for name in ("pass", "fail", "marginal", "no valid hit"):
         document = dataclasses.replace(certificate(case(name)), flags=(flag,))

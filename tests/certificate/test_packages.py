@@ -1,4 +1,4 @@
-"""The descriptors of a result folder, read by the libraries that others read them with."""
+"""The descriptors of a result folder, read by the usual libraries."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from virtual_lab.records.record import AXES
 from virtual_lab.units import DIMENSIONS
 
 HERE = Path(__file__).parents[1]
-CELL = 131_072  # characters that Python reads of a cell, before frictionless asks for more
+CELL = 131_072  # Python's limit for a cell [characters], before frictionless raises it
 csv.field_size_limit(CELL)
 
 
@@ -32,7 +32,7 @@ def _cells_of_others() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Save a test of ours, a scan on a machine that swings, and records of another laboratory."""
+    """Save a pivoted test, a scan on the swing machine, and records of another laboratory."""
     there = tmp_path_factory.mktemp("packages")
     return {
         "pivoted": vl.certify("r161", seed=7).save(there / "pivoted"),
@@ -43,7 +43,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.mark.parametrize("name", ["pivoted", "swung", "theirs"])
 def test_frictionless_finds_every_table_valid(folders: dict[str, Path], name: str) -> None:
-    """All of them, each of its columns and types; a text in a column of numbers is found."""
+    """Every table, column and type is valid; a text in a column of numbers is found."""
     report = frictionless.validate(str(folders[name] / "datapackage.json"))
     assert report.valid, report.flatten(["title", "message"])
     tables = {str(each.relative_to(folders[name])) for each in folders[name].rglob("*.csv")}
@@ -100,7 +100,7 @@ def line(name: str, meaning: str, *record: str) -> str:
 
 
 def test_the_dictionary_in_the_readme_is_that_of_the_packages() -> None:
-    """Row by row; a new column needs its row there."""
+    """The tables agree row by row; a new column needs its row there."""
     page = (HERE.parent / "data" / "README.md").read_text("utf-8")
     section = page[page.index("# Dictionary of columns") :]
     rows = [line(name, meaning) for name, meaning in AXES.items()]
@@ -119,7 +119,7 @@ def test_each_axis_of_a_record_has_a_meaning() -> None:
 
 
 def test_sizes_of_units_are_those_of_the_program() -> None:
-    """By another table: that of the units in files."""
+    """The oracle is the table of units in files."""
     known = {unit: size for units in DIMENSIONS.values() for unit, size in units.items()}
     for name, unit in UNITS.items():
         if name in known:

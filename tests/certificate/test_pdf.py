@@ -1,4 +1,4 @@
-"""The certificate as PDF: conforming, repeatable, and saying what the document says."""
+"""The certificate as PDF: conforming, repeatable, and equal to the document."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def pdf(document: CertificateDocument) -> bytes:
 def text_of(pdf: bytes) -> str:
     pages = PdfReader(io.BytesIO(pdf)).pages
     text = re.sub(r"\s+", " ", " ".join(each.extract_text() for each in pages))
-    return text.replace("\N{SOFT HYPHEN}", "-")  # one glyph for both
+    return text.replace("\N{SOFT HYPHEN}", "-")  # ligature: one glyph for two letters
 
 
 def with_customer(name: str) -> CertificateDocument:
@@ -55,7 +55,7 @@ def with_customer(name: str) -> CertificateDocument:
 
 @pytest.mark.parametrize("profile", ["ua1", "3a"])
 def test_it_conforms(pdf: bytes, profile: str) -> None:
-    """By a validator that passes the corpus of veraPDF; it refuses one with a tag less."""
+    """The validator passes the corpus of veraPDF, and refuses a PDF with a tag removed."""
     report = validator.validate_pdf_bytes(pdf, profile=profile)
     assert [str(each) for each in report.failures] == []
     untagged = pdf.replace(b"/MarkInfo", b"/XarkInfo")
@@ -93,7 +93,7 @@ def test_every_page_bears_number_word_and_count(document: CertificateDocument, p
 
 
 def test_it_says_what_the_page_says(document: CertificateDocument, pdf: bytes) -> None:
-    """Every value in print, one by one; a table's cells stand in its text."""
+    """Every printed value is in the text of the PDF, table cells included."""
     shown, printed = text_of(pdf), printed_values(document)
 
     def texts(value: Any) -> list[str]:
@@ -103,9 +103,11 @@ def test_it_says_what_the_page_says(document: CertificateDocument, pdf: bytes) -
             return [text for each in value for text in texts(each)]
         return [value] if isinstance(value, str) else []
 
-    hidden = {"", NONE, printed["swung"]}  # no bat is swung by astm
+    hidden = {"", NONE, printed["swung"]}  # no bat is swung by astm-f1881
     for text in set(texts(printed)) - hidden:
-        assert text in shown or text.replace("_", "") in shown, text  # an index is set as one
+        assert text in shown or text.replace("_", "") in shown, (
+            text
+        )  # an index is set as a subscript
     assert document.conditional_on in shown
     assert "Limit of BPF 1.200; 6 valid hits." in shown
 
@@ -114,7 +116,7 @@ def test_it_says_what_the_page_says(document: CertificateDocument, pdf: bytes) -
 def test_a_logo_stands_on_page_and_pdf(
     document: CertificateDocument, tmp_path: Path, kind: str
 ) -> None:
-    """Both forms conform with it; the page still runs nothing and loads nothing."""
+    """Both forms conform with a logo; the page runs and loads nothing."""
     if kind == "svg":
         text = (
             '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><path d="M0 0h9v9"/></svg>'
@@ -136,10 +138,10 @@ def test_a_logo_stands_on_page_and_pdf(
 
 
 def test_markup_in_a_name_is_text(pdf: bytes) -> None:
-    """Typst's own signs, TeX's and HTML's: none of them is read."""
+    """Markup of Typst, TeX and HTML is not interpreted."""
     name = r'#panic("x") *bold* _it_ $x$ <b> \ [a] @ref "q" // no /* no */'
     shown = text_of(certificate_pdf(with_customer(name)))
-    assert name.replace(" ", "") in shown.replace(" ", "")  # a line may end anywhere
+    assert name.replace(" ", "") in shown.replace(" ", "")  # a line may break anywhere
 
 
 def test_scripts_that_the_font_has_are_set() -> None:
@@ -162,13 +164,13 @@ def test_characters_without_a_glyph_are_code_points_and_said() -> None:
 @pytest.mark.parametrize(
     ("name", "shown"),
     [
-        ("No 1\ufe0f\u20e3 Ltd", "No 1[U+FE0F][U+20E3] Ltd"),  # a keycap: the font has the 1
+        ("No 1\ufe0f\u20e3 Ltd", "No 1[U+FE0F][U+20E3] Ltd"),  # keycap; the font has the digit
         ("ก็ Bats", "[U+0E01][U+0E47] Bats"),
         ("👩\u200d👧 Bats", "[U+1F469][U+200D][U+1F467] Bats"),
     ],
 )
 def test_a_mark_without_a_glyph_leaves_its_base(name: str, shown: str) -> None:
-    """Typst names base and mark together; figures are no text, and keep their markup."""
+    """Typst reports base and mark together; figures keep their markup."""
     text = text_of(certificate_pdf(with_customer(name)))
     assert shown.replace(" ", "") in text.replace(" ", "")
 
@@ -177,7 +179,7 @@ def test_a_mark_without_a_glyph_leaves_its_base(name: str, shown: str) -> None:
 def test_a_logo_with_text_costs_no_form(
     document: CertificateDocument, tmp_path: Path, words: str
 ) -> None:
-    """It is set, or left out, which the form says; the page always shows it."""
+    """The PDF shows the logo, or says that it is left out; the page always shows it."""
     head = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 60 20">'
     (tmp_path / "logo.svg").write_text(f'{head}<text y="9">{words}</text></svg>')
     stated = {"laboratory": {"name": "Lab", "logo": "logo.svg"}}
@@ -191,7 +193,7 @@ def test_a_logo_with_text_costs_no_form(
 
 
 class Panic(BaseException):
-    """As Typst's own, which is no Exception."""
+    """A panic like Typst's, which is not an Exception."""
 
 
 def test_a_form_that_fails_costs_nothing_else(
@@ -199,7 +201,7 @@ def test_a_form_that_fails_costs_nothing_else(
     run: Run,  # noqa: F811
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A sealed test, by the command: exit code 4, one line, and a folder that is whole."""
+    """For a sealed test the command ends with code 4, one line, and a whole folder."""
 
     def fails(*_: object) -> bytes:
         raise Panic("index out\nof bounds")
@@ -208,7 +210,7 @@ def test_a_form_that_fails_costs_nothing_else(
     code, out, err = run("certify", "r161", "--pdf", "--out", str(tmp_path / "sealed"))
     assert code == 4
     *progress, said = err.splitlines()
-    assert all(line.startswith("… ") for line in progress)  # of a machine under load
+    assert all(line.startswith("… ") for line in progress)  # time limit on a loaded machine
     assert json.loads((tmp_path / "sealed" / "certificate.json").read_text())["session_digest"]
     assert re.search(
         r"sealed was saved without certificate-\S+-SIMULATED\.pdf \(Panic: index out of bounds\)$",

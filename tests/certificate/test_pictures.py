@@ -1,6 +1,6 @@
-"""Pages of certificates compared with kept pictures of them.
+"""Pages of certificates compared with stored pictures.
 
-``python -m tests.certificate.test_pictures`` makes the pictures anew: look at each before it is
+``python -m tests.certificate.test_pictures`` makes the pictures again: look at each before it is
 kept. Typst sets them with the fonts of its own wheel, so no machine has others.
 """
 
@@ -21,7 +21,7 @@ from virtual_lab.certificate.pdf import inputs_of_pdf, source_of_pdf
 PICTURES = Path(__file__).with_name("pictures")
 DOTS_PER_INCH = 50
 CASES = {"pass": "a4", "no valid hit": "letter", "scan with fresh hits": "a4"}
-GREY, SHARE = 48, 0.002  # a point differs by more of 255; so many points may
+GREY, SHARE = 48, 0.002  # tolerance of a pixel, out of 255; tolerated share of pixels
 
 
 def pages(name: str) -> list[np.ndarray]:
@@ -43,7 +43,7 @@ def kept(name: str, number: int) -> Path:
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the share of points that differ, of blurred pages: a digit more is no difference."""
+    """Return the share of pixels that differ between blurred pages; one more digit is tolerated."""
     assert one.shape == other.shape
     soft = [cv2.GaussianBlur(each, (5, 5), 0).astype(int) for each in (one, other)]
     return float(np.mean(np.abs(soft[0] - soft[1]) > GREY))
@@ -60,7 +60,7 @@ def test_pages_look_as_they_did(name: str) -> None:
 
 
 def test_a_paragraph_gone_is_a_difference() -> None:
-    """A strip of some lines without its words."""
+    """A strip of some lines has no text."""
     (first, *_) = pages("pass")
     changed = first.copy()
     dark = np.flatnonzero(first.min(axis=1) < 128)

@@ -1,4 +1,4 @@
-"""The commit of a clone, read without git and compared with what git says."""
+"""The commit of a clone, read without git and compared with git."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def clone(repository: Path, tmp_path: Path) -> Path:
 
 
 def test_the_commit_is_that_of_git(clone: Path) -> None:
-    """By a branch's own file, among packed ones, and without a branch."""
+    """The commit is read from a branch file, from packed refs, and without a branch."""
     assert changes(clone) == ""
     git(clone, "checkout", "-q", "-b", "work/of-mine")
     git(clone, "commit", "-q", "--allow-empty", "-m", "second")
@@ -74,10 +74,12 @@ def test_a_worktree_has_a_commit_and_changes_of_its_own(clone: Path) -> None:
 
 @pytest.mark.parametrize("version", ["2", "3", "4"])
 def test_changed_files_are_those_that_git_lists(clone: Path, version: str) -> None:
-    """Of the program: other contents, and deleted ones; other dates alone are no change."""
+    """Changed and deleted program files count; a new date alone does not."""
     git(clone, "update-index", "--index-version", version)
     (clone / "data/new.toml").write_text("")
-    git(clone, "add", "--intent-to-add", "data/new.toml")  # whose entry is longer, in version 3
+    git(
+        clone, "add", "--intent-to-add", "data/new.toml"
+    )  # index entry of version 3, which is longer
     assert changes(clone) == ""
     for name in FILES:
         content = (clone / name).read_bytes()
@@ -102,7 +104,7 @@ def test_other_changes_have_another_digest(clone: Path) -> None:
 
 
 def test_a_repository_around_the_program_is_another_project(clone: Path, tmp_path: Path) -> None:
-    """An installed program, a project of another name, a folder without git."""
+    """Cases: an installed program, a project of another name, a folder without git."""
     installed = clone / ".venv/lib/site-packages"
     installed.mkdir(parents=True)
     assert commit_of(installed) is None

@@ -51,7 +51,7 @@ def test_a_result_of_few_degrees_of_freedom_has_the_tails_of_student(dof: float 
 
 
 def test_a_pass_risks_acceptance_and_a_fail_rejection() -> None:
-    """Of equal distances from the limit the risks are equal, at the limit one half."""
+    """At equal distances from the limit the risks are equal; at the limit they are one half."""
     accepted = risk_of(decided(1.13), "PASS", eligible=True)
     rejected = risk_of(decided(1.17), "FAIL", eligible=True)
     assert accepted is not None

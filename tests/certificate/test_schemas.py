@@ -1,4 +1,4 @@
-"""A field of a document that is added, removed or means something else asks for a new schema."""
+"""A field that is added, removed or has a new meaning requires a new schema."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_a_field_changes_with_the_schema_alone(form: str) -> None:
 
 
 def test_every_kind_of_change_is_seen() -> None:
-    """By the description: fields, types and meanings."""
+    """The description covers fields, types and meanings."""
     lines = list(described(document.CertificateDocument))
     assert '"""What the result is worth; printed on every page."""' in lines
     assert "u: Uncertainty | None" in lines

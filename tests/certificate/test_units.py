@@ -1,4 +1,4 @@
-"""Every number of certificate.json has a unit: in its key, beside it, or none by its nature."""
+"""Every number of certificate.json has a unit in its key or beside it, or is dimensionless."""
 
 import re
 from collections.abc import Iterator
@@ -37,8 +37,11 @@ RATIOS = {
     "swing_exponent",
     "valid_hits",
 }
-OF_THE_METRIC = {"metric", "swing_range", "choice", "places"}  # in the unit of metric.unit
-WITH_UNIT = {("along", "quantities"), ("along", "read")}  # `unit` stands beside, or the metric's
+OF_THE_METRIC = {"metric", "swing_range", "choice", "places"}  # numbers in the unit of metric.unit
+WITH_UNIT = {
+    ("along", "quantities"),
+    ("along", "read"),
+}  # numbers with `unit` beside them, or in the metric's unit
 OF_RATIOS = {"rebound_check"}
 SI = {"": 1.0, "m/s": 1.0}
 
@@ -56,14 +59,14 @@ def numbers(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]
 
 
 def has_unit(path: tuple[str, ...]) -> bool:
-    """Return whether keys say what unit a number is in."""
+    """Return whether the keys state the unit of a number."""
     if any(SUFFIX.search(key) or key in RATIOS for key in path) or path[-1] == "shots":
         return True
     if path == ("shots", "metric") or path[0] in OF_RATIOS:
         return True
     if path[:2] in WITH_UNIT or path == ("along", "degree"):
         return True
-    if path[0] == "conditions":  # `unit` stands beside
+    if path[0] == "conditions":  # numbers with `unit` beside them
         return True
     # a budget's lines are in SI: the constant's own, and contributions in the metric's
     return path[0] in OF_THE_METRIC or path[0] == "budget"
@@ -86,7 +89,7 @@ def test_every_number_has_a_unit(procedure: str, played: Play) -> None:
     assert found.metric is not None
     assert metric["value"] == found.metric.value
     assert metric["limit"] == found.procedure.metric_limit
-    # 80 to 120 mph are 36 to 54 m/s: a speed said in m/s is no number of mph
+    # 80 to 120 mph are 36 to 54 m/s, so a speed in m/s cannot pass for mph
     if metric["unit"] == "m/s":
         speeds = [metric["value"], *(row["value"] for row in document["swing_range"])]
         assert all(30 < speed < 55 for speed in speeds)

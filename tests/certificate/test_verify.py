@@ -1,4 +1,4 @@
-"""A result folder is as it was made, or the file and key that is not are named."""
+"""An unaltered result folder is whole; otherwise the altered file and key are named."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def honest(found: Verification, unchecked: tuple[str, ...] = ()) -> None:
 
 
 def test_an_honest_copy_is_whole(result: Path) -> None:
-    """Read-only, with other line ends, and out of an archive; its truth may be left out."""
+    """Copies: read-only, other line ends, unpacked from an archive, without the truth."""
     for path in [*result.rglob("*.csv"), *result.rglob("*.json"), result / "certificate.html"]:
         path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
     honest(verify(result))
@@ -58,12 +58,12 @@ def test_an_honest_copy_is_whole(result: Path) -> None:
     honest(verify(result.parent / "again"))
     shutil.rmtree(result / "truth")
     honest(verify(result), NO_TRUTH)
-    sums_again(result)  # though no list names it
+    sums_again(result)  # file that no list names
     honest(verify(result), NO_TRUTH)
 
 
 def test_reductions_of_records_are_whole(made: Path, tmp_path: Path) -> None:
-    """Our own, repeated, and those of another laboratory."""
+    """Our own records, reduced again, and records of another laboratory are whole."""
     vl.reduce(made / "records").save(tmp_path / "ours", pdf=True, paper="letter")
     vl.reduce(HERE / "foreign_laboratory" / "records").save(tmp_path / "theirs")
     honest(verify(tmp_path / "ours"))
@@ -93,7 +93,7 @@ def test_what_cannot_be_made_here_is_not_checked(
 def test_another_program_that_makes_the_same_bytes_is_whole(
     result: Path, stated: dict[str, object]
 ) -> None:
-    """The number of the certificate follows from the version, not from the commit."""
+    """The number of the certificate depends on the version, not on the commit."""
     (pdf,) = result.glob("*.pdf")
     in_all_forms(**stated)(result)
     assert pdf.exists() == ("commit" in stated)
@@ -148,7 +148,7 @@ def test_a_signed_folder_is_whole(
     keys: tuple[Path, Path],
     run: Run,  # noqa: F811
 ) -> None:
-    """With the key of who signed it; without, the signature is not checked."""
+    """It is whole with the signer's key; without a key, the signature is not checked."""
     found = verify(signed, key=keys[1])
     assert (found.rows, found.unchecked, found.signed) == ((), (), True)
     assert "signed by the owner of the key" in found.text
@@ -158,7 +158,7 @@ def test_a_signed_folder_is_whole(
 
 
 def test_every_folder_has_digests_for_those_who_check_them_alone(result: Path) -> None:
-    """As ``sha256sum -c`` does, of all files."""
+    """The digests of all files agree, as with ``sha256sum -c``."""
     lines = (result / "SHA256SUMS").read_text("utf-8").splitlines()
     listed = {name: digest for digest, name in (line.split("  ") for line in lines)}
     here = {path for path in result.rglob("*") if path.is_file() and path.name != "SHA256SUMS"}
@@ -168,7 +168,7 @@ def test_every_folder_has_digests_for_those_who_check_them_alone(result: Path) -
 
 
 def test_a_film_of_a_signed_folder_is_checked(result: Path, keys: tuple[Path, Path]) -> None:
-    """No record has it, so that without a signature it is not."""
+    """Only a signature covers the film, because no record has its digest."""
     (result / "film").mkdir()
     (result / "film" / "shot.avi").write_bytes(b"RIFF")
     sums_again(result)
@@ -187,7 +187,7 @@ def test_a_film_of_a_signed_folder_is_checked(result: Path, keys: tuple[Path, Pa
 def test_who_rewrites_everything_is_found_by_the_signature(
     signed: Path, keys: tuple[Path, Path]
 ) -> None:
-    """Another test under the same name, with digests to match: only the key tells."""
+    """Another test under the same name, with matching digests: only the key reveals it."""
     for path in signed.iterdir():
         if path.name != "SHA256SUMS.sig":
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -203,7 +203,7 @@ def test_who_rewrites_everything_is_found_by_the_signature(
 def test_what_was_altered_after_signing_is_named(
     result: Path, keys: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    """A file more in the truth, the signature gone, another's, and another key."""
+    """An added file in the truth, a missing or foreign signature, and another key are named."""
     write_sums(result, keys[0])
     assert verify(result, key=keys[1]).signed
 

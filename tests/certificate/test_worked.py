@@ -1,6 +1,6 @@
-"""Every number of certificate.json, readings.csv and page, worked from the records by hand.
+"""Every number of certificate.json, readings.csv and page, computed from the records by hand.
 
-`tests.certificate.worked` shares nothing with the program. The six procedures, one of them with
+`tests.certificate.worked` shares nothing with the program. Cases: the six procedures, one with
 balls set aside and one with a control bat; the records are those that sum.
 """
 
@@ -44,7 +44,7 @@ standard = { value = 0.5, unit = "1", source = "assumed", verified = false }
 
 @cache
 def folder(case: str) -> Path:
-    """Return a certificate as saved, made once in a process."""
+    """Return a saved certificate, made once per process."""
     into = Path(mkdtemp(prefix="worked-"))
     procedure, given = case, {}
     if case == CONTROLLED:
@@ -75,7 +75,7 @@ def by_hand(case: str) -> dict[str, Any]:
 
 
 def same(found: Any, expected: Any, where: str, rel: float = 1e-7) -> Iterator[str]:
-    """Yield the paths of the document whose numbers differ from those worked by hand."""
+    """Yield the paths of numbers in the document that differ from those computed by hand."""
     if isinstance(expected, dict):
         for key, value in expected.items():
             yield from same(found[key], value, f"{where}.{key}", rel)
@@ -131,7 +131,7 @@ def test_every_number_of_the_document_follows_from_the_records(case: str) -> Non
 
 @pytest.mark.parametrize("case", CASES)
 def test_every_line_of_the_budget_follows_from_the_records(case: str) -> None:
-    """To 1e-7 of the result's own u: a constant may hardly matter."""
+    """Contributions agree to 1e-7 of u, because a constant may hardly matter."""
     lines = {line.pop("component"): line for line in copy.deepcopy(document(case)["budget"])}
     expected, u = copy.deepcopy(by_hand(case)["budget"]), by_hand(case)["metric"]["u"]
     assert {name.removeprefix("impact.aim.") for name in lines} == set(expected)
@@ -171,7 +171,7 @@ def test_the_width_of_a_scan_follows_from_the_records() -> None:
 
 
 def test_the_control_bats_ratio_is_its_own_test_over_what_it_is_known_by() -> None:
-    """Its own records, by hand: e over 0.5; and the bat's e is divided by that."""
+    """The ratio is e of its records over 0.5, by hand; the bat's e is divided by it."""
     own = worked(folder(CONTROLLED) / "control" / "records")["restitution"]
     told = document(CONTROLLED)["ball_correction"]
     assert (told["method"], told["standard"]) == ("control-bat", 0.5)
@@ -181,7 +181,7 @@ def test_the_control_bats_ratio_is_its_own_test_over_what_it_is_known_by() -> No
 
 
 def test_balls_set_aside_are_in_no_mean() -> None:
-    """Ball 2 of this laboratory is too lively; its e0 is told with the limits."""
+    """Ball 2 of this laboratory is too lively; the message states its e0 and the limits."""
     (told,) = document("astm-f1881")["ball"]["set_aside"]
     assert told["ball"] == 2
     assert re.fullmatch(r"e0 0\.5\d{3} at 60 mph, allowed 0\.525 to 0\.555", told["reason"])
@@ -220,11 +220,11 @@ def test_every_unverified_value_is_the_procedures(case: str) -> None:
     assert sorted(told) == sorted(doubtful(sheet))
 
 
-# the page
+# section: the page
 
 
 def agrees(text: str, value: float) -> bool:
-    """Compare a printed number with `value`, to half of its last digit."""
+    """Return whether a printed number equals `value` to half of its last digit."""
     printed = text.replace("\N{MINUS SIGN}", "-").replace("+", "")
     half = 0.5 * 10.0 ** -len(printed.partition(".")[2])
     return abs(float(printed) - value) <= half * (1 + 1e-6)
@@ -244,7 +244,7 @@ def page(case: str) -> ElementTree.Element:
 
 
 def rows_under(case: str, heading: str) -> list[list[str]]:
-    """Return the cells of the body of the table below a heading; [] without."""
+    """Return the cells of the table below a heading; [] without a table."""
     below = False
     for each in page(case).iter():
         if each.tag == "h2":
@@ -391,7 +391,7 @@ def test_the_pages_hits_are_the_documents(case: str) -> None:
         assert len(row) == len(columns) + 1
         for shown, key in zip(row, columns, strict=False):
             if key == "shot":
-                assert shown == str(shot[key] + 1)  # people count from 1
+                assert shown == str(shot[key] + 1)  # shots are printed from 1
             elif shot[key] is None:
                 assert shown in {"not seen", "–"}
             else:
@@ -417,7 +417,7 @@ def test_the_pages_means_along_the_barrel_are_the_documents(case: str) -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_pages_air_is_the_documents(case: str) -> None:
-    """0 °C is 273.15 K, 1 of humidity 100 %, and 1 hPa 100 Pa; each u has two digits."""
+    """0 °C is 273.15 K, a humidity of 1 is 100 %, 1 hPa is 100 Pa; each u has two digits."""
     told = document(case)
     (air,) = [
         each.text or ""
@@ -441,7 +441,7 @@ def test_the_pages_air_is_the_documents(case: str) -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_ball_off_a_bat_at_rest_is_a_rebound_and_no_batted_ball(case: str) -> None:
-    """Its speed is e_A times that of the ball; the rules of `bbcor` name no other game."""
+    """Its speed is e_A times that of the ball; `bbcor` defines no game."""
     told = document(case)
     rules = tomllib.loads((folder(case) / "records" / "procedure.toml").read_text("utf-8"))
     if not told["along"]:
@@ -520,7 +520,7 @@ def test_the_pages_swing_laws_are_the_documents() -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_text_has_the_documents_numbers(case: str) -> None:
-    """Of six hits ν is 5 to 20, so t u is not 2 u."""
+    """For six hits ν is 5 to 20, so t u is not 2 u."""
     told = document(case)
     text = certificate_text(read_document(folder(case) / "certificate.json"))
     metric = told["metric"]
@@ -561,7 +561,7 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
     assert agrees(found[1], told["impact_position_in"])
 
 
-# the figures, read by their own axes
+# section: the figures
 
 SVG = "{http://www.w3.org/2000/svg}"
 WORD = r"<text x=\"([\d.]+)\" y=\"([\d.]+)\" text-anchor=\"end\">([\d.−]+)</text>"
@@ -577,7 +577,7 @@ def drawing(case: str, name: str) -> str:
 
 
 def read_off(drawn: str, left: float) -> Callable[[float], float]:
-    """Return the scale of a panel, heights to values, by the ticks of its axis at `left`."""
+    """Return the scale from heights to values of a panel, from the ticks at `left`."""
     ticks = [
         (float(y) - 2.8, float(value.replace("−", "-")))
         for x, y, value in re.findall(WORD, drawn)
@@ -591,7 +591,7 @@ def read_off(drawn: str, left: float) -> Callable[[float], float]:
 
 @pytest.mark.parametrize("case", ["astm-f1881", "ncaa-modified", "bbcor"])
 def test_the_figure_of_the_hits_shows_interval_result_and_limit_to_scale(case: str) -> None:
-    """Read off by the ticks, to a hundredth of a point."""
+    """Marks agree with the ticks to a hundredth of a point."""
     metric, drawn = document(case)["metric"], drawing(case, "hits")
     size = MPH if metric["name"] == "batted_speed" else 1.0
     value, low, high, limit = (

@@ -1,4 +1,4 @@
-"""A certificate's numbers worked out from its folder ``records`` alone, by numpy.
+"""The numbers of a certificate, computed from its folder ``records`` alone by numpy.
 
 Nothing of the program is imported: tables as they were written, equations of the 2003 paper
 written out, uncertainties by central differences of the whole. The gates' and encoder's records
@@ -32,7 +32,7 @@ UNITS = {
     "1/in": 1 / INCH,
     "oz in^2": OUNCE * INCH**2,
 }
-STEP = 0.5e-3  # m, places are set in steps of it
+STEP = 0.5e-3  # step of the set positions [m]
 Row = dict[str, Any]
 
 
@@ -48,7 +48,7 @@ class Known:
 
 @dataclass
 class Line:
-    """A line of the budget: how far it moves the result."""
+    """A line of the budget, with its contribution to the result."""
 
     name: str
     kind: str
@@ -118,7 +118,7 @@ def passages(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def mean_of(readings: np.ndarray, step: float = 0.0) -> Known:
-    """Return a mean of readings of an instrument that shows steps."""
+    """Return a mean of readings with a finite resolution."""
     n = len(readings)
     mean = sum(readings) / n
     u = sqrt(sum((each - mean) ** 2 for each in readings) / (n - 1) / n)
@@ -127,7 +127,7 @@ def mean_of(readings: np.ndarray, step: float = 0.0) -> Known:
 
 
 def swing_factor(first: float, last: float, swings: int) -> float:
-    """Return the mean period over that of very small swings."""
+    """Return the ratio of the mean period to that of very small swings."""
     total = 0.0
     for k in range(swings):
         angle = first * (last / first) ** ((k + 0.5) / swings)
@@ -136,7 +136,7 @@ def swing_factor(first: float, last: float, swings: int) -> float:
 
 
 def slope_through(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return level at 0 and slope of y over x along the last axis, where both are known."""
+    """Return intercept and slope of y over x along the last axis, NaN ignored."""
     both = np.isfinite(x) & np.isfinite(y)
     n = both.sum(axis=-1).astype(float)
     n[n < 2] = np.nan
@@ -161,7 +161,7 @@ def density(kelvin: float, humidity: float, pascal: float) -> float:
 
 
 class Test:
-    """The records of one test and what they give."""
+    """The records of one test and their results."""
 
     __test__ = False
 
@@ -185,7 +185,7 @@ class Test:
         self.valid = np.array([not word for word, _ in self.reasons])
         self.weights, self.effects, self.place = self._outcome(self.metric(self.best))
 
-    # the bench
+    # section: the bench
 
     def _bench(self) -> None:
         bench, known = self.records / "bench", self.known
@@ -255,7 +255,7 @@ class Test:
             "radius": x["bat.barrel_radius"] - x["bench.rule.offset"],
         }
 
-    # the wall
+    # section: the wall
 
     def _wall(self) -> None:
         rows = table(self.records / "bench" / "ball-mass.csv")
@@ -285,7 +285,7 @@ class Test:
             self.known["balls.slope_repeatability"] = Known(0.0, sqrt(variance / square), dof, "A")
 
     def _steepness(self) -> np.ndarray:
-        """Return the wall hits' speeds less the mean of their ball."""
+        """Return the speeds of wall hits minus the mean of their ball."""
         off = self.wall_speed.copy()
         for ball in set(self.wall_ball):
             off[self.wall_ball == ball] -= self.wall_speed[self.wall_ball == ball].mean()
@@ -343,7 +343,7 @@ class Test:
         fit &= (windows["ball_restitution_low"] <= e0) & (e0 <= windows["ball_restitution_high"])
         return fit if fit.any() else ~fit
 
-    # the hits at the bat
+    # section: the hits at the bat
 
     def _impact(self) -> None:
         folder = self.records / "impact"
@@ -367,7 +367,7 @@ class Test:
             known["procedure.place_slope_error"] = Known(0.0, error)
 
     def turn(self, length: Any) -> Any:
-        """Return the angular speed that the rules name [rad/s]."""
+        """Return the angular speed of the rules [rad/s]."""
         rules = self.rules
         return rules.get("bat_speed", 0.0) / (length - rules["pivot_from_knob"] - 6 * INCH)
 
@@ -417,7 +417,7 @@ class Test:
         r = self.recoil_factor(bat, mass, at, rules["recoil"])
         e = e_a * (1 + r) + r
         e0 = balls["e0"][self.ball] + balls["slope"] * (relative - balls["speed"])
-        # the same blow by the mean ball of the lot at the nominal speed
+        # the same hit by the mean ball of the lot at the nominal speed
         nominal = rules["ball_speed"] + self.turn(bat["length"]) * (
             bat["length"] - rules["pivot_from_knob"] - self.set
         )
@@ -461,7 +461,7 @@ class Test:
             e = e / found["control"]
         elif way["method"] == "trampoline":
             soft, hard = found["ball_restitution"], way["standard"]
-            ratio = (1 - e**2) / (e**2 - soft**2)  # of the stiffnesses, shell over ball
+            ratio = (1 - e**2) / (e**2 - soft**2)  # ratio of the stiffnesses, shell over ball
             sprung = np.sqrt((hard**2 * ratio + 1) / (ratio + 1), where=ratio > 0, out=0 * e)
             e = np.where(e > soft, sprung, e * hard / soft)
         if rules["metric"] == "restitution":
@@ -495,10 +495,10 @@ class Test:
             "angular_speed", game.get("bat_speed")
         ) * reach * slower
 
-    # which hits count
+    # section: valid hits
 
     def _judged(self) -> list[tuple[str, float]]:
-        """Return the first window that each shot breaks, by a word, and by what number."""
+        """Return the name of the first window that each shot violates, and the value."""
         rules, windows, s = self.rules, self.rules["windows"], self.best
         bat, balls = s["bat"], s["balls"]
         axis = bat["length"] - rules["pivot_from_knob"]
@@ -509,7 +509,7 @@ class Test:
         found: list[tuple[str, float]] = []
         for n in range(len(self.ball)):
             speed, mass, e0 = s["speed"][n], s["mass"][n], own[self.ball[n]]
-            # what breaks a window, and the number to be told
+            # violated window, and its value
             shown = {
                 "come in": (not np.isfinite(speed), np.nan),
                 "ball at": (
@@ -559,13 +559,13 @@ class Test:
             found.append(broken[0] if broken else ("", np.nan))
         return found
 
-    # the result
+    # section: the result
 
     def at_place(self, place: float) -> np.ndarray:
         return np.abs(self.set - place) < STEP / 2 + 1e-9
 
     def scanned(self) -> tuple[np.ndarray, list[float]]:
-        """Return the scan's own hits, the first at each place, and the places with enough."""
+        """Return the hits of the scan, the first at each position, and the complete positions."""
         many, own, full = int(self.rules["valid_hits"]), np.zeros(len(self.set), bool), []
         for place in sorted({round(float(each), 6) for each in self.set}):
             here = np.flatnonzero(self.valid & self.at_place(place))[:many]
@@ -577,7 +577,7 @@ class Test:
     def _outcome(
         self, metric: np.ndarray, *, seeks: str | None = None
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return the weight of each hit, its effect, and the place of the result."""
+        """Return the weight and the effect of each hit, and the position of the result."""
         scan = self.rules.get("scan")
         if scan is None:
             weights = self.valid / self.valid.sum()
@@ -595,7 +595,7 @@ class Test:
             for n in np.flatnonzero(self.at_place(best) & ~own):
                 if self.valid[n]:
                     row.append(int(n))
-                elif scan["consecutive"]:  # an invalid shot begins them again
+                elif scan["consecutive"]:  # an invalid shot restarts the count
                     row.clear()
             row, weights = row[-int(scan["final_hits"]) :], np.zeros(len(metric))
             weights[row] = 1 / len(row)
@@ -615,7 +615,7 @@ class Test:
     ) -> tuple[np.ndarray, np.ndarray, float]:
         """Return weights and effects of hits near the top of a cubic through them.
 
-        The effects by differences: each hit raised and lowered a little, and the top sought again.
+        The effects are differences: each hit is raised and lowered, and the maximum found again.
         """
         middle = self.set[near].mean()
         x = (self.set[near] - middle) / self.rules["scan"]["fit_half_width"]
@@ -625,7 +625,7 @@ class Test:
             curve = np.polynomial.Polynomial(np.polynomial.polynomial.polyfit(x, values, degree))
             fine = np.linspace(x.min(), x.max(), 2001)
             start = fine[int(np.argmax(curve(fine)))]
-            for _ in range(30):  # by Newton, inside
+            for _ in range(30):  # Newton's method, inside the range
                 if x.min() < start < x.max():
                     start = start - curve.deriv()(start) / curve.deriv(2)(start)
             return float(min(max(start, x.min()), x.max()))
@@ -653,10 +653,10 @@ class Test:
                 effects[shot] = (moved[0] - moved[1]) / (2 * step)
         return weights, effects, float(middle + where * self.rules["scan"]["fit_half_width"])
 
-    # uncertainty
+    # section: uncertainty
 
     def moved(self) -> dict[str, tuple[Row, Row]]:
-        """Return every shot with each uncertain constant a u higher and a u lower."""
+        """Return every shot with each uncertain constant one u higher and one u lower."""
         best = {key: each.value for key, each in self.known.items()}
         return {
             key: (
@@ -697,7 +697,7 @@ class Test:
     def _scatter(
         self, hits: np.ndarray, k: np.ndarray, places: np.ndarray, steps: np.ndarray
     ) -> Line:
-        """Return the scatter within the places, less what the constants make of it."""
+        """Return the scatter within positions minus the part explained by constants."""
         seen, known, free, share = [], [], [], []
         for place in sorted(set(places)):
             here = places == place
@@ -716,7 +716,7 @@ class Test:
         return Line("hits", "A", sqrt(total), dof, sqrt(total), 0.0)
 
     def _pooled(self, lines: list[Line]) -> list[Line]:
-        """Return the lines with the balls' scatter, one pool, as one."""
+        """Return the budget with the pooled lines of the balls' scatter as one line."""
         balls = [line for line in lines if line.name.startswith("wall.ball")]
         u = sqrt(sum(line.u**2 for line in balls) / len(balls))
         moved = sqrt(sum(line.moved**2 for line in balls))
@@ -738,7 +738,7 @@ class Test:
         return found
 
     def choice(self, metric: np.ndarray) -> tuple[float, float]:
-        """Return what the chosen place lacks on average of the best, and its u."""
+        """Return the mean deficit of the chosen position below the best one, and its u."""
         scan = self.rules.get("scan")
         if scan is None or not scan["final_hits"]:
             return 0.0, 0.0
@@ -751,7 +751,7 @@ class Test:
         mean = square = 0.0
         for place, each in hits.items():
             if 1e-6 < abs(place - best) < scan["fine_step"] + 2 * STEP:
-                # the positive part of a normal about d with standard deviation u
+                # mean positive part of a normal distribution with mean d and standard deviation u
                 d = each.mean() - hits[best].mean()
                 chance = (1 + erf(d / u / sqrt(2))) / 2
                 density = np.exp(-((d / u) ** 2) / 2) / sqrt(2 * pi)
@@ -760,7 +760,7 @@ class Test:
         return mean, sqrt(square - mean**2)
 
     def width(self, metric: np.ndarray) -> Row | None:
-        """Return length of barrel near the top, by a quintic; None if it is cut off."""
+        """Return the length of barrel near the maximum, by a quintic; None if it is cut off."""
         drop = self.rules.get("scan", {}).get("width_drop")
         if not drop:
             return None
@@ -777,7 +777,7 @@ class Test:
             if not (low.size and high.size):
                 raise ValueError("an end is cut off")
             found = []
-            for a in (low[-1], top + high[0] - 1):  # straight between two close places
+            for a in (low[-1], top + high[0] - 1):  # linear between two close positions
                 y = heights[a : a + 2] - heights[top] + drop
                 found.append(fine[a] - y[0] * (fine[a + 1] - fine[a]) / (y[1] - y[0]))
             return np.array(found)
@@ -935,10 +935,10 @@ def _shot(test: Test, metric: np.ndarray, n: int) -> Row:
 
 
 def _speed_u(distances: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Return u of the balls' speeds by the scatter of their times about a line, ball by ball."""
+    """Return u of the balls' speeds from the scatter of their times about a line."""
     seen = times[np.isfinite(times).all(axis=1)]
     left = np.array([t - np.polyval(np.polyfit(distances, t, 1), distances) for t in seen])
-    left -= left.mean(axis=0)  # gates off their places shift all balls alike
+    left -= left.mean(axis=0)  # an error of the gates' positions shifts all balls equally
     noise = left.ravel() @ left.ravel() / ((distances.size - 2) * (len(seen) - 1))
     speed = (distances[0] - distances[-1]) / (times[:, 0] - times[:, -1])
     return speed**2 * np.sqrt(noise / (distances.size * distances.var()))
