@@ -14,6 +14,7 @@ from os import fspath
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
+SETTINGS = "settings.toml"  # file in a result folder with the arguments of its call
 SEED_BITS = 128  # length of a random seed, too long for trial and error
 LARGEST_SEED = 2**SEED_BITS - 1
 
@@ -155,6 +156,8 @@ SEED = whole(
 Seed = Annotated[int, SEED]
 OperatorSeed = Annotated[int, replace(SEED, python="")]
 Positive = Annotated[int, whole(1)]
+Port = Annotated[int, whole(1024, 65535, "1024 to 65535")]
+Trainees = Annotated[int, whole(1, 50, "1 to 50")]
 Wholes = Annotated[int | Sequence[int], several(WHOLE)]
 Certain = Annotated[float, CERTAIN_NUMBER]
 Numbers = Annotated[float | Sequence[float], several(NUMBER)]
@@ -193,6 +196,7 @@ CollisionName = Literal["rigid", "modal", "reference"]
 MotionName = Literal["closed-form", "pymunk"]
 StablePart = Literal["collision", "motion", "camera"]
 ChartedPart = Literal["collision", "motion", "camera", "uncertainty", "laboratory"]
+OperatorName = Literal["expert", "careful", "book", "careless", "cheating"]
 SwingLawName = Literal["power", "energy"]
 DrawsRule = Literal["stein", "7.9"]
 Propagation = Literal["first-order", "second-order", "monte-carlo"]

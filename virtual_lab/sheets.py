@@ -24,6 +24,7 @@ from virtual_lab.files import parse_toml
 from virtual_lab.parameters import (
     ANYTHING,
     SEED,
+    SETTINGS,
     WHOLE,
     ParameterRule,
     read_name,
@@ -47,8 +48,8 @@ class Sheet:
     """A sheet of the catalog, or of a user's file.
 
     `kind` is ``bats``, ``balls``, ``procedures``, ``instruments``, ``rigs``, …; `name` its name
-    or path; `text` the TOML; `origin` the name of the sheet it was made from, and `changes` what
-    was changed since, by key.
+    or path; `text` the TOML; `origin` the name of the sheet or file it was made from, and `changes`
+    what was changed since, by key.
     """
 
     kind: str
@@ -293,22 +294,24 @@ def _rigs_at_bats() -> list[str]:
     return [name for name, rig in installed_rigs().items() if rig.stage is Stage.IMPACT]
 
 
+def _instrument(value: Any) -> Sheet:
+    if not isinstance(value, Sheet) or value.kind not in ("instruments", "rigs"):
+        raise TypeError(value)
+    return value
+
+
 def _instruments(value: Any) -> tuple[Sheet, ...]:
-    sheets = (value,) if isinstance(value, Sheet) else tuple(value)
-    for sheet in sheets:
-        if not isinstance(sheet, Sheet) or sheet.kind not in ("instruments", "rigs"):
-            raise TypeError(sheet)
-    return sheets
+    return tuple(map(_instrument, [value] if isinstance(value, Sheet) else value))
 
 
 def _instrument_in_file(text: str) -> Sheet:
     """Return the sheet of ``NAME=FILE``: an instrument or rig of the catalog, with other values."""
     name, _, path = text.partition("=")
     if not path:
-        raise ValueError(text)
+        raise InputError("", "instrument", text, "allowed: NAME=FILE, pivot-gates=mine.toml")
     kind = "rigs" if name in _names("rigs") else "instruments"
     sheet = Sheet.of(kind, path)
-    return Sheet(kind, Sheet.of(kind, name).name, sheet.text)
+    return Sheet(kind, Sheet.of(kind, name).name, sheet.text, origin=path)
 
 
 def _study(value: Any) -> Path | dict[str, Any]:
@@ -321,7 +324,7 @@ def _study(value: Any) -> Path | dict[str, Any]:
 BAT, PROCEDURE = entry_rule("bats"), entry_rule("procedures")
 BATS, PROCEDURES = several(BAT), several(PROCEDURE)
 INSTRUMENT = ParameterRule(
-    read=_instruments,
+    read=_instrument,
     parse=_instrument_in_file,
     allowed="sheets of instruments: [vl.instrument('pivot-gates').with_(tick='2 us')]",
     complete=lambda: [f"{name}=" for name in _names("instruments", "rigs")],
@@ -361,7 +364,9 @@ Faults = Annotated[
         "names of faults (vl.shelf('faults'))",
     ),
 ]
-Instruments = Annotated[Sheet | Sequence[Sheet], replace(INSTRUMENT, several=INSTRUMENT)]
+Instruments = Annotated[
+    Sheet | Sequence[Sheet], replace(INSTRUMENT, read=_instruments, several=INSTRUMENT)
+]
 AnyStudy = Annotated[
     str | Path | Mapping[str, Any],
     ParameterRule(read=_study, allowed="a study.toml, its keys and values, or None to resume"),
@@ -392,6 +397,35 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
     part, _, own = rest.partition(".")
     named = rig.document.get(part)
     return (Sheet.of("instruments", named), own) if own and isinstance(named, str) else (rig, rest)
+
+
+def settings_text(command: str, arguments: Mapping[str, Any], *, sealed: bool) -> str:
+    """Return the arguments of a call as a file of settings, which ``--config`` reads.
+
+    A sheet with changed values is only named, in a comment, because no name gives it again. A seed
+    that is sealed with the truth is left out.
+    """
+    settings, changed = {}, [f"# virtual-lab {command} --config {SETTINGS}\n"]
+    for key, value in arguments.items():
+        if sealed and key == "seed":
+            changed.append("# seed: sealed with the truth\n")
+            continue
+        values = [_setting(each) for each in (value if _is_list(value) else [value])]
+        if None in values:
+            changed.append(f"# {key}: sheets with changed values\n")
+        elif not callable(value):
+            settings[key] = values if _is_list(value) else values[0]
+    return "".join(changed) + toml_text(settings)
+
+
+def _setting(value: Any) -> Any:
+    """Return an argument as a value of a file; None for a sheet with changed values."""
+    if isinstance(value, Sheet):
+        if value.origin.endswith(".toml"):
+            return f"{value.name}={value.origin}"
+        own = value.name in _names(value.kind) or value.name.endswith(".toml")
+        return value.name if own and value == Sheet.of(value.kind, value.name) else None
+    return str(value) if isinstance(value, Path) else _plain(value)
 
 
 def toml_text(document: Mapping[str, Any]) -> str:

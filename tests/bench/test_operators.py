@@ -1,6 +1,7 @@
 """Operators and the debrief: who does what, what is found, what is scored, what cost most."""
 
 import json
+import tomllib
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -253,7 +254,9 @@ def test_the_command_writes_a_day_and_its_debrief(tmp_path: Path) -> None:
         "certificate.json",
         "certificate.html",
         "records",
+        "settings.toml",
     }
+    assert tomllib.loads((out / "settings.toml").read_text()) == {"operator": "book"}
     again = vl.reduce(out / "records")
     assert again.document["metric"]["value"] == pytest.approx(document["value"], rel=1e-9)
     assert json.loads((out / "debrief.json").read_text("utf-8"))["verdict"] == "PASS"

@@ -140,7 +140,7 @@ def test_a_schema_that_cannot_be_read_is_refused(result: Path, schema: object) -
 
 @pytest.fixture
 def signed(made: Path, keys: tuple[Path, Path], tmp_path: Path) -> Path:
-    return vl.reduce(made / "records").save(tmp_path / "signed", key=keys[0])
+    return vl.reduce(made / "records").save(tmp_path / "signed", sign=keys[0])
 
 
 def test_a_signed_folder_is_whole(

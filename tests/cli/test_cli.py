@@ -251,6 +251,7 @@ def test_profile_and_compare_write_their_folders(run: Run, tmp_path: Path) -> No
     assert sorted(path.name for path in (tmp_path / "one").iterdir()) == [
         "profile.csv",
         "profile.png",
+        "settings.toml",
     ]
     law = ("--swing-law", "energy", "--out", "three")
     code, out, _ = run("profile", "r161", "softball-34", *law)
@@ -287,6 +288,7 @@ def test_stability_prints_its_maps_and_writes_its_folder(
         "as shipped  .    .",
     ]
     assert sorted(path.name for path in (tmp_path / "maps").iterdir()) == [
+        "settings.toml",
         "stability.csv",
         "stability.png",
     ]

@@ -10,8 +10,9 @@ from typing import Any
 import click
 import pytest
 
+import virtual_lab as vl
 from tests.laboratories import certified
-from virtual_lab import api, lab
+from virtual_lab import api, catalog, lab
 from virtual_lab.api import Certificate
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
@@ -20,7 +21,7 @@ from virtual_lab.simulation.rig import MotionRung, Reality
 from virtual_lab.studies import coverage as coverage_study
 from virtual_lab.uncertainty.estimate import Estimate
 
-SHARED = {"as_json", "out", "csv", "plot"}
+SHARED = {"as_json", "out", "csv", "plot", "config", "instruments"}
 Effect = Callable[[Any], object]
 
 
@@ -68,6 +69,8 @@ CERTIFY: dict[str, tuple[str, object, object, Effect]] = {
     ),
     "seed": ("--seed 7", None, 7, lambda s: s.seed),
     "number": ("--seed 7 --number 3", 0, 3, lambda s: s.number),
+    "ball": ("--ball game-2003", "baseball-2003", "game-2003", lambda s: s.rules.spec.ball),
+    "reality": ("--reality ideal", Reality.REAL, Reality.IDEAL, lambda s: s.reality),
     "ideal": ("--ideal", Reality.REAL, Reality.IDEAL, lambda s: s.reality),
     "noise_free": ("--noise-free", Reality.REAL, Reality.NOISE_FREE, lambda s: s.reality),
     "collision": ("--collision modal", None, "modal", lambda s: s.rung),
@@ -140,7 +143,7 @@ CERTIFY: dict[str, tuple[str, object, object, Effect]] = {
 SAVED: dict[str, tuple[str, object, object, Effect]] = {
     "pdf": ("--pdf", False, True, lambda c: c.pdf),
     "paper": ("--paper letter", "a4", "letter", lambda c: c.paper),
-    "sign": ("--sign key.pem", None, Path("key.pem"), lambda c: c.key),
+    "sign": ("--sign key.pem", None, Path("key.pem"), lambda c: c.sign),
 }
 
 
@@ -157,7 +160,7 @@ def begun(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         return {"metric": Estimate(value=0.25)} if folders else {}
 
     def begin(setup: lab.TestSetup, _progress: Any) -> None:
-        raise Reached(setup=setup)
+        raise Reached(setup=setup, texts=catalog.texts_in_place())
 
     monkeypatch.setattr("virtual_lab.certificate.history.earlier_scatter", earlier)
     monkeypatch.setattr("virtual_lab.lab.certify_bat", begin)
@@ -173,6 +176,9 @@ def test_each_option_of_certify_reaches_the_test(begun: Path) -> None:
         assert effect(plain) == without, option
         assert effect(reached("certify", "r161", *words.split()).setup) == given, option
     assert reached("certify", "ea70").setup.bat.spec.name == "ea70"
+    vl.instrument("pivot-gates").with_(distance_u="0.73 mm").save("worse.toml")
+    found = reached("certify", "r161", "--instrument", "pivot-gates=worse.toml")
+    assert "0.73" in found.texts["instruments", "pivot-gates"]
     with pytest.raises(InputError, match="must be a day"):
         cli.main(["certify", "r161", "--received", "tomorrow"], standalone_mode=False)
 
@@ -190,8 +196,8 @@ def test_each_option_of_saving_reaches_the_certificate(
     monkeypatch.setattr(Certificate, "save", save)
     asked: dict[str, Any] = {}
 
-    def made(first: Any, **named: Any) -> Certificate:
-        asked.update(named, first=first)
+    def made(**named: Any) -> Certificate:
+        asked.update(named)
         return test
 
     monkeypatch.setattr(api, command, made)
@@ -205,7 +211,7 @@ def test_each_option_of_saving_reaches_the_certificate(
         words = "--history a --history b --replaces old --reason why"
         reached("reduce", *subject, *words.split())
         assert asked == {
-            "first": Path("old/records"),
+            "records": Path("old/records"),
             "history": (Path("a"), Path("b")),
             "replaces": Path("old"),
             "reason": "why",
@@ -216,7 +222,7 @@ def test_each_option_of_report_reaches_the_report(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(api, "report", recorder("report"))
     assert options_of("report") == {"pdf", "paper"}
     plain, given = reached("report", "a", "b"), reached("report", "a", "--pdf", "--paper", "letter")
-    assert (plain.given, plain.pdf, plain.paper) == (((Path("a"), Path("b")),), False, "a4")
+    assert plain.folders == (Path("a"), Path("b"))
     assert (given.pdf, given.paper) == (True, "letter")
 
 
@@ -236,7 +242,7 @@ COVERAGE: dict[str, tuple[str, object, object, Effect]] = {
         lambda c: (c.given[0].setup.detail, c.given[0].setup.made),
     ),
     "individual": ("--summed --individual", True, True, lambda c: c.given[0].setup.made),
-    "earlier_tests": ("--history 4", 0, 4, lambda c: c.given[0].history),
+    "earlier_tests": ("--earlier-tests 4", 0, 4, lambda c: c.given[0].history),
     "workers": ("--workers 2", 1, 2, lambda c: c.given[4]),
     "effects": ("--effects", None, "effects", lambda c: getattr(c, "function", None)),
     "clips": ("--clips 3", None, "clip_coverage", lambda c: getattr(c, "function", None)),
@@ -258,9 +264,9 @@ def test_each_option_of_coverage_reaches_the_study(monkeypatch: pytest.MonkeyPat
         assert effect(plain) == without, option
         assert effect(reached("coverage", "r161", *words.split())) == given, option
     clips = reached("coverage", "ea70", "--clips", "3", "--seed", "5", "--summed")
-    assert (clips.given, clips.procedure, clips.clips) == (("ea70",), "bbcor", 3)
+    assert (clips.bat, clips.clips) == ("ea70", 3)
     assert (clips.seed, clips.summed) == (5, True)
     beside = "--summed --workers 2 --laboratories 40 --seed 6"
     effects = reached("coverage", "ea70", "--effects", *beside.split())
     assert (effects.workers, effects.summed, effects.laboratories) == (2, True, 40)
-    assert (effects.procedure, effects.seed) == ("astm-f1881", 6)
+    assert effects.seed == 6

@@ -52,7 +52,8 @@ def test_everything_a_user_gets(folder: Path) -> None:
     assert found["counts"] == {"frames": 44, "with_ball": 44, "lost": 0}
     assert [each["places"] for each in found["flights"]] == [19, 25]
     assert sorted(path.name for path in out.iterdir()) == [
-        "result.json", "sheet.png", "speeds.csv", "track.csv", "track.png", "track.webp",
+        "result.json", "settings.toml", "sheet.png", "speeds.csv", "track.csv", "track.png",
+        "track.webp",
     ]  # fmt: skip
     rows = list(csv.DictReader((out / "track.csv").read_text().splitlines()))
     assert len(rows) == 44
@@ -252,7 +253,7 @@ def test_flights_at_the_same_time_are_refused(
     rows = pd.read_csv(out / "track.csv")
     rows["flight"] = np.resize(["a", "b"], len(rows))
     rows.to_csv(tmp_path / "mixed.csv", index=False)
-    words = ["--ball", "80mm", "--fps", "30", "--track", str(tmp_path / "mixed.csv")]
+    words = ["--ball", "80mm", "--fps", "30", "--corrected", str(tmp_path / "mixed.csv")]
     done = CliRunner().invoke(cli, ["track", str(clip), *words])
     assert isinstance(done.exception, InputError)
     assert "begins after the one before has ended" in str(done.exception)
@@ -272,7 +273,7 @@ def test_flights_at_the_same_time_are_refused(
         (["--exposure", "8"], "a time with its unit"),
         (["--readout", "8ms", "--global-shutter"], "give one"),
         (["--gravity", "0"], "0.1 to 100"),
-        (["--track", "none.csv"], "none.csv"),
+        (["--corrected", "none.csv"], "none.csv"),
         (["--ruler", "ball", "--scale", "10,20:200,20=19cm"], "a length in the picture"),
     ],
 )

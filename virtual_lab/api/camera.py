@@ -115,56 +115,65 @@ def track(
     film_of_track: bool = False,
     progress: Progress = quiet,
 ) -> Track:
-    """Follow the ball through a clip, as ``virtual-lab track`` does.
+    """Follow the ball through a clip: flights, contacts, speeds, restitution, acceleration.
+
+    The clip is a video (MP4, MOV, AVI, MKV, WebM, GIF, CINE, MRAW), a folder of images in the order
+    of their numbers (negative ones first), a TIFF stack, an animated WebP or PNG, or a .npy array.
 
     Parameters
     ----------
     clip
-        A video, a folder of images, a TIFF stack or a .npy array; or an array of 8 or 16 bits,
-        (frame, row, column) or (frame, row, column, colour), with its rate as ``fps``.
+        File or folder of the clip.
+
+        Or an array of 8 or 16 bits, (frame, row, column) or (frame, row, column, colour), with its
+        rate as `fps`.
     ball
-        Diameter of the ball with its unit, ``"73mm±0.5mm"``; or a kind of ball, which gives its
-        drag too: ``"baseball"``, another name in the catalog (its beginning will do), a .toml file
-        or a sheet.
+        Diameter of the ball with its unit, ``73mm±0.5mm``; or a kind of ball, for its drag too:
+        ``baseball``, another name in the catalog (its beginning will do), or a .toml file.
+
+        Or a sheet. A bare number is refused.
     mass
-        Mass of the ball with its unit, ``"145g"``: gives its drag.
+        Mass of the ball, ``145g``, in g, kg or oz: gives its drag.
     fps
         Frames per second of real time, repeated frames included. By default the file's rate, or,
         where the ball would not fall with g by it, the rate that makes it.
     exposure
-        Exposure time of a frame, ``"1/120"`` or ``"8ms"``. A calibrated camera needs it, here or
-        in its file.
+        Exposure time of a frame, ``1/120`` or ``8ms``; a calibrated camera needs it, here or in its
+        file.
     gravity
-        Local gravity [m/s²]; 9.81 ± 0.025 by default.
+        Local gravity [m/s²]. By default 9.81 ± 0.025.
     frames
-        First and last frame to use, ``"17:52"``.
+        First and last frame to use, ``17:52``.
     region
-        Part of the picture to use, ``"X,Y,WIDTH,HEIGHT"`` [pixels].
+        Part of the picture to use, ``X,Y,WIDTH,HEIGHT`` [pixels].
     ball_at
-        Position of the ball in a frame, ``"X,Y@FRAME"``, if other objects move too.
+        Position of the ball, ``X,Y@FRAME``, if other objects move too.
     scale
-        Two points [pixels] and their distance, ``"X,Y:X,Y=50cm"``.
+        Two points [pixels] and their distance, ``X,Y:X,Y=50cm``.
     ruler
-        What sets the scale without `scale`: ``gravity`` (camera level to 5 deg), or the size of the
-        ``ball``. By default the one with the smaller uncertainty.
+        What sets the scale if none is stated: ``gravity`` (camera level to 5 deg) or the size of
+        the ``ball``. By default the one with the smaller uncertainty.
     readout
-        Readout time of a rolling shutter for one frame, ``"16ms"``.
+        Readout time of a rolling shutter for one frame, ``16ms``.
     global_shutter
-        Whether all rows are exposed at once.
+        No rolling shutter: all rows are exposed at once.
     phone
-        Whether an ordinary phone took the clip: its frame rate is true, its shutter may roll, and
-        the size of the ball is known to 1 %.
+        An ordinary phone's clip: its frame rate is true, its shutter may roll, and the size of the
+        ball is known to 1 %. Nothing more is then said of these.
     tripod
-        Whether the camera stands still.
+        The camera stands still.
     level
-        Whether the camera is level and square to the flight to 1 deg, as on a levelled stand; to
-        5 deg by default.
-    calibration, corrected
-        A calibration file; a track.csv of an earlier run, corrected by hand.
+        The camera is level and square to the flight to 1 deg, as on a levelled stand. By default to
+        5 deg.
+    calibration
+        Calibration file, .toml: from ``calibrate``, or with metres_per_pixel, frames_per_second,
+        exposure_s, lens_blur_px, timestamps, ….
+    corrected
+        ``track.csv`` of an earlier run, corrected by hand: use its positions and flights.
     film_of_track
-        Whether `save` also writes the marked frames as a film, ``track.webp``.
+        Also write the marked frames as a film, ``track.webp``.
     progress
-        Called with what goes on.
+        Function that is called with the present task.
 
     Raises
     ------
@@ -255,20 +264,26 @@ def calibrate(
     height_u: LengthText | None = None,
     square_u: LengthText | None = None,
 ) -> Calibration:
-    """Calibrate a camera with pictures of a board, as ``virtual-lab calibrate`` does.
+    """Calibrate the camera that took pictures of a board, for ``track``.
+
+    In one picture the board lies in the plane of the flight of the ball, or parallel to it at a
+    known height; in the others it is tilted by about 30 deg.
 
     Parameters
     ----------
     pictures
-        Images, folders of them, TIFF stacks or clips.
+        Images, folders of images, TIFF stacks or clips.
     board
-        ``"charuco:14x9:40mm:30mm"`` or ``"chessboard:14x9:40mm"``, counted in squares.
+        Calibration board: ``charuco:14x9:40mm:30mm`` or ``chessboard:14x9:40mm``, counted in
+        squares.
     plane
-        The picture in which the board lies flat; the first by default.
-    height, height_u
-        Height of the ball's plane above that board, and its standard uncertainty: ``"36.5mm"``.
+        Picture in which the board lies flat. By default the first.
+    height
+        Height of the ball's plane above that board, ``36.5mm``.
+    height_u
+        Standard uncertainty of that height, ``1mm``.
     square_u
-        Standard uncertainty of the side of a square.
+        Standard uncertainty of the side of a square, ``5um``.
 
     Raises
     ------
@@ -299,20 +314,23 @@ def board(
     views: int = 10,
     seed: Seed | None = None,
 ) -> Path:
-    """Simulate pictures of a board, to try `calibrate`; return the folder.
+    """Simulate pictures of a calibration board in a new folder, to try ``calibrate``.
 
     Parameters
     ----------
     folder
         The new folder: ``pictures/``, and ``truth/`` with the true lens.
     board
-        As for `calibrate`.
+        Calibration board: ``charuco:14x9:40mm:30mm`` or ``chessboard:14x9:40mm``, counted in
+        squares.
     camera
-        Name in the catalog, path or sheet.
+        Camera: a name in the catalog or a .toml file.
+
+        Or a sheet.
     views
-        How many pictures, 3 to 60.
+        Number of pictures, 3 to 60.
     seed
-        Seed of all random numbers; None: a random seed.
+        Seed of all random numbers. By default a random seed.
 
     Raises
     ------

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import (
+    SETTINGS,
     CollisionName,
     Correction,
     File,
     Folder,
     Folders,
     MotionName,
+    Paper,
     Positive,
     Propagation,
     RealityName,
@@ -64,8 +66,9 @@ class Certificate:
     film: Callable[[Path], None] | None = None
     seed: int | None = None  # seed given by the user; None if random
     pdf: bool = False  # whether `save` also writes a PDF
-    paper: str = "a4"  # paper size of page and PDF
-    key: Path | None = None  # private key with which `save` signs all files
+    paper: Paper = "a4"  # paper size of page and PDF
+    sign: Path | None = None  # private key with which `save` signs all files
+    settings: str = ""  # arguments of the call that made it, as ``settings.toml``
     stated: CertificateDocument | None = None  # document read from a folder
 
     @cached_property
@@ -185,26 +188,42 @@ class Certificate:
 
     def save(
         self,
-        folder: str | Path,
+        folder: Folder,
         *,
         pdf: bool | None = None,
-        paper: str | None = None,
-        key: str | Path | None = None,
+        paper: Paper | None = None,
+        sign: File | None = None,
     ) -> Path:
         """Write certificate, readings, raw records and truth into a new folder, and seal it.
 
         Beside them stand ``datapackage.json`` (Frictionless) with meaning and unit of every column,
         ``ro-crate-metadata.json`` (RO-Crate) with every file, and ``SHA256SUMS``.
 
-        With `pdf` the certificate comes as PDF/A-3a and PDF/UA-1, too, with ``certificate.json``
-        attached. `paper` is ``a4`` or ``letter``. The private `key` in a file (Ed25519, PEM) signs
-        ``SHA256SUMS`` (extra ``sign``). A film is lossless with time stamps, and comes with a
-        preview and the calibration file for ``virtual-lab track``.
+        A film is lossless with time stamps, and comes with a preview and the calibration file for
+        ``virtual-lab track``. If an `InputError` is raised, no partial files are left.
 
-        Raises `InputError` if the folder is not empty or cannot be written, another paper is asked
-        for, no key stands in the file, or the extra is missing; no partial files are left. If only
-        a form cannot be made (page, PDF, film, signature), all else is saved, and
-        `IncompleteError` names it.
+        Parameters
+        ----------
+        folder
+            The new folder.
+        pdf
+            Write the certificate as PDF, too (needs the extra ``pdf``).
+
+            It is PDF/A-3a and PDF/UA-1, with ``certificate.json`` attached. None: as the
+            certificate was made.
+        paper
+            Paper size of the certificate. By default a4.
+        sign
+            Sign ``SHA256SUMS``, the list of all files, with the private key in this file (Ed25519,
+            PEM; needs the extra ``sign``).
+
+        Raises
+        ------
+        InputError
+            A folder that is not empty or cannot be written, another paper, a file that is no key,
+            an extra that is missing.
+        IncompleteError
+            A form that cannot be made (page, PDF, film, signature); all else is saved.
         """
         from virtual_lab.certificate.html import certificate_page
         from virtual_lab.certificate.packages import descriptors, text_of_descriptor
@@ -224,14 +243,16 @@ class Certificate:
         require_paper(paper)
         if pdf and not self.pdf:  # otherwise checked before the test
             require_pdf(paper)
-        if key:
-            require_key(Path(key), private=True)
+        if sign:
+            require_key(Path(sign), private=True)
         missing: list[str] = []
         with new_folder(target) as draft:
             (draft / "certificate.json").write_text(self.printed.text, encoding="utf-8")
             write_csv(self.shots, draft / "readings.csv")
             (draft / "records").mkdir()
             self._records.write(draft / "records")
+            if self.settings:
+                (draft / SETTINGS).write_text(self.settings, encoding="utf-8")
             if self.sealed:
                 (draft / TRUTH).parent.mkdir()
                 (draft / TRUTH).write_bytes(self._truth)
@@ -255,7 +276,7 @@ class Certificate:
             if self.sealed:
                 write_seal(draft)
             write_sums(draft)
-            if signing := key or self.key:
+            if signing := sign or self.sign:
                 with without_if_it_fails("signature", missing):
                     write_sums(draft, Path(signing))
         if missing:
@@ -323,60 +344,84 @@ def certify(
     uncertainty: Propagation = "first-order",
     progress: Progress = quiet,
 ) -> Certificate:
-    """Test a bat by a procedure and return its certificate.
+    """Test a bat by a procedure, and make its certificate.
 
     Parameters
     ----------
-    bat, procedure, control_bat
-        Names in the catalog (``vl.shelf()``), paths of .toml files, or sheets (``vl.bat``,
-        ``vl.procedure``), whose values may be changed:
-        ``vl.procedure("bbcor").with_(valid_hits=8)``. A control bat is one whose e is known, for
-        rules that correct their balls by one: it is tested first, with the same balls.
+    bat
+        The bat: a name in the catalog or a .toml file.
+
+        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
+    procedure
+        The test procedure: a name in the catalog or a .toml file.
+
+        Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
     ball
-        Likewise; replaces the ball of the procedure.
+        Ball of the test, in place of the ball of the procedure: a name in the catalog or a .toml
+        file.
     instruments
-        Sheets of instruments and rigs with changed values, which replace those of the catalog:
-        ``vl.instrument("pivot-gates").with_(distance_u="0.2 mm")``.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     rig
-        A rig that records what the procedure needs; None takes the rig of the procedure.
+        Rig to use instead of that of the procedure; it must record what the procedure needs.
     seed
-        Seed of all random numbers; makes the test reproducible, not sealed. None: a random seed
-        of 128 bits, stored only in the sealed truth.
+        Seed of all random numbers; makes the test reproducible, not sealed. By default a random
+        seed of 128 bits, stored only in the sealed truth.
     number
-        Number of the laboratory in the study of this seed: each has another bat, other balls and
-        other calibration errors.
+        Number of the laboratory in the study of this seed: another bat, other balls and calibration
+        errors.
     reality
-        ``real``; ``noise-free``: no randomness, but vibration, counts, drag and friction;
-        ``ideal``: bat, balls and instruments equal their nominal values.
+        ``noise-free``: no randomness, but vibration of the bat, encoder counts, drag and friction
+        remain. ``ideal``: bat, balls and instruments equal their nominal values.
     collision
-        Collision model: ``rigid``, ``modal`` or ``reference``; None takes the fastest that is
-        accurate enough, and the certificate names it with the reason.
+        Collision model. By default the fastest that is accurate enough; the certificate names it
+        with the reason.
     motion
-        Motion of ball and bat: ``closed-form``, or ``pymunk``, one scene per shot.
+        Motion of ball and bat: closed form for all shots, or one pymunk scene per shot.
     faults
-        Names of faults of the test day (``vl.shelf("faults")``); only the sealed truth contains
-        them.
+        Fault of the test day; only the sealed truth contains it.
+
+        One name of ``vl.shelf("faults")``, or a list.
+    control_bat
+        Bat of known e, tested first with the same balls, if the procedure corrects for its balls by
+        one.
     correction
-        ``METHOD:E0``, such as ``trampoline:0.5``: convert the result to a standard ball if the
-        procedure does not; the certificate marks it as assumed.
+        ``METHOD:E0``, such as ``trampoline:0.5``: convert the result to a standard ball of this e0;
+        the methods are ``ratio`` and ``trampoline``. For procedures without a conversion; the
+        certificate marks it as assumed.
     film
-        Whether `Certificate.save` writes a video of the first shot.
+        Save a video of the first shot; needs the rig ``filmed-cannon``.
     laboratory
-        Path of a file with who tests, for whom, and which instruments (``virtual-lab template
-        laboratory FILE`` writes an empty one): the certificate states it, and says what is missing.
-    customer, bat_serial, bat_condition, received, operator, notes
-        Such particulars of this test, in place of the file's.
-    replaces, reason
-        Folder of the result that this one replaces, and why: the certificate names both.
+        File with who tests, for whom, and with which instruments, stated on the certificate.
+        ``virtual-lab template laboratory FILE`` writes an empty one; the next six parameters come
+        before it.
+    customer
+        For whom the bat is tested.
+    bat_serial
+        Serial number of the bat.
+    bat_condition
+        Condition of the bat as received.
+    received
+        Day of receipt, as 2026-11-25.
+    operator
+        Who carries out the test.
+    notes
+        What else is to be stated.
+    replaces
+        Folder of the result that this one replaces.
+    reason
+        Why it is replaced; the certificate states both.
     test
-        Number of the test in its laboratory: the same calibrations, another bat, other balls.
+        Number of this test in its laboratory, with a seed: the same calibrations, another bat,
+        other balls.
     history
-        Folders of earlier tests of this bat design by the same procedure in this laboratory, three
-        and more: the scatter of their hits counts too.
+        Result folder of an earlier test of this bat design by the same procedure in this
+        laboratory, or a folder of such; three and more. The scatter of their hits counts, too.
     uncertainty
-        ``first-order``, ``second-order`` or ``monte-carlo`` (until two digits of u are right).
+        Method to propagate it; Monte Carlo draws until two digits of u are right.
     progress
-        Called with the present task, one sentence at a time.
+        Function that is called with the present task.
 
     Raises
     ------
@@ -464,7 +509,7 @@ def load_folder(folder: Folder) -> Certificate:
     Parameters
     ----------
     folder
-        Result folder that `certify`, ``Certificate.save`` or ``virtual-lab certify`` wrote.
+        Result folder that ``certify`` or ``Certificate.save`` wrote.
 
     Raises
     ------
@@ -487,19 +532,20 @@ def reduce(
     reason: str = "",
     history: Folders = (),
 ) -> Certificate:
-    """Return the certificate of a folder of raw records, computed without the truth.
+    """Compute the certificate of a folder of raw records, without the truth.
 
     Parameters
     ----------
     records
-        Folder with a ``session.json`` (written by `certify`) or a ``laboratory.toml`` (the form of
-        another laboratory).
-    replaces, reason
-        Folder of the result that the new certificate replaces, and the reason. The certificate
-        states both.
+        Folder ``records`` that ``certify`` wrote, or the folder of another laboratory with its
+        ``laboratory.toml``.
+    replaces
+        Folder of the result that this one replaces.
+    reason
+        Why it is replaced; the certificate states both.
     history
-        Folders of earlier tests, as for `certify`. They take the place of the history that the
-        records name.
+        Result folder of an earlier test of this bat design by the same procedure in this
+        laboratory, or a folder of such. They take the place of the history that the records name.
 
     Raises
     ------
@@ -554,34 +600,45 @@ def sweep(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> pd.DataFrame:
-    """Test bats by procedures in many laboratories and return one row per test.
+    """Test bats by procedures in many laboratories; the table has one row per test.
 
-    Bats are nominal and instruments write sums instead of every edge and count (as in
-    ``vl.coverage(…, summed=True)``), so that a test takes little time.
+    Bats are nominal and instruments write sums instead of every edge and count (as ``coverage``
+    with ``summed``), so that a test takes little time.
 
     Parameters
     ----------
-    bats, procedures
-        One or several: names, paths or sheets.
-    laboratories, seed
-        How many laboratories of a study: those of the seed by number, from 0.
+    bats
+        Bat: a name in the catalog or a .toml file.
+
+        Or a sheet, or a list of several.
+    procedures
+        Test procedure: a name in the catalog or a .toml file.
+
+        Or a sheet, or a list of several.
+    laboratories
+        Number of laboratories, those of the seed by number, from 0.
+    seed
+        Seed of the study.
     individual
-        Whether every laboratory gets a made bat of its own, as `certify` does.
+        Every laboratory gets a made bat of its own, as in ``certify``.
     workers
-        Processes of this machine that share the laboratories.
+        Number of processes, each with one thread, that share the laboratories.
     certificates
-        Folder for a result folder of each test, ``BAT-PROCEDURE-NUMBER``, as ``Certificate.save``
-        writes them; `load`, `verify` and `report` take them.
+        Folder for a result folder of each test, ``BAT-PROCEDURE-NUMBER``.
+
+        As ``Certificate.save`` writes them; `load`, `verify` and `report` take them.
     traces
-        Whether instruments write every edge and count, as for `certify`: certificates then have
-        the encoder's records, figures of them, and a bat of its own in every laboratory. A folder
+        Instruments write every edge and count, as in ``certify``: certificates then have the
+        records of the encoder, figures of them, and a bat of its own in every laboratory. A folder
         takes 540 kB with them, 190 kB without.
     truth
-        Whether the certificates keep the sealed truth, which `score` compares with; 90 kB.
+        Certificates keep the sealed truth, which ``score`` compares with; 90 kB.
     instruments
-        Sheets with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Called with the number of tests done; by default shown on stderr.
+        Function that is called with the number of tests done; by default it is shown on stderr.
 
     Returns
     -------

@@ -16,17 +16,19 @@ if TYPE_CHECKING:
 def chart(
     part: ChartedPart, *, instruments: Instruments = (), progress: Progress = quiet
 ) -> SpeedChart:
-    """Return error and run time of every model of a part.
+    """Chart the error and run time of every model and method of a part of the laboratory.
 
     Parameters
     ----------
     part
-        ``collision``, ``motion``, ``camera``, ``uncertainty``: methods to propagate it, or
-        ``laboratory``: all parts of a test.
+        Part: ``uncertainty`` compares the methods to propagate it, ``laboratory`` all parts of a
+        test.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Called with the present task.
+        Function that is called with the present task.
 
     Raises
     ------
@@ -40,18 +42,20 @@ def chart(
 def stability(
     part: StablePart, *, instruments: Instruments = (), progress: Progress = quiet
 ) -> StabilityMap:
-    """Return a map of the conditions under which the numerical methods of a part are valid.
+    """Map the conditions under which the numerical methods of a part are valid.
 
     Each point of the map is accurate, inaccurate, unstable or refused.
 
     Parameters
     ----------
     part
-        ``collision``, ``motion`` or ``camera``.
+        Part whose numerical methods are mapped.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function called with the current step.
+        Function that is called with the present task.
 
     Raises
     ------

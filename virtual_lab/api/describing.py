@@ -14,6 +14,7 @@ from functools import cache, cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 from virtual_lab.errors import nearest
@@ -82,7 +83,8 @@ class Description:
 @cache
 def described(module: str, name: str) -> Description:
     """Return the description of a function of a module."""
-    function = _header(module, name)
+    (function,) = ast.parse(_header(module, name)).body
+    assert isinstance(function, ast.FunctionDef)
     doc = inspect.cleandoc(ast.get_docstring(function) or "")
     words = dict(_sentences(doc))
     taken = function.args
@@ -118,14 +120,19 @@ def advice(rule: ParameterRule, value: Any) -> str:
     return f"{hint}allowed: {rule.allowed}"
 
 
-def _header(module: str, name: str) -> ast.FunctionDef:
-    """Return a function without its body, which is not parsed."""
+def first_line(module: str, name: str) -> str:
+    """Return the first line of a function's docstring, of which nothing is parsed."""
+    return _header(module, name).split('"""')[1].split("\n")[0]
+
+
+def _header(module: str, name: str) -> str:
+    """Return the text of a function without its body."""
     text = _source(module).read_text(encoding="utf-8")
-    found = re.search(rf'^def {name}\(.*?""".*?"""', text, re.DOTALL | re.MULTILINE)
+    found = re.search(
+        rf'^ *def {name.rsplit(".", maxsplit=1)[-1]}\(.*?""".*?"""', text, re.DOTALL | re.MULTILINE
+    )
     assert found, (module, name)
-    (function,) = ast.parse(found[0]).body
-    assert isinstance(function, ast.FunctionDef)
-    return function
+    return dedent(found[0])
 
 
 def _source(module: str) -> Path:

@@ -9,15 +9,17 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
 from virtual_lab.api.describing import Description, advice, described
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.output.progress import show_progress
-from virtual_lab.sheets import NAMED, Sheet
+from virtual_lab.sheets import NAMED, Sheet, settings_text
 
 LABORATORY = "instruments"  # the parameter that changes the laboratory itself
+KEPT = ("certify", "reduce")  # functions whose result keeps their arguments
 SHOWN = ("propagate", "sweep")  # functions whose progress is shown by default
 Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
 
@@ -34,7 +36,7 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
         from virtual_lab import catalog
 
         bound = _bound(name, description, given, named)
-        store: Store = {}
+        asked, store = dict(bound.arguments), Store()
         for key, value in bound.arguments.items():
             if value is not description.parameters[key].default:
                 bound.arguments[key] = _read(name, description, key, value, store)
@@ -51,7 +53,11 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
                 known = sorted({each for kind, each in used if kind in ("instruments", "rigs")})
                 allowed = f"no rig of this test uses it; in use: {', '.join(known) or 'none'}"
                 raise InputError("", LABORATORY, sheet.name, allowed)
-        return result
+        return (
+            replace(result, settings=settings_text(name, asked, sealed=True))
+            if name in KEPT
+            else result
+        )
 
     called.__name__ = called.__qualname__ = name
     called.__module__, called.__doc__ = place[0], description.doc

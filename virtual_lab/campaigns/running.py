@@ -35,26 +35,32 @@ def campaign(
 ) -> Account:
     """Certify bats in very many laboratories, into a folder of Parquet files.
 
-    Finished parts stay if the run is interrupted. Called again, the function makes the missing
-    parts. `Campaign.open` reads the folder.
+    Finished parts stay if the run is interrupted; the next run makes those that are missing or
+    damaged. Exit code 4 if a part is missing in the end: its block failed twice.
 
     Parameters
     ----------
     study
-        The study file, or its keys and values: ``bats``, ``procedures``, ``laboratories``,
-        ``seed``, and ``repeats`` and ``change`` if wanted. None: the study in the folder.
+        The study file, .toml.
+
+        Or its keys and values: ``bats``, ``procedures``, ``laboratories``, ``seed``, and
+        ``repeats`` and ``change`` if wanted. None: the study in the folder. `Campaign.open` reads
+        the folder.
     folder
-        Folder of the campaign, new or of this study.
+        Folder of the campaign: a new one, or one of the same study, which is continued.
     workers
         Number of processes on this machine, each with one thread; 1 means this process.
     blocks
-        The share of the parts, ``"3/40"`` for the third fortieth; None for all.
+        Make the Nth of M shares only, ``N/M``, as a job of an array does: ``3/40``.
     dask
-        The address of a Dask scheduler whose workers see the same folder; `workers` are not used.
+        Address of a Dask scheduler whose workers see the same folder, ``tcp://HOST:8786`` (extra
+        ``dask``); it replaces the processes.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Called with the number of laboratories done.
+        Function that is called with the number of laboratories done.
 
     Raises
     ------

@@ -53,7 +53,7 @@ from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.model import CONTROL as RATIO
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import csv_text, table_text
-from virtual_lab.parameters import File, Folder
+from virtual_lab.parameters import SETTINGS, File, Folder
 from virtual_lab.records.packages import CRATE, PACKAGE
 from virtual_lab.records.session import SESSION, digest_of_text, load_session
 
@@ -135,14 +135,18 @@ class Verification(StudyResult):
 
 
 def verify(folder: Folder, *, key: File | None = None) -> Verification:
-    """Compare a result folder with itself, and with the results of this program for its records.
+    """Repeat the reduction in a result folder, make its certificate anew, and list what differs.
+
+    Of its truth only the digest is compared. The exit code is 3 if anything was altered, 4 if not
+    all could be checked, or if another version made the folder and this one finds other results in
+    its records.
 
     Parameters
     ----------
     folder
         Result folder with a ``certificate.json``.
     key
-        Public key of the signer, a PEM file. With it the signature of the folder is checked.
+        Public key of the signer, PEM (needs the extra ``sign``). With it the signature is checked.
 
     Raises
     ------
@@ -467,7 +471,7 @@ def _replaced(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding
 
 def _strays(folder: Path) -> Iterator[Mismatch]:
     """Yield files that do not belong to a result. Those among the records are checked elsewhere."""
-    of_result = {CERTIFICATE, PAGE, READINGS, PACKAGE, CRATE, SUMS, SIGNATURE}
+    of_result = {CERTIFICATE, PAGE, READINGS, PACKAGE, CRATE, SETTINGS, SUMS, SIGNATURE}
     for name, kind in contents(folder).items():
         top = name.split("/")[0]
         if top in (RECORDS, CONTROL) and "/" in name:

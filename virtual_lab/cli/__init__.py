@@ -8,18 +8,18 @@ of a campaign or forms of a certificate are missing, or not all could be checked
 from __future__ import annotations
 
 import io
+import json
+import os
 import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import click
 
-from virtual_lab.cli.bats import fit_bat, list_, percussion, profile, sensitivity, show, slope
-from virtual_lab.cli.camera import board, calibrate, track
-from virtual_lab.cli.campaigns import campaign
-from virtual_lab.cli.certifying import certify, reduce, report, score, template, verify
-from virtual_lab.cli.fidelity import chart, convergence, stability
-from virtual_lab.cli.plumbing import Sections
+from virtual_lab.cli.commands import FunctionCommand
+from virtual_lab.cli.plumbing import DRAWN, STUDY, TABLE, Answer, Output, Sections
 from virtual_lab.cli.rehearse import rehearse
-from virtual_lab.cli.studying import bias, coverage, critique, daily, faults, operating, paper
 from virtual_lab.errors import VERSION, IncompleteError, InputError
 
 __all__ = ["main"]
@@ -29,6 +29,9 @@ PROGRAM = "virtual-lab"
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
+    # no messages of OpenCV among ours
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     for stream in (sys.stdout, sys.stderr):  # terminals may lack ² and ±
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -87,35 +90,185 @@ def _program(context: click.Context) -> None:
         click.echo(context.get_help())
 
 
+def _beside_the_clip(values: Mapping[str, Any]) -> Path:
+    clip = Path(values["clip"])
+    return clip.parent / f"{clip.absolute().stem or 'clip'}-track"
+
+
+def _fitted(bat: Any) -> Answer:
+    """Return what is printed and written of a fitted bat."""
+    return Answer(document=bat.document, text=bat.text, save=bat.write, table=bat.table)
+
+
+def _board(folder: Path) -> Answer:
+    """Return what is printed of the pictures of a board."""
+    document = {"pictures": str(folder / "pictures"), "truth": str(folder / "truth")}
+    return Answer(document=document, text="", files=[folder / "pictures"])
+
+
+def _form(path: Path) -> Answer:
+    """Return what is printed of an empty form."""
+    return Answer(document={"folder" if path.is_dir() else "file": str(path)}, text=str(path))
+
+
+def _swept(table: Any) -> Answer:
+    """Return what is printed of the table of a sweep."""
+    document = json.loads(table.to_json(orient="records"))
+    return Answer(document=document, text=table.to_string(index=False), table=table)
+
+
+FOLDER = "virtual_lab.cli.campaign"
+
+
+def _of_other_packages() -> list[click.Command]:
+    """Return a command for each entry point of the group, a function that is a study.
+
+    One whose source cannot be read is named on stderr and left out.
+    """
+    from importlib.metadata import entry_points
+
+    commands: list[click.Command] = []
+    for each in entry_points(group="virtual_lab.commands"):
+        made = FunctionCommand(each.name, (each.module, each.attr), output=DRAWN)
+        try:
+            made.get_short_help_str()
+        except (AssertionError, OSError, SyntaxError) as fault:
+            click.echo(f"{PROGRAM}: {each.value}: no command can be read ({fault})", err=True)
+        else:
+            commands.append(made)
+    return commands
+
+
 cli = Sections(
     name=PROGRAM,
+    others=_of_other_packages,
     callback=_program,
     help=_program.__doc__,
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 96},
     sections={
-        "Test a bat": (certify, score, reduce, verify, report, template, rehearse),
+        "Test a bat": (
+            FunctionCommand(
+                "certify",
+                flags="reality",
+                saving="Certificate.save",
+                sealed=True,
+                output=Output(folder="{bat}-{procedure}", page="certificate.html", picture=True),
+                example="certify r161 --procedure bbcor --seed 7",
+            ),
+            FunctionCommand("score", output=TABLE, example="score out/r161-bbcor-seed-7"),
+            FunctionCommand(
+                "reduce",
+                saving="Certificate.save",
+                output=Output(keeps=True, picture=True),
+                example="reduce out/r161-bbcor-seed-7/records",
+            ),
+            FunctionCommand("verify", output=TABLE, example="verify out/r161-bbcor-seed-7"),
+            FunctionCommand(
+                "report", output=STUDY, example="report out/r161-bbcor-seed-7 out/other"
+            ),
+            FunctionCommand(
+                "template", output=Output(answer=_form), example="template astm-f1881 forms"
+            ),
+            rehearse,
+        ),
         "Bats and the catalog": (
-            list_,
-            show,
-            profile,
-            fit_bat,
-            sensitivity,
-            slope,
-            percussion,
+            FunctionCommand("list", "shelf", output=TABLE, example="list bats"),
+            FunctionCommand("show", example="show r161"),
+            FunctionCommand("profile", output=DRAWN, example="profile r161 ea70 --swing 0.3"),
+            FunctionCommand(
+                "fit-bat",
+                output=Output(table=True, file="New bat file, .toml.", answer=_fitted),
+                example="fit-bat measured.toml --out mine.toml",
+            ),
+            FunctionCommand("sensitivity", output=TABLE, example="sensitivity r161"),
+            FunctionCommand("slope", output=TABLE, example="slope r161 ea70"),
+            FunctionCommand("percussion", output=DRAWN, example="percussion r161 --laboratories 2"),
         ),
         "Studies of laboratories and procedures": (
-            coverage,
-            operating,
-            bias,
-            faults,
-            critique,
-            daily,
-            campaign,
-            paper,
+            FunctionCommand(
+                "sweep",
+                output=Output(table=True, answer=_swept),
+                example="sweep r161 ea70 --laboratories 2",
+            ),
+            FunctionCommand(
+                "coverage",
+                variants={"effects": "effects", "clips": "clip_coverage"},
+                output=STUDY,
+                example="coverage r161 --summed --laboratories 20",
+            ),
+            FunctionCommand("operating", output=DRAWN, example="operating r161 --laboratories 20"),
+            FunctionCommand(
+                "bias", options=("procedure",), output=STUDY, example="bias --procedure bbcor"
+            ),
+            FunctionCommand("faults", output=STUDY, example="faults gate-moved --laboratories 2"),
+            FunctionCommand(
+                "critique", output=DRAWN, example="critique r161 ea70 --laboratories 2"
+            ),
+            FunctionCommand(
+                "daily",
+                output=Output(folder="daily", table=True, picture=True),
+                example="daily --days 12 --baseline 6",
+            ),
+            click.Group(
+                "campaign",
+                commands=[
+                    FunctionCommand(
+                        "run",
+                        "campaign",
+                        output=Output(into="folder"),
+                        example="campaign run study.toml --out campaign",
+                    ),
+                    FunctionCommand(
+                        "resume",
+                        "campaign",
+                        fixed={"study": None},
+                        example="campaign resume campaign",
+                    ),
+                    FunctionCommand("check", (FOLDER, "check"), example="campaign check campaign"),
+                    FunctionCommand(
+                        "summary",
+                        (FOLDER, "summary"),
+                        output=STUDY,
+                        example="campaign summary campaign",
+                    ),
+                ],
+                help="Certify bats in very many laboratories, into a folder of Parquet files.",
+            ),
+            FunctionCommand("paper", output=DRAWN, example="paper --csv claims.csv"),
         ),
-        "Camera": (track, calibrate, board),
-        "Speed and accuracy": (chart, stability, convergence),
+        "Camera": (
+            FunctionCommand(
+                "track",
+                output=Output(folder=_beside_the_clip),
+                example="track clip.mp4 --ball 73mm --phone",
+            ),
+            FunctionCommand(
+                "calibrate",
+                output=Output(
+                    file="New calibration file, .toml; a picture of the residuals goes beside it."
+                ),
+                example="calibrate pictures --board chessboard:9x6:40mm --out camera.toml",
+            ),
+            FunctionCommand(
+                "board",
+                output=Output(folder="board", into="folder", answer=_board),
+                example="board --board chessboard:9x6:40mm --views 3",
+            ),
+        ),
+        "Speed and accuracy": (
+            FunctionCommand(
+                "chart",
+                output=Output(folder="chart-{part}", table=True, picture=True),
+                example="chart motion",
+            ),
+            FunctionCommand(
+                "stability",
+                output=Output(folder="stability-{part}", table=True, picture=True),
+                example="stability motion",
+            ),
+            FunctionCommand("convergence", output=TABLE, example="convergence r161"),
+        ),
         "Shell": (completion,),
     },
 )

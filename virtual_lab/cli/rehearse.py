@@ -8,115 +8,77 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from virtual_lab.cli.plumbing import Answer, command, seed_option, usage
+from virtual_lab.cli.commands import FunctionCommand
+from virtual_lab.cli.plumbing import STUDY, Answer, Output, usage
+from virtual_lab.parameters import File, Folder, OperatorName, OperatorSeed, Port, Seed, Trainees
+from virtual_lab.sheets import AnyName
 
 if TYPE_CHECKING:
     from virtual_lab.bench.entrance.operated_day import RehearsedDay
     from virtual_lab.output.result import StudyResult
 
 
-@command("rehearse", keeps=True)
-@click.option(
-    "--scenario",
-    default="plain-day",
-    show_default=True,
-    help="The day: a name (see data/README.md) or a .toml file.",
-)
-@click.option(
-    "--operator",
-    type=click.Choice(["expert", "careful", "book", "careless", "cheating"]),
-    help="Simulated operator who takes the day instead of you.",
-)
-@click.option(
-    "--script",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help='A .json file of actions to run: {"actions": [{"do": "tare"}, …]}.',
-)
-@seed_option(" of the laboratory  [default: a random seed]", None)
-@click.option(
-    "--operator-seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    metavar="NUMBER",
-    help="Seed of the operator's mistakes.",
-)
-@click.option(
-    "--day",
-    type=click.Path(path_type=Path),
-    metavar="FOLDER",
-    help="Folder of the day; a day that is already there is continued.  "
-    "[default: out/SCENARIO, or with -2, -3, …]",
-)
-@click.option(
-    "--port",
-    type=click.IntRange(1024, 65535),
-    default=8377,
-    show_default=True,
-    metavar="NUMBER",
-    help="Port of the page.",
-)
-@click.option(
-    "--host",
-    default="127.0.0.1",
-    show_default=True,
-    metavar="ADDRESS",
-    help="Address of the page; other computers can reach it only with TLS.",
-)
-@click.option(
-    "--tls-certificate",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Certificate chain, PEM.",
-)
-@click.option("--tls-key", type=click.Path(path_type=Path), metavar="FILE", help="TLS key, PEM.")
-@click.option(
-    "--trainees",
-    type=click.IntRange(1, 50),
-    default=1,
-    show_default=True,
-    metavar="NUMBER",
-    help="Number of trainees, each with a separate browser and folder.",
-)
-@click.option(
-    "--exam",
-    type=click.Path(path_type=Path),
-    metavar="CLASS.TOML",
-    help="Serve an exam to a class; the file has title, scenario and trainees.",
-)
-@click.option(
-    "--replay",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Repeat a day from its log, day.sqlite, after it was handed in: a table of its entries, "
-    "with --open a page for each entry.",
-)
-@click.option("--open", "browser", is_flag=True, help="Open the page in a browser.")
-def day_command(
-    scenario: str,
-    operator: str | None,
-    script: Path | None,
-    seed: int | None,
-    operator_seed: int,
-    day: Path | None,
-    port: int,
-    host: str,
-    tls_certificate: Path | None,
-    tls_key: Path | None,
-    trainees: int,
-    exam: Path | None,
-    replay: Path | None,
-    browser: bool,
+def day(
+    *,
+    scenario: AnyName = "plain-day",
+    operator: OperatorName | None = None,
+    script: File | None = None,
+    seed: Seed | None = None,
+    operator_seed: OperatorSeed = 0,
+    day: Folder | None = None,
+    port: Port = 8377,
+    host: str = "127.0.0.1",
+    tls_certificate: File | None = None,
+    tls_key: File | None = None,
+    trainees: Trainees = 1,
+    exam: File | None = None,
+    replay: File | None = None,
+    open: bool = False,
 ) -> RehearsedDay | StudyResult | Answer:
     """Carry out a test day action by action, and learn the cost of each decision.
 
     You do this on a page in the browser (needs the extra 'bench'), or a simulated operator or a
     script does it for you; then --out saves the log, the sealed truth and the debrief.
+
+    Parameters
+    ----------
+    scenario
+        The day: a name (see data/README.md) or a .toml file.
+    operator
+        Simulated operator who takes the day instead of you.
+    script
+        A .json file of actions to run: {"actions": [{"do": "tare"}, …]}.
+    seed
+        Seed of the laboratory. By default a random seed.
+    operator_seed
+        Seed of the operator's mistakes.
+    day
+        Folder of the day; a day that is already there is continued. By default out/SCENARIO, or
+        with -2, -3, ….
+    port
+        Port of the page.
+    host
+        Address of the page; other computers can reach it only with TLS.
+    tls_certificate
+        Certificate chain, PEM.
+    tls_key
+        TLS key, PEM.
+    trainees
+        Number of trainees, each with a separate browser and folder.
+    exam
+        Serve an exam to a class; the file has title, scenario and trainees.
+    replay
+        Repeat a day from its log, day.sqlite, after it was handed in: a table of its entries, with
+        --open a page for each entry.
+    open
+        Open the page in a browser.
     """
+    scenario = str(scenario)
+    script, day, exam, replay = map(_path, (script, day, exam, replay))
+    tls_certificate, tls_key = _path(tls_certificate), _path(tls_key)
     if sum(map(bool, (operator, script, replay))) > 1:
         usage("--operator, --script and --replay exclude each other")
-    if replay and not browser:
+    if replay and not open:
         from virtual_lab.bench.entrance.review import replay as played_back
 
         return played_back(replay)
@@ -135,7 +97,7 @@ def day_command(
     if (tls_certificate is None) != (tls_key is None):
         usage("--tls-certificate and --tls-key go together")
     tls = (tls_certificate, tls_key) if tls_certificate and tls_key else None
-    served: dict[str, Any] = {"port": port, "host": host, "tls": tls, "browser": browser}
+    served: dict[str, Any] = {"port": port, "host": host, "tls": tls, "browser": open}
     if replay:
         from virtual_lab.bench.entrance.review import played_folder
 
@@ -176,59 +138,73 @@ def _served(
     return Answer(document={"day": str(target)}, text=str(target))
 
 
-@command("summary", keeps=True, table=True)
-@click.argument("folder", type=click.Path(path_type=Path))
-def summary(folder: Path) -> StudyResult:
+def summary(folder: Folder) -> StudyResult:
     """Make one table of all days in folders below FOLDER."""
     from virtual_lab.bench.entrance.review import summary as run
 
-    return run(folder)
+    return run(Path(folder))
 
 
-@command("trends", keeps=True, table=True)
-@click.argument("folder", type=click.Path(path_type=Path))
-def trends(folder: Path) -> StudyResult:
+def trends(folder: Folder) -> StudyResult:
     """Show learning curves, by score and by fault: the days of each folder below FOLDER."""
     from virtual_lab.bench.entrance.review import trends as run
 
-    return run(folder)
+    return run(Path(folder))
 
 
-@command("branch")
-@click.argument("day", type=click.Path(path_type=Path))
-@click.argument("entry", type=int)
-@click.argument("folder", type=click.Path(path_type=Path))
-def branch(day: Path, entry: int, folder: Path) -> Answer:
+def branch(day: Folder, entry: int, folder: Folder) -> Answer:
     """Take a DAY that was handed in again from an ENTRY, as practice in FOLDER."""
     from virtual_lab.bench.machines.stored_day import StoredDay
 
-    StoredDay.branch(day, entry, folder)
+    StoredDay.branch(Path(day), entry, Path(folder))
     return Answer(
         document={"day": str(folder)},
         text=f"go on with: virtual-lab rehearse --day {folder} --open",
     )
 
 
-@command("check", keeps=True, table=True)
-@click.argument("scenario", metavar="SCENARIO.TOML")
-def check(scenario: str) -> StudyResult:
+def check(scenario: AnyName) -> StudyResult:
     """Try a scenario of your own: minutes, shots, and what an expert finds."""
     from virtual_lab.bench.entrance.review import check_scenario
 
-    return check_scenario(scenario)
+    return check_scenario(str(scenario))
+
+
+def _path(path: File | None) -> Path | None:
+    return None if path is None else Path(path)
+
+
+def _command(name: str, example: str, output: Output = STUDY) -> click.Command:
+    return FunctionCommand(name, (__name__, name), example=f"rehearse {example}", output=output)
+
+
+DAY = FunctionCommand(
+    "day",
+    (__name__, "day"),
+    output=Output(keeps=True),
+    sealed=True,
+    example="rehearse --operator expert --seed 3 --out day",
+)
 
 
 @click.pass_context
 def _day_or_more(context: click.Context, /, **asked: object) -> object:
     """Take a day where no command of the group was named."""
-    return None if context.invoked_subcommand else context.invoke(day_command, **asked)
+    assert DAY.callback is not None
+    return None if context.invoked_subcommand else DAY.callback(**asked)
 
 
 rehearse = click.Group(
     "rehearse",
     callback=_day_or_more,
-    commands=[summary, trends, branch, check],
-    params=day_command.params,
-    help=day_command.help,
+    commands=[
+        _command("summary", "summary days"),
+        _command("trends", "trends days"),
+        _command("branch", "branch day 4 again", Output()),
+        _command("check", "check mine.toml"),
+    ],
+    params=DAY.params,
+    help=DAY.help,
+    epilog=DAY.epilog,
     invoke_without_command=True,
 )

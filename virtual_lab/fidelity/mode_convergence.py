@@ -26,7 +26,7 @@ from virtual_lab.units import INCH, MPH
 
 
 def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> Rows[dict[str, Any]]:
-    """Return the largest error of e_A against 120 bending modes, by the number of modes.
+    """Show the largest error of e_A against 120 bending modes, by the number of modes.
 
     The table has one row per bat, contact (``point`` or ``patch``) and treatment of the omitted
     modes (with or without their static flexibility). Columns ``8_modes`` to ``30_modes`` hold the
@@ -35,9 +35,11 @@ def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> Rows[dict[
     Parameters
     ----------
     bats
-        Names in the catalog, or paths of .toml files. The default is every bat in the catalog.
+        Bats: names in the catalog or .toml files. By default every bat in the catalog.
+
+        Or sheets.
     progress
-        Function called with the number of bats done and in total.
+        Function that is called with the number of bats done and in total.
 
     Raises
     ------

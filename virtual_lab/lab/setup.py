@@ -79,40 +79,10 @@ class TestSetup:
     ) -> Self:
         """Return the setup of a bat's test by a procedure.
 
-        Parameters
-        ----------
-        bat, procedure, control_bat
-            Names in the catalog, paths of .toml files, or entries that were read. A control bat
-            is one whose e is known, for rules that correct by one: it is tested first, with the
-            same balls.
-        rig
-            An installed rig that records what the procedure needs; None takes the procedure's rig.
-        seed
-            Seed of all random numbers.
-        number
-            Number of the laboratory in the study of this seed, whose laboratories have different
-            bats, balls and calibration errors.
-        reality
-            Which imperfections are simulated.
-        rung
-            Collision model: ``rigid``, ``modal`` or ``reference``; None takes the fastest whose
-            error is at most a tenth of the standard uncertainty of e_A in such a test.
-        motion
-            Motion of ball and bat: ``closed-form``, or ``pymunk``, one scene per shot.
-        faults
-            Names of faults in the catalog.
-        test
-            Number of this test in its laboratory: tests of one laboratory share rigs and
-            calibrations but have different bats, balls, readings and hits. None: the only test.
-        correction
-            ``METHOD:E0`` to convert to a standard ball if the procedure does not.
-        film
-            Whether to save a video of the first shot.
-        detail
-            Whether instruments write every reading or sums.
-        particulars
-            What the certificate states beside the results: who, for whom, which bat, when. Its
-            instruments are added to those of the rigs' data sheets, and replace one of equal name.
+        The choices are those of `virtual_lab.certify`, whose `collision` is `rung` here. A bat or
+        procedure may also be an entry that was read. `detail` says whether instruments write every
+        reading or sums. Instruments of the `particulars` are added to those of the rigs' data
+        sheets, and replace one of equal name.
 
         Raises
         ------

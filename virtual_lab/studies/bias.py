@@ -24,20 +24,24 @@ def bias(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Rows[dict[str, str | float | None]]:
-    """Return the systematic error of the method: measured minus true value without randomness.
+    """Show the systematic error of the method: measured minus true value without randomness.
 
     The table has one row per bat in the catalog and one column per quantity, in SI units. An
-    entry is None if the test of the bat gave no result, for example because a scan found no
+    entry is missing if the test of the bat gave no result, for example because a scan found no
     maximum.
 
     Parameters
     ----------
     procedure
-        Name in the catalog, or path of a .toml file.
+        The test procedure: a name in the catalog or a .toml file.
+
+        Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function called with the number of bats done and in total.
+        Function that is called with the number of bats done and in total.
 
     Raises
     ------

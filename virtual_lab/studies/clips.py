@@ -66,20 +66,30 @@ def clip_coverage(
 ) -> Rows[ClipCoverage]:
     """Film one shot in each of many laboratories; count intervals with the true value.
 
-    One row per quantity.
+    The table has one row per quantity: v_in, v_out and e_A.
 
     Parameters
     ----------
-    bat, procedure
-        Names in the catalog, or paths; the procedure must allow a ball cannon.
-    clips, seed
-        Number of laboratories, each with one shot, and the seed of the first.
+    bat
+        The bat: a name in the catalog or a .toml file.
+
+        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
+    procedure
+        The test procedure: a name in the catalog or a .toml file. It must allow a ball cannon.
+
+        Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
+    clips
+        Number of laboratories, each with one shot.
+    seed
+        Seed of the first laboratory; the others follow.
     summed
-        Whether the camera writes positions with the least possible scatter instead of windows.
+        The camera writes positions with the least possible scatter instead of pictures.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function called with the number of clips done and in total.
+        Function that is called with the number of clips done and in total.
 
     Raises
     ------

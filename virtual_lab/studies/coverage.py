@@ -86,7 +86,7 @@ class Coverage:
 
 
 def coverage(
-    bat: AnyBat,
+    bat: AnyBat = "r161",
     *,
     procedure: AnyProcedure = "astm-f1881",
     laboratories: int = 1000,
@@ -108,24 +108,32 @@ def coverage(
 
     Parameters
     ----------
-    bat, procedure
-        Names in the catalog, or paths of .toml files.
-    laboratories, seed
-        Number of laboratories, and the seed of the study. Each laboratory has its own random bat,
-        balls and calibration errors.
+    bat
+        The bat: a name in the catalog or a .toml file.
+
+        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
+    procedure
+        The test procedure: a name in the catalog or a .toml file.
+
+        Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
+    laboratories
+        Number of laboratories, each with another bat, other balls and calibration errors.
+    seed
+        Seed of the study; its laboratories are taken by number, from 0.
     summed
-        Whether the instruments write sums instead of every reading and the bat is nominal. This
-        is much faster.
+        Instruments write sums instead of every reading, and the bat is nominal: much faster.
     individual
-        Whether each laboratory has a bat of its own with `summed`, too.
+        With ``summed``: a made bat in every laboratory.
     earlier_tests
-        Number of earlier tests of each laboratory whose scatter of the hits is used as well.
+        Number of earlier tests of each laboratory, whose scatter of hits counts, too.
     workers
-        Number of processes that share the laboratories.
+        Number of processes, each with one thread, that share the laboratories.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function called with the number of laboratories done and in total.
+        Function that is called with the number of laboratories done and in total.
 
     Raises
     ------

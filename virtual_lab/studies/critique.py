@@ -220,27 +220,40 @@ def critique(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Critique:
-    """Return the rankings of bats by procedures, compared with the field.
+    """Show which test procedures rank bats in the same order as play on the field.
 
     Parameters
     ----------
     bats
-        At least two: names in the catalog or paths of .toml files.
+        At least two bats: names in the catalog or .toml files.
+
+        Or sheets.
     procedures
-        Likewise; by default all procedures in the catalog for the sport of the field's balls. A
-        named procedure always uses its own ball.
+        Test procedure: a name in the catalog or a .toml file. By default all procedures for the
+        sport of the field's balls. A procedure always uses its own ball.
+
+        Or a sheet, or a list of several.
     swings
-        Exponents n of the power law in the field, 0 to 0.5; by default 0, 0.3 and 0.5.
-    swing_law, reference_inertia, ball
-        Field conditions, as for `virtual_lab.studies.bats.compare.profile`; procedures have
-        separate ones.
-    laboratories, seed
-        Number of laboratories that test every bat by every procedure, and the seed of the
-        study.
+        Exponent n of the power law in the field, 0 to 0.5. By default 0, 0.3 and 0.5.
+    swing_law
+        Swing law: ``power`` has the bat speed proportional to I^-n with the moment of inertia I,
+        ``energy`` has the same energy for bat and batter.
+    reference_inertia
+        Moment of inertia I0 in the swing law: that of a bat, or a number with its unit. By default
+        17000 oz in^2, as in the paper.
+    ball
+        Ball in play on the field: a name in the catalog or a .toml file. By default the standard
+        ball of the bat's sport.
+    laboratories
+        Number of laboratories that test every bat by every procedure.
+    seed
+        Seed of the study; its laboratories are taken by number, from 0.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Called with laboratory and procedure.
+        Function that is called with laboratory and procedure.
 
     Raises
     ------

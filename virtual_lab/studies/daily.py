@@ -181,25 +181,34 @@ def daily(
     Parameters
     ----------
     ball
-        The check ball: a name in the catalog or path of a .toml file. A ball that ages loses
-        restitution from day to day, which the charts show too. The cylinder is always hit with
-        the check ball of the catalog.
-    days, baseline, hits
-        Number of mornings, number of those that set the limits, and hits per morning.
-    drift, step
-        Loss of the wall's restitution relative to a rigid wall: per day, and sudden.
+        Check ball: a name in the catalog or a .toml file. A ball that ages loses restitution from
+        day to day, which the charts show too. The cylinder is always hit with the check ball of the
+        catalog.
+    days
+        Number of mornings.
+    baseline
+        Number of days that set the limits.
+    hits
+        Number of hits each morning.
+    drift
+        Loss of the wall's restitution per day, relative to a rigid wall, such as 0.0005.
+    step
+        Sudden loss of the wall's restitution.
     faults
-        Names of faults of the impact rig.
+        Fault of the impact rig.
     since
-        First day of the change, counted from 1; by default the first after the baseline.
+        First day of drift, step and faults, counted from 1. By default the first after the
+        baseline.
     rules
-        Western Electric rules to apply, 1 to 4.
+        Western Electric rule to apply, 1 to 4.
     seed
         Seed of the laboratory; its hits are numbered through all days.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function called with the current step.
+        Function that is called with the present task.
 
     Raises
     ------

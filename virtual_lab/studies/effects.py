@@ -68,7 +68,7 @@ class _Case:
 
 
 def effects(
-    bat: AnyBat,
+    bat: AnyBat = "r161",
     *,
     procedure: AnyProcedure = "astm-f1881",
     laboratories: int = 1000,
@@ -91,18 +91,28 @@ def effects(
 
     Parameters
     ----------
-    bat, procedure
-        Names in the catalog, or paths of .toml files.
-    laboratories, seed
-        Number of laboratories, at least four per component, and the seed of the study.
+    bat
+        The bat: a name in the catalog or a .toml file.
+
+        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
+    procedure
+        The test procedure: a name in the catalog or a .toml file.
+
+        Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
+    laboratories
+        Number of laboratories, at least four per component.
+    seed
+        Seed of the study; its laboratories are taken by number, from 0.
     summed
-        Whether the instruments write sums instead of every reading and the bat is nominal.
+        Instruments write sums instead of every reading, and the bat is nominal: much faster.
     workers
-        Number of processes that share the laboratories.
+        Number of processes, each with one thread, that share the laboratories.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function called with the number of laboratories done and in total.
+        Function that is called with the number of laboratories done and in total.
 
     Raises
     ------

@@ -126,20 +126,31 @@ def faults(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Rows[FaultOutcome]:
-    """Simulate faults in many laboratories and compare the outcome with the predictions.
+    """Simulate faults in many laboratories, and compare detection and bias with predictions.
 
     Parameters
     ----------
     names
-        Faults in the catalog; by default all.
-    bat, procedures
-        Names in the catalog; by default all procedures with predictions of the faults.
-    laboratories, seed
-        Number of laboratories, and the seed of the study.
+        Faults of the catalog. By default all.
+    bat
+        The bat: a name in the catalog or a .toml file.
+
+        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
+    procedures
+        Test procedure: a name in the catalog or a .toml file. By default all with predictions of
+        the faults.
+
+        Or a sheet, or a list of several.
+    laboratories
+        Number of simulated laboratories, each with other balls and calibration errors.
+    seed
+        Seed of the study; its laboratories are taken by number, from 0.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function called with the fault and the procedure that are simulated.
+        Function that is called with the fault and the procedure that are simulated.
 
     Returns
     -------

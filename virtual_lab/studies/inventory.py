@@ -31,15 +31,14 @@ class ShelfEntry:
 
 
 def shelf(kind: Kind | None = None) -> Rows[ShelfEntry]:
-    """Return kind, name and title of the entries of the catalog.
+    """List the catalog: bats, balls, procedures, instruments, rigs, conditions, faults.
 
     The rigs are those installed on this computer, including those of other packages.
 
     Parameters
     ----------
     kind
-        ``bats``, ``balls``, ``procedures``, ``instruments``, ``rigs``, ``conditions`` or
-        ``faults``. None lists every kind.
+        Kind of the entries. By default all kinds.
 
     Raises
     ------
@@ -178,13 +177,12 @@ class ShownCertificate:
 
 
 def show(name: AnyName) -> ShownSheet | ShownCertificate:
-    """Return an entry of the catalog, or a certificate, ready to print.
+    """Show a catalog entry, every number with unit and source, or a certificate.
 
     Parameters
     ----------
     name
-        A name in the catalog, the path of a bat's .toml file, or the path of a
-        ``certificate.json``.
+        A name in the catalog, the .toml file of a bat, or a ``certificate.json``.
 
     Raises
     ------

@@ -91,31 +91,38 @@ class OperatingCurves(Rows[OperatingPoint]):
 
 
 def operating(
-    bat: AnyBat,
+    bat: AnyBat = "r161",
     *,
     procedures: AnyProcedures = ("astm-f1881",),
     laboratories: int = 1000,
-    seed: Seed = 0,
+    seed: Seed = 1,
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> OperatingCurves:
-    """Return the probability that bats of this design pass, against their true metric.
+    """Show the probability that bats of a design pass, over their true metric.
+
+    Each laboratory tests three times, for the best of one, two and three tests.
 
     Parameters
     ----------
     bat
-        Bat design whose tests are simulated, with instruments that write sums.
+        Bat design: a name in the catalog or a .toml file. Its instruments write sums.
+
+        Or a sheet.
     procedures
-        Procedures with a limit. A sheet can have another number of hits:
-        ``vl.procedure("bbcor").with_(valid_hits=12)``.
+        Test procedure: a name in the catalog or a .toml file. It must have a limit.
+
+        Or a sheet, or a list of several.
     laboratories
         Number of laboratories, each with three tests.
     seed
-        Seed of the study.
+        Seed of the study; its laboratories are taken by number, from 0.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Called after each block.
+        Function that is called with the number of tests done and in total.
 
     Raises
     ------

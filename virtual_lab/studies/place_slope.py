@@ -30,7 +30,7 @@ class Slope:
 def slope(
     bats: AnyBats = (), *, procedure: AnyProcedure = "astm-f1881", instruments: Instruments = ()
 ) -> Rows[Slope]:
-    """Return the slope of e_A along the barrel [1/in] at the centre of percussion of each bat.
+    """Show the slope of e_A along the barrel [1/in] where a procedure hits the bats.
 
     Two more rows hold the mean and the standard deviation over the bats. Bat and ball are
     nominal, and the speed is that of the procedure.
@@ -38,13 +38,18 @@ def slope(
     Parameters
     ----------
     bats
-        At least two names in the catalog, or paths of .toml files. The default is the four bats
-        of Table I of the 2003 paper.
+        At least two bats: names in the catalog or .toml files. By default the four of Table I of
+        the 2003 paper.
+
+        Or sheets.
     procedure
-        A procedure that tests one impact position: a name in the catalog, or the path of a .toml
-        file.
+        Procedure that tests one impact position: a name in the catalog or a .toml file.
+
+        Or a sheet.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
 
     Raises
     ------

@@ -254,17 +254,20 @@ class CertificateReport(StudyResult):
 
 
 def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> CertificateReport:
-    """Return a report of the certificates in result folders.
+    """Compare the certificates in result folders.
 
-    It compares bats by one procedure, one bat by several procedures, laboratories of one bat, or
-    repeats of one test, and states the comparison.
+    The report takes bats by one procedure, one bat by several procedures, laboratories of one bat,
+    or repeats of one test, and says which; certificates that differ in more than one way are
+    refused, and copies of one test. The numbers are those stated, not verified: `verify` does that.
 
     Parameters
     ----------
     folders
         Result folders, each with a ``certificate.json``, or one folder of such folders.
-    pdf, paper
-        Whether `save` writes a PDF, too (extra ``pdf``), and on which paper: ``a4``, ``letter``.
+    pdf
+        Write the report as PDF, too (needs the extra ``pdf``).
+    paper
+        Paper size of the report.
 
     Raises
     ------

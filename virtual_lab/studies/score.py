@@ -115,7 +115,9 @@ class CertificateScore(StudyResult):
 
 
 def score_folder(folder: Folder) -> CertificateScore:
-    """Compare the certificate in a result folder with the truth, and check the seal.
+    """Compare the certificate in a result folder with the true values.
+
+    If files or keys in it were changed since the test, they are listed and the exit code is 3.
 
     Parameters
     ----------

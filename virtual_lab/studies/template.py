@@ -13,7 +13,7 @@ from pathlib import Path
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import CHECK_STANDARD
-from virtual_lab.files import new_files, new_folder
+from virtual_lab.files import check_new_folder, new_files, new_folder
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.gates import THICKNESS
 from virtual_lab.parameters import Folder
@@ -27,6 +27,7 @@ from virtual_lab.sheets import AnyProcedure, entry_name
 from virtual_lab.studies.foreign import our_own
 from virtual_lab.units import DIMENSIONS
 
+PARTICULARS = "laboratory"  # name of the form of who tests what
 OWN_RULES = "procedure.toml"
 MAY_BE_LEFT_OUT = {  # optional channels of the bench: consequence of leaving them out
     "climate": "hall.air.density is then that of the calibration, and the logger has no constants",
@@ -35,24 +36,31 @@ MAY_BE_LEFT_OUT = {  # optional channels of the bench: consequence of leaving th
 
 
 def template(procedure: AnyProcedure, folder: Folder) -> Path:
-    """Write the forms for another laboratory's records into a new folder, and return the folder.
+    """Write empty record forms of a procedure into a new folder, for another laboratory.
 
-    If an error is raised, no partial files are left.
+    The procedure ``laboratory`` stands for an empty file of who tests what for whom, for
+    ``certify``. If an error is raised, no partial files are left.
 
     Parameters
     ----------
     procedure
-        Name in the catalog, or path of a .toml file.
+        Name in the catalog or a .toml file; or ``laboratory``.
+
+        Or a sheet.
     folder
-        New folder: ``laboratory.toml`` for the constants, and one CSV table per record.
+        New folder: ``laboratory.toml`` for the constants, and one CSV table per record. For
+        ``laboratory`` the new file.
 
     Raises
     ------
     InputError
         An unknown procedure, or a folder that is not empty or cannot be written.
     """
-    procedure = entry_name(procedure)
-    session, folder = our_own(procedure), Path(folder)
+    procedure, folder = entry_name(procedure), Path(folder)
+    if procedure == PARTICULARS:
+        return particulars_form(folder)
+    check_new_folder(folder)
+    session = our_own(procedure)
     own = procedure.endswith(".toml")
     with new_folder(folder) as draft:
         if own:
@@ -66,10 +74,11 @@ def template(procedure: AnyProcedure, folder: Folder) -> Path:
     return folder
 
 
-def particulars_form(path: Path) -> None:
-    """Write an empty file of a test's particulars; `InputError` where it cannot be written."""
+def particulars_form(path: Path) -> Path:
+    """Write an empty file of a test's particulars, and return its path."""
     with new_files(path.parent) as draft:
         (draft / path.name).write_text("\n".join(form()) + "\n", encoding="utf-8")
+    return path
 
 
 def _form(session: Session, procedure: str) -> Iterator[str]:

@@ -52,14 +52,19 @@ LAWS = (
 
 
 def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> Rows[LawRow]:
-    """Return one row per law: ball on a wall, and peaks of the free bat in the standard game.
+    """Show how the results of a bat depend on the force law of the ball.
+
+    The table has one row per law: the ball on a wall, and the peaks of the free bat in the standard
+    game.
 
     Parameters
     ----------
     bat
-        Name in the catalog or path of a .toml file.
+        The bat: a name in the catalog or a .toml file.
+
+        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
     progress
-        Called with the law being computed.
+        Function that is called with the law being computed.
 
     Raises
     ------

@@ -140,21 +140,33 @@ def profile(
     ball: AnyBall | None = None,
     instruments: Instruments = (),
 ) -> BatProfile | BatComparison:
-    """Return the profile of one free bat, or the comparison of several, under game conditions.
+    """Show e, r, e_A and v_f of a free bat along its barrel, or compare several bats.
+
+    For one bat: curves, modal frequencies and nodes. For several bats: the greatest e, BPF, e_A
+    and v_f of each, and their differences.
 
     Parameters
     ----------
     bats
-        One name in the catalog or path of a .toml file, or several.
+        Bat: a name in the catalog or a .toml file.
+
+        Or a sheet, or a list of several.
     swings
-        Exponents n of the swing law, 0 to 0.5; by default 0, for several bats 0 and 0.5.
+        Exponent n of the power law, 0 to 0.5; one for one bat. By default 0, for several bats 0 and
+        0.5.
     swing_law
-        ``power``: bat speed proportional to (moment of inertia)^-n; ``energy``: the same energy
-        for bat and batter, without an exponent.
-    reference_inertia, ball
-        As `compare` takes them.
+        Swing law: ``power`` has the bat speed proportional to I^-n with the moment of inertia I,
+        ``energy`` has the same energy for bat and batter.
+    reference_inertia
+        Moment of inertia I0 in the swing law: that of a bat, or a number with its unit. By default
+        17000 oz in^2, as in the paper.
+    ball
+        Ball in play on the field: a name in the catalog or a .toml file. By default the standard
+        ball of the bat's sport.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
 
     Raises
     ------

@@ -156,18 +156,18 @@ def fit_bat(
     seed: Seed = 1,
     progress: Progress = quiet,
 ) -> FittedBat:
-    """Return a bat that fits the measurements in a file, and the spread of such bats.
+    """Make a bat that fits the measurements in a file, and show what they leave uncertain.
 
     Parameters
     ----------
     path
-        A .toml file, see ``data/README.md``.
+        File of the measurements, .toml; see ``data/README.md``.
     members
-        Number of bats for the spread; those whose fit fails are omitted.
+        Number of fitted bats that show the spread; those whose fit fails are omitted.
     seed
         Seed of the random parameters.
     progress
-        Called with the progress.
+        Function that is called with the number of bats fitted.
 
     Raises
     ------

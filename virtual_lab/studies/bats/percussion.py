@@ -167,20 +167,28 @@ def percussion(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> PercussionStudy:
-    """Return the errors of e_A at places along the barrel, 2 to 12 in from the tip.
+    """Show the errors of hits off the centre of percussion of a pivoted bat.
+
+    The table has one row per place along the barrel, 2 to 12 in from the tip.
 
     Parameters
     ----------
     bat
-        Name in the catalog or path of a .toml file.
-    laboratories, seed
-        Number of laboratories, and the seed of the first.
+        The bat: a name in the catalog or a .toml file.
+
+        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
+    laboratories
+        Number of laboratories.
+    seed
+        Seed of the first laboratory; the others follow.
     shots
-        Shots per laboratory and place; a reading is their mean.
+        Number of shots per laboratory and place; a reading is their mean.
     instruments
-        Sheets of instruments and rigs with changed values, as for `certify`.
+        Instruments and rigs with changed values, in place of those of the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Called with the laboratory that is firing.
+        Function that is called with the laboratory that is firing.
 
     Returns
     -------

@@ -77,7 +77,7 @@ class Findings(StudyResult):
 
 
 def paper(*, progress: Progress = quiet) -> Findings:
-    """Compute every claim of Nathan's 2003 paper and compare it with the paper's number.
+    """Compare every number, figure and claim of the 2003 paper with the result of this program.
 
     Parameters
     ----------

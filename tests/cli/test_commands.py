@@ -1,0 +1,238 @@
+"""Commands come from signatures: their options, help, settings in a file, and examples."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import shlex
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib import import_module
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+
+import virtual_lab as vl
+from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
+from virtual_lab import api
+from virtual_lab.cli import cli
+from virtual_lab.cli.commands import FunctionCommand
+from virtual_lab.errors import InputError
+
+PACKAGE = Path(__file__).parents[1] / "third_party_rig" / "pyproject.toml"
+LOADED = """if True:
+    import sys, virtual_lab as vl
+    from virtual_lab.cli import cli
+    commands = [cli, *cli.commands.values()]
+    for group in ("campaign", "rehearse"):
+        commands += cli.commands[group].commands.values()
+    for each in commands:
+        assert len(each.get_help(each.context_class(each))) > 100
+    for name in filter(str.islower, dir(vl)):
+        assert getattr(vl, name).__doc__ or name.startswith("__")
+    print("numpy" in sys.modules)
+"""
+
+
+def commands_of(group: click.Group, above: str = "") -> Iterator[tuple[str, FunctionCommand]]:
+    """Yield every command that is made from a function, with its words."""
+    for name, each in group.commands.items():
+        if isinstance(each, click.Group):
+            yield from commands_of(each, f"{above}{name} ")
+        elif isinstance(each, FunctionCommand):
+            yield f"{above}{name}", each
+
+
+COMMANDS = dict(commands_of(cli))
+
+
+def given(words: str) -> dict[str, Any]:
+    """Return the values of a command's parameters, read from its words; nothing runs."""
+    context: click.Context = click.Context(cli)
+    command: click.Command = cli
+    rest = shlex.split(words)
+    while isinstance(command, click.Group) and rest and not rest[0].startswith("-"):
+        found = command.get_command(context, rest[0])
+        if found is None:
+            break
+        command, rest = found, rest[1:]
+    return command.make_context(words, rest).params
+
+
+def test_help_and_docstrings_load_no_numpy() -> None:
+    """Of every command and public function; a study takes a second and more to load."""
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED], check=True, capture_output=True, text=True
+    )
+    assert done.stdout == "False\n"
+
+
+@pytest.mark.parametrize("name", sorted(filter(str.islower, api.PLACES)))
+def test_a_signature_read_from_the_source_is_that_of_the_function(name: str) -> None:
+    """Names, order, kinds and literal defaults, as Python itself has them."""
+    module, there = api.PLACES[name]
+    real = inspect.signature(getattr(import_module(module), there)).parameters
+    read = getattr(api, name).__signature__.parameters
+    assert [(each.name, each.kind) for each in read.values()] == [
+        (each.name, each.kind) for each in real.values()
+    ]
+    for key, each in real.items():
+        if isinstance(each.default, None | bool | int | str | tuple):
+            assert (read[key].default, type(read[key].default)) == (
+                each.default,
+                type(each.default),
+            )
+
+
+def test_every_parameter_of_a_command_is_an_option_with_words() -> None:
+    """Of the same name, in the singular if it may be given several times."""
+    for words, command in COMMANDS.items():
+        options = {str(each.name): each for each in command.params}
+        assert command.parameters.keys() <= options.keys(), words
+        for key in command.parameters:
+            option = options[key]
+            if isinstance(option, click.Option):
+                assert option.help, (words, key)
+                named = key.removesuffix("s") if option.multiple else key
+                assert option.opts[0] == f"--{named.replace('_', '-')}"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_example_of_a_command_can_be_given(name: str) -> None:
+    """Its options exist and their values are allowed."""
+    example = COMMANDS[name].example
+    assert example.startswith(name if name != "rehearse" else "rehearse")
+    assert given(example)
+
+
+def test_settings_in_a_file_are_options(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """By the names of Python; what stands on the command line comes before them."""
+    (tmp_path / "s.toml").write_text(
+        'bat = "ea70"\nprocedure = "bbcor"\nseed = 7\nfilm = true\nfaults = ["aim-along"]\n'
+        'reality = "ideal"\npdf = true\n'
+    )
+    found = given("certify --config s.toml")
+    stated = {"bat": "ea70", "procedure": "bbcor", "seed": 7, "film": True, "pdf": True}
+    assert stated.items() <= found.items()
+    assert (found["faults"], found["reality"]) == (("aim-along",), "ideal")
+    other = given("certify r161 --config s.toml --seed 8 --no-film --fault gate-misses")
+    assert (other["bat"], other["seed"], other["film"]) == ("r161", 8, False)
+    assert other["faults"] == ("gate-misses",)
+    (tmp_path / "p.toml").write_text('bats = "r161"\nswings = 0.3\nball = "game-2003"\n')
+    code, out, _ = run("profile", "--config", "p.toml", "--json")
+    document = json.loads(out)
+    assert (code, document["swing_exponent"], document["ball"]) == (0, 0.3, "game-2003")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('procedur = "bbcor"', ["s.toml", "procedur", "did you mean procedure"]),
+        ("seed = -1", ["s.toml", "seed = -1", "from 0 to 2^128 - 1"]),
+        ('seed = "7"', ["s.toml", "seed = '7'", "whole number"]),
+        ('reality = "idael"', ["s.toml", "did you mean ideal"]),
+        ("film = 3", ["s.toml", "film = 3", "True or False"]),
+        ("faults = []", ["s.toml", "faults", "at least one"]),
+        ("seed = ", ["s.toml", "parsed"]),
+    ],
+)
+def test_settings_that_cannot_be_used_name_the_file(
+    text: str,
+    words: list[str],
+    run: Run,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "s.toml").write_text(text)
+    code, out, err = run("certify", "r161", "--config", "s.toml")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    for word in words:
+        assert word in err
+
+
+def test_an_instrument_in_a_file(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    for words, said in (
+        ("pivot-gates", "NAME=FILE"),
+        ("pivot-gate=w.toml", "did you mean pivot-gates"),
+        ("pivot-gates=no.toml", "no such file"),
+    ):
+        (tmp_path / "w.toml").write_text('title = "worse"\n')
+        code, _, err = run("certify", "r161", "--instrument", words)
+        assert (code, err.count("\n")) == (2, 1)
+        assert said in err
+
+
+def test_the_command_of_another_package(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    """In the help, and with all that a study has; an entry point makes it."""
+    group = "virtual_lab.commands"
+    asked = {"group": group}
+    points = tomllib.loads(PACKAGE.read_text())["project"]["entry-points"][group]
+    ours = [EntryPoint(name, value, group) for name, value in points.items()]
+    ours.append(EntryPoint("broken", "third_party_rig.nowhere:none", group))
+    monkeypatch.setattr(
+        "importlib.metadata.entry_points", lambda **words: ours if words == asked else ()
+    )
+    code, text, err = run("--help")
+    assert (code, err.count("\n")) == (0, 1)
+    assert "third_party_rig.nowhere:none: no command can be read" in err
+    assert text.index("Of other packages:") < text.index("radar-cosine  Show how much too low")
+    code, out, _ = run("radar-cosine", "60", "--json", "--csv", "cosine.csv")
+    assert (code, json.loads(out)) == (
+        0,
+        [{"angle_deg": 60.0, "error_percent": pytest.approx(-50)}],
+    )
+    code, _, err = run("radar-cosine", "x")
+    assert (code, err.splitlines()[-1]) == (
+        2,
+        "virtual-lab: Invalid value for '[ANGLES]...': 'x'; allowed: a number "
+        "(try 'virtual-lab radar-cosine --help')",
+    )
+    with pytest.raises(InputError, match="no picture"):
+        cli.main(["radar-cosine", "--plot", "p.png"], standalone_mode=False)
+
+
+def test_a_result_folder_keeps_the_settings_that_repeat_it(
+    run: Run,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    """Those that were given, but no seed that is sealed; the list of files holds them, too."""
+    words = ("--seed", "7", "--reality", "real", "--fault", "aim-along", "--paper", "letter")
+    assert run("certify", "ea70", *words, "--out", "first")[0] == 0
+    kept = tmp_path / "first" / "settings.toml"
+    assert tomllib.loads(kept.read_text()) == {
+        "bat": "ea70",
+        "reality": "real",
+        "faults": ["aim-along"],
+        "paper": "letter",
+    }
+    assert run("certify", "--config", str(kept), "--seed", "7", "--out", "second")[0] == 0
+    one, other = (
+        (tmp_path / name / "records" / "impact" / "gates.csv").read_bytes()
+        for name in ("first", "second")
+    )
+    assert one == other
+    for check in ("verify", "score"):
+        code, out, err = run(check, "second")
+        assert code == 0, out + err
+    sealed = vl.certify(vl.bat("r161").with_({"body.material.density": 700})).settings
+    assert tomllib.loads(sealed) == {}
+    assert "# bat: sheets with changed values" in sealed
+    assert run("slope", "--csv", "t.csv", "--config", "first/settings.toml")[0] == 2
+    assert run("profile", "r161", "--swing", "0.3", "--out", "p")[0] == 0
+    assert tomllib.loads((tmp_path / "p" / "settings.toml").read_text()) == {
+        "bats": ["r161"],
+        "swings": [0.3],
+    }
+
+
+def test_a_sweep_at_the_shell_is_that_of_python(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    words = ("sweep", "r161", "--laboratories", "1", "--seed", "4", "--csv", "rows.csv")
+    code, out, _ = run(*words, "--json")
+    table = vl.sweep("r161", laboratories=1, seed=4)
+    assert code == 0
+    assert json.loads(out) == json.loads(table.to_json(orient="records"))
+    assert (tmp_path / "rows.csv").read_text().startswith("bat,procedure,laboratory,")

@@ -1,0 +1,19 @@
+"""Commands that read the folder of a campaign."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from virtual_lab import api
+from virtual_lab.output.progress import Progress
+from virtual_lab.parameters import Folder
+
+
+def check(folder: Folder, *, progress: Progress) -> Any:
+    """Read all parts in FOLDER and name those that are damaged or missing (then exit code 4)."""
+    return api.Campaign.open(folder).check(progress)
+
+
+def summary(folder: Folder) -> Any:
+    """Show verdicts, means, errors and coverage of every bat, procedure and change in FOLDER."""
+    return api.Campaign.open(folder).summary()

@@ -1,0 +1,366 @@
+"""Commands made from the signatures and docstrings of public functions.
+
+An option has the name, the default, the rule and the sentences of its parameter. Only options that
+a user gives are passed on, so that defaults stand in the function alone. A command's help imports
+no module of a function.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import click
+from click.core import ParameterSource
+from click.shell_completion import CompletionItem
+
+from virtual_lab import api
+from virtual_lab.api.describing import (
+    REQUIRED,
+    Description,
+    ParameterDescription,
+    advice,
+    described,
+    first_line,
+)
+from virtual_lab.api.door import LABORATORY, public
+from virtual_lab.cli.plumbing import Output, usage
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.output.progress import Progress
+from virtual_lab.parameters import FLAG, ParameterRule
+from virtual_lab.sheets import settings_text
+
+GIVEN = (ParameterSource.COMMANDLINE, ParameterSource.DEFAULT_MAP)
+OUTPUT = ("as_json", "out", "csv", "plot")
+HIDDEN = ("progress",)  # parameters that the shell provides itself
+GENERAL = ("FILE", "FOLDER", "NAME", "TEXT", "NUMBER")  # words for values of several parameters
+Place = str | tuple[str, str]  # a public name; or module and name of another function
+
+
+class RuleType(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.2 on only
+    """The type of values that a rule reads."""
+
+    def __init__(self, rule: ParameterRule) -> None:
+        self.rule, self.name = rule, rule.metavar
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return a word of the shell, or a value of a file, as the function takes it."""
+        try:
+            return self.rule.read(self.rule.parse(value) if isinstance(value, str) else value)
+        except InputError:
+            raise
+        except (TypeError, ValueError, OverflowError):
+            self.fail(f"{value!r}; {advice(self.rule, value)}", param, ctx)
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str | None:
+        """Return the word for a value in the help; None: the argument's name."""
+        word = self.rule.metavar
+        general = word in GENERAL or word.startswith("[")
+        return None if isinstance(param, click.Argument) and general else word
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Complete the names or words that the rule knows."""
+        if self.rule.metavar in ("FILE", "FOLDER"):
+            return [CompletionItem(incomplete, type="file" if self.name == "FILE" else "dir")]
+        return [
+            CompletionItem(word) for word in self.rule.complete() if word.startswith(incomplete)
+        ]
+
+
+class Flag(click.Option):
+    """A flag whose ``--no-`` form, for what a file says, is in the help only if it is needed."""
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """Return both forms of a flag that is on by default, the first of another."""
+        if self.default:
+            forms = f"{self.opts[0]} / {self.secondary_opts[0]}"
+            return forms, f"{self.help}  [default: {self.opts[0]}]"
+        return self.opts[0], str(self.help)
+
+
+NOTHING: Mapping[str, Any] = {}
+PRINTED = Output()
+
+
+class FunctionCommand(click.Command):
+    """The command of a public function, described by its signature and docstring.
+
+    Parameters
+    ----------
+    name
+        Name of the command.
+    place
+        Public name of the function, by default that of the command with underscores; or its module
+        and its name there.
+    example
+        Words of a command that works, for the end of the help.
+    fixed
+        Arguments that the command decides.
+    options
+        Positional parameters that are options of the command.
+    variants
+        Options that call another public function instead, and its name: a flag, or the value of
+        the function's parameter of this name.
+    flags
+        A parameter each of whose values, the default aside, is also a flag.
+    saving
+        Method that saves the result, as ``Class.method``; its parameters are options, too.
+    sealed
+        Whether a seed is sealed with the truth, so that the settings do not state it.
+    output
+        What the command does with the result.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        place: Place = "",
+        *,
+        example: str = "",
+        fixed: Mapping[str, Any] = NOTHING,
+        options: Sequence[str] = (),
+        variants: Mapping[str, str] = NOTHING,
+        flags: str = "",
+        saving: str = "",
+        sealed: bool = False,
+        output: Output = PRINTED,
+    ) -> None:
+        words = f"\b\nExample:\n  virtual-lab {example}" if example else None
+        super().__init__(name, callback=self._run, epilog=words)
+        self.example, self.sealed = example, sealed
+        del self.params, self.help  # made when they are asked for, see __getattr__
+        self.place, self.fixed, self.options = place or name.replace("-", "_"), fixed, options
+        self.variants, self.flags, self.saving, self.output = variants, flags, saving, output
+
+    def __getattr__(self, name: str) -> Any:
+        """Make options or help at their first use; another command needs none of them."""
+        if name == "help":
+            self.help = for_shell(_description(self.place).words)
+        elif name == "params":
+            self.params = [
+                *(_parameter(each, self.options) for each in self.parameters.values()),
+                *(_flag(self.flags, value) for value in self._flags.values()),
+                *self.output.options(),
+                self._config(),
+            ]
+        else:
+            raise AttributeError(name)
+        return vars(self)[name]
+
+    def get_short_help_str(self, limit: int = 45) -> str:
+        """Return the first line of the docstring."""
+        return for_shell(first_line(*_place(self.place)))
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write a table of the arguments before that of the options."""
+        rows = [
+            (each.make_metavar(ctx), in_help(self.parameters[str(each.name)]))
+            for each in self.params
+            if isinstance(each, click.Argument)
+        ]
+        if rows:
+            with formatter.section("Arguments"):
+                formatter.write_dl(rows)
+        super().format_options(ctx, formatter)
+
+    @cached_property
+    def parameters(self) -> dict[str, ParameterDescription]:
+        """The parameters that are arguments or options, by their names in Python."""
+        left_out = (*HIDDEN, self.output.into, *self.fixed)
+        every = dict(_description(self.place).parameters)
+        for variant, function in self.variants.items():
+            every[variant] = _of_variant(variant, _description(function))
+        every |= self._saving
+        return {key: each for key, each in every.items() if key not in left_out}
+
+    @cached_property
+    def _saving(self) -> Mapping[str, ParameterDescription]:
+        """The parameters of the method that saves the result."""
+        if not self.saving:
+            return {}
+        module, _ = api.PLACES[self.saving.split(".")[0]]
+        every = described(module, self.saving).parameters
+        return {key: each for key, each in every.items() if key not in ("self", "folder")}
+
+    @cached_property
+    def _flags(self) -> dict[str, str]:
+        """The values that are flags, by the flag's name."""
+        each = self.parameters.get(self.flags)
+        values = each.rule.complete() if each else ()
+        return {v.replace("-", "_"): v for v in values if each and v != each.default}
+
+    def _run(self, **values: Any) -> int:
+        """Call the function with what the user gave, and write its result."""
+        context = click.get_current_context()
+        asked = {
+            key: value
+            for key, value in values.items()
+            if key in self.parameters and context.get_parameter_source(key) in GIVEN
+        }
+        flags = [value for key, value in self._flags.items() if values[key]]
+        if len(flags) > 1:
+            usage(f"{' and '.join(f'--{each}' for each in flags)} exclude each other")
+        if flags:
+            asked[self.flags] = flags[0]
+        place = self.place
+        for variant in [key for key in self.variants if asked.get(key)][-1:]:
+            place = self.variants[variant]
+            asked = _for_variant(variant, place, asked, self.parameters)
+        how = {key: asked.pop(key) for key in self._saving if key in asked}
+        _check_saving(how)
+        settings = settings_text(str(self.name), asked | how, sealed=self.sealed)
+
+        def call(progress: Progress, **more: Any) -> Any:
+            function = getattr(api, place) if isinstance(place, str) else public(place[1], place)
+            if "progress" in _description(place).parameters:
+                more["progress"] = progress
+            result = function(**self.fixed, **asked, **more)
+            return replace(result, settings=settings, **how) if self.saving else result
+
+        defaults = {key: each.default for key, each in self.parameters.items()}
+        shared = {key: value for key, value in values.items() if key in OUTPUT}
+        return self.output.written(call, asked, defaults, settings=settings, **shared)
+
+    def _config(self) -> click.Option:
+        """Return the option of a file with values for the others."""
+
+        def load(context: click.Context, _param: click.Parameter, path: Path | None) -> None:
+            if path is not None:
+                context.default_map = settings_in(path, str(self.name), self.parameters)
+
+        return click.Option(
+            ["--config"],
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            is_eager=True,
+            expose_value=False,
+            callback=load,
+            help="A .toml file with values for these options, by the names of their parameters in "
+            "Python. An option that is given here comes before it.",
+        )
+
+
+def _place(place: Place) -> tuple[str, str]:
+    """Return module and name of a function."""
+    return api.PLACES[place] if isinstance(place, str) else place
+
+
+def _description(place: Place) -> Description:
+    return described(*_place(place))
+
+
+def _parameter(each: ParameterDescription, options: Sequence[str]) -> click.Parameter:
+    """Return the argument or option of a parameter."""
+    rule = each.rule.several or each.rule
+    required = each.default is REQUIRED
+    if not each.keyword and each.name not in options:
+        nargs = -1 if each.rule.several else 1
+        return click.Argument([each.name], type=RuleType(rule), nargs=nargs, required=required)
+    name = each.name.removesuffix("s") if each.rule.several else each.name
+    form, words = f"--{name.replace('_', '-')}", in_help(each)
+    if rule.flag:
+        forms = f"{form}/--no-{form.removeprefix('--')}"
+        return Flag([forms, each.name], default=bool(each.default), help=words)
+    return click.Option(
+        [form, each.name],
+        type=RuleType(rule),
+        multiple=each.rule.several is not None,
+        required=required,
+        help=words,
+    )
+
+
+def _of_variant(name: str, description: Description) -> ParameterDescription:
+    """Return the option that calls another function: a flag, or the value of its parameter."""
+    own = description.parameters.get(name)
+    if own is not None:
+        return replace(own, default=None, words=f"{description.words.splitlines()[0]} {own.words}")
+    words = description.words.splitlines()[0]
+    return ParameterDescription(
+        name=name,
+        annotation="bool",
+        rule=FLAG,
+        optional=False,
+        default=False,
+        keyword=True,
+        words=words,
+    )
+
+
+def _for_variant(
+    variant: str,
+    called: str,
+    asked: Mapping[str, Any],
+    parameters: Mapping[str, ParameterDescription],
+) -> dict[str, Any]:
+    """Return the arguments of the function of a variant; refuse those that it does not take."""
+    takes = _description(called).parameters
+    foreign = [key for key in parameters if key not in takes and key != variant]
+    if any(key in asked for key in foreign):
+        forms = ", ".join(f"--{key.replace('_', '-')}" for key in foreign)
+        usage(f"--{variant.replace('_', '-')} goes with none of {forms}")
+    return {key: value for key, value in asked.items() if key in takes}
+
+
+def _flag(name: str, value: str) -> click.Option:
+    """Return the flag that stands for a value of an option."""
+    words = f"Short for --{name.replace('_', '-')} {value}."
+    return click.Option([f"--{value}", value.replace("-", "_")], is_flag=True, help=words)
+
+
+def _check_saving(how: Mapping[str, Any]) -> None:
+    """Refuse options for saving a certificate that cannot be met, before the test."""
+    if how.get("pdf"):
+        from virtual_lab.certificate.pdf import require_pdf
+
+        require_pdf(how.get("paper", "a4"))
+    if how.get("sign"):
+        from virtual_lab.certificate.signing import require_key
+
+        require_key(how["sign"], private=True)
+
+
+def settings_in(
+    path: Path, name: str, parameters: Mapping[str, ParameterDescription]
+) -> dict[str, Any]:
+    """Return the values in a file of settings; `InputError` names the file and the key."""
+    from virtual_lab.files import parse_toml, read_text
+
+    settings = parse_toml(read_text(path), str(path))
+    for key, value in settings.items():
+        if key not in parameters:
+            allowed = f"unknown key, {nearest(key, parameters)}keys of {name}: "
+            raise InputError(str(path), key, None, allowed + ", ".join(parameters))
+        rule = parameters[key].rule
+        try:
+            if key != LABORATORY:  # a text NAME=FILE in a file, a sheet in Python
+                rule.read(value)
+        except (TypeError, ValueError, OverflowError) as fault:
+            raise InputError(str(path), key, value, advice(rule, value)) from fault
+        if rule.several and not isinstance(value, list):
+            settings[key] = [value]
+    return settings
+
+
+def in_help(each: ParameterDescription) -> str:
+    """Return the help of a parameter: its sentences for both doors, its choices and default."""
+    words = for_shell(each.words.split("\n\n")[0])
+    if each.rule.several and each.keyword:
+        words = f"{words} May be given several times."
+    if not each.keyword and each.rule.metavar.startswith("["):
+        words = f"{words}  {each.rule.metavar}"
+    if each.rule.flag or each.default in (REQUIRED, None, (), ""):
+        return words
+    values = each.default if isinstance(each.default, tuple) else (each.default,)
+    return f"{words}  [default: {', '.join(map(str, values))}]"
+
+
+def for_shell(words: str) -> str:
+    """Return a sentence of a docstring as the help shows it."""
+    return re.sub(r"``(.*?)``|`~?(.*?)`", lambda found: found[1] or found[2], words)
