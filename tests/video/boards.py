@@ -1,4 +1,4 @@
-"""Boards before a known lens: corners with noise of a known size, and rendered pictures."""
+"""Views of boards by a camera with a known lens: noisy corners, and rendered pictures."""
 
 from dataclasses import replace
 
@@ -22,12 +22,12 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 def camera_with(seed: int) -> Camera:
-    """Return a camera of the catalog, its lens drawn."""
+    """Return a camera of the catalog with a randomly drawn lens."""
     return camera_of(spec_of("camera-overhead"), Streams(seed))
 
 
 def small_camera(seed: int) -> Camera:
-    """Return one of a quarter of the pixels, twice as large: its pictures are quickly made."""
+    """Return a camera with a quarter of the pixels, each twice as large, which renders quickly."""
     spec = spec_of("camera-overhead", window=64)
     sensor = replace(spec.sensor, columns=640, rows=400, pixel=2 * spec.sensor.pixel)
     lens = replace(spec.lens, blur=2 * spec.lens.blur)
@@ -37,7 +37,7 @@ def small_camera(seed: int) -> Camera:
 def corners_seen(
     lens: TrueLens, board: Board, views: int, seed: int, noise: float, lean: float = 0.6
 ) -> list[BoardView]:
-    """Return corners as the lens draws them with Gaussian noise, the first view flat."""
+    """Return the corners in each view as the lens draws them, plus noise; view 0 is flat."""
     draws, seen = Streams(seed), []
     turns, off = draws.uniform("turns", (views, 3)), draws.uniform("off", (views, 3))
     for view in range(views):
@@ -51,13 +51,13 @@ def corners_seen(
 
 
 def pictures_of(camera: Camera, board: Board, views: int, seed: int) -> list[tuple[str, Array]]:
-    """Return rendered pictures, named by their numbers."""
+    """Return rendered pictures of the board with their names, which are numbers."""
     rendered = board_views(camera, board, views, Streams(seed), "board")
     return [(f"{number}.png", picture) for number, (picture, _) in enumerate(rendered)]
 
 
 def true_model(lens: TrueLens, found: CameraModel) -> CameraModel:
-    """Return the model a perfect calibration would find, axes from under the camera."""
+    """Return the model of a perfect calibration. Its axes start at the point under the camera."""
     shift = lens.seen([*lens.place[:2], 0.0])
     turn = cv2.Rodrigues(lens.rotation @ DOWN)[0].ravel()
     return replace(

@@ -1,4 +1,4 @@
-"""Regions of plain balls from the exact spectrum, with noise of a stated signal-to-noise ratio."""
+"""Regions of plain balls from the exact spectrum, with a stated signal-to-noise ratio."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -14,13 +14,13 @@ __all__ = ["Balls", "balls", "located", "noise_of"]
 
 BACKGROUND, HEADING = 40.0, 0.3
 FIELD = 256
-CONTRAST = {96: 150.0, 27: 100.0, 5: 40.0}  # DN, by the ratio on the edge
+CONTRAST = {96: 150.0, 27: 100.0, 5: 40.0}  # contrast [DN] by the signal-to-noise ratio at the edge
 cached = cache(disc)
 
 
 @dataclass(frozen=True)
 class Balls:
-    """Regions with what is true of them; balls (phase x repeat) one after another."""
+    """Regions with the true positions of their balls, ordered by (phase, repeat)."""
 
     regions: Floats
     x: Floats
@@ -31,19 +31,19 @@ class Balls:
     repeats: int
 
     def start(self, off: float = 0.5, seed: int = 7) -> Located:
-        """Return starts that are off by up to `off` pixels each way, the radius by 1 %."""
+        """Return starts with errors of up to `off` pixels in x and y, and of 1 % in the radius."""
         random = np.random.default_rng(seed)
         away = random.uniform(-off, off, (2, self.x.size))
         return located(self.x + away[0], self.y + away[1], 1.01 * self.radius, self.blur)
 
 
 def located(x: Floats, y: Floats, radius: float, blur: tuple[float, float] = (0, 0)) -> Located:
-    """Return starts of a fit."""
+    """Return the start of a fit for each position."""
     return Located.start(np.stack([x, y], axis=1), radius, np.array(blur))
 
 
 def noise_of(snr: int) -> Noise:
-    """Return a noise of that ratio halfway up the edge, a fifth of it from the dark."""
+    """Return the noise with this ratio halfway up the edge; a fifth of the variance is dark."""
     middle = (CONTRAST[snr] / snr) ** 2
     return Noise(gain=0.8 * middle / (BACKGROUND + CONTRAST[snr] / 2), read=0.2 * middle)
 
@@ -60,7 +60,10 @@ def balls(
     seed: int = 1,
     noisy: bool = True,
 ) -> Balls:
-    """Return balls at phases of a pixel, each with fresh noise; slope [DN/pixel] along x."""
+    """Return balls at several phases of a pixel, each repeat with fresh noise.
+
+    `slope` is that of the background along x [DN/pixel].
+    """
     noise = noise_of(snr)
     size = int(2 * radius + blur + 28)
     way = (blur * cos(HEADING), blur * sin(HEADING))

@@ -1,4 +1,4 @@
-"""Clips of a plain ball, rendered by area and not by anything that is under test."""
+"""Clips of a plain ball, rendered by exact areas. They share no code with the tracker."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-ROWS = 24  # chords a pixel: the area of a disc to 1e-4 of a pixel
+ROWS = 24  # chords per pixel, which give the area of a disc to 1e-4 of a pixel
 
 
 def disc(shape: tuple[int, int], x: float, y: float, radius: float) -> Array:
-    """Return each pixel's share of a disc: chords of many thin rows, cut exactly by the pixels."""
+    """Return each pixel's share of a disc, from chords of thin rows that the pixels cut exactly."""
     rows, columns = shape
     across = (np.arange(rows * ROWS) + 0.5) / ROWS - 0.5 - y
     half = np.sqrt(np.maximum(0.0, radius**2 - across**2))[:, None]
@@ -30,7 +30,7 @@ def matte(
     blur: tuple[float, float] = (0, 0),
     lens: float = 0.7,
 ) -> Array:
-    """Return the share of a ball seen through a lens while it moves by `blur` pixels."""
+    """Return each pixel's share of a blurred ball that moves by `blur` pixels in the exposure."""
     left, top = int(x - radius - 12 - abs(blur[0])), int(y - radius - 12 - abs(blur[1]))
     right, bottom = int(x + radius + 14 + abs(blur[0])), int(y + radius + 14 + abs(blur[1]))
     small = (bottom - top, right - left)
@@ -50,20 +50,20 @@ def matte(
 
 @dataclass(frozen=True, kw_only=True)
 class Film:
-    """A ball that flies in, is struck at time 0 and flies off, in pixels and frames."""
+    """A ball that flies in, is struck at time 0 and flies off. Units are pixels and frames."""
 
     shape: tuple[int, int] = (200, 320)
     radius: float = 14.0
     contact: tuple[float, float] = (230.0, 100.0)
-    velocity_in: tuple[float, float] = (9.3, 1.1)  # pixels a frame
+    velocity_in: tuple[float, float] = (9.3, 1.1)  # pixels per frame
     velocity_out: tuple[float, float] = (-5.2, 1.7)
-    before: float = 18.4  # frames from the first to the contact
+    before: float = 18.4  # frames from the first frame to the contact
     count: int = 44
-    shutter: float = 0.1  # of a frame
-    gravity: tuple[float, float] = (0.0, 0.0)  # pixels a frame squared
-    light: float = 180.0  # of the ball
-    dark: float = 40.0  # of what is behind it
-    slope: float = 30.0  # of that, from left to right
+    shutter: float = 0.1  # share of a frame
+    gravity: tuple[float, float] = (0.0, 0.0)  # pixels per frame squared
+    light: float = 180.0  # grey value of the ball
+    dark: float = 40.0  # grey value of the background at its left side
+    slope: float = 30.0  # increase of the background from left to right
     noise: float = 1.5
     seed: int = 1
     bat: bool = False
@@ -74,7 +74,7 @@ class Film:
         return np.arange(self.count) - self.before
 
     def places(self) -> tuple[Array, ...]:
-        """Return the true centres."""
+        """Return x and y of the true centres, by frame."""
         t = self.t
         before = t < 0
         return tuple(
@@ -85,7 +85,7 @@ class Film:
         )
 
     def frames(self, full: float = 255.0) -> Iterator[NDArray[np.generic]]:
-        """Yield the frames, 8 bits, or 16 where `full` is beyond them."""
+        """Yield the frames as 8-bit pictures, or as 16-bit pictures if `full` is above 255."""
         rng = np.random.default_rng(self.seed)
         behind = self.dark + self.slope * np.linspace(0, 1, self.shape[1])
         depth = np.uint8 if full <= 255 else np.uint16
@@ -93,7 +93,7 @@ class Film:
             velocity = self.velocity_in if t < 0 else self.velocity_out
             blur = (self.shutter * velocity[0], self.shutter * velocity[1])
             scene = np.broadcast_to(behind, self.shape).copy()
-            if self.bat:  # a dark bar that recoils and swings
+            if self.bat:  # dark bar that recoils and swings
                 place = self.contact[0] + self.radius + 3 + max(0.0, 1.5 * t)
                 columns = np.arange(self.shape[1]) - 0.02 * max(0.0, t) * 10
                 scene[:, (columns > place) & (columns < place + 26)] = 90.0
@@ -104,7 +104,7 @@ class Film:
 
 
 def write_video(path: Path, frames: list[NDArray[np.generic]], rate: float) -> Path:
-    """Write frames without loss (FFV1), grey of 8 or 16 bits or colour."""
+    """Write frames without loss (FFV1), in grey of 8 or 16 bits or in colour."""
     rows, columns = frames[0].shape[:2]
     options = [cv2.VIDEOWRITER_PROP_IS_COLOR, int(frames[0].ndim == 3)]
     if frames[0].dtype == np.uint16:

@@ -1,4 +1,4 @@
-"""Regions of stitched balls as a camera draws them, under three lights, truth and noise known."""
+"""Regions of stitched balls under three lights, with known truth and noise."""
 
 from dataclasses import dataclass
 
@@ -18,12 +18,12 @@ LENS, HEADING = 0.7, 0.3
 
 
 def toward(*way: float) -> tuple[float, float, float]:
-    """Return a unit vector to a lamp."""
+    """Return the unit vector toward a lamp."""
     x, y, z = np.array(way) / np.linalg.norm(way)
     return float(x), float(y), float(z)
 
 
-# light, grey value behind the ball, and of a white surface that squarely faces the lamp
+# light, grey value of the background, and grey value of a white surface that faces the lamp
 LIGHTS = {
     "soft": (Light(ambient=0.6, toward=toward(0, -0.3, -1), softness=0.6), 40.0, 215.0),
     "back": (Light(), 155.0, 4.0),
@@ -33,7 +33,7 @@ LIGHTS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """Balls that lie anyhow, one a region."""
+    """Balls in random orientations, one per region."""
 
     regions: Array
     x: Array
@@ -44,11 +44,11 @@ class Scene:
 
     @property
     def corners(self) -> Array:
-        """Return the corners of regions that are frames."""
+        """Return the corners of the regions in the frame, here all zero."""
         return np.zeros((len(self.x), 2))
 
     def start(self, off: float = 0.5, seed: int = 7) -> Located:
-        """Return starts that are off by up to `off` pixels each way, the radius by 0.5 %."""
+        """Return starts with errors of up to `off` pixels in x and y, and 0.5 % in the radius."""
         away = np.random.default_rng(seed).uniform(-off, off, (2, self.x.size))
         return located(self.x + away[0], self.y + away[1], 1.005 * self.radius, self.blur)
 
@@ -64,9 +64,9 @@ def scene(
     seed: int = 11,
     stretch: float = 1.0,
 ) -> Scene:
-    """Return balls before an even background, at an SNR of a step of 150 DN.
+    """Return balls before an even background. `snr` is that of a step of 150 DN.
 
-    `stretch`: outlines are ellipses, longer by this along a way 30 degrees off x.
+    `stretch`: ratio of the axes of elliptic outlines, the longer axis 30 degrees from x.
     """
     lamp, behind, white = LIGHTS[light]
     random = np.random.default_rng(seed)

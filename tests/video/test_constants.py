@@ -1,4 +1,4 @@
-"""Tuning constants of video, counted: what a new one buys must be worth a number more."""
+"""The number of tuning constants in video is limited: a new constant must be worth its place."""
 
 import ast
 from collections.abc import Iterator

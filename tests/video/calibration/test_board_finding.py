@@ -1,4 +1,4 @@
-"""Boards that OpenCV drew, laid into a picture by a known homography: no renderer of ours."""
+"""Boards drawn by OpenCV and placed in a picture by a known homography, without our renderer."""
 
 import cv2
 import numpy as np
@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from virtual_lab.relations.board import board_of
 from virtual_lab.video.calibration.board_finding import BoardView, find_board
 
-SQUARE = 160  # pixels of the drawing
+SQUARE = 160  # pixels of the drawing per square
 LAID = np.array([[0.24, 0.03, 60.0], [-0.02, 0.26, 70.0], [2e-5, 3e-5, 1.0]])
 SIZE = (680, 480)
 
 
 def drawn(columns: int, rows: int, marker: float, *, legacy: bool = False) -> NDArray[np.uint8]:
-    """Return a picture of a board by OpenCV, squares of some 38 pixels, blurred by 0.7 pixels."""
+    """Return OpenCV's picture of a board with squares of about 38 pixels, blurred by 0.7 pixels."""
     words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_1000)
     board = cv2.aruco.CharucoBoard((columns, rows), 1.0, marker, words)
     board.setLegacyPattern(legacy)
@@ -26,7 +26,7 @@ def drawn(columns: int, rows: int, marker: float, *, legacy: bool = False) -> ND
 
 
 def true_places(columns: int, rows: int) -> NDArray[np.float64]:
-    """Return where the inner corners went, row by row; a square's edge is half a pixel before."""
+    """Return the inner corners in the picture, row by row."""
     x, y = np.meshgrid(np.arange(1, columns), np.arange(1, rows))
     flat = np.stack([x.ravel(), y.ravel()], axis=1) * SQUARE - 0.5
     return cv2.perspectiveTransform(flat[None].astype(float), LAID)[0]
@@ -39,7 +39,7 @@ def off(seen: BoardView | None, columns: int, rows: int) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("legacy", [False, True])
 def test_a_board_of_opencvs_is_found_where_it_lies(legacy: bool) -> None:
-    """Of an even number of rows, with a black first square or, as before 4.6, a white one."""
+    """The board has an even number of rows; its first square is black or, as before 4.6, white."""
     seen = find_board(drawn(14, 8, 0.72, legacy=legacy), board_of("charuco:14x8:40mm:28.8mm"))
     error = off(seen, 14, 8)
     assert len(error) == 91
@@ -48,7 +48,7 @@ def test_a_board_of_opencvs_is_found_where_it_lies(legacy: bool) -> None:
 
 
 def test_part_of_a_board_in_uneven_light_and_jpeg() -> None:
-    """The right of the board cut off, half as bright at one end, compressed, 8 bits, noise."""
+    """The board's right side is cut off, light falls by half, and the picture is a noisy JPEG."""
     picture = drawn(14, 9, 0.72)[:, :400]
     light = np.linspace(1.0, 0.5, 400)
     noise = np.random.default_rng(3).normal(0, 2, picture.shape)
@@ -61,7 +61,7 @@ def test_part_of_a_board_in_uneven_light_and_jpeg() -> None:
 
 
 def test_another_board_is_none() -> None:
-    """More squares than there are, another dictionary's markers, no markers asked for."""
+    """A board with more squares, another dictionary, or no markers is not taken for this one."""
     picture = drawn(9, 6, 0.72)
     assert find_board(picture, board_of("charuco:9x6:1m:0.72m:6X6_50")) is None
     assert find_board(picture, board_of("chessboard:10x6:1m")) is None

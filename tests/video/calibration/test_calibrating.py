@@ -37,7 +37,7 @@ from virtual_lab.video.show.calibration import calibration_toml
 
 BOARD = board_of("charuco:14x9:40mm:30mm")
 SMALL = board_of("charuco:9x6:60mm:44mm")
-NOISE = 0.01  # pixels
+NOISE = 0.01  # standard deviation of a corner [pixels]
 
 
 def plan_of(board: Board = BOARD, height: float = 0.0, **known: Any) -> Plan:
@@ -47,7 +47,7 @@ def plan_of(board: Board = BOARD, height: float = 0.0, **known: Any) -> Plan:
 def calibrated(
     monkeypatch: pytest.MonkeyPatch, seen: list[BoardView], plan: Plan | None = None
 ) -> Calibrated:
-    """Return the calibration of corners that need not be looked for."""
+    """Return the calibration from these corners; no picture is searched."""
     waiting: Iterator[BoardView] = iter(seen)
     monkeypatch.setattr(calibrating, "find_board", lambda *_: next(waiting))
     names = (f"{number}.png" for number in range(len(seen)))
@@ -57,7 +57,7 @@ def calibrated(
 
 @pytest.mark.parametrize("name", ["charuco:14x9:40mm:30mm", "chessboard:14x9:40mm"])
 def test_corners_are_placed_well_below_a_pixel(name: str) -> None:
-    """104 corners, to a thirtieth of a pixel and without a common shift."""
+    """The 104 corners are right within a thirtieth of a pixel (rms), without a common shift."""
     cv2.setNumThreads(1)
     board, camera = board_of(name), camera_with(1)
     picture, corners = next(board_views(camera, board, 1, Streams(2), "views"))
@@ -65,7 +65,7 @@ def test_corners_are_placed_well_below_a_pixel(name: str) -> None:
     assert seen is not None
     assert len(seen.ids) == 104
     true = camera.lens.drawn(camera.lens.seen(corners))
-    # a bare chessboard does not tell which of its ends is the first
+    # nearest corners, because a bare chessboard does not show which of its ends is the first
     order = np.linalg.norm(true[None] - seen.places[:, None], axis=2).argmin(axis=1)
     assert not board.marker or np.array_equal(order, seen.ids)
     off = seen.places - true[order]
@@ -75,7 +75,7 @@ def test_corners_are_placed_well_below_a_pixel(name: str) -> None:
 
 
 def test_errors_are_as_large_as_stated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """40 lenses, corners with Gaussian noise: every z-score has variance 1 within 4 of its sd."""
+    """For 40 lenses and Gaussian noise, each z-score has variance 1 within 4 standard errors."""
     scores, errors = [], []
     for seed in range(40):
         lens = camera_with(seed).lens
@@ -108,11 +108,11 @@ def test_errors_are_as_large_as_stated(monkeypatch: pytest.MonkeyPatch) -> None:
     squares = np.mean(np.square(scores), axis=0)
     bound = 4 * np.sqrt(2 / 40)
     assert np.all(np.abs(squares - 1) < bound), squares
-    assert np.sqrt(np.mean(np.square(errors))) < 1.5e-5  # .001 % of a length
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5e-5  # 0.0015 % of a length
 
 
 def test_rendered_pictures_lead_to_the_lens() -> None:
-    """Pictures to file to places: within five stated u, the scale to .02 %."""
+    """Rendered pictures give the lens within 5 stated u, and lengths within 0.02 %."""
     cv2.setNumThreads(1)
     camera = small_camera(4)
     found = calibrate_camera(pictures_of(camera, SMALL, 6, 5), plan_of(board=SMALL))
@@ -128,7 +128,7 @@ def test_rendered_pictures_lead_to_the_lens() -> None:
 
 
 def test_track_reads_what_calibrate_writes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Points of a plane 30 mm over the board, drawn by the true lens, come back where they were."""
+    """The true lens draws points 30 mm above the board; the calibration file gives them back."""
     lens = camera_with(7).lens
     plan = plan_of(board=BOARD, square_u=2e-6, height=0.03, height_u=0.001)
     found = calibrated(monkeypatch, corners_seen(lens, BOARD, 8, 8, 1e-4), plan)
@@ -141,7 +141,7 @@ def test_track_reads_what_calibrate_writes(monkeypatch: pytest.MonkeyPatch, tmp_
     ends[:, :2] += lens.place[:2]
     x, y = lens.drawn(lens.seen(ends)).T
     plane = plane_of(located(x, y), known, "clip")
-    off = plane.places * [1, -1] - (ends - lens.place)[:, :2]  # the file's Y is down
+    off = plane.places * [1, -1] - (ends - lens.place)[:, :2]  # sign of Y: down in the file
     np.testing.assert_allclose(off, 0, atol=2e-6)
     above = lens.place[2] - 0.03
     own = np.hypot(found.length_u.max(), 2e-6 / 0.04)
@@ -164,7 +164,7 @@ def test_views_that_tell_too_little(seen, words: str, monkeypatch: pytest.Monkey
 
 
 def test_a_view_that_does_not_fit_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A bent board in one picture; single corners far off are left out and counted."""
+    """Single wild corners are left out and counted, and a picture of a bent board is named."""
     lens = camera_with(1).lens
     seen = corners_seen(lens, BOARD, 7, 1, NOISE)
     wild = seen[1].places.copy()
@@ -183,7 +183,7 @@ def test_a_view_that_does_not_fit_is_named(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_wide_lens_keeps_its_sixth_power(monkeypatch: pytest.MonkeyPatch) -> None:
-    """k3 is fitted where it shows, and left out where it does not."""
+    """The coefficient k3 is fitted if the corners show it, and is 0 otherwise."""
     lens = replace(camera_with(1).lens, focal=900.0, distortion=np.array([-0.2, 0.1, 0, 0, -0.15]))
     lens = replace(lens, place=lens.place * [1, 1, 0.45])
     wide = calibrated(monkeypatch, corners_seen(lens, BOARD, 8, 3, NOISE, lean=0.4))
@@ -196,7 +196,7 @@ def test_a_wide_lens_keeps_its_sixth_power(monkeypatch: pytest.MonkeyPatch) -> N
 def test_axes_run_with_the_picture_however_the_board_lies(
     turns: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """X to the right and Y down, whichever corner of the board is its first."""
+    """X points to the right and Y down, whichever corner of the board is the first."""
     lens = camera_with(1).lens
     board = board_of("chessboard:11x11:40mm")
     seen = corners_seen(lens, board, 6, 3, 1e-4)
@@ -208,7 +208,7 @@ def test_axes_run_with_the_picture_however_the_board_lies(
 
 
 def test_pictures_that_do_not_belong_together(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures told apart by their grey level, the brightest without a board."""
+    """Each picture has its own grey level; the brightest one shows no board."""
     seen = corners_seen(camera_with(1).lens, BOARD, 6, 1, NOISE)
     monkeypatch.setattr(
         calibrating, "find_board", lambda picture, _: [*seen, None][int(picture[0, 0])]
@@ -221,7 +221,7 @@ def test_pictures_that_do_not_belong_together(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(InputError, match=r"6\.png: plane view; no board"):
         calibrate_camera(
             pictures[::-1], plan_of(board=BOARD)
-        )  # the first one given is meant, if none is named
+        )  # plane view by default: the first picture
     with pytest.raises(InputError, match=r"--height = '9 m'; the camera itself is"):
         calibrate_camera(pictures, plan_of(board=BOARD, height=9.0))
     with pytest.raises(InputError, match=r"--plane = 'flat.png'; allowed: in/0\.png"):

@@ -1,4 +1,4 @@
-"""Pixels to metres, against OpenCV's own projection the other way."""
+"""Conversion of pixels to metres, compared with OpenCV's projection from metres to pixels."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def test_a_calibrated_camera_seen_at_a_slant() -> None:
 
 
 def test_a_spheres_outline_lies_farther_out_than_its_centre() -> None:
-    """The mean of the outline of a sphere, drawn ray by ray, is told back to its centre."""
+    """The outline of a sphere, drawn ray by ray, is corrected to the sphere's centre."""
     straight = CameraModel(
         image_size=(1280, 800),
         matrix=((1800.0, 0.0, 640.0), (0.0, 1800.0, 400.0), (0.0, 0.0, 1.0)),
@@ -93,7 +93,7 @@ def test_the_ball_sets_the_scale_where_nothing_else_does() -> None:
 
 
 def test_how_large_a_ball_looks_across_the_picture() -> None:
-    """Spheres of one size in the plane, their cones of rays drawn by OpenCV: areas to 2e-4."""
+    """Outlines of equal spheres in the plane, projected by OpenCV, give the sizes within 2e-4."""
     rotation = cv2.Rodrigues(np.array(CAMERA.rotation))[0]
     shift = np.array(CAMERA.translation_m)
     world = np.array([[x, y, 0.03] for x in (-0.5, -0.2, 0.1, 0.4) for y in (-0.25, 0.0, 0.25)])

@@ -1,4 +1,4 @@
-"""Whole clips of every container are read with their true times; one that was cut short is said."""
+"""Whole clips in every container give their true times; a clip that was cut short is refused."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,7 +21,7 @@ from virtual_lab.video.clips.timing import frame_times
 
 Stamps = NDArray[np.float64]
 ANY = ClipCalibration(metres_per_pixel=1e-3)
-CLOCK = 6000  # ticks a second
+CLOCK = 6000  # ticks per second
 COUNT = 30
 EVEN = np.arange(COUNT) / 60
 CHANGING = np.cumsum(np.repeat([1 / 60, 1 / 40], COUNT // 2)) - 1 / 60
@@ -37,7 +37,10 @@ def write(
     colours: str = "yuv420p",
     **options: str,
 ) -> Path:
-    """Write frames of a brightness of their own, `sound` seconds of silence; some are hidden."""
+    """Write frames, each with its own brightness, and `sound` seconds of silence.
+
+    The first `hidden` frames have time stamps before 0.
+    """
     with av.open(str(path), "w", options=options) as file:
         stream = file.add_stream(codec, Fraction(60))
         stream.width, stream.height, stream.pix_fmt = 64, 48, colours
@@ -62,12 +65,12 @@ def write(
 
 
 def numbers_of(clip: Clip) -> list[int]:
-    """Return the numbers of the frames of a clip, read from their brightness."""
+    """Return the numbers of a clip's frames, read from their brightness."""
     return [round(float(picture.mean()) / 8) for picture in clip.pictures()]
 
 
 def trimmed(at: Path) -> Path:
-    """Write a clip whose first 12 frames an edit list hides, as a phone's trim leaves it."""
+    """Write a clip whose first 12 frames are hidden by an edit list, as a phone's trim does."""
     silent = {"avoid_negative_ts": "disabled"}
     return write(at / "a.mp4", EVEN, "libx264", hidden=12, **silent)
 
@@ -80,7 +83,7 @@ WHOLE: dict[str, tuple[Callable[[Path], Path], Stamps]] = {
     "changing rate, MP4": (lambda at: write(at / "a.mp4", CHANGING, "libx264"), CHANGING),
     "changing rate, TS": (lambda at: write(at / "a.ts", CHANGING, "libx264"), CHANGING),
     "changing rate, FLV": (lambda at: write(at / "a.flv", CHANGING, "libx264"), CHANGING),
-    # its container fills the time between frames with empty ones
+    # container that fills the time between frames with empty frames
     "skipping AVI": (lambda at: write(at / "a.avi", 2 * EVEN, "mpeg4"), 2 * EVEN),
     "fragments": (lambda at: write(at / "a.mp4", EVEN, "libx264", movflags="frag_keyframe"), EVEN),
     "APNG": (lambda at: write(at / "a.apng", EVEN, "apng", colours="rgb24"), EVEN),
@@ -93,7 +96,7 @@ WHOLE: dict[str, tuple[Callable[[Path], Path], Stamps]] = {
 def test_whole_clips_are_read_with_their_times(
     kind: str, most_bytes: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also where they do not stay in memory, and the container counts frames that are not there."""
+    """Times are right in memory or not, and if the container counts frames that it lacks."""
     monkeypatch.setattr(
         "virtual_lab.video.clips.clip.MEMORY",
         replace(MEMORY, most_bytes=most_bytes, samples=9, least_samples=9),
@@ -129,7 +132,7 @@ def test_a_clip_that_was_cut_short_is_said(kind: str, tmp_path: Path) -> None:
 
 
 def test_rounded_time_stamps_of_an_even_clip_leave_its_rate(tmp_path: Path) -> None:
-    """MKV stores 240 a second as 4 and 5 ms, and 4000 a second as four frames of one time."""
+    """MKV stores 240 frames per second as steps of 4 and 5 ms, and 4000 as four equal stamps."""
     for rate in (240, 4000):
         path, size = tmp_path / f"{rate}.mkv", (64, 48)
         writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"FFV1"), rate, size)
@@ -143,11 +146,11 @@ def test_rounded_time_stamps_of_an_even_clip_leave_its_rate(tmp_path: Path) -> N
     ("stamps", "times"),
     [
         ([0, 1, 2, 2, 4, 5], [0, 1, 2, 3, 4, 5]),
-        ([0, 1, 3, 3, 4, 5], [0, 1, 2, 3, 4, 5]),  # the earlier of two is wrong
+        ([0, 1, 3, 3, 4, 5], [0, 1, 2, 3, 4, 5]),  # stamp of the earlier of two equal ones is wrong
         ([0, 1, 3, 2, 4, 6], [0, 1, 2, 3, 4, 6]),
         ([0, 0, 2, 3, 4, 5], [0, 1, 2, 3, 4, 5]),
         ([0, 1, 2, 3, 4, 4], [0, 1, 2, 3, 4, 5]),
-        ([0, 1, 2, 7, 8, 8, 10], [0, 1, 2, 7, 8, 9, 10]),  # a gap stays
+        ([0, 1, 2, 7, 8, 8, 10], [0, 1, 2, 7, 8, 9, 10]),  # gap that stays
     ],
 )
 def test_a_repeated_time_stamp_spoils_its_frame_alone(stamps: list[int], times: list[int]) -> None:
@@ -191,17 +194,17 @@ def test_a_png_that_moves_is_a_clip(tmp_path: Path) -> None:
     "names",
     [
         ["shot-0011", "shot-0002", "shot-0001", "shot00000", "shot00001", "shot00010"],
-        ["cam1-10", "cam1-9", "cam10", "cam11", "cam110"],  # a name that ends in a digit
+        ["cam1-10", "cam1-9", "cam10", "cam11", "cam110"],  # name that ends in a digit
         ["s-2", "s-1", "s+0", "s+1", "s+10"],
-        ["shot_-10", "shot_-9"],  # all before the trigger
+        ["shot_-10", "shot_-9"],  # frames before the trigger only
         ["-10", "-9", "0", "7"],
-        ["shot-9", "shot-10", "shot-11"],  # a hyphen between words
+        ["shot-9", "shot-10", "shot-11"],  # hyphen between words
         ["2024-01-05-9", "2024-01-05-10"],
         ["shot9", "shot10"],
     ],
 )
 def test_a_sign_belongs_to_a_number(names: list[str], tmp_path: Path) -> None:
-    """Cameras number the pictures before a trigger from below 0."""
+    """Cameras give negative numbers to the pictures before a trigger."""
     (tmp_path / "a").mkdir()
     for number, name in enumerate(names):
         picture = np.full((8, 8), 20 * number, np.uint8)

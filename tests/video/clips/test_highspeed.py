@@ -16,7 +16,7 @@ from virtual_lab.video.clips.reading import open_source
 SHAPE = (24, 32)
 RNG = np.random.default_rng(4)
 FRAMES = [RNG.integers(0, 4000, SHAPE).astype(np.uint16) for _ in range(7)]
-SETUP = 84  # B, where the camera's setup begins
+SETUP = 84  # offset of the camera's setup [B]
 CIHX = """<cih><fileInfo><date>-</date></fileInfo>
 <deviceInfo><deviceName>-</deviceName></deviceInfo>
 <recordInfo><recordRate>{rate}</recordRate><shutterSpeed>0.0001</shutterSpeed></recordInfo>
@@ -31,7 +31,7 @@ CIHX = """<cih><fileInfo><date>-</date></fileInfo>
 def write_cine(
     path: Path, frames: list[NDArray[np.uint16]], rate: float, blocks: bytes = b""
 ) -> Path:
-    """Write grey of 12 bits in 16, bottom row first, as Phantom's format has it."""
+    """Write 12-bit grey in 16 bits, bottom row first, as in Phantom's format."""
     head = bytearray(11000 + len(blocks))
     head[11000:] = blocks
     offsets = len(head)
@@ -41,9 +41,9 @@ def write_cine(
     struct.pack_into("<III", head, 24, 44, SETUP, offsets)
     struct.pack_into("<IiiHHII", head, 44, 40, SHAPE[1], SHAPE[0], 1, 16, 0, size)
     struct.pack_into("<2sH", head, 224, b"ST", 11000 - SETUP)
-    struct.pack_into("<I", head, 980, 12)  # bits that are real
-    struct.pack_into("<I", head, 1652, 20_000)  # ns, the exposure
-    struct.pack_into("<f", head, 10472, 1.0)  # one frame of each is kept
+    struct.pack_into("<I", head, 980, 12)  # significant bits
+    struct.pack_into("<I", head, 1652, 20_000)  # exposure [ns]
+    struct.pack_into("<f", head, 10472, 1.0)  # divisor of the stored frames: every frame is kept
     struct.pack_into("<d", head, 10484, rate)
     step = 8 + size
     table = struct.pack(f"<{len(frames)}q", *(first + k * step for k in range(len(frames))))
@@ -78,8 +78,8 @@ def test_a_cine_file(tmp_path: Path) -> None:
 
 
 def test_time_stamps_and_exposure_of_a_cine_file(tmp_path: Path) -> None:
-    """Of 2^-32 s, since 1970: a double of that many seconds would be .2 us off."""
-    times = np.array([0, 1, 2, 4, 5, 6, 7]) / 12000  # one is missing
+    """Time stamps count 2^-32 s since 1970; the same time as a double would be wrong by 0.2 us."""
+    times = np.array([0, 1, 2, 4, 5, 6, 7]) / 12000  # times with one frame missing
     ticks = np.round((times + 0.25) * 2**32).astype("<u8") + (np.uint64(1_700_000_000) << 32)
     blocks = b"".join(
         struct.pack("<IHH", 8 + len(data), kind, 0) + data

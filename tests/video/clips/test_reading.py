@@ -1,4 +1,4 @@
-"""Clips of every kind come out as they went in; what is no clip is said in one line."""
+"""Clips of every kind are read without change; a file that is no clip is refused in one line."""
 
 import re
 import struct
@@ -31,7 +31,7 @@ def noise(count: int = 12, depth: type = np.uint8, shape: tuple[int, ...] = (40,
 
 def folder(path: Path, frames: Frames, kind: str = ".png") -> Path:
     path.mkdir()
-    for number, frame in enumerate(frames):  # no leading zeros: sorted as people count
+    for number, frame in enumerate(frames):  # numbers without leading zeros: sorted as people count
         cv2.imwrite(str(path / f"shot_{number}{kind}"), frame)
     return path
 
@@ -71,7 +71,7 @@ def test_frames_come_out_as_they_went_in(kind: str, depth: type, tmp_path: Path)
 def test_colour_becomes_grey(kind: str, tmp_path: Path) -> None:
     frames = noise(shape=(40, 64, 3))
     read = [grey_of(frame) for frame, _ in open_source(WRITERS[kind](tmp_path, frames)).pictures()]
-    grey = np.stack(frames) @ np.array([0.114, 0.587, 0.299])  # ITU-R BT.601, blue first
+    grey = np.stack(frames) @ np.array([0.114, 0.587, 0.299])  # weights of ITU-R BT.601, blue first
     np.testing.assert_allclose(np.stack(read), grey, atol=1.0)
 
 
@@ -192,7 +192,7 @@ def test_missing_time_stamps(tmp_path: Path) -> None:
 
 
 def test_a_container_that_is_not_to_be_trusted(tmp_path: Path) -> None:
-    """AVI at 10 kfps keeps 9 of 24; MKV has 1 ms steps; slow motion plays at 30."""
+    """AVI at 10 kfps keeps 9 of 24 frames, MKV has steps of 1 ms, and slow motion plays at 30."""
     frames = noise()
     assert "AVI loses" in " ".join(open_clip(WRITERS["avi"](tmp_path, frames), FAST).warnings)
     assert "1 ms" in " ".join(open_clip(WRITERS["mkv"](tmp_path, frames), FAST).warnings)
@@ -247,7 +247,7 @@ def test_keys_replace_the_files(tmp_path: Path) -> None:
 
 
 def test_motion_jpeg_shows_what_ffmpeg_shows(tmp_path: Path) -> None:
-    """With the same times; pictures that nobody asks for are not decoded, a broken one is said."""
+    """Frames and times agree with FFmpeg's; other frames are skipped, a broken one is named."""
     path, size = tmp_path / "a.avi", (64, 48)
     writer = cv2.VideoWriter(
         str(path), cv2.CAP_OPENCV_MJPEG, cv2.VideoWriter.fourcc(*"MJPG"), 50, size
@@ -276,7 +276,7 @@ def test_motion_jpeg_shows_what_ffmpeg_shows(tmp_path: Path) -> None:
 def test_a_clip_that_fits_in_memory_is_decoded_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its file may go once it was opened; a larger one is read anew, and a medium one after use."""
+    """A small clip stays readable without its file, a medium one until release, a large one not."""
     path = tmp_path / "clip.npy"
     frames = np.arange(30 * 8 * 9).astype(np.uint8).reshape(30, 8, 9)
     size = frames.nbytes
@@ -319,7 +319,7 @@ def test_chosen_frames_alone_are_decoded(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_file_that_declares_no_count_is_sampled_all_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A video's header may hold none: its frames do not all stay, evenly spread ones do."""
+    """If the header holds no count, evenly spaced frames are kept as samples."""
     source = replace(open_source(np.zeros((100, 8, 9), np.uint8)), declared=0)
     monkeypatch.setattr("virtual_lab.video.clips.clip.open_source", lambda _: source)
     monkeypatch.setattr(
@@ -333,7 +333,7 @@ def test_a_file_that_declares_no_count_is_sampled_all_the_same(
 
 
 def bomb(path: Path, wide: int, high: int) -> Path:
-    """Write an image of two pages of 11 x 9 whose last header says another size."""
+    """Write a picture of 11 x 9 pixels (TIFF: two pages) whose last header states another size."""
     page = np.zeros((9, 11), np.uint8)
     cv2.imwritemulti(str(path), [page] * 2) if path.suffix == ".tif" else cv2.imwrite(
         str(path), page
@@ -357,7 +357,7 @@ def bomb(path: Path, wide: int, high: int) -> Path:
 @pytest.mark.parametrize("side", [9_000, 31_000])
 @pytest.mark.parametrize("kind", [".png", ".tif", ".jpg", ".bmp"])
 def test_a_picture_too_large_is_refused_by_its_header(kind: str, side: int, tmp_path: Path) -> None:
-    """Eight of 31 000 x 31 000 are 7.2 GiB of pixels in some kilobytes; none is decoded."""
+    """Eight files of some kilobytes declare up to 7.2 GiB of pixels; none is decoded."""
     (tmp_path / "shots").mkdir()
     for k in range(8):
         bomb(tmp_path / "shots" / f"{k}{kind}", side, side)

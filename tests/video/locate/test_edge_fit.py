@@ -1,4 +1,4 @@
-"""The edge fit against rendered balls; its tables and solver against closed forms."""
+"""The edge fit against rendered balls, and its tables and solver against closed forms."""
 
 from dataclasses import replace
 from typing import Any
@@ -20,14 +20,14 @@ from virtual_lab.video.locate.rim_profiles import AT, TABLE, blurred_profiles
 
 
 def fitted(seen: Scene, **known: Any) -> Located:
-    """Return the fit of balls whose outlines are known to be circles, unless told otherwise."""
+    """Return the fit of balls with circular outlines; keywords replace the arguments of the fit."""
     given = {"start": seen.start(), "oval_u": 0.0} | known
     regions = given.pop("regions", seen.regions)
     return fit_edge(regions_of(regions, 1.0), **given, noise=seen.noise, lens=LENS)
 
 
 def regions_of(pixels: Array, behind: ArrayLike) -> Regions:
-    """Return regions whose corners are the frame's, behind them a scene up to its level."""
+    """Return regions at the corner of the frame; `behind` is the background up to a factor."""
     background = np.broadcast_to(behind, pixels.shape).astype(np.float32)
     return Regions(pixels=pixels, background=background, corners=np.zeros((len(pixels), 2)))
 
@@ -37,7 +37,7 @@ def rms(values: Array) -> float:
 
 
 def errors(seen: Scene, found: Located) -> tuple[Array, Array]:
-    """Return errors (2, region) [pixel], and the same over their uncertainties."""
+    """Return the errors (2, region) [pixel], and the errors divided by their uncertainties."""
     off = np.stack([found.x - seen.x, found.y - seen.y])
     return off, off / np.hypot([found.x_u, found.y_u], found.pattern_u)
 
@@ -45,9 +45,9 @@ def errors(seen: Scene, found: Located) -> tuple[Array, Array]:
 @pytest.mark.parametrize(
     ("light", "blur", "worst", "least"),
     [
-        # seams that hide at the rim are rare, and reckoned with in every place
+        # lower limits of 0.5: the u of every position allows for seams at the rim, which are rare
         ("soft", 0, 0.010, 0.5),
-        pytest.param("soft", 2, 0.010, 0.5, marks=pytest.mark.long),  # ellipses are seen so, too
+        pytest.param("soft", 2, 0.010, 0.5, marks=pytest.mark.long),  # light and blur of ellipses
         ("soft", 6, 0.020, 0.6),
         ("back", 2, 0.005, 0.6),
         ("side", 0, 0.08, 0.6),
@@ -55,7 +55,7 @@ def errors(seen: Scene, found: Located) -> tuple[Array, Array]:
     ],
 )
 def test_a_stitched_ball_is_placed(light: str, blur: float, worst: float, least: float) -> None:
-    """Root mean squares over 100 balls, and errors as large as they are said to be."""
+    """For 100 balls, the rms error is below its limit, and the errors agree with the stated u."""
     seen = scene(light, blur)
     found = fitted(seen)
     assert (found.flags > 0).mean() <= 0.01
@@ -67,7 +67,7 @@ def test_a_stitched_ball_is_placed(light: str, blur: float, worst: float, least:
 
 @pytest.mark.parametrize("hidden", [0.0, 0.3, 0.5])
 def test_a_rim_that_is_not_seen_is_told(hidden: float) -> None:
-    """What stands before a ball stood before its background too: the share of a thin ring."""
+    """An object that hides the rim is in the background, too; the oracle is its part of a ring."""
     side, radius, middle = 101, 36.0, 50.0
     rows, columns = np.mgrid[:side, :side]
     back = np.where(columns > middle + radius * np.cos(np.pi * hidden), 110.0, 40.0)
@@ -77,18 +77,18 @@ def test_a_rim_that_is_not_seen_is_told(hidden: float) -> None:
     p = np.zeros(len(AT))
     p[[AT.x, AT.y, AT.radius, AT.level]] = middle, middle, radius, 1.0
     found = covered(View(region, back, np.zeros(2)), p, noise)
-    # the chord cuts the ring's middle, 3 pixels inside the rim, a little later
+    # angle of the ring, whose middle lies 3 pixels inside the rim and meets the chord later
     ring = np.arccos(np.cos(np.pi * hidden) * radius / (radius - 3)) / np.pi if hidden else 0.0
     assert found == pytest.approx(ring, abs=0.01)
-    dim = np.where(region > 180, 40.0 + 10 * 2, region)  # 10 sigma over what is behind
+    dim = np.where(region > 180, 40.0 + 10 * 2, region)  # contrast of 10 sigma with the background
     assert covered(View(dim, back, np.zeros(2)), p, noise) == 0.0
 
 
 def test_a_plain_ball_costs_no_more_than_twice_its_bound() -> None:
-    """The pattern's strength is found to be none."""
+    """For a plain ball, the fitted strength of the pattern is zero."""
     seen = scene("soft", seams=0.0, count=50)
     off, pulls = errors(seen, fitted(seen))
-    assert max(map(rms, off)) < 2 * 0.0023  # the occlusion model's bound
+    assert max(map(rms, off)) < 2 * 0.0023  # bound of the occlusion model
     assert rms(pulls) < 1.2
 
 
@@ -103,7 +103,7 @@ def test_a_plain_ball_has_no_bias(blur: float) -> None:
 
 
 def test_hot_pixels_do_not_pull() -> None:
-    """A hundred of them, as bright as can be."""
+    """Each region has 100 hot pixels at 250 DN."""
     seen = balls(30, 2, 96, repeats=10)
     random = np.random.default_rng(3)
     for region in seen.regions:
@@ -113,7 +113,7 @@ def test_hot_pixels_do_not_pull() -> None:
 
 
 def test_full_scale_is_flagged_and_does_no_harm() -> None:
-    """Well below the ball: the outline's lower part still places it."""
+    """Grey values are clipped well below the ball; the lower part of the edge still places it."""
     seen = balls(30, 2, 96, repeats=10)
     noise = Noise(gain=seen.noise.gain, read=seen.noise.read, full_scale=150.0)
     found = plain(replace(seen, regions=np.minimum(seen.regions, 150.0), noise=noise))
@@ -123,7 +123,7 @@ def test_full_scale_is_flagged_and_does_no_harm() -> None:
 
 
 def test_a_given_background() -> None:
-    """Behind a pattern that is known, and a tenth brighter than it was."""
+    """The background is a known pattern, and is 10 % brighter than when it was recorded."""
     seen = balls(30, 2, 96, repeats=5)
     size = seen.regions.shape[1]
     pattern = 1 + 0.4 * np.sin(np.arange(size) / 5.0) * np.cos(np.arange(size) / 7.0)[:, None]
@@ -146,7 +146,7 @@ def plain(seen: Balls, behind: ArrayLike = 1.0) -> Located:
 
 
 def test_outlines_that_are_ellipses() -> None:
-    """4 % longer along one way, as 600 px off a camera's axis: known, or found in the picture."""
+    """Outlines are 4 % longer along one axis, which is given to the fit or found by it."""
     seen = scene("soft", stretch=1.04)
     oval = (1.04 - 1) / (1.04 + 1) * np.array([np.cos(np.pi / 3), np.sin(np.pi / 3)])
     off, _ = errors(seen, fitted(seen, oval=oval))
@@ -160,7 +160,7 @@ def test_outlines_that_are_ellipses() -> None:
 
 
 def test_what_is_cut_is_flagged_and_placed() -> None:
-    """A quarter of the ball beyond the frame; half its errors within 0.01 px."""
+    """A quarter of the ball is outside the frame; the median error is below 0.01 px."""
     seen = scene("soft")
     end = int(seen.x.mean() + 15)
     found = fitted(seen, regions=seen.regions[:, :, :end])
@@ -171,7 +171,7 @@ def test_what_is_cut_is_flagged_and_placed() -> None:
 
 
 def test_no_ball_is_not_found() -> None:
-    """Noise alone, a start that is not known."""
+    """Regions with noise only, and a region with an unknown start, give no position."""
     seen = scene("soft", count=20)
     empty = np.random.default_rng(2).normal(40.0, 1.5, seen.regions.shape)
     found = fitted(seen, regions=empty)
@@ -185,7 +185,7 @@ def test_no_ball_is_not_found() -> None:
 
 
 def test_tables_have_closed_forms() -> None:
-    """A level's edge is the normal distribution, a level that falls with depth its integral."""
+    """The edge of an even level is the normal distribution; that of a linear fall, its integral."""
     radius, width = 20.0, 0.8
     table = blurred_profiles(radius, width, 6.0, 0.0).table
     t = -TABLE.widths + np.arange(len(table)) / TABLE.per_width
@@ -196,9 +196,9 @@ def test_tables_have_closed_forms() -> None:
     assert np.abs(table[:, 0] - level)[near].max() < 3e-4
     assert np.abs(table[:, columns] - density)[near].max() < 1e-3
     assert np.abs(table[:, 1] - falls)[near].max() < 3e-4
-    # the pattern's knots share the ball among them
+    # sum of the pattern's knots, which is the whole ball
     assert np.abs(table[:, 3:columns].sum(axis=1) - table[:, 0]).max() < 1e-9
-    # the facing of a sphere's surface, blurred
+    # facing of a sphere's surface, blurred
     for entry in (130, 180, 300):
 
         def facing(d: float, at: float = t[entry]) -> float:
@@ -210,7 +210,7 @@ def test_tables_have_closed_forms() -> None:
 
 
 def test_the_ring_is_solved_as_a_whole_matrix_is() -> None:
-    """Of a random system of the same shape, against numpy's."""
+    """A random system of the same block structure is solved by numpy, too."""
     random = np.random.default_rng(4)
     for count in (5, 6):
         n, total = 3, 3 * count

@@ -1,4 +1,4 @@
-"""Sharp places in a clip of a stitched ball that spins; limb and shadow."""
+"""Edge fits in a clip of a stitched ball that spins, and in regions under hard and back light."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,11 +16,11 @@ from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibratio
 from virtual_lab.video.locate.located import Regions
 from virtual_lab.video.locate.sharp import on_the_limb, place
 
-ROUND = 0.0, 2e-4  # what is known of the outlines of balls squarely before a camera
+ROUND = 0.0, 2e-4  # eccentricity of the outlines of balls squarely before a camera, and its u
 
 
 def test_a_stitched_ball_that_spins_is_tracked(tmp_path: Path) -> None:
-    """1500 rpm, a true lens, off its axis: speeds to 0.03 %, inside the stated uncertainty."""
+    """At 1500 rpm, off the axis of a true lens, speeds are right within 3 u plus 1e-4."""
     spec = spec_of("camera-overhead", frames_in=18, frames_out=60)
     spec = replace(
         spec,
@@ -66,11 +66,11 @@ def test_a_stitched_ball_that_spins_is_tracked(tmp_path: Path) -> None:
     assert said.speed_out is not None
     into, out = float(np.ravel(flight.speed_in)[0]), float(np.ravel(flight.speed_out)[0])
     for speed, exact, way in ((said.speed_in, into, 0), (said.speed_out, out, 1)):
-        assert abs(speed.value - exact) < 3 * speed.u + 1e-4 * exact  # of the plane's scale
+        assert abs(speed.value - exact) < 3 * speed.u + 1e-4 * exact  # scale of the plane
         frames = np.isin(tracked.frames, said.clip.ways[way].frames)
         middle = true[tracked.frames[frames]].mean(axis=0)
         ray = lens.rotation.T @ [*(middle - lens.centre) / lens.focal, 1.0]
-        tilted = np.tan(np.radians(0.5)) * abs(ray[0] / ray[2])  # a flight half a degree off
+        tilted = np.tan(np.radians(0.5)) * abs(ray[0] / ray[2])  # tilt of a flight by half a degree
         assert tilted < speed.u / exact < np.hypot(tilted, 6e-4)
 
 
@@ -83,7 +83,7 @@ def seen_of(regions: np.ndarray, behind: float) -> Regions:
 
 
 def test_half_a_rim_that_is_dark() -> None:
-    """Under a hard lamp from the side; errors no larger than they are said to be."""
+    """Under a hard lamp from the side, errors are no larger than their stated u."""
     seen = scene("side", count=40)
     middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)
     found = place(
@@ -102,9 +102,9 @@ def test_half_a_rim_that_is_dark() -> None:
 
 @pytest.mark.long
 def test_what_hides_at_the_rim_is_reckoned_with() -> None:
-    """A seam that runs along the rim looks like the outline; hardly a place is off by 5 of its u.
+    """A seam along the rim looks like the outline; fewer than 1 in 150 errors exceed 5 u.
 
-    A flight leaves such a place out, as it is far from its line.
+    A flight leaves such a position out, because it is far from the fitted line.
     """
     off, pulls = [], []
     for seed in (12, 13, 14, 18):
@@ -125,7 +125,7 @@ def test_what_hides_at_the_rim_is_reckoned_with() -> None:
 
 
 def test_a_poor_start_makes_no_poorer_place() -> None:
-    """Off by 2 pixels, the radius by a twentieth: fitted again from where the first fit ends."""
+    """A start wrong by 2 pixels and by 5 % in radius is fitted again from the first result."""
     seen = scene("soft", count=20)
     middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)
     start = seen.start(off=2.0)
@@ -139,7 +139,7 @@ def test_a_poor_start_makes_no_poorer_place() -> None:
 
 
 def test_a_start_may_share_its_arrays() -> None:
-    """One array of NaN stands for all that a start does not know; it stays as it is."""
+    """Unknown values of a start share one array of NaN, which the fit does not change."""
     seen = scene("back", count=3)
     nothing = np.full(3, np.nan)
     bare = replace(seen.start(), x_u=nothing, y_u=nothing, chi_square=nothing)
@@ -160,7 +160,7 @@ def test_a_shadow_needs_no_pattern() -> None:
 
 
 def test_a_ball_lit_from_the_side_is_found_by_its_limb() -> None:
-    """Started from the middle of the light, 8 pixels off: each place to two pixels."""
+    """A start 8 pixels off, in the middle of the light, gives each position within 2 pixels."""
     seen = scene("side", count=20)
     start = seen.start()
     light = replace(start, y=start.y - 8.0, radius=np.full(20, seen.radius))
