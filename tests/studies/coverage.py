@@ -3,9 +3,9 @@
     python -m tests.studies.coverage PROCEDURE LABORATORIES HISTORY OUT.CSV
     python -m tests.studies.coverage picture OUT.PNG
 
-Of r161; softball-34 for `asa`. The instruments write sums; HISTORY earlier tests of each laboratory
-count. What blocks of laboratories gave stays in a folder beside the table, where a run that was cut
-goes on. The picture is that of the tables on file.
+The bat is r161, or softball-34 for `asa`. Instruments write sums; HISTORY earlier tests per
+laboratory count. Results of blocks stay in a folder beside the table, from which an interrupted run
+continues. The picture shows the stored tables.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from virtual_lab.output.tables import write_csv
 from virtual_lab.studies.coverage import counted, sample
 
 HERE = Path(__file__).parent
-SEED, BLOCK = 1, 768  # laboratories side by side
+SEED, BLOCK = 1, 768  # laboratories per block
 TABLES = {"coverage-*.csv": "this test alone", "history-*.csv": "with ten earlier tests"}
 TENTHS = {"by_u": "tenths by u, smallest first", "by_dof": "tenths by ν, fewest first"}
 LINES = {
@@ -35,11 +35,11 @@ LINES = {
     "ncaa-besr": (0, (5, 1)),
     "ncaa-modified": (0, (1, 1)),
 }
-FEWEST = 4_000  # laboratories: a tenth of them is known to a per cent
+FEWEST = 4_000  # laboratories, so that a tenth is known to a per cent
 
 
 def rows_of(pattern: str) -> dict[str, dict[str, Any]]:
-    """Return the rows of the metric on file by procedure, of those counted by tenths."""
+    """Return the stored rows of the metric by procedure, for studies by tenths."""
     (path,) = HERE.glob(pattern)
     with path.open(encoding="utf-8") as lines:
         rows = [row for row in csv.DictReader(lines) if row["quantity"] == "metric"]

@@ -1,12 +1,12 @@
-"""JCGM 101 beside the first order in the same tests: which intervals hold the true value.
+"""JCGM 101 and first order in the same tests: intervals that hold the true value.
 
     python -m tests.studies.distributions tests TESTS ENDS.CSV [PROCEDURE …]
     python -m tests.studies.distributions table ENDS.CSV OUT.CSV
 
-20 000 draws a test by numpy, of its whole measurement model: constants and the scatter of its hits,
+20 000 draws per test by numpy of the whole measurement model: constants and scatter of the hits,
 normal or t, and the interval of equal tails. The first command adds the ends of the intervals of
-each test to a file and goes on where that stands, the procedures in turn; the second counts them.
-Intervals of Clopper and Pearson. Of r161; softball-34 for `asa`.
+each test to a file and continues at its end, the procedures in turn; the second counts them.
+Fractions have Clopper-Pearson intervals. The bat is r161, or softball-34 for `asa`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from virtual_lab.lab import RoundRobin
 from virtual_lab.measurement.refined import model_of, too_wide
 
 DRAWS, SEED = 20_000, 1
-SHARE = 20  # tests of a procedure before the next one's turn
+SHARE = 20  # tests per procedure before the next procedure
 PROCEDURES = ("astm-f1881", "asa", "bbcor", "proposed", "ncaa-besr", "ncaa-modified")
 ENDS = ("true", "first_low", "first_high", "draws_low", "draws_high")
 
@@ -37,7 +37,7 @@ def intervals(rules: RoundRobin, first: int, tests: int) -> list[list[float]]:
             linear = block.certified.results["metric"].row(at)
             true = block.measurands["metric"][at]
             row = [first + at, true, *linear.interval_95]
-            if too_wide(linear):  # as a certificate does, which keeps the first order then
+            if too_wide(linear):  # smallest degrees of freedom for draws, as on a certificate
                 rows.append([*row, *linear.interval_95])
                 continue
             model, inputs = model_of(block.reduced.of(at, block.readings), linear)

@@ -1,9 +1,9 @@
-"""The operating characteristic beside counts of bats that really have the metric.
+"""The operating characteristic compared with counts of bats that have the metric.
 
     python -m tests.studies.operating OUT.CSV
 
-Twenty variants of ea70 (frequency of the hoop mode) about the limit of bbcor, 5 000 tests each by
-laboratories of their own, beside the errors of the middle one in 20 000 laboratories.
+Twenty variants of ea70 (hoop frequency) near the limit of bbcor, 5 000 tests each in
+separate laboratories, compared with the errors of the middle one in 20 000 laboratories.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ TESTS, MODEL, SEED = 5_000, 20_000, 4_000
 
 
 def errors(frequency: float, laboratories: int, seed: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return errors, which tests are valid, and the mean true metric of a variant."""
+    """Return the errors, a mask of valid tests, and the mean true metric of a variant."""
     bat = vl.bat("ea70").with_({"body.hoop.frequency": f"{frequency:.6g} Hz"})
     found = vl.sweep(
         bat, procedures=["bbcor"], laboratories=laboratories, seed=seed, progress=quiet

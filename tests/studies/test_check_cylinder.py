@@ -1,4 +1,4 @@
-"""Sessions with the steel cylinder: a rigid mass by hand, what scatters, and a rig gone wrong."""
+"""Sessions with the steel cylinder: a rigid mass by hand, scatter, and a faulty rig."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ HITS = 10
 
 
 def test_it_reads_what_a_rigid_mass_gives_back() -> None:
-    """Of e = e0 = 0.55 and r = m b²/I of a round steel bar struck at its centre of percussion.
+    """Oracle: e = e0 = 0.55 and r = m b²/I of a round steel bar hit at its centre of percussion.
 
-    Balls of the lot differ by 0.004 in e0, the calibrations of a laboratory by about as much.
+    The e0 of balls in the lot varies by 0.004; calibrations contribute about as much.
     """
     length, radius, ball = 30 * INCH, 1.125 * INCH, 5.125 * OUNCE
     mass = 7850 * pi * radius**2 * length
@@ -31,7 +31,7 @@ def test_it_reads_what_a_rigid_mass_gives_back() -> None:
 
 
 def test_sessions_scatter_as_the_hits_do() -> None:
-    """0.003 in e0 from hit to hit, 0.0052 in e_A with what gates and recoil add; ten hits."""
+    """From hit to hit 0.003 in e0, or 0.0052 in e_A with gates and recoil; ten hits."""
     values = check_cylinder(200, HITS, seed=4)
     assert 0.003 / sqrt(HITS) < values.std(ddof=1) < 1.25 * 0.0055 / sqrt(HITS)
     neighbours = np.corrcoef(values[1:], values[:-1])[0, 1]
@@ -40,7 +40,7 @@ def test_sessions_scatter_as_the_hits_do() -> None:
 
 
 def test_a_rig_gone_wrong_is_seen_from_the_day_on() -> None:
-    """Half an inch along the barrel: e_A by recoil is off in proportion to the lever, 3 to 10 %."""
+    """For an error of half an inch along the barrel, e_A from recoil is wrong by 3 to 10 %."""
     sound = check_cylinder(5, 4, seed=2, faults=("aim-along",), since=6)
     wrong = check_cylinder(5, 4, seed=2, faults=("aim-along",), since=4)
     assert np.array_equal(wrong[:3], sound[:3])
@@ -49,7 +49,7 @@ def test_a_rig_gone_wrong_is_seen_from_the_day_on() -> None:
 
 
 def test_the_chart_tells_the_first_day() -> None:
-    """A shift of ten standard deviations and more; the ball at the wall knows nothing of it."""
+    """A shift of at least ten standard deviations, which the ball at the wall does not show."""
     played = daily(days=14, baseline=8, hits=4, faults=("aim-along",), since=12)
     assert played.since == 12
     rows = {row.rule: row for row in played.cylinder_alarms}

@@ -1,4 +1,4 @@
-"""The study of clips, reduced; the full one is in the README, its table beside this file."""
+"""A short version of the study of clips; the table of the full one is beside this file."""
 
 from math import nan, sqrt
 
@@ -11,7 +11,7 @@ from virtual_lab.studies.clips import _row, clip_coverage
 
 
 def test_intervals_hold_where_a_camera_writes_places() -> None:
-    """24 clips less those that rules reject (13 %): intervals hold as a binomial of 0.94 may."""
+    """24 clips minus rejected ones (13 %): the count fits a binomial distribution of 0.94."""
     for row in clip_coverage(clips=24, seed=500, summed=True):
         assert row.clips + row.missed == 24
         assert row.missed <= 9
@@ -20,7 +20,7 @@ def test_intervals_hold_where_a_camera_writes_places() -> None:
 
 
 def test_clips_of_pixels_lead_to_the_same_speeds() -> None:
-    """Three clips, stitched and spinning: every speed within four of its uncertainties."""
+    """In three clips of stitched, spinning balls, every speed is within four u."""
     for row in clip_coverage(clips=3, seed=900):
         assert row.clips + row.missed == 3
         assert row.missed <= 1
@@ -28,15 +28,15 @@ def test_clips_of_pixels_lead_to_the_same_speeds() -> None:
 
 
 def test_one_clip_is_no_study() -> None:
-    """An interval of one count says nothing."""
+    """The interval of a single count is useless, so one clip is refused."""
     with pytest.raises(InputError, match="clips"):
         clip_coverage(clips=1)
 
 
 def test_the_statistics_of_clips_by_hand() -> None:
-    """20 clips of truth 50 m/s and u .5, one without a result beside them.
+    """20 clips with true speed 50 m/s and u .5, and one without a result.
 
-    Eighteen are right, one is .97 off (1.94 u: held), one .99 (1.98 u: not). 19 of 20: .7513 to
+    Eighteen have no error, one has .97 (1.94 u: held), one .99 (1.98 u: not). 19 of 20: .7513 to
     .9987 by the tables. Relative errors of 1.94 % and 1.98 %: mean 3.92/20 %, rms √(7.684/20) %,
     s² of the others about it by Σx² - n x̄².
     """

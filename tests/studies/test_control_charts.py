@@ -27,22 +27,22 @@ from virtual_lab.studies.control_charts import (
 
 Array = NDArray[np.float64]
 RUNS, DAYS = 6000, 500
-PATTERNS = {2: (2, 3, 2.0), 3: (4, 5, 1.0)}  # of the Western Electric handbook
+PATTERNS = {2: (2, 3, 2.0), 3: (4, 5, 1.0)}  # rules of the Western Electric handbook
 
 
 class Chain:
-    """Days without an alarm, from state to state; what a row lacks is the alarm."""
+    """Transitions of days without an alarm; the missing part of a row is the alarm."""
 
     def __init__(self, matrix: Array, start: int) -> None:
         self.matrix, self.start = matrix, start
 
     def mean(self) -> float:
-        """Days to the alarm, without end."""
+        """Return the mean number of days to the alarm."""
         n = len(self.matrix)
         return float(np.linalg.solve(np.eye(n) - self.matrix, np.ones(n))[self.start])
 
     def mean_within(self, days: int) -> float:
-        """Days to the alarm, or `days` where there is none before."""
+        """Return the mean of the days to the alarm, or `days` without an alarm."""
         quiet = np.eye(len(self.matrix))[self.start]
         total = 0.0
         for _ in range(days):
@@ -52,7 +52,7 @@ class Chain:
 
 
 def pattern_chain(rule: int, shift: float = 0.0, *, with_rule_1: bool = False) -> Chain:
-    """Remember the last days' sides: so many of so many on one of them is the alarm."""
+    """Return the chain of the last days' sides: `k` of `n` on one side are the alarm."""
     edge = 3.0 if with_rule_1 else np.inf
     if rule == 1:
         return Chain(np.array([[norm.cdf(3 - shift) - norm.cdf(-3 - shift)]]), 0)
@@ -72,7 +72,7 @@ def pattern_chain(rule: int, shift: float = 0.0, *, with_rule_1: bool = False) -
 
 
 def eight_chain() -> Chain:
-    """Remember how many days in a row lay on one side, in control; the first day begins a run."""
+    """Return the chain of the number of days in a row on one side, in control."""
     matrix = np.zeros((8, 8))
     matrix[0, 1] = 1.0
     matrix[1:, 1] = 0.5
@@ -81,7 +81,7 @@ def eight_chain() -> Chain:
 
 
 def cusum_chain(shift: float = 0.0, cells: int = 500) -> Chain:
-    """One side, slack 0.5 and limit 5 (Brook and Evans 1972): nought, and cells up to the limit."""
+    """Return the one-sided chain with slack 0.5 and limit 5 (Brook and Evans 1972): 0 and cells."""
     edges = np.linspace(0, 5, cells + 1)
     middle = np.concatenate([[0], (edges[1:] + edges[:-1]) / 2])
     reach = norm.cdf(edges + 0.5 - shift - middle[:, None])
@@ -89,7 +89,7 @@ def cusum_chain(shift: float = 0.0, cells: int = 500) -> Chain:
 
 
 def ewma_chain(shift: float = 0.0, cells: int = 401) -> Chain:
-    """Weight 0.2 and width 2.962 (Lucas and Saccucci 1990)."""
+    """Return the chain with weight 0.2 and width 2.962 (Lucas and Saccucci 1990)."""
     limit = 2.962 * sqrt(0.2 / 1.8)
     edges = np.linspace(-limit, limit, cells + 1)
     middle = (edges[1:] + edges[:-1]) / 2
@@ -100,11 +100,15 @@ def ewma_chain(shift: float = 0.0, cells: int = 401) -> Chain:
 @pytest.mark.parametrize(
     ("chain", "published", "digit"),
     [
-        (pattern_chain(1), 370.40, 0.01),  # these three: Champ and Woodall 1987
+        (pattern_chain(1), 370.40, 0.01),  # three run lengths of Champ and Woodall 1987
         (pattern_chain(2, with_rule_1=True), 225.44, 0.01),
         (pattern_chain(3, with_rule_1=True), 166.05, 0.01),
         (pattern_chain(1, shift=1.0), 43.9, 0.1),
-        (eight_chain(), 2**8 - 1, 0.001),  # tosses of a coin until eight alike in a row, two sides
+        (
+            eight_chain(),
+            2**8 - 1,
+            0.001,
+        ),  # tosses of a coin until eight equal ones in a row, either side
         (ewma_chain(), 500, 1),
         (ewma_chain(shift=1.0), 10.5, 0.1),
     ],
@@ -112,12 +116,12 @@ def ewma_chain(shift: float = 0.0, cells: int = 401) -> Chain:
 def test_the_chains_give_the_published_run_lengths(
     chain: Chain, published: float, digit: float
 ) -> None:
-    """To the last digit they were published with."""
+    """Run lengths agree to the last published digit."""
     assert chain.mean() == pytest.approx(published, abs=digit / 2)
 
 
 def test_the_cusums_chain_gives_the_published_run_length() -> None:
-    """One side of k = 0.5, h = 5 has about 930, two of them 465 (1/L = 1/L₊ + 1/L₋), 10.4 at 1."""
+    """With k = 0.5, h = 5: 930 for one side, 465 for both (1/L = 1/L₊ + 1/L₋), 10.4 shifted 1."""
     assert cusum_chain().mean() / 2 == pytest.approx(465, abs=0.5)
     both = 1 / (1 / cusum_chain(1.0).mean() + 1 / cusum_chain(-1.0).mean())
     assert both == pytest.approx(10.4, abs=0.05)
@@ -129,12 +133,12 @@ def days() -> Array:
 
 
 def within(flags: NDArray[np.bool_]) -> Array:
-    """Return the days to each laboratory's first alarm, at most all of them."""
+    """Return the days to each laboratory's first alarm, at most the number of days."""
     return np.where(flags.any(axis=-1), flags.argmax(axis=-1) + 1, flags.shape[-1])
 
 
 def agrees(flags: NDArray[np.bool_], expected: float) -> None:
-    """Hold the mean over the runs to four of its standard errors (by chance 1 in 16 000)."""
+    """Return whether the mean of runs is within four standard errors (by chance 1 in 16 000)."""
     found = within(flags)
     error = found.std(ddof=1) / sqrt(found.size)
     print(f"{found.mean():.1f} ± {error:.1f}, expected {expected:.1f}")
@@ -144,7 +148,7 @@ def agrees(flags: NDArray[np.bool_], expected: float) -> None:
 @pytest.mark.parametrize("shift", [0.0, 1.0])
 @pytest.mark.parametrize("rule", [1, 2, 3])
 def test_run_lengths_of_the_rules(rule: int, shift: float, days: Array) -> None:
-    """In control, and moved by one standard deviation from the first day on."""
+    """In control, and shifted by one standard deviation from the first day."""
     agrees(breaks(days + shift, rule), pattern_chain(rule, shift).mean_within(DAYS))
 
 
@@ -156,7 +160,7 @@ def test_run_length_of_eight_on_one_side(days: Array) -> None:
 def test_run_lengths_of_rules_together(
     rules: tuple[int, ...], published: float, days: Array
 ) -> None:
-    """Champ and Woodall 1987; of 1 000 days next to nothing is cut off."""
+    """Champ and Woodall 1987; runs beyond 1 000 days are very rare."""
     days = days.reshape(-1, 2 * DAYS)
     agrees(np.logical_or.reduce([breaks(days, rule) for rule in rules]), published)
 
@@ -169,7 +173,7 @@ def test_run_lengths_of_the_moving_average(shift: float, days: Array) -> None:
 
 @pytest.mark.parametrize("shift", [0.0, 1.0, -2.0])
 def test_run_lengths_of_the_cumulative_sum(shift: float, days: Array) -> None:
-    """The side the values moved to has the chain's, the other one is never broken."""
+    """The side of the shift has the chain's run length; the other side raises no alarm."""
     up, down = cusum(days + shift)
     to, off = (up, down) if shift >= 0 else (down, up)
     agrees(to > CUSUM_LIMIT, cusum_chain(abs(shift)).mean_within(DAYS))
@@ -180,7 +184,7 @@ def test_run_lengths_of_the_cumulative_sum(shift: float, days: Array) -> None:
 
 
 def test_the_cumulative_sum_is_the_recursion(days: Array) -> None:
-    """C = max(0, C + x - k), day by day, in plain numbers."""
+    """The oracle is C = max(0, C + x - k), day by day."""
     x = days[0, :200]
     up = down = 0.0
     for day, (high, low) in enumerate(zip(*cusum(x), strict=True)):
@@ -189,9 +193,9 @@ def test_the_cumulative_sum_is_the_recursion(days: Array) -> None:
 
 
 def test_the_moving_range_alarms_as_often_as_it_should(days: Array) -> None:
-    """The difference of two days is normal of √2; D4 = 3.267 of the mean range."""
+    """The difference of two days is normal with √2 σ; the limit is D4 = 3.267 mean ranges."""
     assert pytest.approx(3.267, abs=5e-4) == RANGE_LIMIT * sqrt(np.pi) / 2
-    broken = moving_range(days)[:, 1::2] > RANGE_LIMIT  # every other: independent ones
+    broken = moving_range(days)[:, 1::2] > RANGE_LIMIT  # every second difference: independent ones
     expected = 2 * norm.sf(RANGE_LIMIT / sqrt(2))
     assert abs(broken.mean() - expected) < 4 * sqrt(expected / broken.size)
     assert np.isnan(moving_range(days)[:, 0]).all()
@@ -208,12 +212,12 @@ RULE_DAYS: list[tuple[int, list[float], list[int]]] = [
 
 @pytest.mark.parametrize(("rule", "x", "flagged"), RULE_DAYS)
 def test_rules_on_a_few_days(rule: int, x: list[float], flagged: list[int]) -> None:
-    """Counted by hand; a day that is not itself beyond completes nothing."""
+    """Counted by hand; a day within its limit completes no pattern."""
     assert np.flatnonzero(breaks(np.array(x), rule)).tolist() == flagged
 
 
 def test_many_laboratories_at_once(days: Array) -> None:
-    """The last axis is the days, whatever stands before it."""
+    """The last axis is the days; leading axes are laboratories."""
     block = days[:6, :50].reshape(2, 3, 50)
     for operate in (ewma, moving_range, lambda x: cusum(x)[0], lambda x: breaks(x, 2)):
         together: Callable[[Array], Array] = operate
@@ -221,7 +225,7 @@ def test_many_laboratories_at_once(days: Array) -> None:
 
 
 def test_the_baseline_by_hand() -> None:
-    """Ranges 2, 4, 2: mean 8/3, over d2 = 1.1284 a standard deviation of 2.3633."""
+    """Ranges 2, 4, 2 have the mean 8/3; divided by d2 = 1.1284 it is 2.3633."""
     baseline = Baseline.of([5.0, 7.0, 3.0, 5.0])
     assert baseline.centre == 5.0
     assert baseline.sigma == pytest.approx(2.36327, rel=1e-5)
@@ -235,7 +239,7 @@ def test_a_baseline_of_no_use(values: list[float]) -> None:
 
 
 def test_a_chart_begins_after_its_baseline() -> None:
-    """Four days of baseline, then two in control and one far off."""
+    """Four days of baseline, then two in control and one far from the mean."""
     charted = control_chart([-1, 1, -1, 1, 0.1, -0.1, 30.0], 4, rules=(1,))
     assert set(charted.alarms) == {
         RULES[1].words,

@@ -1,4 +1,4 @@
-"""The statistics of the coverage study on laboratories made by hand."""
+"""The statistics of the coverage study for laboratories made by hand."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from virtual_lab.studies import coverage as study
 from virtual_lab.studies.coverage import Coverage, coverage
 from virtual_lab.uncertainty.budget import combined, types_a
 
-TRUE = 0.95  # of every quantity
-PLACE, AIM = 0.16, 0.5e-3  # m, and how far the balls strike beside it, which the laboratory knows
+TRUE = 0.95  # true value of every quantity
+PLACE, AIM = 0.16, 0.5e-3  # impact position [m], and known distance of the hits from it
 BEND = -40.0  # d²/dz² of every quantity [1/m²]
 
 Array = NDArray[np.float64]
@@ -34,9 +34,9 @@ def laboratory(
     valid: int = 6,
     verdict: str = "PASS",
 ) -> Any:
-    """Return a block of one whose results all lie `errors` above the truth, of six hits.
+    """Return a block of one with six hits, whose results are `errors` above the truth.
 
-    `stray` [m]: marks lie so far to either side of the mean aim.
+    `stray` [m] is the distance of the marks to either side of the mean aim.
     """
     value = np.array([TRUE + errors])
     budgets = combined(value, types_a("hits", value, np.array([u]), np.array([dof])))
@@ -65,7 +65,7 @@ def laboratory(
 
 @pytest.fixture
 def studied(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return the study of tests made by hand, of a bat whose curve is a parabola."""
+    """Return the study of tests made by hand for a bat with a parabolic curve."""
 
     def curve(_station: Any, _specimen: Any, _rules: Any, places: Array) -> Any:
         values = TRUE + BEND / 2 * (places - PLACE) ** 2
@@ -88,14 +88,14 @@ def studied(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def test_a_truth_above_the_interval_is_counted_above(studied: Any) -> None:
-    """U = .01, 1.96 u = .0196: two laboratories read .03 too low, one too high, seven hold it."""
+    """With u .01 (1.96 u = .0196), two laboratories are .03 too low, one too high, seven right."""
     tests = [laboratory(error) for error in (-0.03, -0.03, 0.03, *[0.0] * 7)]
     for row in studied(tests):
         assert (row.coverage, row.above, row.below) == pytest.approx((0.7, 0.2, 0.1))
 
 
 def test_the_edge_of_an_interval_is_students(studied: Any) -> None:
-    """1.95 u off is held, 1.97 u is not, on either side."""
+    """An error of 1.95 u is held, 1.97 u is not, on either side."""
     tests = [laboratory(sign * off) for off in (0.0195, 0.0197) for sign in (1, -1)]
     assert all(row.coverage == 0.5 for row in studied(tests))
     assert all((row.above, row.below) == (0.25, 0.25) for row in studied(tests))
@@ -108,9 +108,9 @@ def test_bounds_are_clopper_and_pearsons_of_95_percent(studied: Any) -> None:
 
 
 def test_tenths_go_by_u_and_by_degrees_of_freedom(studied: Any) -> None:
-    """Twenty laboratories, u .01 to .20: the odd ones miss up to u .10, all do beyond.
+    """Twenty laboratories with u .01 to .20: odd ones miss up to u .10, all miss beyond.
 
-    Degrees of freedom fall as u grows, and the tests come in another order than either.
+    Degrees of freedom fall with u, and the tests are in another order.
     """
     tests = []
     for k in (7 * at % 20 for at in range(20)):
@@ -122,7 +122,7 @@ def test_tenths_go_by_u_and_by_degrees_of_freedom(studied: Any) -> None:
 
 
 def test_mean_and_scatter_of_errors_by_hand(studied: Any) -> None:
-    """Errors 1, 2, 6 hundredths with u 1, 1, 2: z = 1, 2, 3, mean 2, s 1, standard error 1/√3.
+    """Errors 1, 2, 6 with u 1, 1, 2 [hundredths]: z = 1, 2, 3, mean 2, s 1, standard error 1/√3.
 
     rms error √(41/3), rms u √2, mean error 3 with s² = (4 + 1 + 9)/2 = 7.
     """
@@ -134,9 +134,9 @@ def test_mean_and_scatter_of_errors_by_hand(studied: Any) -> None:
 
 
 def test_the_bias_expected_of_a_parabola_is_half_its_bend_times_the_scatter(studied: Any) -> None:
-    """Places ± 2 mm about the one stated: f''/2 · (2 mm)² = -20 · 4e-6 = -8e-5 (GUM F.2.4.4).
+    """Positions ± 2 mm about the stated one: f''/2 · (2 mm)² = -20 · 4e-6 = -8e-5 (GUM F.2.4.4).
 
-    Half of the laboratories strike at one place, so the mean is half of that; the mean aim, which
+    Half of the laboratories hit one position, so the mean is half of that; the mean aim, which
     the laboratory knows, adds nothing.
     """
     tests = [laboratory(0.0, stray=stray) for stray in (2e-3, 0.0, 2e-3, 0.0)]
@@ -146,7 +146,7 @@ def test_the_bias_expected_of_a_parabola_is_half_its_bend_times_the_scatter(stud
 
 
 def test_a_test_without_a_result_counts_apart_and_its_hits_count(studied: Any) -> None:
-    """One of three is INVALID with no hit valid: 6 of 18 hits rejected, two results."""
+    """One of three tests is INVALID without a valid hit: 6 of 18 hits rejected, two results."""
     tests = [laboratory(0.0), laboratory(0.5, valid=0, verdict="INVALID"), laboratory(0.001)]
     for row in studied(tests):
         assert (row.laboratories, row.invalid, row.coverage) == (2, 1, 1.0)
@@ -154,7 +154,7 @@ def test_a_test_without_a_result_counts_apart_and_its_hits_count(studied: Any) -
 
 
 def test_individual_bats_count_where_instruments_write_sums() -> None:
-    """The errors are those of laboratories whose bats were made, one after another."""
+    """The errors are those of laboratories with individual bats, one after another."""
     bias = {}
     for individual in (False, True):
         rows = coverage("r161", laboratories=2, summed=True, individual=individual)

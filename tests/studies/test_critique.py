@@ -1,4 +1,4 @@
-"""What procedures make of the paper's bats (its Sec. V), and the odds of a ranking by hand."""
+"""Rankings of the paper's bats by procedures (its Sec. V), and their probability by hand."""
 
 from math import erf, nan, sqrt
 from pathlib import Path
@@ -29,7 +29,7 @@ def row(found: Critique, first: str, second: str, n: float, procedure: str) -> P
 
 
 def made_up(*measured: tuple[float, float], field: float = 3.0) -> Critique:
-    """Return a critique of two bats by one procedure."""
+    """Return a critique of two invented bats by one procedure."""
     return Critique(
         bats=("a", "b"),
         swings=(0.0,),
@@ -66,7 +66,7 @@ def test_a_test_at_one_bat_speed_prefers_wood(paper: Critique) -> None:
 
 
 def test_the_proposal_ranks_as_the_field_of_its_own_exponent(paper: Critique) -> None:
-    """Sec. V A: every pair, n = 0.3, free of error and in every laboratory."""
+    """Sec. V A: every pair is right for n = 0.3, without errors and in every laboratory."""
     own = [each for each in paper.pairs if each.procedure == "proposed" and each.n == 0.3]
     assert len(own) == 6
     for each in own:
@@ -76,7 +76,7 @@ def test_the_proposal_ranks_as_the_field_of_its_own_exponent(paper: Critique) ->
 
 
 def test_metrics_stand_beside_the_field(paper: Critique) -> None:
-    """The proposal's v_f is the field's to 0.1 mph and four of its u, 0.16 mph."""
+    """The proposal's v_f equals the field's within 0.1 mph and four u, 0.16 mph."""
     for each in paper.metrics:
         if each.procedure == "proposed":
             assert each.value == pytest.approx(each.v_f_mph["n0.3"], abs=0.1 + 4 * 0.16 / sqrt(2))
@@ -110,7 +110,7 @@ def test_the_field_may_swing_with_constant_energy(tmp_path: Path) -> None:
 
 
 def test_probability_is_the_normal_laws() -> None:
-    """Differences 1, 2, 3: mean 2, sd 1; the field says less than 0, so P = Φ(2)."""
+    """Differences 1, 2, 3 have mean 2 and s 1; the field ranks them below 0, so P = Φ(2)."""
     found = misranking(-4.0, np.array([1.0, 2.0, 3.0]))
     assert found.probability == pytest.approx((1 + erf(2 / sqrt(2))) / 2, rel=1e-12)
     assert (found.mean, found.sd, found.wrong) == pytest.approx((2, 1, 3))
@@ -174,7 +174,7 @@ def test_one_laboratory_has_no_scatter() -> None:
 
 
 def test_mean_and_scatter_of_a_bat_are_those_of_a_sample() -> None:
-    """90 and 92, a test without a result between them: mean 91, s = √2."""
+    """Results 90 and 92, with a test without a result between them: mean 91, s = √2."""
     row, _ = made_up((90.0, 91.0), (nan, 91.2), (92.0, 91.4)).metrics
     assert (row.laboratories, row.mean) == (2, 91)
     assert row.sd == pytest.approx(sqrt(2))

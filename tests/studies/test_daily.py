@@ -1,4 +1,4 @@
-"""Mornings of a laboratory: what the check ball measures, and when the charts see the wall give."""
+"""Mornings of a laboratory: results of the check ball, and detection of a loose wall."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.studies.daily import daily
 
-HIT = 0.003 / sqrt(10)  # of the mean of ten hits of the check ball, data/balls/check-ball.toml
+HIT = 0.003 / sqrt(10)  # standard deviation of the mean of ten hits, data/balls/check-ball.toml
 
 
 def test_days_in_control_scatter_as_ten_hits_do() -> None:
-    """300 days: the mean within 5 sd of the ball drawn (0.004 of 0.55), gates add a little."""
+    """300 days: the mean is within 5 standard deviations of the drawn ball (0.004 of 0.55)."""
     played = daily(days=300, baseline=299)
     assert abs(played.values.mean() - 0.55) < 5 * 0.004
     assert 0.85 * HIT < played.values.std(ddof=1) < 1.25 * HIT
@@ -29,7 +29,7 @@ def test_days_in_control_scatter_as_ten_hits_do() -> None:
 
 
 def test_the_wall_takes_its_part() -> None:
-    """The same laboratory on both walls: the ratio is the wall's, to the steps of the timer."""
+    """The same laboratory at both walls: the ratio is that of the walls, to the timer's steps."""
     fast, loose = (daily(days=40, step=step, since=31) for step in (0.0, 0.1))
     assert np.array_equal(loose.values[:30], fast.values[:30])
     assert loose.values[30:] / fast.values[30:] == pytest.approx(0.9, rel=1e-3)
@@ -37,13 +37,13 @@ def test_the_wall_takes_its_part() -> None:
 
 
 def test_a_drift_goes_on() -> None:
-    """From day 31 on a thousandth a day: a hundredth after ten."""
+    """From day 31 the drift is 0.001 per day: 0.01 after ten days."""
     played = daily(days=40, drift=0.001, since=31)
     assert played.wall[[29, 30, 39]] == pytest.approx([1, 0.999, 0.99], rel=1e-12)
 
 
 def test_delays_of_a_step_no_chart_can_miss() -> None:
-    """More than ten standard deviations: what each pattern needs, and not a day more."""
+    """For a step beyond ten standard deviations, the delay is the length of each pattern."""
     played = daily(step=0.03, seed=3)
     assert played.since == 26
     rows = {row.rule: row for row in played.alarms}
@@ -61,7 +61,7 @@ def test_delays_of_a_step_no_chart_can_miss() -> None:
 
 
 def test_alarms_before_the_change_are_counted_apart() -> None:
-    """With the change on the last day all but one of the days belong to what came before."""
+    """If the change is on the last day, all other days precede it."""
     late = daily(step=0.03, since=60, seed=3)
     rows = {row.rule: row for row in late.alarms}
     flags = late.charted.alarms["1 day beyond 3 sigma"]
@@ -72,16 +72,16 @@ def test_alarms_before_the_change_are_counted_apart() -> None:
 
 
 def test_a_check_ball_that_ages_is_seen_to() -> None:
-    """Ten hits a day at the sheet's loss each, its recovering share back by morning."""
+    """Ten hits per day with the loss of the sheet; the recovering share is back by morning."""
     ageing = catalog.load("balls", "softball-slowpitch", BallSpec).spec.ageing
     daily_loss = 10 * ageing.loss * (1 - ageing.recovering)
     played = daily(ball="softball-slowpitch", days=101, baseline=100)
     slope = np.polyfit(np.arange(101), played.values, 1)[0]
-    assert slope == pytest.approx(-daily_loss, rel=0.05)  # a standard error of 0.7 %
+    assert slope == pytest.approx(-daily_loss, rel=0.05)  # standard error 0.7 %
 
 
 def test_a_day_is_a_block_of_its_own() -> None:
-    """However many days follow, the first ones are the same; another seed, others."""
+    """The first days do not depend on the number of days, but on the seed."""
     short, long = daily(days=30), daily(days=60)
     assert np.array_equal(short.values, long.values[:30])
     assert len(set(long.values)) == 60
@@ -89,7 +89,7 @@ def test_a_day_is_a_block_of_its_own() -> None:
 
 
 def test_what_is_written(tmp_path: Path) -> None:
-    """The days as CSV, the charts as PNG, and one document that JSON can hold."""
+    """The study writes days as CSV, charts as PNG, and one JSON document."""
     played = daily(drift=0.001, rules=(1, 4))
     played.save(tmp_path / "out")
     assert {path.name for path in (tmp_path / "out").iterdir()} == {

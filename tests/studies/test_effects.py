@@ -1,4 +1,4 @@
-"""The study of effects on cases made by hand: least squares, root mean squares, their errors."""
+"""The study of effects for cases made by hand: least squares, root mean squares, errors."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def component(name: str, u: float, sensitivity: float) -> Component:
 
 @pytest.fixture
 def found(monkeypatch: pytest.MonkeyPatch) -> tuple[Rows[Effect], np.ndarray, np.ndarray]:
-    """Return the study of cases of one constant, hits and a choice; the errors and the constant's.
+    """Return the study of cases with one constant, hits and a choice; also both errors.
 
-    u of the constant is .01 or .02 by turns, the hits' contribution 3e-3 or 4e-3.
+    The u of the constant alternates .01 and .02, the hits' contribution 3e-3 and 4e-3.
     """
     rng = np.random.default_rng(3)
     off = rng.normal(0, 0.015, COUNT)
@@ -63,7 +63,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> tuple[Rows[Effect], np.ndarray, np
 
 
 def test_effects_are_the_slopes_of_least_squares(found: Any) -> None:
-    """scipy.stats.linregress of the errors on the constant's, over its rms u √((1 + 4)/2) 1e-2."""
+    """The oracle is scipy.stats.linregress of both errors, over the rms u √((1 + 4)/2) 1e-2."""
     rows, error, off = found
     (row,) = (each for each in rows if each.term == CLOCK)
     u = sqrt(2.5e-4)
@@ -75,7 +75,7 @@ def test_effects_are_the_slopes_of_least_squares(found: Any) -> None:
 
 
 def test_hits_are_what_the_line_leaves(found: Any) -> None:
-    """s² of 40 - 2 degrees, its own error s/√(2 · 38) (GUM E.4.3); stated √((9 + 16)/2) 1e-3."""
+    """s² has 40 - 2 degrees, its error is s/√(2 · 38) (GUM E.4.3); stated: √((9 + 16)/2) 1e-3."""
     rows, error, off = found
     (row,) = (each for each in rows if each.term == HITS)
     line = stats.linregress(off, error)
@@ -86,7 +86,7 @@ def test_hits_are_what_the_line_leaves(found: Any) -> None:
 
 
 def test_a_choice_is_its_root_mean_square(found: Any) -> None:
-    """1 and 3 by turns: mean square 5, s of the squares 4 √(40/39); d√x = dx/2√x."""
+    """Alternating 1 and 3: mean square 5, s of the squares 4 √(40/39); d√x = dx/2√x."""
     rows, *_ = found
     (row,) = (each for each in rows if each.term == CHOICE)
     assert row.realised == pytest.approx(1e-3 * sqrt(5))

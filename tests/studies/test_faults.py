@@ -1,4 +1,4 @@
-"""The study of faults: its table, reduced, and how a prediction is judged."""
+"""The study of faults: a short version of its table, and the judgement of a prediction."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ TABLE = Path(__file__).with_name("faults-2026-11-25.csv")
 
 
 def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:
-    """The reduced form of ``virtual-lab faults`` (60 laboratories a fault, table beside this).
+    """A short version of ``virtual-lab faults`` (60 laboratories per fault, table beside this).
 
-    Caught is caught in all 4; the biases lie within three standard uncertainties of those
-    predicted; no sound day is flagged, which 1 % a day leaves 94 % likely.
+    A fault that should be caught is caught in all 4; biases lie within three u of the
+    predicted ones; no sound day is flagged (probability 94 % at 1 % per day).
     """
     rows = faults(FEW, procedures=("astm-f1881",), laboratories=LABORATORIES, seed=600)
     assert [row.fault for row in rows] == ["none", *FEW]
@@ -43,9 +43,9 @@ def _number(text: str) -> float | None:
 
 
 def test_the_table_on_file_is_of_this_catalog() -> None:
-    """Every fault and procedure with a prediction, the numbers predicted being those of the data.
+    """The table has every fault and procedure with a prediction, and the predicted numbers.
 
-    Each is caught in 95 % of the laboratories, or leaves the bias predicted within three standard
+    Each is caught in 95 % of the laboratories, or has the predicted bias within three standard
     uncertainties; a sound day is flagged no oftener than 1 % allows.
     """
     with TABLE.open(encoding="utf-8") as file:
@@ -71,7 +71,7 @@ def test_the_table_on_file_is_of_this_catalog() -> None:
 
 
 def test_a_wrong_prediction_shows() -> None:
-    """A bias ten Monte Carlo errors from the predicted one, and one that is met."""
+    """One bias is ten Monte Carlo errors from its prediction, another one agrees."""
     differences = np.array([0.9, 1.1] * 50)  # 1 ± 0.1005/10
     error = float(differences.std(ddof=1)) / 10
     assert Bias.of(differences, 1.0, 0.0).z == pytest.approx(0.0, abs=1e-9)
@@ -88,7 +88,7 @@ def test_z_is_over_the_errors_of_the_mean_and_of_the_prediction() -> None:
 def outcome(
     catches: list[tuple[str, ...]], prediction: Prediction | None, off: float = 0.0
 ) -> FaultOutcome:
-    """Return the outcome in laboratories that saw these, e_A and metric `off` the sound day's."""
+    """Return the outcome in laboratories with these flags; e_A and metric differ by `off`."""
     seen, sound = (
         [study._Seen(each, 0.25 + by + 1e-3 * (i % 2), 0.9 + by) for i, each in enumerate(catches)]
         for by in (off, 0.0)
@@ -98,7 +98,7 @@ def outcome(
 
 @pytest.mark.parametrize(("caught", "right"), [(19, True), (18, False)])
 def test_caught_is_caught_by_a_named_flag_in_19_of_20(caught: int, right: bool) -> None:
-    """Another flag than those predicted is seen, and is not what was predicted.
+    """A flag that was not predicted counts as seen, but not as caught.
 
     19 of 20: .7513 to .9987 by the tables of exact binomial limits.
     """
@@ -123,7 +123,7 @@ def test_a_sound_day_is_flagged_no_oftener_than_one_percent_allows(
 
 @pytest.mark.parametrize(("off", "right"), [(0.0029, True), (0.0031, False), (-0.0029, False)])
 def test_a_bias_is_met_within_three_standard_uncertainties(off: float, right: bool) -> None:
-    """Predicted 0 ± .001; every laboratory off alike, of which nobody is told."""
+    """The prediction is 0 ± .001; every laboratory has the same error."""
     known = {"efficiency_bias_u": 0.001, "metric_bias_u": 0.001}
     prediction = Prediction(
         procedure="bbcor", efficiency_bias=0.0, metric_bias=0.0 if off > 0 else 0.001, **known

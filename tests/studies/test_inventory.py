@@ -1,4 +1,4 @@
-"""What a gate's sheet says of slow rebounds, held against the gates themselves."""
+"""The statement of a gate's sheet on slow rebounds, against the gates themselves."""
 
 import numpy as np
 import pytest
@@ -24,9 +24,9 @@ RADIUS = 0.0366
 def test_falls_worked_by_hand(
     v_in_mph: float, efficiency: float, distance: float, fall: float
 ) -> None:
-    """A rebound of a 60 mph ball at e_A = 0.2 falls 43 mm in half a metre, and so on, in mm."""
+    """A rebound of a 60 mph ball at e_A = 0.2 falls 43 mm in half a metre [mm]."""
     slowest = slowest_within(distance, fall)
-    assert slowest == pytest.approx(efficiency * v_in_mph * MPH, rel=0.03)  # of 11 mm a half
+    assert slowest == pytest.approx(efficiency * v_in_mph * MPH, rel=0.03)  # half of 11 mm
 
 
 def balls(speeds: np.ndarray) -> Passage:
@@ -66,7 +66,7 @@ def test_curtains_lose_a_ball_that_is_slower_than_the_sheet_says(name: str) -> N
 def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(
     name: str, detail: RecordDetail
 ) -> None:
-    """And none of half that speed, which falls four times as far."""
+    """At half that speed the ball falls four times as far, and is not detected."""
     spec = catalog.load("instruments", name, LightBoardSpec).spec
     boards = LightBoards.commission(spec, Quiet(), "b")
     said = show(name).document["slowest_rebound"]

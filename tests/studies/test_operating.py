@@ -1,4 +1,4 @@
-"""The operating characteristic: counts of the same tests, three tests of one laboratory."""
+"""The operating characteristic: counts of the same tests, and three tests of a laboratory."""
 
 import csv
 from pathlib import Path
@@ -26,7 +26,7 @@ def curve(found, best_of: int, procedure: str = TIGHT.name) -> list:
 
 
 def test_one_test_is_a_count_of_a_sweep(found) -> None:
-    """Of the same laboratories: as many pass as errors that the way to the limit leaves room."""
+    """In the same laboratories, tests pass if their error is below the distance to the limit."""
     tests = vl.sweep("r161", procedures=[TIGHT], laboratories=LABORATORIES, seed=3, progress=quiet)
     valid = tests["verdict"] != "INVALID"
     rows = curve(found, 1)
@@ -73,7 +73,7 @@ def test_a_procedure_without_a_limit() -> None:
 
 
 def test_the_table_of_counted_bats() -> None:
-    """Predictions inside the 95 % band of counts of bats that have the metric: ≥ 17 of 20."""
+    """At least 17 of 20 predictions lie in the 95 % band of the counts."""
     (path,) = Path(__file__).parent.glob("operating-*.csv")
     rows = list(csv.DictReader(path.read_text("utf-8").splitlines()))
     inside = [float(row["low"]) <= float(row["predicted"]) <= float(row["high"]) for row in rows]

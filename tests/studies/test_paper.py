@@ -1,4 +1,4 @@
-"""Every number and claim of the paper: a test each, that fails where a claim does not hold."""
+"""Every number and claim of the paper: one test each, which fails if the claim does not hold."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_bounds_of_a_claim() -> None:
 
 
 def test_a_table_of_claims_is_read(tmp_path: Path) -> None:
-    """Bounds by tolerance, by one end and by both; numbers, words and the law without exponent."""
+    """Bounds by tolerance, one end or both; numbers, words and the law without exponent."""
     path = tmp_path / "claims.csv"
     path.write_text(
         "section,where,says,paper,within,low,high,unit,why,find\n"
@@ -101,7 +101,7 @@ def test_a_table_of_claims_is_read(tmp_path: Path) -> None:
 
 
 def test_every_finder_of_a_section_finds_something() -> None:
-    """What no claim names, nor another function of its module, would be dead."""
+    """A finder that no claim and no other function uses would be dead code."""
     rows = (DATA / "paper" / "claims.csv").read_text("utf-8").splitlines()
     named = {row.rpartition(",")[2].split()[0] for row in rows[1:]}
     for section in (metrics, models, examples, procedures):
@@ -113,7 +113,7 @@ def test_every_finder_of_a_section_finds_something() -> None:
 
 
 def test_text_folder_and_json_say_the_same(tmp_path: Path) -> None:
-    """Of a few rows; the pictures are of all four bats."""
+    """Some rows are compared; the pictures show all four bats."""
     failing = made_up(3.0, paper=2.6, low=2.55, high=2.65)
     claims = [*(claim for claim in CLAIMS if claim.section == "II C"), failing]
     found = Findings(found=tuple(claim.row() for claim in claims))

@@ -1,4 +1,4 @@
-"""Rehearsals of rules on curves of which the answer is known."""
+"""Rehearsals of rules on curves with known results."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from virtual_lab.studies.rehearsal import HitScatter, Rehearsal
 from virtual_lab.units import INCH
 
 MODIFIED = catalog.load("procedures", "ncaa-modified", Procedure).spec
-# a scan for the greatest BESR itself: of a parabola all is known
+# a scan for the greatest BESR: for a parabola the result is known
 BESR = replace(MODIFIED, metric="besr", speed_limit=None, largest_u=0.008, largest_speed_u=None)
 F1881 = catalog.load("procedures", "astm-f1881", Procedure).spec
 BAT = BatProperties(
@@ -29,7 +29,7 @@ ALONG = 1.5e-3  # m
 
 
 def parabola(place: np.ndarray) -> np.ndarray:
-    """Return e_A, r and e0: one maximum, the others alike everywhere."""
+    """Return e_A with one maximum, and constant r and e0."""
     e_a = 0.2 - BEND / 2 * (place - TOP) ** 2
     return np.array([e_a, np.full_like(place, 0.25), np.full_like(place, 0.5)])
 
@@ -47,7 +47,7 @@ def test_without_straying_nothing_is_missed(procedure: Procedure) -> None:
 
 
 def test_hits_beside_a_place_cost_half_the_curvature() -> None:
-    """At a fixed place the mean of a parabola over a normal place is exact."""
+    """At a fixed position, the mean of a parabola over a normal scatter is exact."""
     one = replace(F1881, metric="restitution", correction=None)
     bias, se = rehearsal(one).bias(HitScatter(ALONG, 0.0), Streams(2), 2000)
     expected = -(1 + 0.25) * BEND / 2 * ALONG**2  # e is (1 + r) e_A + r
@@ -56,10 +56,10 @@ def test_hits_beside_a_place_cost_half_the_curvature() -> None:
 
 
 def test_a_scan_that_goes_where_hits_came_out_high_pays_for_it() -> None:
-    """The lift of a fitted top at fixed places is not what a scan gets: it goes on looking."""
-    scatter = 8e-3  # that of a poor laboratory, which shows it in 500 tests by 4 of its se
+    """A scan gains less than the bias of a fitted maximum at fixed positions: it keeps looking."""
+    scatter = 8e-3  # scatter of a poor laboratory, which shows it in 500 tests by 4 standard errors
     bias, se = rehearsal(BESR).bias(HitScatter(0.0, scatter), Streams(3), 500)
-    x = np.repeat(np.arange(-2.0, 3.0) / 2, BESR.valid_hits)  # half widths of the fit
+    x = np.repeat(np.arange(-2.0, 3.0) / 2, BESR.valid_hits)  # half width of the fit
     design = np.vander(x, 4, increasing=True)
     slope_variance = scatter**2 * np.linalg.inv(design.T @ design)[1, 1]
     lift = slope_variance / 2 / (BEND * INCH**2)
@@ -70,14 +70,14 @@ def test_scatter_and_what_the_place_makes_of_it_add_up_to_the_scatter_seen() -> 
     rules = rehearsal(BESR)
     straying = rules.straying(ALONG, 3e-3)
     at = TOP + np.linspace(-1, 1, 9) * INCH
-    slope = -BEND * (at - TOP)  # of e_A + 1/2
+    slope = -BEND * (at - TOP)  # curvature of e_A + 1/2
     assert straying.along == ALONG
     assert straying.scatter**2 + np.mean((slope * ALONG) ** 2) == pytest.approx(9e-6, rel=1e-9)
     assert rules.straying(ALONG, 0.0).scatter == 0
 
 
 def test_a_swung_bat_is_read_by_the_balls_speed_back_alone() -> None:
-    """Where every place throws the ball back alike, it does not matter which one it struck."""
+    """If all positions give the same rebound, the impact position does not matter."""
     speed, turn_rate = BESR.ball_speed, 45.0
     axis = float(BAT.length) - BESR.pivot_from_knob
 

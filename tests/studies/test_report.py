@@ -1,4 +1,4 @@
-"""Reports of many certificates: which comparison it is, and what stands in each form."""
+"""Reports of many certificates: kind of comparison, and content of each form."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_certificates_that_differ_in_more_than_one_way_are_refused_by_name(resul
 
 
 def test_a_copy_is_no_repeat(results: Path, tmp_path: Path) -> None:
-    """Nor is the same test with another customer's name on the certificate alone."""
+    """The same test with another customer's name is no repeat either."""
     copy = shutil.copytree(results / "repeats" / "n0", tmp_path / "copy")
     document = json.loads((copy / "certificate.json").read_text("utf-8"))
     document["particulars"]["customer"]["name"] = "another"
@@ -93,7 +93,7 @@ def test_every_form_says_that_nothing_was_verified(results: Path, tmp_path: Path
 
 
 def test_a_name_without_glyphs_costs_no_report(results: Path, tmp_path: Path) -> None:
-    """Code points stand for them in the PDF, which says so."""
+    """The PDF shows code points instead, and says so."""
     found = vl.report(results / "bats", pdf=True)
     odd = replace(found, rows=(replace(found.rows[0], laboratory="中文 1\u20e3"), *found.rows[1:]))
     (sheet,) = PdfReader(odd.save(tmp_path / "report") / "report.pdf").pages
@@ -103,7 +103,7 @@ def test_a_name_without_glyphs_costs_no_report(results: Path, tmp_path: Path) ->
 
 
 def test_repeats_scatter_as_their_values_do(results: Path) -> None:
-    """Mean and standard deviation by the standard library, from the certificates themselves."""
+    """The oracle: mean and standard deviation of the certificates by the standard library."""
     found = vl.report(results / "repeats")
     values = [vl.load(results / "repeats" / f"n{number}").value for number in range(3)]
     (said,) = (each for each in found.words if "on average" in each)
@@ -145,7 +145,7 @@ def test_a_row_has_the_certificates_numbers_in_the_unit_of_its_metric() -> None:
 
 
 def test_an_invalid_test_states_no_value() -> None:
-    """Its hits have a metric, but it is no result: neither row, figure nor mean has it."""
+    """Its hits have a metric, but it is no result: no row, figure or mean uses it."""
     document = certificate(certified(seed=7).certification)
     invalid = replace(document, verdict="INVALID", reasons=("x",), risk=None)
     sound, row = (ComparedCertificate.of(each, "f") for each in (document, invalid))
@@ -184,7 +184,7 @@ def test_every_form_has_every_certificate(results: Path, tmp_path: Path) -> None
 
 
 def test_the_figure_shows_results_and_limit_to_scale(results: Path) -> None:
-    """Intervals of one row each, their ends in the ratio of the numbers."""
+    """The figure has one interval per row, with its ends to scale."""
     found = vl.report(results / "repeats")
     lines = re.findall(r'<path d="M([\d.]+) ([\d.]+)L([\d.]+) ([\d.]+)" fill="none"', found.svg)
     spans = [(float(a), float(b)) for a, y, b, z in lines if y == z]

@@ -1,4 +1,4 @@
-"""The score of an output folder: what was altered is told, and told of whatever it is."""
+"""The score of an output folder: alterations of any kind are reported."""
 
 import hashlib
 import json
@@ -17,7 +17,7 @@ SEALING = "sealed: random seed of 128 bits, stored only with the truth"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a sealed test with nothing in it but what a score needs."""
+    """Return a sealed test with only the files that a score needs."""
     truth = {"measurand": dict.fromkeys(ROWS, 0.5), "reality": "real"}
     (tmp_path / "truth").mkdir()
     (tmp_path / "truth" / "truth.json").write_text(json.dumps(truth))
@@ -63,7 +63,7 @@ def test_a_whole_seal(folder: Path) -> None:
     ],
 )
 def test_what_cannot_be_scored_is_told_as_altered(changes: dict[str, Any], folder: Path) -> None:
-    """Without rows where there are none to be had; the same unsealed is bad input."""
+    """The score then has no rows; without a seal it is bad input."""
     rewrite(folder / "certificate.json", **changes)
     scored = score_folder(folder)
     document = scored.document
@@ -79,7 +79,7 @@ def test_what_cannot_be_scored_is_told_as_altered(changes: dict[str, Any], folde
 
 
 def test_a_certificate_that_is_no_json_is_altered_as_a_file(folder: Path) -> None:
-    """NaN is a word of Python's, none of JSON's."""
+    """NaN is allowed in Python, but not in JSON."""
     rewrite(folder / "certificate.json", metric={"value": float("nan"), "u": 0.01})
     (one,) = score_folder(folder).document["altered"]
     assert (one["file"], one["key"]) == ("certificate.json", "")
@@ -94,7 +94,7 @@ def test_a_cut_certificate_and_an_altered_truth(folder: Path) -> None:
 
 
 def test_a_truth_sealed_again_is_not_the_certificates(folder: Path) -> None:
-    """The certificate holds its digest too; altered with that as well, nothing can tell."""
+    """The certificate has the truth's digest, too; if that is altered as well, nothing can tell."""
     truth = folder / "truth" / "truth.json"
     rewrite(truth, reality="ideal")
     write_seal(folder)
@@ -119,7 +119,7 @@ def test_what_a_score_cannot_do_without(name: str, folder: Path) -> None:
 
 
 def test_sealed_without_a_result(folder: Path) -> None:
-    """Nothing was altered, and there is no score: bad input."""
+    """A sealed test without a result has no score: bad input."""
     rewrite(folder / "certificate.json", metric={})
     write_seal(folder)
     with pytest.raises(InputError, match="value; this key is missing"):

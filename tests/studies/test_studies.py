@@ -1,4 +1,4 @@
-"""Studies that open the truth: coverage in many laboratories, and the method's own bias."""
+"""Studies that read the truth: coverage in many laboratories, and the bias of the method."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ LABORATORIES = 30
     [("r161", "astm-f1881"), ("r161", "ncaa-besr"), ("r161", "bbcor"), ("softball-34", "asa")],
 )
 def test_coverage_in_a_few_laboratories(bat: str, procedure: str) -> None:
-    """The reduced form of ``virtual-lab coverage r161 --summed`` (table beside this).
+    """A short version of ``virtual-lab coverage r161 --summed`` (table beside this).
 
     Of 30 intervals of 95 % at least 25 hold the truth with probability 0.997; the mean error in
     standard uncertainties lies within 4/sqrt(30), and the bias within 4 standard errors of the
-    one expected. Six fresh hits alone tell the scatter of bbcor: t of 5 degrees spreads by 1.3.
+    expected one. Only six new hits give the scatter of bbcor: a t of 5 degrees has s = 1.3.
     """
     rows = coverage(bat, procedure=procedure, laboratories=LABORATORIES, seed=50_000, summed=True)
     for row in rows:
@@ -47,17 +47,17 @@ def test_coverage_in_a_few_laboratories(bat: str, procedure: str) -> None:
 
 
 def test_effects_of_every_term() -> None:
-    """The reduced form of ``coverage softball-34 --procedure asa --summed --effects``.
+    """A short version of ``coverage softball-34 --procedure asa --summed --effects``.
 
-    Each term within 4.5 standard errors of the one stated (30 terms of 100 dof: by chance 1 in
-    1000), and the greatest beyond 2 of none, so that a lost sign would show.
+    Each effect is within 4.5 standard errors of the stated one (30 terms of 100 dof: by chance 1 in
+    1000), and the largest beyond 2 standard errors of zero, so that a lost sign would show.
     """
     rows = effects("softball-34", procedure="asa", laboratories=130, summed=True)
     terms = {row.term: row for row in rows}
     for name, row in terms.items():
         print(name, row.stated, row.realised, row.se)
         assert row.realised is not None, name
-        # the sheet's slope is that of all softball bats: the aim's effect may be apart by its u
+        # the sheet's slope is that of all softball bats: the effect of the aim may differ by its u
         stated = terms["procedure.place_slope_error"].stated
         slack = 2 * abs(stated) if name == "impact.cannon.along" else 0.0
         if name != "procedure.place_slope_error":
@@ -79,7 +79,7 @@ def test_effects_need_laboratories() -> None:
     ("procedure", "bats"), [("astm-f1881", ()), ("asa", ("softball-34", "softball-wood-34"))]
 )
 def test_the_slope_on_a_procedures_sheet(procedure: str, bats: tuple[str, ...]) -> None:
-    """As ``virtual-lab slope`` gives it, to the rounding on the sheet, and u at least that."""
+    """The slope is that of ``virtual-lab slope``, rounded as on the sheet; u is at least its u."""
     *_, mean, deviation = slope(bats, procedure=procedure)
     sheet = catalog.load("procedures", procedure, Procedure).spec
     assert sheet.place_slope * INCH == pytest.approx(mean.slope_per_in, abs=6e-4)
@@ -94,16 +94,16 @@ def test_a_slope_of_no_place() -> None:
 
 
 def test_coverage_with_every_edge_and_count() -> None:
-    """Laboratories that draw their own bats, and records in full."""
+    """Laboratories with individual bats and complete records."""
     for row in coverage("r161", laboratories=12, seed=50_000):
-        assert row.coverage >= 9 / 12  # fewer by chance 1 in 5000
+        assert row.coverage >= 9 / 12  # fewer: by chance 1 in 5000
 
 
 def test_bias_without_noise() -> None:
-    """1e-3 in e_A for every bat, ring, counts, friction and drag kept.
+    """The bias is below 1e-3 in e_A for every bat, with ring, counts, friction and drag.
 
     The heavy check cylinder turns so slowly that one count of the encoder shows, and without
-    noise every shot rounds alike.
+    noise all shots round equally.
     """
     rows = bias()
     assert [row["bat"] for row in rows] == list(catalog.names("bats"))

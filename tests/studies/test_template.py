@@ -1,4 +1,4 @@
-"""Forms of every procedure: empty they say what they lack, filled in they reduce to the same."""
+"""Forms of every procedure: empty, they name what is missing; filled in, they reduce."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _each_procedure_played_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def fill_in(folder: Path, session: Session) -> None:
-    """Fill a form in with a session, as somebody with an editor would."""
+    """Fill in a form from a session, as with an editor."""
     path = folder / "laboratory.toml"
     text = path.read_text("utf-8").replace("\r\n", "\n")
     for key, known in session.calibration.items():
@@ -56,7 +56,7 @@ def fill_in(folder: Path, session: Session) -> None:
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_an_empty_form_lists_what_it_lacks(procedure: str, tmp_path: Path) -> None:
-    """Every key with a question mark; then, one by one, the tables."""
+    """Every key with a question mark is named; then the tables, one by one."""
     folder = template(procedure, tmp_path / "form")
     text = (folder / "laboratory.toml").read_text("utf-8")
     with pytest.raises(InputError, match="not filled in") as caught:
@@ -69,7 +69,7 @@ def test_an_empty_form_lists_what_it_lacks(procedure: str, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_a_form_filled_in_gives_the_same_numbers(procedure: str, tmp_path: Path) -> None:
-    """What our own laboratory measured, written into the form by hand."""
+    """Values of a simulated session, written into the form, give the same numbers."""
     session = our_own(procedure)
     expected = certify_session(session)
     folder = template(procedure, tmp_path / "form")
@@ -84,7 +84,7 @@ def test_a_form_filled_in_gives_the_same_numbers(procedure: str, tmp_path: Path)
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_the_tables_have_their_index_columns(procedure: str, tmp_path: Path) -> None:
-    """A row for every shot, gate and reading; long ones their first row; no values anywhere."""
+    """Tables have one row per shot, gate and reading (long ones the first row), without values."""
     folder = template(procedure, tmp_path / "form")
     for stage, records in our_own(procedure).records.items():
         for channel, record in records.items():
@@ -100,7 +100,7 @@ def test_the_tables_have_their_index_columns(procedure: str, tmp_path: Path) -> 
 
 
 def test_a_form_with_empty_tables(tmp_path: Path) -> None:
-    """Only the form proper filled in: the first table is named."""
+    """If only the form is filled in, the first table is named."""
     folder = template("astm-f1881", tmp_path / "form")
     tables = {path: path.read_text() for path in folder.glob("*/*.csv")}
     fill_in(folder, our_own("astm-f1881"))
@@ -115,7 +115,7 @@ def test_a_form_with_empty_tables(tmp_path: Path) -> None:
 
 
 def test_what_may_be_left_out_is_read_where_it_is_filled_in(tmp_path: Path) -> None:
-    """Thickness of the beams: a comment in the form, a constant without its sign."""
+    """The beams' thickness is a comment in the form, and a constant without the # sign."""
     session = our_own("astm-f1881")
     folder = template("astm-f1881", tmp_path / "form")
     fill_in(folder, session)

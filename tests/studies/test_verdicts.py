@@ -1,4 +1,4 @@
-"""No verdict against the records: the tables on file, and a few of their rows played again."""
+"""Verdicts agree with the records: the stored tables, and some of their rows repeated."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 def test_sound_laboratories_are_as_rarely_contradicted_as_chance_says() -> None:
-    """Of each procedure's: none INVALID, and no pair's chance too often below .1 or .01.
+    """For each procedure none is INVALID, and no pair's p-value is below .1 or .01 too often.
 
-    At most as often as a fair coin of that chance falls in 999 studies of 1000.
+    The bound is exceeded by chance in one study of 1000.
     """
     table = rows(SOUND)
     assert {each["procedure"] for each in table} == BATS.keys()
@@ -54,9 +54,9 @@ def test_sound_laboratories_are_as_rarely_contradicted_as_chance_says() -> None:
 
 
 def test_blocks_of_sound_laboratories_are_invalid_no_more_often_than_one_of_ten_thousand() -> None:
-    """All checks together, at most as often as a fair coin of that chance in 999 studies of 1000.
+    """For all checks together; the bound is exceeded by chance in one study of 1000.
 
-    And a flag of any kind in less than one of a hundred.
+    Less than one laboratory of a hundred has any flag.
     """
     table = [each for each in rows(BLOCKS) if each["check"] == "any"]
     assert {each["procedure"] for each in table} == BATS.keys()
@@ -68,13 +68,13 @@ def test_blocks_of_sound_laboratories_are_invalid_no_more_often_than_one_of_ten_
 
 
 def test_another_laboratorys_wall_gives_the_e0_of_its_balls() -> None:
-    """Of 95 % intervals no fewer hold the truth than in 999 studies of 1000."""
+    """At least as many 95 % intervals hold the truth as in 999 of 1000 studies."""
     for each in rows(WALL):
         assert int(each["held"]) >= binom.ppf(1 - ENOUGH, int(each["laboratories"]), 0.95)
 
 
 def test_no_verdict_stands_against_its_own_records() -> None:
-    """None over 3 u off where a difference exceeds 6 of its u, in any case on file."""
+    """If a difference exceeds 6 of its u, no verdict in the stored cases is wrong by 3 u."""
     for each in rows(CASES):
         assert each["contradicted"] == "0", each
         judged = int(each["INVALID"]) + int(each["remark"]) + int(each["silent"])
@@ -83,7 +83,7 @@ def test_no_verdict_stands_against_its_own_records() -> None:
 
 @pytest.mark.parametrize("delay", [3, 5, 10, 20, -3, -5, -10, -20])
 def test_separate_triggers_leave_no_verdict(delay: int) -> None:
-    """Whoever is on file: three milliseconds and more, either way."""
+    """In all stored cases: three milliseconds or more, early or late."""
     found = [each for each in rows(CASES) if each["case"] == f"trigger {delay:+g} ms"]
     assert found
     for each in found:
@@ -113,7 +113,7 @@ def test_what_is_done_to_a_record_on_disk_shows(
 
 
 def test_a_recorder_that_sums_up_stops_where_the_bat_does() -> None:
-    """At 75 mph the bat turns 170 degrees in some 110 ms; the recorder fits 2.3 ms less.
+    """At 75 mph the bat turns 170 degrees in about 110 ms; the recorder fits 2.3 ms less.
 
     Its u is that of the slope of a cubic through n whole counts, a gap g before a span T: with
     Legendre's polynomials √(Σ (2k + 1) P_k'² / n / 12) 2/T at 1 + 2 g/T.

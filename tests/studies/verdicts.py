@@ -1,4 +1,4 @@
-"""Verdicts against the records: how often a sound laboratory is INVALID, and what faults give.
+"""Verdicts against the records: INVALID sound laboratories, and the effect of faults.
 
     python -m tests.studies.verdicts sound PROCEDURE FIRST NUMBER FILE.csv
     python -m tests.studies.verdicts table FILE.csv ...
@@ -39,7 +39,7 @@ from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.diagnostics.flag import CONTRADICTS, REMARKED
 from virtual_lab.records.session import Session, load_session, save_session
 
-# none of them the bat that the checks were tried on
+# none of them used to develop the checks
 BATS = {
     "astm-f1881": "ea70",
     "asa": "softball-wood-34",
@@ -50,11 +50,11 @@ BATS = {
 }
 FIELDS = ("procedure", "bat", "seed", "verdict", "reasons", "flags", "misfits", "z", "pairs")
 COUNTED = ("laboratories", "flagged", "INVALID")
-ENOUGH = 1 - 1e-3  # of what chance gives, before a rate is too high
+ENOUGH = 1 - 1e-3  # probability that chance exceeds the bound
 
 
 def row(certification: Certification, truth: float) -> dict[str, object]:
-    """Return what a laboratory's checks say, without its names."""
+    """Return the results of a laboratory's checks, without its names."""
     metric, judged = certification.metric, certification.judgement.reasons
     return {
         "verdict": certification.verdict.value,
@@ -71,7 +71,7 @@ def row(certification: Certification, truth: float) -> dict[str, object]:
 
 
 def sound(procedure: str, first: int, number: int, into: Path) -> None:
-    """Play sound laboratories, and write a row each as soon as it is known."""
+    """Play sound laboratories, and write the row of each as soon as it is known."""
     done: set[int] = set()
     if into.exists():
         with into.open(encoding="utf-8") as file:
@@ -92,9 +92,9 @@ def sound(procedure: str, first: int, number: int, into: Path) -> None:
 
 
 def table(files: list[Path]) -> list[dict[str, object]]:
-    """Return a row a procedure and pair: how often its chance is below .1, .01, the two limits.
+    """Return one row per procedure and pair: counts of p-values below .1, .01 and both limits.
 
-    `most` are the counts that chance exceeds in one study of a thousand.
+    `most` are the counts exceeded by chance in one study of a thousand.
     """
     laboratories: dict[str, int] = defaultdict(int)
     invalid: dict[str, int] = defaultdict(int)
@@ -134,7 +134,7 @@ def table(files: list[Path]) -> list[dict[str, object]]:
 
 
 def blocks(procedure: str, seed: int, number: int) -> Iterator[dict[str, object]]:
-    """Yield a row a check and one of all checks together, of sound laboratories in blocks."""
+    """Yield one row per check, and one for all checks, for sound laboratories in blocks."""
     raised: dict[str, list[np.ndarray]] = defaultdict(list)
     voided: dict[str, list[np.ndarray]] = defaultdict(list)
     for tested in RoundRobin.of(BATS[procedure], procedure).blocks(number, seed):
@@ -154,7 +154,7 @@ def blocks(procedure: str, seed: int, number: int) -> Iterator[dict[str, object]
         }
 
 
-Outcome = tuple[Certification, float]  # and the true value of its metric
+Outcome = tuple[Certification, float]  # true value of the metric
 CASES = (
     "case",
     "procedure",
@@ -163,17 +163,17 @@ CASES = (
     "INVALID",
     "remark",
     "silent",
-    "median error",  # of all that have a result, in its u, its sign that of the mean
-    "worst standing",  # error of a verdict that stands, in its u
-    "moved",  # by this much at most from the sound twin, where the verdict stands
-    "contradicted",  # verdicts over 3 u off where a difference is over 6 of its u
+    "median error",  # mean error of all results in u, with its sign
+    "worst standing",  # largest error of a standing verdict in u
+    "moved",  # largest difference from the sound twin, if the verdict stands
+    "contradicted",  # number of verdicts wrong by 3 u although a difference exceeds 6 u
 )
 
 
 def case(
     name: str, procedure: str, bat: str, outcomes: list[Outcome], twins: list[Outcome]
 ) -> dict[str, object]:
-    """Return what one case gave in several laboratories, `twins` the same without it."""
+    """Return the results of one case in several laboratories; `twins` are the same without it."""
     invalid = [found.verdict.value == "INVALID" for found, _ in outcomes]
     flagged = [bool(found.flags) for found, _ in outcomes]
     errors = np.array(
@@ -213,8 +213,10 @@ Injection = tuple[str, str, Callable[[Any, Any], Fields]]
 
 
 def slip(lost: float, lasts: float, some: float, record: Any, rng: Any) -> Fields:
-    """Lose counts evenly over a time [ms], from a random time of each of some shots on."""
-    first, last = (0.025, 0.14) if record.times[-1] > 0.1 else (0.0, 0.028)  # a swing's is short
+    """Lose counts evenly over a time [ms], from a random time of some shots."""
+    first, last = (
+        (0.025, 0.14) if record.times[-1] > 0.1 else (0.0, 0.028)
+    )  # record of a swing, which is short
     since = record.times - rng.uniform(first, last, (len(record.counts), 1))
     share = np.clip(since / (lasts * 1e-3), 0, 1) * (rng.random((len(since), 1)) < some)
     return {"counts": record.counts - np.round(lost * share)}
@@ -227,12 +229,12 @@ def sector(lost: int, record: Any, rng: Any) -> Fields:
 
 
 def late(delay: float, record: Any, rng: Any) -> Fields:
-    """Start the recorder of the encoder so many ms after that of the gates."""
+    """Start the encoder's recorder this many ms after that of the gates."""
     return {"times": record.times + delay * 1e-3}
 
 
 def skipped(samples: int, record: Any, rng: Any) -> Fields:
-    """Lose samples of each record at a random time, which the recorder's clock does not tell."""
+    """Lose samples of each record at a random time, without a gap in the clock."""
     length = record.counts.shape[1]
     kept = np.arange(length)[None] + samples * (
         np.arange(length) > rng.integers(300, length - 100, (len(record.counts), 1))
@@ -242,7 +244,7 @@ def skipped(samples: int, record: Any, rng: Any) -> Fields:
 
 
 def gate_jump(jump: float, record: Any, rng: Any) -> Fields:
-    """Have the clock of the gates jump ahead [us] as half of the balls come in."""
+    """Let the clock of the gates jump ahead [us] when half of the balls come in."""
     times, struck = record.times.copy(), rng.random(len(record.times)) < 0.5
     times[struck, 0, 1:] += jump * 1e-6
     times[struck, 1] += jump * 1e-6
@@ -250,7 +252,7 @@ def gate_jump(jump: float, record: Any, rng: Any) -> Fields:
 
 
 def injections(session: Session) -> Iterator[Injection]:
-    """Yield name, channel and change of what a session's records allow."""
+    """Yield name, channel and change of each injection that the records allow."""
     channels = session.records["impact"]
     for name in {"encoder", "swing"} & channels.keys():
         for lost, lasts in ((5, 30), (20, 10), (20, 50), (50, 300)):
@@ -279,14 +281,14 @@ def reduced(session: Session) -> Certification:
 
 
 def changed(session: Session, channel: str, fields: Fields) -> Session:
-    """Return a session one record of whose hits reads otherwise."""
+    """Return a session with one changed record of the hits."""
     hits = session.records["impact"]
     hits = {**hits, channel: replace(hits[channel], **fields)}
     return replace(session, records={**session.records, "impact": hits})
 
 
 def injected(procedure: str, first: int, number: int, bat: str = "") -> Iterator[dict[str, object]]:
-    """Yield a row an injection."""
+    """Yield one row per injection."""
     bat = bat or BATS[procedure]
     sound: list[tuple[int, Session, float]] = []
     for seed in range(first, first + number):
@@ -304,7 +306,7 @@ def injected(procedure: str, first: int, number: int, bat: str = "") -> Iterator
 
 
 def faults(procedure: str, first: int, number: int) -> Iterator[dict[str, object]]:
-    """Yield a row a fault of the catalog that is predicted for the procedure."""
+    """Yield one row per fault of the catalog with a prediction for the procedure."""
     bat = BATS[procedure]
 
     def played(*names: str) -> list[Outcome]:
@@ -325,7 +327,7 @@ def faults(procedure: str, first: int, number: int) -> Iterator[dict[str, object
 
 
 def stop(first: int, number: int) -> Iterator[dict[str, object]]:
-    """Yield a row a speed of a softball [mph]: at 67 the bat meets its stop while recorded."""
+    """Yield one row per speed of a softball [mph]: at 67 the bat meets its stop in the record."""
     for bat in ("softball-34", "softball-wood-34"):
         for speed in (60, 66, 67, 68, 70, 72, 75):
             sheet = virtual_lab.procedure("asa").with_(ball_speed=speed)
@@ -340,7 +342,7 @@ def stop(first: int, number: int) -> Iterator[dict[str, object]]:
 
 
 def write(rows: Iterator[dict[str, object]], into: Path, columns: tuple[str, ...] = CASES) -> None:
-    """Add rows to a file as they come."""
+    """Add rows to a file as soon as they are known."""
     new = not into.exists()
     with into.open("a", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, columns, lineterminator="\n")

@@ -1,4 +1,4 @@
-"""Bats for measurements: Table I of the paper, round trips, and data nothing meets."""
+"""Bats fitted to measurements: Table I of the paper, round trips, and impossible data."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
 from virtual_lab.studies.bats.bat_templates import TEMPLATES, BatMeasurements, computed, fit
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
-# z_cm, I_cm, f1, f2, nodes; all 34 in and 31 oz
+# z_cm, I_cm, f1, f2 and nodes of bats of 34 in and 31 oz
 TABLE_ONE = {
     "r161": ("wood", 11.3, 2539, (164, 551), (6.8, 5.2)),
     "knob-loaded": ("hollow", 14.6, 3418, (191, 691), (7.8, 5.6)),
@@ -34,7 +34,7 @@ def measured(template: str = "wood", **other: Any) -> BatMeasurements:
 
 @pytest.mark.parametrize("bat", ["r161", pytest.param("knob-loaded", marks=pytest.mark.long)])
 def test_everything_of_table_one_is_met(bat: str) -> None:
-    """By the full mesh, where the fit used a coarse one."""
+    """The fit uses a coarse mesh, the test the full one."""
     template, z_cm, inertia, frequencies, nodes = TABLE_ONE[bat]
     body = fit(
         measured(
@@ -55,7 +55,7 @@ def test_everything_of_table_one_is_met(bat: str) -> None:
 
 @pytest.mark.parametrize("template", TEMPLATES)
 def test_a_bat_of_the_template_is_met_from_elsewhere(template: str) -> None:
-    """Round trip: half a spread off in every parameter, measured, fitted."""
+    """Round trip: every parameter changed by half its spread, measured and fitted."""
     usual, spread = TEMPLATES[template].usual, TEMPLATES[template].spread
     signs = np.where(np.arange(usual.size) % 2, 0.5, -0.5)
     true = computed(

@@ -1,4 +1,4 @@
-"""Profiles and comparisons against the collision model asked directly, place by place."""
+"""Profiles and comparisons against the collision model, position by position."""
 
 import html
 from pathlib import Path
@@ -26,7 +26,7 @@ def compared() -> BatComparison:
 
 
 def test_names_are_drawn_and_written_as_they_are(tmp_path: Path) -> None:
-    """A $ begins no formula in a figure, an = none in a table; a first _ hides no bat."""
+    """A $ starts no formula in a figure, an = none in a table; a leading _ hides no bat."""
     import virtual_lab as vl
 
     names = [r"$\frac{1$", "costs $5 or $6", "=cmd|' /C calc'!A0", "_hidden"]
@@ -51,7 +51,7 @@ def test_peak_of_a_known_curve() -> None:
 
 
 def test_peak_converges_with_the_step() -> None:
-    """A curve the spline cannot hold exactly: halving the step gains 8 to 16 times."""
+    """For a curve that the spline cannot represent, halving the step gains a factor of 8 to 16."""
 
     def place_error(step: float) -> float:
         z = np.arange(0, 12.01, step)
@@ -66,7 +66,7 @@ def test_peak_at_an_end_is_taken_there() -> None:
 
 
 def test_peaks_are_those_of_the_model_itself(compared: BatComparison) -> None:
-    """Places 0.01 in apart and no spline."""
+    """The oracle uses positions 0.01 in apart and no spline."""
     z = np.arange(6.8, 7.8, 0.01)
     model = ModalModel.of(load_bat("ea70").spec.body, Free())
     e_A = model.collide(usual(z)).collision_efficiency
@@ -84,14 +84,14 @@ def test_differences_are_those_of_the_peaks(compared: BatComparison) -> None:
 
 
 def test_a_bat_of_the_reference_inertia_is_swung_alike_for_every_n() -> None:
-    """As the paper takes I0 for its loaded bats."""
+    """The paper uses I0 in this way for its loaded bats."""
     fast = compare(["barrel-loaded", "knob-loaded"], reference_inertia="barrel-loaded").peaks
     assert fast[0].peaks["v_f_mph"] == pytest.approx(fast[1].peaks["v_f_mph"], rel=1e-12)
     assert fast[2].peaks["v_f_mph"] < fast[3].peaks["v_f_mph"] - 5
 
 
 def test_bat_speed_follows_the_swing_law_by_hand() -> None:
-    """45 rad/s times (I0/I)^n, 33 in less z from the point of turning."""
+    """The speed is 45 rad/s times (I0/I)^n times the distance (33 in - z) from the pivot."""
     inertia = beam_of(load_bat("r161").spec.body).inertia(33 * INCH)
     swung = profiles("r161", swings=(0.5,), reference_inertia="18000 oz in^2")[0]
     expected = 45 * np.sqrt(18000 * OZ_IN2 / inertia) * 27 * INCH / MPH
@@ -100,7 +100,7 @@ def test_bat_speed_follows_the_swing_law_by_hand() -> None:
 
 
 def test_constant_energy_by_hand() -> None:
-    """45 rad/s times the square root of the inertias' ratio, each about 20 in beyond the knob."""
+    """45 rad/s times the square root of the ratio of inertias about 20 in beyond the knob."""
     beam = beam_of(load_bat("knob-loaded").spec.body)
     own = beam.mass * (54 * INCH - beam.z_cm) ** 2 + beam.inertia_cm
     omega = 45 * np.sqrt((58900 * OZ_IN2 + 0.72) / (own + 0.72))
@@ -112,7 +112,7 @@ def test_constant_energy_by_hand() -> None:
 
 
 def test_constant_energy_is_the_exponent_that_swings_were_measured_to_have() -> None:
-    """Omega goes as I_knob^-0.3 among bats of one shape, 15 to 20 thousand oz in²: the paper's."""
+    """As in the paper, ω is proportional to I_knob^-0.3 for one shape, 15 to 20 thousand oz in²."""
     game = catalog.load("conditions", "standard-2003", GameConditions).spec
     law, about_knob = game.swing(None), np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2
     beam = beam_of(load_bat("r161").spec.body)
@@ -124,7 +124,7 @@ def test_constant_energy_is_the_exponent_that_swings_were_measured_to_have() -> 
 
 
 def test_the_papers_conclusions_hold_under_constant_energy() -> None:
-    """Sec. III B: none of them "depend substantially on which model is used"."""
+    """Sec. III B: none of the conclusions "depend substantially on which model is used"."""
     tops = {
         row.bat: row.peaks
         for row in compare(["r161", "ea70", "barrel-loaded", "knob-loaded"], swings=(None,)).peaks
@@ -133,7 +133,7 @@ def test_the_papers_conclusions_hold_under_constant_energy() -> None:
     assert 1 < lead < 6  # "closer to 3 mph", and between the limits of n = 0 and n = 0.5
     assert tops["barrel-loaded"]["v_f_mph"] > tops["knob-loaded"]["v_f_mph"] + 1
     assert tops["barrel-loaded"]["BPF"] == pytest.approx(tops["knob-loaded"]["BPF"], rel=0.02)
-    # BPF alone misranks: the knob-loaded bat's stands far above wood's, its v_f hardly does
+    # only BPF misranks: that of the knob-loaded bat is far above wood's, its v_f hardly is
     assert tops["knob-loaded"]["BPF"] > 1.05 * tops["r161"]["BPF"]
     assert tops["knob-loaded"]["v_f_mph"] < tops["ea70"]["v_f_mph"] - 1
     wood = tops["r161"]
@@ -185,5 +185,5 @@ def test_files_hold_what_was_compared(compared: BatComparison, tmp_path: Path) -
     assert found == {"compare.csv", "peaks.csv", "differences.csv", "compare.png"}
     curves = pd.read_csv(tmp_path / "out" / "compare.csv")
     assert len(curves) == 4 * len(compared.profiles[0].table)
-    assert curves["BPF"].to_numpy() == pytest.approx(2 * curves["e"].to_numpy())  # e0 = 0.5
+    assert curves["BPF"].to_numpy() == pytest.approx(2 * curves["e"].to_numpy())  # with e0 = 0.5
     assert (tmp_path / "out" / "compare.png").read_bytes().startswith(b"\x89PNG")

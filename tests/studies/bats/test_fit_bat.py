@@ -1,4 +1,4 @@
-"""A fitted bat as a file: it reads back as what was measured, and tells what was not."""
+"""A fitted bat as a file: it has the measured values, and states what was not measured."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ bending_frequencies = { value = [164, 551], unit = "Hz", source = "tap", verifie
 
 @pytest.fixture(scope="module")
 def weighed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FittedBat]:
-    """Return a file of measurements without frequencies, and what it was fitted to."""
+    """Return a file of measurements without frequencies, and the fitted bat."""
     source = tmp_path_factory.mktemp("fit") / "measured.toml"
     source.write_text(MEASURED)
     return source, fit_bat(str(source), members=3)
@@ -64,5 +64,5 @@ def test_measuring_more_leaves_less_open(tmp_path: Path, weighed: tuple[Path, Fi
     assert less["e_A at 7 in"].sd > more["e_A at 7 in"].sd > 1e-4
     for row in more.values():
         assert row.low <= row.fit <= row.high
-    # fits without frequencies are quick; the draws are the same
+    # fits without frequencies are fast, and use the same draws
     assert fit_bat(str(source), members=3).spread == fitted.spread

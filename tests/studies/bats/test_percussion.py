@@ -1,4 +1,4 @@
-"""Hits beside the centre of percussion, held against free bats that take up their play by hand."""
+"""Hits off the centre of percussion, against free bats that take up the clearance by hand."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,12 +24,12 @@ def found() -> PercussionStudy:
 
 
 def at(found: PercussionStudy, z: float) -> PlaceReadings:
-    """Return the row of a place."""
+    """Return the row of an impact position."""
     return min(found.rows, key=lambda row: abs(row.z_in - z))
 
 
 def test_the_axis_bears_nothing_at_the_centre_of_percussion(found: PercussionStudy) -> None:
-    """Eq. (11) for Table I, 6.3956 in; beside it the blow turns round."""
+    """Eq. (11) for Table I gives 6.3956 in; beyond it the force changes sign."""
     assert found.percussion_in == pytest.approx(6.3956, abs=2e-3)
     assert at(found, found.percussion_in).reaction_ns == pytest.approx(0, abs=1e-12)
     assert at(found, 2).reaction_ns < -0.5
@@ -43,7 +43,7 @@ def test_a_plain_bearing_costs_what_it_rubs(found: PercussionStudy) -> None:
     lever = axis - beam.z_cm
     for row in (at(found, 3), at(found, 11)):
         b = axis - row.z_in * INCH
-        # the blow is the ball's J, the axis takes J - M d ω, ω = J b / I_p
+        # the impulse of the ball is J; the axis takes J - M d ω with ω = J b / I_p
         blow = row.reaction_ns / (1 - beam.mass * lever * b / beam.inertia(axis))
         turn = blow * b / beam.inertia(axis)
         lost = 0.087 * 0.010 * abs(row.reaction_ns) / beam.inertia(axis)
@@ -51,7 +51,7 @@ def test_a_plain_bearing_costs_what_it_rubs(found: PercussionStudy) -> None:
 
 
 def test_play_costs_nothing_but_hard_by_the_centre_of_percussion(found: PercussionStudy) -> None:
-    """Its angle is a constant of the fit, unless it is taken up while the fit runs."""
+    """The angle of the play is a constant of the fit, unless it is taken up during the fit."""
     for row in found.rows:
         if abs(row.z_in - found.percussion_in) > 0.1:
             assert abs(row.loose_shift) < 1e-9
@@ -61,7 +61,7 @@ def test_play_costs_nothing_but_hard_by_the_centre_of_percussion(found: Percussi
 
 @pytest.mark.parametrize("place", [3.0, 10.0])
 def test_a_loose_bat_turns_as_a_free_one_until_its_journal_bears(place: float) -> None:
-    """By hand: a free rigid bat struck, stopped at the axis after 0.2 mm, then turning about it."""
+    """By hand: a free rigid bat is hit, stops at the axis after 0.2 mm, then turns about it."""
     laboratory = opened("r161", procedure="astm-f1881", seed=0, reality=Reality.NOISE_FREE)
     fixed = laboratory.stations[Stage.IMPACT]
     one = np.zeros(1, dtype=int)
@@ -82,7 +82,7 @@ def test_a_loose_bat_turns_as_a_free_one_until_its_journal_bears(place: float) -
     ball = laboratory.specimen.balls.mass[0]
     blow = ball * speed * (1 + truth["collision_efficiency"][0])
     free = blow * (beam.z_cm - z) / beam.inertia_cm
-    slips = blow / beam.mass - free * d  # of the journal's place, as the ball flew
+    slips = blow / beam.mass - free * d  # force at the journal, along the ball's flight
     pinned = blow * (axis - z) / beam.inertia(axis)
     by_hand = (free - pinned) * 0.2e-3 / abs(slips)
     turned = (counts[1] - counts[0]) * 2 * np.pi / 10_000
@@ -92,7 +92,7 @@ def test_a_loose_bat_turns_as_a_free_one_until_its_journal_bears(place: float) -
 
 
 def laboratory_spec(station: object) -> object:
-    """Return the encoder's sheet without whole counts."""
+    """Return the encoder's sheet with a continuous count."""
     return replace(station.encoder.spec, whole_counts=False)  # type: ignore[attr-defined]
 
 
