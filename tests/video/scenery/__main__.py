@@ -1,6 +1,6 @@
-"""Film scenes into a folder, each with its truth beside: python -m tests.video.scenery FOLDER.
+"""Film scenes into a folder, with their truth: python -m tests.video.scenery FOLDER [NAME …].
 
-Names of scenes may follow; `large` is the clip of 216 frames of 1080p for measuring time.
+Without names, all scenes are filmed; `large` has 216 frames of 1080p for measuring time.
 """
 
 import json
@@ -15,7 +15,7 @@ from tests.video.scenery.scenes import LARGE, SCENES
 
 
 def main(folder: Path, names: list[str]) -> None:
-    """Film what is asked for, or every scene."""
+    """Film the named scenes, or all scenes."""
     scenes = SCENES | {LARGE.name: LARGE}
     for name in names or SCENES:
         made = film(scenes[name], folder)

@@ -1,4 +1,4 @@
-"""What is behind the ball: a wall, a floor before it, and what a room has on them."""
+"""The background of a clip: a wall, a floor before it, and fittings of a room."""
 
 from dataclasses import dataclass
 
@@ -18,14 +18,14 @@ class Backdrop:
 
     wall: Colour = (172, 178, 180)
     floor: Colour = (140, 145, 150)
-    slope: Colour = (0.0, 18.0, 0.0)  # across, down, of slow blotches
+    slope: Colour = (0.0, 18.0, 0.0)  # brightening to the right, darkening downward, slow blotches
     grain: float = 2.0
     grain_size: float = 1.2  # px
     specks: float = 0.0  # share of the wall under dark specks
     floor_grain: float = 6.0
-    skirting: float = 0.0  # px, a bright board along the floor
-    joints: int = 0  # upright lines on the wall
-    plates: int = 1  # sockets, knobs, pictures
+    skirting: float = 0.0  # height of a bright board along the floor [px]
+    joints: int = 0  # number of upright lines on the wall
+    plates: int = 1  # number of sockets, knobs and pictures
     tiles: bool = False
 
 
@@ -38,7 +38,7 @@ def paint(
 ) -> Image:
     """Return the picture without a ball, (rows, columns, 3), larger by `margin` on each side.
 
-    `edge`: rows at which wall and floor meet, at the left and right end of the picture itself.
+    `edge`: rows at which wall and floor meet, at the left and right ends of the picture proper.
     """
     columns, rows = size[0] + 2 * margin, size[1] + 2 * margin
     row, column = np.mgrid[:rows, :columns].astype(np.float32)
@@ -106,7 +106,7 @@ def _darker(picture: Image, share: float) -> Colour:
 
 
 def _noise(shape: tuple[int, int], size: float, rng: np.random.Generator) -> Image:
-    """Return smooth noise of standard deviation 1 and that grain."""
+    """Return smooth noise with standard deviation 1 and grains of `size` pixels."""
     coarse = max(1, int(size / 2))
     small = (-(-shape[0] // coarse) + 2, -(-shape[1] // coarse) + 2)
     noise = rng.standard_normal(small, np.float32)

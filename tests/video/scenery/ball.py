@@ -1,4 +1,4 @@
-"""A sphere as a pinhole camera sees it: outline by rays, shading, spots that turn with it."""
+"""A sphere in a pinhole camera: outline by rays, shading, and spots that turn with the sphere."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,31 +9,33 @@ __all__ = ["sphere"]
 
 Image = NDArray[np.float32]
 
-LAMP = np.array([-0.35, -0.8, -0.5]) / np.linalg.norm([-0.35, -0.8, -0.5])  # toward it; y is down
-HALFWAY = (LAMP - [0, 0, 1]) / np.linalg.norm(LAMP - [0, 0, 1])  # of lamp and camera
+LAMP = np.array([-0.35, -0.8, -0.5]) / np.linalg.norm([-0.35, -0.8, -0.5])  # to the lamp; y is down
+HALFWAY = (LAMP - [0, 0, 1]) / np.linalg.norm(LAMP - [0, 0, 1])  # between lamp and camera
 AMBIENT = 0.5
 
 
 def sphere(
     rays: NDArray[np.float64], centres: NDArray[np.float64], focal: float, look: Ball, turn: float
 ) -> tuple[Image, Image]:
-    """Return the mean over sub-exposures: light (row, column, 3) and the ball's share of a pixel.
+    """Return the light (row, column, 3) and the ball's share of each pixel, over sub-exposures.
 
     Parameters
     ----------
     rays
-        Through the pixels, (row, column, 3), third component 1.
+        Rays through the pixels, (row, column, 3), third component 1.
     centres
-        Of the sphere in the camera's axes, by sub-exposure and row, (sub, row, 3) [m].
+        Centres of the sphere in the camera's axes, by sub-exposure and row, (sub, row, 3) [m].
     focal
-        Pixels.
+        Focal length [pixels].
+    look
+        Ball with its radius, colour and texture.
     turn
-        Of the ball in the plane of the picture [rad].
+        Angle of the ball in the plane of the picture [rad].
     """
     unit = (rays / np.linalg.norm(rays, axis=2, keepdims=True)).astype(np.float32)
     centre = centres[:, :, None, :].astype(np.float32)
     along = (unit * centre).sum(axis=3, keepdims=True)
-    off = unit * along - centre  # from the centre square to the ray
+    off = unit * along - centre  # vector from the centre perpendicular to the ray
     miss = np.sqrt((off**2).sum(axis=3))
     per_pixel = centres[..., 2].mean() / focal
     share = np.clip(0.5 + (look.radius - miss) / per_pixel, 0, 1)
@@ -49,10 +51,10 @@ def sphere(
 
 
 def _spots(normal: Image, look: Ball, turn: float) -> Image:
-    """Return the relative brightness of the surface, a few waves over the sphere."""
+    """Return the relative brightness of the surface: a few waves over the sphere."""
     rng = np.random.default_rng(look.facing)
     waves = rng.standard_normal((4, 3)) * 3.0
     cos, sin = np.cos(turn), np.sin(turn)
-    back = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])  # into the ball's own axes
+    back = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])  # rotation into the ball's axes
     angle = normal @ (waves @ back).T.astype(np.float32) + rng.uniform(0, 6, 4).astype(np.float32)
     return 1 + look.texture * np.sin(angle).sum(axis=-1) / 2

@@ -1,7 +1,7 @@
-"""A camera films a scene: exposure by exposure, row by row where its shutter rolls.
+"""A camera films a scene: exposure by exposure, and row by row if its shutter rolls.
 
-Light adds up in linear shares; everything else is in grey values after the gamma, in which a
-change of the light is a factor too.
+Light adds up in linear shares; everything else is in grey values after the gamma, where a
+change of the light is a factor, too.
 """
 
 from collections.abc import Iterator
@@ -33,15 +33,15 @@ __all__ = ["film", "moved", "pictures"]
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
-SWAY = 0.3  # s over which the hand that holds the camera wanders
-FASTEST = 0.95  # px a frame of drift
-MAINS = 100.3  # 1/s
-WINDOW = (0.05, 0.45, 0.62, 0.92)  # of rows and columns: where it is
-BESIDE = 2.0  # px from the outline at which a hand still counts as on the ball
+SWAY = 0.3  # correlation time of the hand that holds the camera [s]
+FASTEST = 0.95  # largest drift [px per frame]
+MAINS = 100.3  # frequency of lamps [Hz]
+WINDOW = (0.05, 0.45, 0.62, 0.92)  # ends of the window, as shares of rows and columns
+BESIDE = 2.0  # distance from the outline within which a hand counts as touching the ball [px]
 
 
 def film(scene: Scene, folder: Path) -> Made:
-    """Film a scene, store it in a folder and return the file with what is true of it."""
+    """Film a scene into a folder, and return the file with its truth."""
     filmed = _Filmed(scene)
     exposures = stored_exposures(scene.stored, scene.count, scene.seed)
     path = write(scene, filmed.pictures(exposures), folder, exposures)
@@ -60,19 +60,19 @@ def film(scene: Scene, folder: Path) -> Made:
 
 
 def pictures(scene: Scene) -> Iterator[NDArray[np.uint8]]:
-    """Yield a scene's exposures, none stored twice or left out, before any codec."""
+    """Yield the exposures of a scene before any codec, none repeated or left out."""
     return _Filmed(scene).pictures(np.arange(scene.count))
 
 
 def moved(scene: Scene, places: Array, exposures: NDArray[np.intp]) -> Array:
-    """Return where places of the still frame (place, 2) lie in exposures, (exposure, place, 2)."""
+    """Return positions (exposure, place, 2) in exposures of still-frame points (place, 2)."""
     filmed = _Filmed(scene)
     return filmed.moved(places, filmed.time(exposures)[:, None])
 
 
 @dataclass
 class _Lens:
-    """The pinhole: places in metres in the plane of the balls to pixels of the still frame."""
+    """Pinhole that maps positions in the plane of the balls [m] to pixels of the still frame."""
 
     scene: Scene
 
@@ -87,22 +87,22 @@ class _Lens:
         self.middle = (np.array(self.scene.size) - 1) / 2
 
     def seen(self, x: Array, y: Array, z: float | Array = 0.0) -> Array:
-        """Return places in the camera's axes, (..., 3); z is behind the plane of the balls."""
+        """Return positions in the camera's axes, (..., 3); z is depth behind the balls' plane."""
         x, y, z = np.broadcast_arrays(x, y, z)
         return np.stack([x, y, z], axis=-1) @ self.turned.T + [0, 0, self.scene.phone.distance]
 
     def project(self, seen: Array) -> Array:
-        """Return pixels of the still frame, (..., 2)."""
+        """Return the pixels of the still frame, (..., 2)."""
         return self.middle + self.scene.phone.focal * seen[..., :2] / seen[..., 2:]
 
     def rays(self, still: Array) -> Array:
-        """Return rays through pixels of the still frame, (..., 3)."""
+        """Return the rays through pixels of the still frame, (..., 3)."""
         flat = (still - self.middle) / self.scene.phone.focal
         return np.concatenate([flat, np.ones((*flat.shape[:-1], 1))], axis=-1)
 
 
 class _Filmed:
-    """A scene with all that moves laid out in time."""
+    """Scene with the motions of camera, balls and hands over time."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.lens = scene, _Lens(scene)
@@ -122,28 +122,28 @@ class _Filmed:
         )
 
     def time(self, exposures: NDArray[np.intp]) -> Array:
-        """Return the middle of the exposure of the first row."""
+        """Return the middle of the exposure of the first row [s]."""
         return (exposures + 0.5) / self.scene.fps
 
     def drift_at(self, time: Array) -> Array:
-        """Return how far the picture has moved, (..., 2) [px]."""
+        """Return the displacement of the picture, (..., 2) [px]."""
         return np.stack([np.interp(time, self.clock, self.drift[:, k]) for k in (0, 1)], axis=-1)
 
     def moved(self, still: Array, time: Array) -> Array:
-        """Return where places of the still frame lie in the picture, (..., 2) [px]."""
+        """Return the positions in the picture of points of the still frame, (..., 2) [px]."""
         middle = self.lens.middle
         turned = (still - middle) @ [1, 1j] * np.interp(time, self.clock, self.turn)
         return middle + np.stack([turned.real, turned.imag], axis=-1) + self.drift_at(time)
 
     def unmoved(self, picture: Array, time: Array) -> Array:
-        """Return the places of the still frame that lie there in the picture, (..., 2) [px]."""
+        """Return the points of the still frame at these positions in the picture, (..., 2) [px]."""
         middle = self.lens.middle
         off = (picture - middle - self.drift_at(time)) @ [1, 1j]
         turned = off / np.interp(time, self.clock, self.turn)
         return middle + np.stack([turned.real, turned.imag], axis=-1)
 
     def pictures(self, exposures: NDArray[np.intp]) -> Iterator[NDArray[np.uint8]]:
-        """Yield the pictures of some exposures; one asked for again comes back the same."""
+        """Yield the pictures of these exposures; a repeated exposure gives the same picture."""
         last, picture = -1, None
         for exposure in exposures:
             if exposure != last:
@@ -154,7 +154,7 @@ class _Filmed:
         frames = self._frames(actor, path, exposures)
         start = frames.time
         once = np.flatnonzero(~frames.repeat)
-        little = 1e-4  # m
+        little = 1e-4  # small displacement [m]
         here, right, down = (
             self._still(np.array(place)) for place in ((0, 0), (little, 0), (0, little))
         )
@@ -205,7 +205,7 @@ class _Filmed:
         scene, rows = self.scene, self.shape[0]
         t = self.time(exposures)
         time = t
-        for _ in range(8):  # the row the ball is in sets the time at which it is read
+        for _ in range(8):  # iterations: the row of the ball sets the time of its reading
             x, y = path.at(time)
             seen = self.lens.seen(x, y)
             still = self.lens.project(seen)
@@ -240,7 +240,7 @@ class _Filmed:
         )
 
     def _whole(self, actor: Actor, path: motion.Path, time: Array) -> NDArray[np.bool_]:
-        """Return at which times all of the ball is in the picture, and a pixel more."""
+        """Return a mask of the times at which the whole ball, plus a pixel, is in the picture."""
         seen = self.lens.seen(*path.at(time))
         reach = self._radius(actor, seen)[..., None] + 1
         at, last = self.moved(self.lens.project(seen), time), np.array(self.scene.size) - 1
@@ -264,7 +264,7 @@ class _Filmed:
         return bool((np.maximum(behind, before)[near] > 0.1).any())
 
     def _edge(self) -> tuple[float, float] | None:
-        """Return the rows at which wall and floor meet at both ends of the picture."""
+        """Return the rows at which wall and floor meet at the picture's left and right ends."""
         if self.scene.floor is None:
             return None
         ends = self.lens.project(
@@ -275,7 +275,7 @@ class _Filmed:
         return float(left), float(left + slope * self.scene.size[0])
 
     def _drift(self) -> Array:
-        """Return a smooth random walk of stated extent, never faster than FASTEST."""
+        """Return a smooth random walk with the phone's extent of drift, not faster than FASTEST."""
         wanted = self.scene.phone.drift
         panned = self.scene.phone.pan * self.clock[:, None] * [-1.0, 0.0]
         if not wanted:
@@ -288,7 +288,7 @@ class _Filmed:
         return walk - walk[0] + panned
 
     def _turn(self) -> NDArray[np.complex128]:
-        """Return a smooth random walk of growth and turn, a factor of places about the middle."""
+        """Return a smooth random walk of growth and turn, a complex factor of offsets."""
         phone = self.scene.phone
         wanted = np.array([phone.growth, np.radians(phone.turn)])
         if not wanted.any():
@@ -409,7 +409,7 @@ class _Filmed:
         self._blend(picture[top:bottom, left:right], light, share)
 
     def _blend(self, part: Image, light: Image, share: Image) -> None:
-        """Lay light over a part of the picture; `share` hides what is behind."""
+        """Blend light into a part of the picture; `share` is its part of each pixel."""
         gamma = self.scene.phone.gamma
         behind = np.power(np.clip(part, 0, 255) / 255, gamma)
         part[:] = 255 * np.power(behind * (1 - share[..., None]) + light, 1 / gamma)

@@ -1,4 +1,4 @@
-"""A hand with its arm, as capsules: some behind the ball, some round its front."""
+"""A hand with its arm, made of capsules: some behind the ball, some around its front."""
 
 from collections.abc import Callable
 
@@ -11,9 +11,9 @@ from tests.video.scenery.motion import Pair, Path
 __all__ = ["SKIN", "hand_shares"]
 
 Image = NDArray[np.float32]
-Capsule = tuple[NDArray[np.float64], NDArray[np.float64], float]  # two ends, width [m]
+Capsule = tuple[NDArray[np.float64], NDArray[np.float64], float]  # two end points and width [m]
 
-SKIN = (0.19, 0.27, 0.47)  # blue, green, red as shares of the light
+SKIN = (0.19, 0.27, 0.47)  # blue, green and red as shares of the light
 
 
 def hand_shares(
@@ -24,13 +24,13 @@ def hand_shares(
     pixels_per_metre: float,
     shape: tuple[int, int],
 ) -> tuple[Image, Image, tuple[slice, slice]] | None:
-    """Return the hand's share of the pixels behind and before the ball, and which pixels.
+    """Return the hand's share of pixels behind and before the ball, and the slices of those pixels.
 
-    Means over the times; `to_pixels` takes places [m] by time, and the times. None: not in the
-    picture.
+    Shares are means over `times`. `to_pixels` converts positions [m] by time, at those times. The
+    result is None if the hand is not in the picture.
     """
     sets = [_capsules(*path.hand_at(float(t)), path.arm_from, ball_radius) for t in times]
-    count = len(sets[0][0])  # of the capsules behind
+    count = len(sets[0][0])  # number of capsules behind the ball
     widths = [width for _, _, width in sets[0][0] + sets[0][1]]
     metres = np.array([[(a, b) for a, b, _ in behind + before] for behind, before in sets])
     ends = to_pixels(metres, times)

@@ -1,8 +1,8 @@
-"""How balls and hands really move before the camera: in metres, x right, y down, by time.
+"""Physical motion of balls and hands before the camera: in metres, x right, y down, over time.
 
-Flights are integrated with gravity and quadratic drag up to the surface they touch; there the
-normal speed turns round and shrinks by the restitution. All ends up in one fine table of time,
-with a node at each contact, between whose nodes the ball is taken to move straight.
+Flights are integrated with gravity and quadratic drag up to a surface, where the normal speed is
+reversed and multiplied by the restitution. The result is a fine table of time with a node at each
+contact; the ball moves straight between nodes.
 """
 
 from collections.abc import Iterator
@@ -31,15 +31,15 @@ Array = NDArray[np.float64]
 Pair = tuple[float, float]
 
 GRAVITY = 9.81  # m/s^2
-STEP = 2e-4  # s, of the table: 5e-8 m between its nodes in free fall
+STEP = 2e-4  # step of the table [s], which is exact to 5e-8 m in free fall
 AIR = 1.2  # kg/m^3
-SLOWEST = 0.25  # m/s normal to a floor: a slower ball no longer bounces
-FOLLOW = 0.06  # s in which a hand comes to rest after a throw, or with a ball caught
+SLOWEST = 0.25  # least normal speed of a bounce off a floor [m/s]; a slower ball rolls
+FOLLOW = 0.06  # time in which a hand comes to rest after a throw or a catch [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ball:
-    """A sphere; colour is blue, green, red as shares of the light that comes back."""
+    """Sphere; `colour` is blue, green, red as shares of the reflected light."""
 
     diameter: float = 0.073  # m
     mass: float = 0.060  # kg
@@ -47,7 +47,7 @@ class Ball:
     colour: tuple[float, float, float] = (0.05, 0.62, 0.10)
     texture: float = 0.10  # relative amplitude
     gloss: float = 0.15
-    facing: int = 1  # seed of where its spots are
+    facing: int = 1  # seed of the spots
 
     @property
     def radius(self) -> float:
@@ -56,33 +56,33 @@ class Ball:
 
     @property
     def drag_per_metre(self) -> float:
-        """Drag's deceleration is this times speed squared [1/m]."""
+        """Deceleration by drag over the speed squared [1/m]."""
         return AIR * self.drag_coefficient * np.pi * self.radius**2 / (2 * self.mass)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:
-    """What a ball bounces off: a floor (at: its y), or a wall to the right or left (its x)."""
+    """Surface off which a ball bounces: floor at y = `at`, or wall (right, left) at x = `at`."""
 
     kind: str = "floor"  # floor | right | left
     at: float
-    restitution: tuple[float, ...] = (0.75,)  # of one contact after another; the last one stays
-    keeps: float = 0.9  # of the speed along the surface
+    restitution: tuple[float, ...] = (0.75,)  # restitution by contact; the last one repeats
+    keeps: float = 0.9  # ratio of the speeds along the surface
 
     @property
     def axis(self) -> int:
-        """0: x, 1: y."""
+        """Axis of the normal: 0 for x, 1 for y."""
         return 1 if self.kind == "floor" else 0
 
     @property
     def sign(self) -> float:
-        """+1 where the ball comes in with growing coordinate."""
+        """+1 if the ball approaches in the positive direction, otherwise -1."""
         return -1.0 if self.kind == "left" else 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """A ball touches a surface; velocities are its centre's just before and after [m/s]."""
+    """Contact of a ball with a surface; velocities are its centre's just before and after [m/s]."""
 
     time: float
     kind: str
@@ -93,7 +93,7 @@ class Contact:
 
 @dataclass(frozen=True, kw_only=True)
 class Flight:
-    """Free flight from one moment to another; velocities at both [m/s]."""
+    """Free flight between two times [s], with the velocities at both [m/s]."""
 
     start: float
     end: float
@@ -103,57 +103,57 @@ class Flight:
 
 @dataclass(frozen=True, kw_only=True)
 class Path:
-    """Where a ball is, and the hand with it; all arrays run along `t`."""
+    """Positions of a ball and of its hand; the first axis of all arrays is that of `t`."""
 
     t: Array
     x: Array
     y: Array
-    turn: Array  # rad, in the plane of the picture
-    phases: tuple[tuple[float, str], ...]  # from when on
+    turn: Array  # angle in the plane of the picture [rad]
+    phases: tuple[tuple[float, str], ...]  # start and name of each phase
     contacts: tuple[Contact, ...] = ()
     flights: tuple[Flight, ...] = ()
-    hand: Array | None = None  # (node, 2): where the hand would hold a ball
-    closed: Array | None = None  # (node,): 1 round the ball, 0 open
+    hand: Array | None = None  # (node, 2): position at which the hand would hold a ball
+    closed: Array | None = None  # (node,): 1 for a hand closed around the ball, 0 for an open one
     arm_from: Pair | None = None
     string_from: Pair | None = None
 
     def at(self, time: Array) -> tuple[Array, Array]:
-        """Return the centre at any times [m]."""
+        """Return x and y of the centre at these times [m]."""
         return np.interp(time, self.t, self.x), np.interp(time, self.t, self.y)
 
     def hand_at(self, time: float) -> tuple[Pair, float]:
-        """Return where the hand is [m] and how far it is closed."""
+        """Return the position of the hand [m], and its closure from 0 to 1."""
         x, y = (float(np.interp(time, self.t, self.hand[:, k])) for k in (0, 1))
         return (x, y), float(np.interp(time, self.t, self.closed))
 
     def phase(self, time: float) -> str:
-        """Return what the ball does."""
+        """Return the phase of the motion: hand, flight, rolling or pendulum."""
         return next(name for start, name in reversed(self.phases) if start <= time)
 
 
 class Motion(Protocol):
-    """Anything that moves a ball."""
+    """Motion of a ball, of any kind."""
 
     def path(self, ball: Ball, until: float) -> Path:
-        """Return the path from time 0 on."""
+        """Return the path from time 0 to at least `until` [s]."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class Thrown:
-    """A ball held by a hand, thrown or let fall, bouncing, and perhaps caught.
+    """A ball that is held by a hand, thrown or dropped, bounces, and may be caught.
 
-    Without `arm_from` there is no hand: the ball is in flight from the start, released at 0.
+    Without `arm_from` there is no hand. If `released` is 0, the ball flies from the start.
     """
 
-    place: Pair  # of release [m]
-    velocity: Pair = (0.0, 0.0)  # at release [m/s]
-    released: float = 0.0  # s
-    run_up: float = 0.25  # s in which the hand brings it to speed
+    place: Pair  # position at release [m]
+    velocity: Pair = (0.0, 0.0)  # velocity at release [m/s]
+    released: float = 0.0  # time of release [s]
+    run_up: float = 0.25  # time in which the hand accelerates the ball [s]
     arm_from: Pair | None = None
     surfaces: tuple[Surface, ...] = ()
-    caught: float | None = None  # s
-    rolls: bool = False  # until released, at that speed, off the end of a table
+    caught: float | None = None  # time of the catch [s]
+    rolls: bool = False  # rolling on a table, at the velocity of release, before it
 
     def path(self, ball: Ball, until: float) -> Path:
         until = max(until, (self.caught or self.released) + 0.1)
@@ -226,7 +226,7 @@ class Thrown:
             state = np.array([*leg.places[-1], *velocity])
 
     def _held(self, t: Array) -> Array:
-        """Return places in the hand: speed grows as a smooth step up to that of release."""
+        """Return positions in the hand, where the speed grows by a smooth step up to release."""
         if self.rolls:
             return np.array(self.place) - (self.released - t)[:, None] * np.array(self.velocity)
         u = np.clip(1 - (self.released - t) / self.run_up, 0, 1)
@@ -234,7 +234,7 @@ class Thrown:
         return np.array(self.place) - short[:, None] * np.array(self.velocity)
 
     def _hand(self, t: Array, places: Array) -> tuple[Array, Array]:
-        """Return the hand: with the ball, on a little after release, and where it is caught."""
+        """Return the hand's positions and closure: with the ball, after release, up to a catch."""
         free = (t >= self.released) & (t < (self.caught or np.inf))
         after = np.maximum(t - self.released, 0)[:, None]
         follow = np.array(self.place) + np.array(self.velocity) * FOLLOW * (
@@ -252,11 +252,11 @@ class Thrown:
 
 @dataclass(frozen=True, kw_only=True)
 class Carried:
-    """A ball that a hand moves about and never lets go, quickly and slowly."""
+    """A ball that a hand moves quickly and slowly, and never releases."""
 
     centre: Pair = (0.0, 0.0)
-    reach: Pair = (0.3, 0.2)  # m
-    period: float = 2.2  # s
+    reach: Pair = (0.3, 0.2)  # amplitudes [m]
+    period: float = 2.2  # period [s]
     arm_from: Pair = (1.5, 0.5)
 
     def path(self, ball: Ball, until: float) -> Path:
@@ -278,12 +278,12 @@ class Carried:
 
 @dataclass(frozen=True, kw_only=True)
 class Swinging:
-    """A ball on a string; the angle's equation in full, with a little friction."""
+    """A ball on a string, by the full equation of a pendulum with a little friction."""
 
     pivot: Pair
-    length: float = 0.9  # m, to the ball's centre
-    amplitude: float = 0.35  # rad, where it is let go
-    damping: float = 0.03  # 1/s
+    length: float = 0.9  # distance of the ball's centre from the pivot [m]
+    amplitude: float = 0.35  # angle of release [rad]
+    damping: float = 0.03  # damping rate [1/s]
 
     def path(self, ball: Ball, until: float) -> Path:
         def rate(_: float, state: Array) -> list[float]:
@@ -308,8 +308,8 @@ class Rolling:
     """A ball that rolls on a table and slows down."""
 
     place: Pair
-    speed: float = 0.9  # m/s
-    slowing: float = 0.15  # m/s^2
+    speed: float = 0.9  # initial speed [m/s]
+    slowing: float = 0.15  # deceleration [m/s^2]
 
     def path(self, ball: Ball, until: float) -> Path:
         leg = _roll(np.array(self.place), self.speed, 0.0, until, self.slowing)
@@ -324,7 +324,7 @@ class Rolling:
 
 @dataclass(kw_only=True)
 class _Leg:
-    """One stretch of a path."""
+    """Part of a path with one phase."""
 
     t: Array
     places: Array
@@ -337,7 +337,7 @@ class _Leg:
 def _fly(
     ball: Ball, state: Array, start: float, until: float, surfaces: tuple[Surface, ...]
 ) -> tuple[_Leg, Surface | None]:
-    """Return the flight up to the first surface, or up to the end."""
+    """Return the flight up to the first surface or up to the end, and the surface or None."""
     drag = ball.drag_per_metre
 
     def rate(_: float, s: Array) -> list[float]:
@@ -385,7 +385,7 @@ def _roll(place: Array, speed: float, start: float, until: float, slowing: float
 
 
 def _turn(t: Array, places: Array, radius: float) -> Array:
-    """Return how far a ball has turned: as if it rolled, a third as fast."""
+    """Return the angle of a ball [rad]: a third of that of rolling, plus a constant rate."""
     return (places[:, 0] - places[0, 0]) / (3 * radius) + 0.5 * t
 
 

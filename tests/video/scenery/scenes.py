@@ -1,4 +1,4 @@
-"""The named scenes: what users film, each with one thing that has misled a tracker."""
+"""Named scenes as users film them, each with one difficulty that has misled a tracker."""
 
 from dataclasses import replace
 
@@ -265,7 +265,7 @@ tilted = replace(
 )
 upright = replace(light_ball, name="upright", seed=19, rotation=90, codec="mp4v")
 
-# for measuring time and memory, not for tests
+# scene for measuring time and memory, not for tests
 LARGE = replace(
     thrown_on_wall,
     name="large",
@@ -308,7 +308,7 @@ SCENES = {
     )
 }
 
-# what else a person may film, found by asking what nobody had made up yet; in a phone's H.264
+# scenes for which the tracker was not tuned, in a phone's H.264
 PHONED = Phone(drift=14.0, flicker=0.01, noise=1.2)
 BOUNCING = Surface(at=0.46, restitution=(0.77, 0.78, 0.80))
 GREY = Ball(diameter=0.070, mass=0.060, colour=(0.42, 0.43, 0.44), texture=0.08)

@@ -1,4 +1,4 @@
-"""Rms error of e_A a shot by kind of light, for any way of placing the ball.
+"""Rms error of e_A per shot, by kind of light, for any method of locating the ball.
 
 `python -m tests.video.scenery.shot_study [CLIPS]` prints it for OpenCV's convex hull and the edge
 fit.
@@ -21,13 +21,13 @@ from virtual_lab.video.locate.located import Located, Regions
 __all__ = ["hull_places", "rms_error", "sharp_places"]
 
 Array = NDArray[np.float64]
-Places = tuple[Array, Array]  # x of each frame [px], NaN where none; its standard uncertainty
-OPEN = 5  # px, of the opening that takes noise off
-EMPTY = 12  # frames without the ball, from which the edge fit learns the noise
+Places = tuple[Array, Array]  # x of each frame [px], NaN if there is none, and its u
+OPEN = 5  # size of the opening that removes noise [px]
+EMPTY = 12  # number of frames without the ball, from which the edge fit estimates the noise
 
 
 def rms_error(kind: Kind, clips: int, places: Callable[[Shot], Places]) -> float:
-    """Return the rms relative error of e_A a shot."""
+    """Return the rms relative error of e_A per shot."""
     errors = []
     for seed in range(clips):
         shot = make_shot(kind, seed)
@@ -36,13 +36,13 @@ def rms_error(kind: Kind, clips: int, places: Callable[[Shot], Places]) -> float
 
 
 def hull_places(shot: Shot) -> Places:
-    """Return x of the convex hull of what differs from the background by a quarter of the ball."""
+    """Return x of the convex hull of pixels that differ clearly from the background, u = 1."""
     x = _hulls(shot)[:, 0]
     return x, np.ones_like(x)
 
 
 def sharp_places(shot: Shot) -> Places:
-    """Return x by the edge fit, started from the hulls; light from the side, from the limb."""
+    """Return x and its u by the edge fit, started from the hulls."""
     hulls = _hulls(shot)
     high, wide = shot.regions.shape[1:]
     behind = [shot.background[r : r + high, c : c + wide] for c, r in shot.corners]
@@ -78,8 +78,8 @@ def _hulls(shot: Shot) -> Array:
         region = shot.regions[k].astype(np.float32)
         high, wide = region.shape
         apart = np.abs(region - shot.background[row : row + high, column : column + wide])
-        apart[:, max(0, int(shot.bat[0] - column)) :] = 0  # the bat leaves its place
-        level = np.percentile(apart, 75) / 4  # seams stay above it
+        apart[:, max(0, int(shot.bat[0] - column)) :] = 0  # bat, which leaves its position
+        level = np.percentile(apart, 75) / 4  # threshold that seams exceed
         mask = cv2.morphologyEx((apart > level).astype(np.uint8), cv2.MORPH_OPEN, kernel)
         points = cv2.findNonZero(mask)
         if points is not None:
@@ -91,7 +91,7 @@ def _hulls(shot: Shot) -> Array:
 
 
 def main(clips: int) -> None:
-    """Print a line a kind."""
+    """Print one line per kind of light and method."""
     for name, kind in KINDS.items():
         for places in (hull_places, sharp_places):
             error = 100 * rms_error(kind, clips, places)

@@ -1,8 +1,8 @@
 """High-speed shots of a ball toward a bat and away from it, in grey, region by region.
 
-A ball is drawn three times finer than the sensor, at several moments of the exposure; then come
-lens, pixels, photons and grey values. Seen from far above: no perspective. Pixels are counted as
-OpenCV does, (0, 0) the centre of the first.
+A ball is drawn with a resolution three times finer than the sensor's, at several moments of the
+exposure; then come lens, pixels, photons and grey values. The view is from far above, without
+perspective. Pixel coordinates are OpenCV's: (0, 0) is the centre of the first pixel.
 """
 
 from collections.abc import Iterator
@@ -20,46 +20,46 @@ __all__ = ["KINDS", "Kind", "Shot", "drawn", "efficiency", "empties", "make_shot
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
-FINE = 3  # samples a pixel, each way
-MOVED = 0.4  # px between moments of an exposure
+FINE = 3  # samples per pixel in each direction
+MOVED = 0.4  # motion between moments of an exposure [px]
 SIZE = (1280, 800)  # columns, rows
-BALL = 0.073  # m
+BALL = 0.073  # diameter [m]
 ALBEDO = 0.85
-DRAG = 0.0069  # 1/m
-SPIN = (50.0, 100.0)  # rad/s about each axis, standard deviations in and out
-NECK = 0.34  # rad from the seam's pole: 25 mm between the seams where they come nearest
-BEND = 0.5  # of the seam: nowhere rounder than 0.43 radii, 42 cm long
-SEAM, SOFTNESS = 0.07, 0.01  # half the seam's width, and its edge, in radii
-TABLE = (256, 512)  # of the ball's surface, over colatitude and longitude
-EMPTY = 32  # frames of which the background is the mean
+DRAG = 0.0069  # drag constant [1/m]
+SPIN = (50.0, 100.0)  # standard deviations of the spin about each axis, in and out [rad/s]
+NECK = 0.34  # angle from the seam's pole [rad]: 25 mm between the seams where they are closest
+BEND = 0.5  # bend of the seam: radius of curvature at least 0.43 radii, length 42 cm
+SEAM, SOFTNESS = 0.07, 0.01  # half the seam's width, and the softness of its edge [radii]
+TABLE = (256, 512)  # samples of the ball's surface, over colatitude and longitude
+EMPTY = 32  # number of frames averaged in the background
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A camera with its light; light in electrons a pixel and exposure."""
+    """A camera with its light. Light is in electrons per pixel and exposure."""
 
     fps: float
     exposure: float  # s
-    most_in: int  # frames before the contact
+    most_in: int  # largest number of frames before the contact
     most_out: int
-    white: float  # e, of a white surface that squarely faces the lamp
-    behind: float  # e
-    slope: tuple[float, float]  # of what is behind, relative, over the picture
+    white: float  # light of a white surface that faces the lamp [e]
+    behind: float  # light of the background [e]
+    slope: tuple[float, float]  # relative change of the background across and down the picture
     ambient: float
-    lamp: tuple[float, float, float]  # toward it: right, down, away from the camera
-    wrap: float  # how far light reaches round the ball, as a share of its radius
-    seams: float  # light they take
+    lamp: tuple[float, float, float]  # direction to the lamp: right, down, away from the camera
+    wrap: float  # depth of light beyond the terminator, as a share of the ball's radius
+    seams: float  # share of light that seams absorb
     flicker: float
     blur: float = 0.8  # px
     scale: float = 1072.0  # px/m
-    gain: float  # grey values an electron
+    gain: float  # grey values per electron
     read: float  # e
     bits: int
     black: float
 
     @property
     def radius(self) -> float:
-        """Of the ball [px]."""
+        """Radius of the ball [px]."""
         return self.scale * BALL / 2
 
 
@@ -125,10 +125,10 @@ KINDS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Shot:
-    """A shot's regions and what is true of them; the contact is at time 0.
+    """Regions of a shot and their truth; the contact is at time 0.
 
     `corners`: the first pixel (column, row) of a region in the frame. `background`: the mean of
-    frames with the bat alone, (row, column). `efficiency` is of the speeds along x, across the bat.
+    frames with the bat alone, (row, column).
     """
 
     kind: Kind
@@ -138,20 +138,20 @@ class Shot:
     background: Image
     x: Array  # (frame,) [px]
     y: Array
-    light: Array  # (frame,), relative
-    bat: Array  # (frame,), its edge toward the ball along x [px]
-    contact: tuple[float, float]  # px, the centre's place
-    velocity_in: tuple[float, float]  # m/s, at contact
+    light: Array  # (frame,), relative light
+    bat: Array  # (frame,), x of the edge that faces the ball [px]
+    contact: tuple[float, float]  # position of the centre [px]
+    velocity_in: tuple[float, float]  # velocity at contact [m/s]
     velocity_out: tuple[float, float]
 
     @property
     def efficiency(self) -> float:
-        """e_A of a bat at rest."""
+        """Ratio e_A of the speeds along x, across the bat, for a bat at rest."""
         return -self.velocity_out[0] / self.velocity_in[0]
 
 
 def make_shot(kind: Kind, seed: int) -> Shot:
-    """Return a shot of random speed, e_A, directions, spins, seams and noise."""
+    """Return a shot with random speed, e_A, directions, spins, seams and noise."""
     rng = np.random.default_rng(seed)
     speed, ratio = rng.uniform(26.8, 60.0), rng.uniform(0.15, 0.40)
     heading, rebound = np.radians(rng.normal(0, 0.2)), np.radians(rng.normal(0, 1.0))
@@ -193,7 +193,7 @@ def make_shot(kind: Kind, seed: int) -> Shot:
 
 
 def strip(shot: Shot, first: int, rows: int) -> Iterator[NDArray[np.uint16]]:
-    """Yield the rows of each whole frame from the first one on that hold its region."""
+    """Yield `rows` rows, from row `first` on, of each whole frame with its region."""
     rng = np.random.default_rng(2)
     high, wide = shot.regions.shape[1:]
     for k, (column, row) in enumerate(shot.corners):
@@ -205,15 +205,15 @@ def strip(shot: Shot, first: int, rows: int) -> Iterator[NDArray[np.uint16]]:
 
 
 def empties(kind: Kind, count: int) -> NDArray[np.uint16]:
-    """Return the middle of some frames without ball and bat, (frame, row, column)."""
+    """Return the middle of `count` frames without ball and bat, (frame, row, column)."""
     rng = np.random.default_rng(3)
     return np.stack([_grey(kind, _empty(kind)[300:500], rng) for _ in range(count)])
 
 
 def efficiency(shot: Shot, x: Array, u: Array) -> float:
-    """Return e_A from places along x, with drag known: exp(drag x) is a straight line in time.
+    """Return e_A from x with known drag, by which exp(drag x) is a straight line in time.
 
-    Places weigh by their uncertainties; frames in which x is NaN are left out.
+    Positions are weighted by their uncertainties; frames whose x is NaN are left out.
     """
     drag = DRAG / shot.kind.scale
     straight = np.expm1(np.array([1, -1])[:, None] * drag * (x - shot.contact[0])) / drag
@@ -237,8 +237,8 @@ def drawn(
 ) -> tuple[Image, Image]:
     """Return a ball's light [e] and its share of each pixel, both (row, column).
 
-    `place` at the middle of the exposure, `way` moved during it [px]; `facing` turns the camera's
-    axes into the ball's.
+    `place` is the position at the middle of the exposure, `way` the motion during it [px]; `facing`
+    turns the camera's axes into the ball's.
     """
     rows, columns = shape
     row = ((np.arange(rows * FINE) + 0.5) / FINE - 0.5).astype(np.float32)[:, None]
@@ -262,7 +262,7 @@ def drawn(
 
 def _lit(kind: Kind, across: Image, down: Image, away: Image, facing: Array) -> Image | float:
     """Return the light of the surface [e]."""
-    if kind.ambient == 1:  # from everywhere
+    if kind.ambient == 1:  # light from all directions
         return ALBEDO * kind.white
     toward = -np.sqrt(np.maximum(0, 1 - away**2))
     lamp = np.array(kind.lamp) / np.linalg.norm(kind.lamp)
@@ -277,14 +277,14 @@ def _lit(kind: Kind, across: Image, down: Image, away: Image, facing: Array) -> 
     ]
     colatitude = np.arccos(np.clip(turned[2], -1, 1)) * np.float32(TABLE[0] / np.pi) - 0.5
     longitude = np.arctan2(turned[1], turned[0]) * np.float32(TABLE[1] / 2 / np.pi)
-    longitude += TABLE[1] / 2 + 0.5  # the table has a column of the other end on each side
+    longitude += TABLE[1] / 2 + 0.5  # table with an extra column from the opposite end on each side
     seam = cv2.remap(_seams(), longitude, colatitude, cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE)
     return (light * (1 - kind.seams * seam)).astype(np.float32)
 
 
 @cache
 def _seams() -> Image:
-    """Return how much of a place on the ball is seam, over colatitude and longitude."""
+    """Return the share of seam at points of the ball, over colatitude and longitude."""
     t = np.linspace(0, 4 * np.pi, 3000, endpoint=False)
     curve = _on_ball(np.pi / 2 - (np.pi / 2 - NECK) * np.cos(t), t / 2 + BEND * np.sin(2 * t))
     rows, columns = TABLE
@@ -303,7 +303,7 @@ def _on_ball(colatitude: Array, longitude: Array) -> Array:
 def _frames(
     kind: Kind, contact: Array, velocity_in: Array, velocity_out: Array, phase: float
 ) -> tuple[Array, Array]:
-    """Return times and places of the frames in which the whole ball is free of the contact."""
+    """Return times and positions of the frames in which the whole ball is clear of the contact."""
     numbers = np.arange(-kind.most_in, kind.most_out + 1)
     times = (numbers + phase) / kind.fps
     places = np.where(
@@ -325,7 +325,7 @@ def _places(kind: Kind, contact: Array, velocity: Array, times: Array) -> Array:
 
 
 def _now(velocity: Array, time: float) -> Array:
-    """Return the velocity at a time, from that at contact."""
+    """Return the velocity at a time, given that at contact."""
     return velocity / (1 + DRAG * np.hypot(*velocity) * time)
 
 
@@ -335,14 +335,14 @@ def _turn(angles: Array) -> Array:
 
 @cache
 def _empty(kind: Kind) -> Image:
-    """Return what is behind [e], (row, column)."""
+    """Return the light of the background [e], (row, column)."""
     columns, rows = SIZE
     across, down = (np.linspace(-0.5, 0.5, n) * s for n, s in zip(SIZE, kind.slope, strict=True))
     return (kind.behind * (1 + across + down[:, None])).astype(np.float32).reshape(rows, columns)
 
 
 def _background(kind: Kind, bat: float) -> Image:
-    """Return the mean of frames without a ball in grey values."""
+    """Return the mean of frames without a ball [grey values]."""
     mean = _empty(kind).copy()
     _lay_bat(mean, kind, bat)
     noise = np.random.default_rng(0).standard_normal(mean.shape, np.float32)
@@ -350,7 +350,7 @@ def _background(kind: Kind, bat: float) -> Image:
 
 
 def _lay_bat(mean: Image, kind: Kind, edge: float) -> None:
-    """Lay the barrel, a band 66 mm wide from `edge` on, over a region."""
+    """Draw the barrel, a band 66 mm wide from `edge` on, into a region."""
     column = np.arange(mean.shape[1], dtype=np.float32)
     wide = np.float32(0.066 * kind.scale)
     share = np.clip(column - edge + 0.5, 0, 1) * np.clip(edge + wide - column + 0.5, 0, 1)

@@ -1,4 +1,4 @@
-"""How a clip lies on disk: which exposures are stored, by which codec, which way up."""
+"""Storage of a clip: the exposures that are stored, the codec, and the orientation."""
 
 from collections.abc import Iterable
 from fractions import Fraction
@@ -25,11 +25,11 @@ SUFFIX = {
     "HEVC": ".mp4",
 }
 PHONE = {"H264": "libx264", "HEVC": "libx265"}
-CLOCK = 90_000  # ticks a second of a phone's file
-LATE = 0.05  # frames, standard deviation of when a phone takes the next one
+CLOCK = 90_000  # ticks per second in a phone's file
+LATE = 0.05  # standard deviation of the time of a phone's next frame [frames]
 TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
-MATRICES = {90: (0, 1, -1, 0), 180: (-1, 0, 0, -1), 270: (0, -1, 1, 0)}  # of a player
-MATRIX_AT = 44  # bytes from the name of a track's header to its matrix
+MATRICES = {90: (0, 1, -1, 0), 180: (-1, 0, 0, -1), 270: (0, -1, 1, 0)}  # matrices for a player
+MATRIX_AT = 44  # offset of the matrix from the name of a track's header [B]
 
 
 def stored_exposures(stored: str, count: int, seed: int) -> NDArray[np.intp]:
@@ -52,9 +52,9 @@ def stored_exposures(stored: str, count: int, seed: int) -> NDArray[np.intp]:
 def write(
     scene: Scene, pictures: Iterable[Picture], folder: Path, exposures: NDArray[np.intp]
 ) -> Path:
-    """Store pictures, every one of them, and return the file (or the folder of PNG files).
+    """Store all pictures, and return the file (or the folder of PNG files).
 
-    `exposures`: their numbers, which a phone's time stamps may tell.
+    `exposures` are their numbers, by which a phone's time stamps may be set.
     """
     folder.mkdir(parents=True, exist_ok=True)
     if scene.rotation:
@@ -79,7 +79,7 @@ def write(
         _turn(path, scene.rotation)
         return path
     code = cv2.VideoWriter.fourcc(*scene.codec)
-    # FFmpeg's own MJPG takes no quality
+    # OpenCV's MJPG, because FFmpeg's takes no quality
     by = cv2.CAP_OPENCV_MJPEG if scene.codec == "MJPG" else cv2.CAP_FFMPEG
     writer = cv2.VideoWriter(str(path), by, code, rate, (wide, high))
     if scene.codec == "MJPG":
@@ -99,7 +99,7 @@ def _film(
     rate: float,
     stamps: NDArray[np.float64],
 ) -> None:
-    """Write a phone's file: frames between frames (B), a key frame a second, half the colour."""
+    """Write a phone's file: with B-frames, a key frame per second, and half the colour."""
     options = {"crf": str(scene.crf), "preset": "veryfast", "bf": "2", "x265-params": "log-level=0"}
     with av.open(str(path), "w") as file:
         stream = file.add_stream(PHONE[scene.codec], Fraction(rate).limit_denominator(1001))
@@ -121,7 +121,7 @@ def _squeezed(picture: Picture, quality: int) -> Picture:
 
 
 def _turn(path: Path, degrees: int) -> None:
-    """Write into the track's header how a player has to turn the frames."""
+    """Write into the track's header the rotation that a player must apply."""
     if not degrees:
         return
     data = bytearray(path.read_bytes())

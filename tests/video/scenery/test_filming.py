@@ -1,4 +1,4 @@
-"""What is on the pictures is what the truth says, and what is stored is what was filmed."""
+"""Pictures agree with the truth, and stored frames agree with the filmed ones."""
 
 from dataclasses import replace
 from functools import cache
@@ -34,7 +34,7 @@ ROLLING_SHUTTER = replace(QUIET, phone=replace(QUIET.phone, readout=0.015), seed
 
 
 def small(scene: Scene, **changes: Any) -> Scene:
-    """Return a scene in half as many pixels each way."""
+    """Return a scene with half as many pixels in each direction."""
     phone = replace(scene.phone, focal=scene.phone.focal / 2, drift=scene.phone.drift / 2)
     size = (scene.size[0] // 2, scene.size[1] // 2)
     return replace(scene, phone=phone, size=size, **changes)
@@ -49,7 +49,7 @@ def read(path: Path) -> np.ndarray:
 
 
 def balls_seen(scene: Scene) -> np.ndarray:
-    """Return centroids of what the ball adds to the pictures, (exposure, 2)."""
+    """Return centroids of the differences that the ball makes to the pictures, (exposure, 2)."""
     empty = pictures(replace(scene, actors=()))
     places = []
     for one, other in zip(pictures(scene), empty, strict=True):
@@ -61,7 +61,7 @@ def balls_seen(scene: Scene) -> np.ndarray:
 
 
 def black(ball: Ball = PURE) -> Ball:
-    """Return a ball without light, whose share alone is seen."""
+    """Return a ball without light, of which the pictures show only the share."""
     return replace(ball, colour=(0.0, 0.0, 0.0))
 
 
@@ -87,7 +87,7 @@ def test_a_drawn_ball_has_its_place_and_size() -> None:
 
 
 def test_off_the_axis_a_ball_is_an_oval_toward_the_middle() -> None:
-    focal, distance, aside = 100.0, 1.0, 1.0  # 45 degrees off
+    focal, distance, aside = 100.0, 1.0, 1.0  # position 45 degrees off the axis
     at = np.array([[[aside, 0.0, distance]]])
     row, column = np.mgrid[-40:41, 60:141].astype(float)
     rays = np.stack([column / focal, row / focal, np.ones_like(row)], axis=-1)
@@ -97,7 +97,7 @@ def test_off_the_axis_a_ball_is_an_oval_toward_the_middle() -> None:
     x = (share * column).sum() / size
     spread_x = (share * (column - x) ** 2).sum() / size
     spread_y = (share * row**2).sum() / size
-    assert spread_x / spread_y == pytest.approx(2.0, rel=0.02)  # 1 / cos^2
+    assert spread_x / spread_y == pytest.approx(2.0, rel=0.02)  # elongation 1 / cos^2
 
 
 def test_blur_is_as_long_as_the_way_during_the_exposure() -> None:
@@ -120,7 +120,7 @@ def test_balls_are_where_the_truth_says(scene: Scene, tmp_path: Path) -> None:
     assert frames.whole.sum() >= 10
     told = np.stack([frames.picture_x, frames.picture_y], axis=1)[frames.whole]
     still = np.stack([frames.x, frames.y], axis=1)[frames.whole]
-    outward = (still - [79.5, 59.5]) * PURE.radius**2 / (1 - PURE.radius**2)  # of the oval
+    outward = (still - [79.5, 59.5]) * PURE.radius**2 / (1 - PURE.radius**2)  # offset of the oval
     assert np.abs(seen - told - outward).max() < 0.02
 
 
@@ -160,7 +160,7 @@ def test_gravity_and_scale_are_those_of_the_plane(tmp_path: Path) -> None:
     assert told.gravity_px == pytest.approx((0, 9.81 * 225), abs=1e-6)
     frames = told.frames
     fall = np.diff(frames.y, 2) * 60**2
-    assert fall == pytest.approx(9.81 * 225, rel=0.01)  # drag is small
+    assert fall == pytest.approx(9.81 * 225, rel=0.01)  # tolerance for drag
 
 
 def test_a_tilted_camera_changes_the_fall_over_the_picture(tmp_path: Path) -> None:
@@ -207,7 +207,7 @@ def test_shadow_and_mirror_image_are_there() -> None:
     assert dark[foot + 1, x - 2 : x + 3].max() < -10
     shiny = next(pictures(replace(scene, mirror=0.4, floor_shadow=0.0))).astype(int) - empty
     below = shiny[foot + 3 : foot + 12, x].mean(axis=0)
-    assert below[2] < below[1] - 10  # a mirrored green ball takes red from the floor
+    assert below[2] < below[1] - 10  # loss of red: the mirrored green ball hides the floor
 
 
 @pytest.mark.parametrize(

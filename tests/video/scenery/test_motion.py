@@ -1,4 +1,4 @@
-"""The written truth obeys the closed forms of flight, bounce and pendulum."""
+"""The truth of motions obeys the closed forms of flight, bounce and pendulum."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def thrown(velocity: tuple[float, float] = (0.5, 0.0), ball: Ball = LIGHT) -> Pa
 
 
 def velocity_beside(path: Path, time: float, side: int) -> np.ndarray:
-    """Return the velocity at a moment from three places on one side of it alone."""
+    """Return the velocity at a time from three positions on one side of it."""
     apart = 2e-3 * side
     x, y = path.at(time + apart * np.arange(3))
     return np.array([-3 * p[0] + 4 * p[1] - p[2] for p in (x, y)]) / (2 * apart)
@@ -38,7 +38,7 @@ def test_fall_with_drag_follows_closed_form() -> None:
     terminal = np.sqrt(GRAVITY / LIGHT.drag_per_metre)
     fallen = terminal**2 / GRAVITY * np.log(np.cosh(GRAVITY * path.t / terminal))
     assert path.y == pytest.approx(fallen, abs=1e-8)
-    assert fallen[-1] < 0.8 * GRAVITY * 1.5**2 / 2  # drag matters here
+    assert fallen[-1] < 0.8 * GRAVITY * 1.5**2 / 2  # sizeable drag
 
 
 def test_drag_of_a_table_tennis_ball() -> None:
@@ -48,7 +48,7 @@ def test_drag_of_a_table_tennis_ball() -> None:
 def test_acceleration_is_gravity_less_drag() -> None:
     path = thrown((3.0, -2.0))
     inside = (path.t > 0.05) & (path.t < path.contacts[0].time - 0.05)
-    apart = 50  # nodes
+    apart = 50  # number of nodes
     t, places = path.t[inside][::apart], np.stack([path.x, path.y])[:, inside][:, ::apart]
     step = apart * STEP
     velocity = (places[:, 2:] - places[:, :-2]) / (2 * step)
@@ -97,7 +97,7 @@ def test_hand_and_ball_part_at_release_with_no_jump() -> None:
     (x, y), closed = path.hand_at(0.55)
     assert closed == 0
     assert np.hypot(x - np.interp(0.55, path.t, path.x), y - np.interp(0.55, path.t, path.y)) > 0.1
-    assert np.abs(np.diff(path.x)).max() < 1.1 * 2.0 * STEP  # nowhere a leap
+    assert np.abs(np.diff(path.x)).max() < 1.1 * 2.0 * STEP  # motion without jumps
 
 
 def test_caught_ball_stays_in_the_hand() -> None:

@@ -1,4 +1,4 @@
-"""Shots rendered for the tests: closed forms of discs, blur, seams, noise and flight."""
+"""Shots rendered for the tests obey closed forms of discs, blur, seams, noise and flight."""
 
 from dataclasses import replace
 
@@ -14,12 +14,12 @@ STILL = np.zeros(2)
 
 
 def few(kind: str, frames: int = 4) -> Kind:
-    """Return a kind of shot with so many frames on either side."""
+    """Return a kind of shot with at most `frames` frames before and after the contact."""
     return replace(KINDS[kind], most_in=frames, most_out=frames)
 
 
 def moments(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return centroid and variances, both x and y."""
+    """Return the centroid and the variances, each for x and y."""
     row, column = np.indices(share.shape)
     centre = np.array([(share * p).sum() for p in (column, row)]) / share.sum()
     spread = [(share * (p - c) ** 2).sum() for p, c in zip((column, row), centre, strict=True)]
@@ -33,7 +33,7 @@ def test_a_disc_has_its_place_and_area(place: tuple[float, float]) -> None:
     centre, spread = moments(share.astype(float))
     assert centre == pytest.approx(place, abs=0.003)
     assert share.sum() == pytest.approx(np.pi * kind.radius**2, rel=1e-3)
-    # of the disc, the lens and the pixel
+    # variances of the disc, the lens and the pixel
     assert spread == pytest.approx(kind.radius**2 / 4 + kind.blur**2 + 1 / 12, rel=1e-3)
 
 
@@ -80,14 +80,14 @@ def test_seams_turn_with_the_ball_and_cover_what_they_should() -> None:
             inside = depth > 0.3
             dark = 1 - light[inside] / (0.85 * kind.white * share[inside])
             covered.append((dark / depth[inside]).sum() / (1 / depth[inside]).sum() / kind.seams)
-    # 11.6 radii of seam, 0.14 wide, on 4 pi
+    # seam of length 11.6 radii and width 0.14 radii, on a surface of 4 pi
     assert np.mean(covered) == pytest.approx(11.6 * 0.14 / (4 * np.pi), rel=0.25)
 
 
 def test_photon_noise_has_its_variance() -> None:
     kind = few("plain", 16)
     shot = make_shot(kind, 5)
-    corner = shot.regions[:, 4:12, 4:12].astype(float)  # nothing but what is behind
+    corner = shot.regions[:, 4:12, 4:12].astype(float)  # corner with background only
     behind = shot.background[396:404, 400:408].mean() - kind.black
     wanted = kind.gain * behind + (kind.gain * kind.read) ** 2 + 1 / 12
     flat = corner - corner.mean(axis=(1, 2), keepdims=True)
@@ -107,7 +107,7 @@ def test_places_follow_drag_and_contact(kind: str) -> None:
     for side, velocity in ((into, shot.velocity_in), (~into, shot.velocity_out)):
         t, x = shot.times[side], (shot.x[side] - shot.contact[0]) / scale
         speed = np.hypot(*velocity)
-        drag = DRAG * speed * t  # of the speed, to first order
+        drag = DRAG * speed * t  # loss of speed by drag, to first order
         assert x == pytest.approx(
             velocity[0] * t * (1 - drag / 2), abs=2 * np.abs(x * drag**2).max()
         )
@@ -151,5 +151,5 @@ def test_left_out_frames_do_not_count() -> None:
     ("name", "most"), [("plain", 1e-4), pytest.param("soft", 1.7e-3, marks=pytest.mark.long)]
 )
 def test_the_edge_fit_is_much_sharper_than_a_hull(name: str, most: float) -> None:
-    """Of two clips each; `python -m tests.benchmarks.locating` has 40 of four kinds."""
+    """Two clips each; `python -m tests.benchmarks.locating` uses 40 clips of four kinds."""
     assert rms_error(few(name, 10), 2, sharp_places) < most
