@@ -256,7 +256,9 @@ def test_the_command_writes_a_day_and_its_debrief(tmp_path: Path) -> None:
         "records",
         "settings.toml",
     }
-    assert tomllib.loads((out / "settings.toml").read_text()) == {"operator": "book"}
+    settings = (out / "settings.toml").read_text()
+    assert settings.startswith("# virtual-lab rehearse --config settings.toml\n")
+    assert tomllib.loads(settings) == {"operator": "book"}
     again = vl.reduce(out / "records")
     assert again.document["metric"]["value"] == pytest.approx(document["value"], rel=1e-9)
     assert json.loads((out / "debrief.json").read_text("utf-8"))["verdict"] == "PASS"

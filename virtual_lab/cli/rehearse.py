@@ -179,7 +179,7 @@ def _command(name: str, example: str, output: Output = STUDY) -> click.Command:
 
 
 DAY = FunctionCommand(
-    "day",
+    "rehearse",
     (__name__, "day"),
     output=Output(keeps=True),
     sealed=True,
