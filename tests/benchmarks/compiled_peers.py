@@ -1,4 +1,4 @@
-"""Peers compiled throughout: an own DOP853 with events, and numbalsoda's where it is installed."""
+"""Compiled peers: a DOP853 with events, written here, and numbalsoda's if it is installed."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Floats = NDArray[np.float64]
 Tableau = tuple[Floats, Floats, Floats, Floats]  # A, B, E3, E5
 Bat = tuple[Floats, Floats]  # g, w^2
 NONE, TURN, RELEASE, BACK, FULL = range(5)
-TRIES = 20  # to meet an event
+TRIES = 20  # largest number of steps to meet an event
 FIRST_STEP = 1e-2
 ORDER = 8.0
-SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0  # as SciPy's
+SAFETY, SHRINK, GROW = 0.9, 0.2, 10.0  # constants of step control, as in SciPy
 
 
 def by_compiled_dop853(tolerance: float) -> Peer:
-    """Return DOP853 that meets events by shortening the last step, all of it compiled."""
+    """Return a compiled DOP853 that meets events by shortening the last step."""
     tableau = (DOP853.A, DOP853.B, DOP853.E3, DOP853.E5)
 
     def rates(scaled: Scaled) -> Floats:
@@ -36,7 +36,7 @@ def by_compiled_dop853(tolerance: float) -> Peer:
 
 @njit(fastmath=FAST)
 def _step(h: float, y: Floats, K: Floats, new: Floats, law: Law, bat: Bat, rule: Tableau) -> None:
-    """Step from y, its derivative in K[0], to `new`, whose derivative comes to K[-1]."""
+    """Step from y, whose derivative is K[0], to `new`, whose derivative is written to K[-1]."""
     A, B, g, w2 = rule[0], rule[1], bat[0], bat[1]
     for stage in range(1, B.size + 1):
         for i in range(y.size):
@@ -53,7 +53,7 @@ def _step(h: float, y: Floats, K: Floats, new: Floats, law: Law, bat: Bat, rule:
 
 @njit(fastmath=FAST)
 def _error(h: float, y: Floats, K: Floats, new: Floats, tolerance: float, rule: Tableau) -> float:
-    """Return the error of a step over its tolerance, mixed of two orders as in SciPy."""
+    """Return the error of a step divided by its tolerance, mixed of two orders as in SciPy."""
     E3, E5 = rule[2], rule[3]
     third, fifth = 0.0, 1e-300
     for i in range(y.size):
@@ -69,7 +69,7 @@ def _error(h: float, y: Floats, K: Floats, new: Floats, tolerance: float, rule: 
 
 @njit
 def _event(y: Floats, new: Floats, g: Floats, loading: bool, rising: bool, peak: float) -> int:
-    """Return what happened within a step."""
+    """Return the event within a step."""
     before, rate = approach(y, g, g.size + 1), approach(new, g, g.size + 1)
     x = approach(new, g, 0)
     if rising:
@@ -90,7 +90,7 @@ def _meet(
     peak: float,
     rule: Tableau,
 ) -> float:
-    """Shorten the step just made until it ends on its event; return its length."""
+    """Shorten the last step until it ends on its event, and return its length."""
     g, span = bat[0], h
     for _ in range(TRIES):
         if event in (TURN, BACK):
@@ -151,14 +151,14 @@ def _all(shapes: Floats, squares: Floats, balls: Floats, tolerance: float, rule:
 
 
 def numbalsoda_peers() -> Callable[[float], Peer]:
-    """Return what makes a peer of numbalsoda's DOP853, of a tolerance.
+    """Return a function that makes a peer of numbalsoda's DOP853 for a tolerance.
 
-    It steps and finds events in Fortran. Re-loading is not watched for, which spares it an event.
+    It steps and finds events in Fortran. Re-loading is not watched, which saves one event.
 
     Raises
     ------
     ImportError, OSError
-        It is not installed (that takes a Fortran compiler), or its libraries do not load.
+        If it is not installed (which needs a Fortran compiler), or its libraries do not load.
     """
     from numbalsoda import lsoda_sig, solve_ivp
 

@@ -1,12 +1,13 @@
-"""The whole test at a glance: what each rung of each part does to the metric, and what it costs.
+"""Effect on the metric and cost of every model in each part of the laboratory.
 
     python -m tests.benchmarks.laboratory LABORATORIES OUT.CSV [PART …]
 
-r161 by astm-f1881, nominal bat; the same numbered laboratories with every rung of a part, the other
-parts as they are for many laboratories (sums; gates and encoder: in full). An effect is the mean
-over laboratories of the metric less that with the finest rung, over u; of the uncertainty half the
-length of the interval; of the camera e_A of one filmed shot, over the camera's u. Fewer
-laboratories where a rung is dear: the table says how many.
+The bat is a nominal r161, the procedure astm-f1881. The same numbered laboratories are certified
+with every model of a part; the other parts are as for many laboratories (sums), or write full
+records (gates and encoder). An effect is the mean over laboratories of the metric less that of the
+finest model, over u. For the uncertainty, it is that of half the length of the interval; for the
+camera, that of e_A of one filmed shot, over the camera's u. Expensive models get fewer
+laboratories; the table states their number.
 """
 
 from __future__ import annotations
@@ -35,16 +36,16 @@ from virtual_lab.studies import clips
 
 BAT, PROCEDURE, SEED = "r161", "astm-f1881", 1
 Numbers = np.ndarray
-Found = tuple[Numbers, Numbers, float]  # metric and u of the laboratories, seconds a laboratory
+Found = tuple[Numbers, Numbers, float]  # metric and u of the laboratories, seconds per laboratory
 FULL, SUMMED = RecordDetail.FULL, RecordDetail.SUMMED
 
 
 def played(setup: TestSetup, laboratories: int) -> Found:
-    """Return the results of numbered laboratories, side by side where all write sums."""
+    """Return the results of numbered laboratories, in one block if all records are sums."""
     setup = replace(setup, seed=SEED)
     alone = setup.detail is FULL
     numbers: list[Any] = [*range(laboratories)] if alone else [np.arange(laboratories)]
-    certify_block(replace(setup, number=0 if alone else np.arange(2)))  # compiles, fits
+    certify_block(replace(setup, number=0 if alone else np.arange(2)))  # compilation, fits
     begin = time.process_time()
     found = [certify_block(replace(setup, number=each)).certified for each in numbers]
     seconds = (time.process_time() - begin) / laboratories
@@ -93,7 +94,7 @@ def gates(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
 
 @contextmanager
 def encoder_that_sums() -> Iterator[None]:
-    """Let the encoder alone write sums, of a test whose other records are in full."""
+    """Make the encoder alone write sums, while all other records are in full."""
     names = ("fly", "timed", "play")
     plan_at = {"fly": 0, "timed": 1, "play": 0}
 
@@ -135,7 +136,7 @@ def cameras(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
 def uncertainties(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
     setup = replace(RoundRobin.of(BAT, PROCEDURE).setup, seed=SEED)
     few = laboratories
-    certify_block(replace(setup, number=np.arange(2)))  # compiles
+    certify_block(replace(setup, number=np.arange(2)))  # compilation
     begin = time.process_time()
     block = certify_block(replace(setup, number=np.arange(few)))
     cost = (time.process_time() - begin) / few

@@ -1,9 +1,9 @@
-"""What each way of locating the ball is worth: ``python -m tests.benchmarks.locating``.
+"""Errors and times of methods to locate the ball: ``python -m tests.benchmarks.locating``.
 
-The same pictures for all, cut from frames of 1280 x 800. Errors are root mean squares along an
-axis; the limit is Cramer and Rao's bound of a plain ball in closed form. Times are the processor's
-own, on one core. A file's name as argument takes the rows as CSV; after `--only` come the parts
-wanted.
+All methods get the same pictures, cut from frames of 1280 x 800. Errors are root mean squares along
+an axis; the limit is the Cramér-Rao bound of a plain ball in closed form. Times are processor
+times on one core. Arguments are files for the rows as CSV; `--only` is followed by the parts to
+measure.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ SCENES = {
     "25 % out of frame": replace(FIRST, cut=0.25),
     "25 % behind the bat": replace(FIRST, covered=0.25),
 }
-FEW = 13  # pictures a phase where the slow take part
-SLOW = 5  # pictures a phase that trackpy sees: it takes 0.2 s each
+FEW = 13  # pictures per phase for all peers
+SLOW = 5  # pictures per phase for trackpy, which takes 0.2 s for each
 CLIPS = 40
-MOST = {"plain": 0.005, "back": 0.015, "soft": 0.17, "hard": 0.08}  # % of e_A
-MEMORY = 300.0  # MB
+MOST = {"plain": 0.005, "back": 0.015, "soft": 0.17, "hard": 0.08}  # largest errors of e_A [%]
+MEMORY = 300.0  # largest memory [MB]
 
 
 def main() -> None:
-    """Measure and print; with the name of a file, write the rows there too."""
+    """Measure, print the rows, and write them as CSV to the named files."""
     cv2.setNumThreads(1)
-    warnings.simplefilter("ignore", UserWarning)  # trackpy's, of pictures without a maximum
+    warnings.simplefilter("ignore", UserWarning)  # trackpy, without a maximum
     words = sys.argv[1:]
     only = words[words.index("--only") + 1 :] if "--only" in words else list(PARTS)
     paths = words[: words.index("--only") if "--only" in words else None]
@@ -67,7 +67,7 @@ def _parts(only: list[str]) -> Iterator[Row]:
 
 
 def _shots() -> Iterator[Row]:
-    """Yield the error of e_A a shot, of pictures that another program draws."""
+    """Yield the error of e_A per shot, on pictures rendered by another program."""
     for name, kind in KINDS.items():
         for way, places in (("edge fit", sharp_places), ("convex hull", hull_places)):
             yield Row(
@@ -81,7 +81,7 @@ def _shots() -> Iterator[Row]:
 
 
 def _plain() -> Iterator[Row]:
-    """Yield the spread of a plain ball's places, and their bias at every phase."""
+    """Yield the rms errors of a plain ball's positions, and their bias at every phase."""
     for seed, (radius, blur, snr) in enumerate(product(RADII, BLURS, RATIOS)):
         case = Case(radius=radius, blur=blur, snr=snr)
         batch = pictures(case, seed)
@@ -99,7 +99,7 @@ def _plain() -> Iterator[Row]:
 
 
 def _peers() -> Iterator[Row]:
-    """Yield every estimator on the same pictures."""
+    """Yield errors and times of all estimators on the same pictures."""
     for scene, case in SCENES.items():
         batch = pictures(replace(case, repeats=FEW))
         few = pictures(replace(case, repeats=SLOW))

@@ -1,11 +1,11 @@
-"""The same collisions by integrators for any equation, each as well as it can be used.
+"""The same collisions by general-purpose integrators, each used as well as possible.
 
-All share the right-hand side, compiled, of `modal_kernel` in numbers without unit: time over a
-millisecond, s over what the ball would go in it, p by s and its impulse, so that one tolerance
-fits all. A phase ends on an event and no step crosses a corner of the ball's law: loading ends
-on the turn, unloading on release or where the approach grows again, that on the greatest
-compression so far. No second contact is looked for: the scenes compared have none, and it
-spares the peers work.
+All share the compiled right-hand side of `modal_kernel` in dimensionless numbers: time over a
+millisecond, s over the distance that the ball travels in it, p by s and its impulse, so that one
+tolerance fits all. A phase ends on an event, so that no step crosses a corner of the ball's force
+law: loading ends at the turn; unloading ends at release or at renewed approach; that approach ends
+at the greatest compression so far. No second contact is searched for: the compared scenes have
+none, which saves the peers work.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ __all__ = ["WINDOW", "Peer", "Scaled", "approach", "by_solve_ivp", "derivative"]
 Floats = NDArray[np.float64]
 Law = tuple[float, float, float]  # coefficient, scale of the approach, power
 
-LIKELY = 1e-3  # s, a contact
-WINDOW = 20.0  # over it
+LIKELY = 1e-3  # typical contact time [s]
+WINDOW = 20.0  # largest contact time, in typical ones
 FAST = {"reassoc", "contract", "nsz"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scaled:
-    """Scenes without units; a ball comes at speed 1."""
+    """Scenes in dimensionless numbers; the ball's speed is 1."""
 
     shapes: Floats  # (n, N)
     squares: Floats  # (n, N)
@@ -41,7 +41,7 @@ class Scaled:
 
     @classmethod
     def of(cls, struck: CollisionBatch) -> Self:
-        """Return what is left of scenes when units are gone; no residual flexibility."""
+        """Return scenes in dimensionless numbers, without residual flexibility."""
         c, v, a = struck.inverse_mass, struck.speed, struck.exponent
         coefficient = LIKELY * c * struck.stiffness * (LIKELY * v) ** a / v
         return cls(
@@ -51,12 +51,12 @@ class Scaled:
         )
 
 
-Peer = Callable[[Scaled], Floats]  # rates of s at release
+Peer = Callable[[Scaled], Floats]  # function of scenes that returns the rates of s at release
 
 
 @njit(fastmath=FAST)
 def approach(y: Floats, g: Floats, start: int) -> float:
-    """Return x of p, s that begin at `start` of y: from N + 1 on there are their rates."""
+    """Return the approach x = s - g p, with p and s from `start` of y on (N + 1 for rates)."""
     x = y[start + g.size]
     for i in range(g.size):
         x -= g[i] * y[start + i]
@@ -88,10 +88,10 @@ def _new(y: Floats, law: Law, g: Floats, w2: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class _Crossing:
-    """An event as `solve_ivp` wants it: a function with two attributes."""
+    """An event for `solve_ivp`: a function with two attributes."""
 
     shape: Floats
-    start: int  # as of `approach`
+    start: int  # first index of p and s, as in `approach`
     direction: float
     level: float = 0.0
     terminal: bool = True
@@ -101,7 +101,7 @@ class _Crossing:
 
 
 def by_solve_ivp(method: str, tolerance: float) -> Peer:
-    """Return SciPy's integrator with one of its methods."""
+    """Return SciPy's integrator with this method and tolerance."""
 
     def rates(scaled: Scaled) -> Floats:
         scenes = zip(scaled.shapes, scaled.squares, scaled.balls, strict=True)
@@ -111,7 +111,7 @@ def by_solve_ivp(method: str, tolerance: float) -> Peer:
 
 
 def _release(method: str, tolerance: float, g: Floats, w2: Floats, ball: Floats) -> float:
-    """Follow one scene phase by phase; return the rate of s at release."""
+    """Follow one scene phase by phase, and return the rate of s at release."""
     k, a, b = (float(number) for number in ball)
     n = g.size
     turn, back, release = (
@@ -131,7 +131,7 @@ def _release(method: str, tolerance: float, g: Floats, w2: Floats, ball: Floats)
             atol=tolerance,
             events=events,
         )
-        if solution.status != 1:  # no release: the tolerance was too wide
+        if solution.status != 1:  # missing release, because the tolerance was too wide
             return float("nan")
         t, y = float(solution.t[-1]), solution.y[:, -1]
         met = next(one for one, at in zip(events, solution.t_events, strict=True) if at.size)

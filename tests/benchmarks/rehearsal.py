@@ -1,9 +1,9 @@
-"""How long the rehearsal bench takes to answer: ``python -m tests.benchmarks.rehearsal``.
+"""Response times of the rehearsal bench: ``python -m tests.benchmarks.rehearsal``.
 
-The command is started as a trainee starts it, and forms are sent as a browser sends them: an
-action's time runs from its form to the page after it. Then eight trainees take the day at once,
-and twenty hand in at once while another goes on with theirs. A numpy normal stands in the last
-line, to tell a loaded machine by.
+The command is started as by a trainee, and forms are sent as by a browser. The time of an action
+runs from its form to the next page. Then eight trainees take the day at once, and twenty hand in at
+once while another one continues. The last line has the time of a numpy normal, which shows
+whether the machine is loaded.
 """
 
 from __future__ import annotations
@@ -28,36 +28,36 @@ from tests.bench.browsing import FOCUSED, free_port, opened, served
 from tests.bench.days import PLAIN
 
 TRAINEES = 8
-MANY = 20  # who hand in at once
-SALVO = 7  # shots, in one go
+MANY = 20  # number of trainees who hand in at once
+SALVO = 7  # shots in one salvo
 KINDS = {"fire": "shot", "reduce": "reduce"}
 END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
-AGAIN = 47  # actions, five hits among them, until a day is left and taken up again
-PACE = 0.12  # s from one action to the next of one trainee: below the requests that are allowed
-KEYS = 26  # of a day by the book
-LOOK = 4.0  # s, at the first page
-LATER = 0.3  # s, until a debrief is asked for again
-TOGETHER = 0.5  # s, of each of many
-GOALS = {  # ms: median, worst
+AGAIN = 47  # actions, with five hits among them, until a day is interrupted and resumed
+PACE = 0.12  # time between actions of a trainee [s], below the limit of requests
+KEYS = 26  # actions of a day by the book
+LOOK = 4.0  # pause at the first page [s]
+LATER = 0.3  # pause before a debrief is requested again [s]
+TOGETHER = 0.5  # time between actions with many trainees [s]
+GOALS = {  # median and worst [ms]
     "first page": (2000, 2000),
-    "first page, again": (2000, 2000),  # of a day that is taken up again, five hits shot
-    "first entry": (200, 200),  # after a look at the page
+    "first page, again": (2000, 2000),  # day that is resumed after five hits
+    "first entry": (200, 200),  # action after a look at the page
     "entry": (50, 200),
     "shot": (500, 500),
     "reduce": (500, 500),
     "certificate": (1500, 1500),
-    "key to loaded page": (60, None),  # in Chromium, and 95 of 100 within 200
+    "key to loaded page": (60, None),  # time in Chromium; 95 of 100 within 200
     f"entry, {TRAINEES} at once": (500, None),
     f"shot, {TRAINEES} at once": (500, None),
     "salvo, a shot": (100, None),
-    f"entry, {MANY} debriefs at once": (200, None),  # of another day
+    f"entry, {MANY} debriefs at once": (200, None),  # entry in another day
     f"{MANY} debriefs at once, all": (5000, 5000),
 }
-LARGEST = 500  # MB of the server with MANY days
+LARGEST = 500  # memory of the server with MANY days [MB]
 
 
 class Trainee:
-    """Sends forms with the cookie that the address gave."""
+    """Client that sends forms with the cookie of its address."""
 
     def __init__(self, address: str, pace: float) -> None:
         parts, self.pace = urlsplit(address), pace
@@ -72,13 +72,13 @@ class Trainee:
         if set_cookie := reply.headers["set-cookie"]:
             self.cookie = set_cookie.partition(";")[0]
         assert reply.status in {200, 202, 303}, (reply.status, re.findall(r'role="alert".*', text))
-        if reply.status == 202:  # a debrief that is being made: the page looks again by itself
+        if reply.status == 202:  # debrief in preparation: the page reloads itself
             time.sleep(LATER)
             return self.ask(method, path, body)
         return self.ask("GET", "/") if reply.status == 303 else text
 
     def do(self, number: int, name: str, given: dict[str, object]) -> float:
-        """Return how long an action takes [s], to the page after it."""
+        """Return the time of an action [s], up to the next page."""
         begun = time.perf_counter()
         page = self.ask("POST", "/do", urlencode({"do": name, "entry_number": number, **given}))
         took = time.perf_counter() - begun
@@ -89,12 +89,12 @@ class Trainee:
 
     @staticmethod
     def number(page: str) -> int:
-        """Return the number of the next entry; 0 on a day that is handed in."""
+        """Return the number of the next entry, 0 after the day was handed in."""
         found = re.search(r'name="entry_number" value="(\d+)"', page)
         return int(found[1]) if found else 0
 
     def day(self, done: int = 0) -> Iterator[tuple[str, float]]:
-        """Take the plain day, or what is left of it: yield the kind of each action and its time."""
+        """Take the rest of the plain day, and yield the kind and time [s] of each action."""
         for number, (name, given) in enumerate((*PLAIN, *END)[done:], done + 1):
             if name == "hand-in":
                 begun = time.perf_counter()
@@ -105,7 +105,7 @@ class Trainee:
 
 @contextmanager
 def rehearsal(folder: str, *more: str) -> Iterator[tuple[list[str], float, int]]:
-    """Start the command; give the addresses it prints, when it was started [s], its process."""
+    """Start the command; yield its addresses, its time of start [s] and its process id."""
     command = [sys.executable, "-m", "virtual_lab", "rehearse", "--seed", "3", "--port"]
     started = time.perf_counter()
     server = subprocess.Popen(
@@ -128,7 +128,7 @@ def rehearsal(folder: str, *more: str) -> Iterator[tuple[list[str], float, int]]
 
 
 def first_page(addresses: list[str], started: float, _: int) -> tuple[Trainee, float]:
-    """Open the first page; return who did and how long after the command it came [s]."""
+    """Open the first page; return the trainee, and the time since the command [s]."""
     trainee = Trainee(addresses[0], PACE)
     trainee.ask("GET", trainee.path)
     took = time.perf_counter() - started
@@ -138,7 +138,7 @@ def first_page(addresses: list[str], started: float, _: int) -> tuple[Trainee, f
 
 
 def by_key(folder: Path) -> list[float]:
-    """Take the plain day by Enter in Chromium: how long each key takes to the loaded page [s]."""
+    """Take the plain day by the Enter key in Chromium; return the times to each loaded page [s]."""
     took = []
     with served(folder) as (_, address), opened() as browser:
         page = browser.new_page(viewport={"width": 1280, "height": 800})
@@ -153,9 +153,9 @@ def by_key(folder: Path) -> list[float]:
 
 
 def handed_in_at_once(folder: str) -> tuple[dict[str, list[float]], float]:
-    """Let many take the day by a salvo and open the debrief at once, while another goes on.
+    """Many trainees fire a salvo, hand in and open the debrief at once, while another continues.
 
-    Return times by kind [s], and the memory of the server [MB] after it.
+    Return times by kind [s], and then the memory of the server [MB].
     """
     times: dict[str, list[float]] = {name: [] for name in list(GOALS)[-3:]}
     salvo, entry, all_of_them = times
@@ -166,7 +166,7 @@ def handed_in_at_once(folder: str) -> tuple[dict[str, list[float]], float]:
             trainee.ask("GET", trainee.path)
         preparing = PLAIN[: PLAIN.index(("load-ball", {"ball": 1}))]
         for trainee in trainees:
-            trainee.line.close()  # the server closed it while the others were at work
+            trainee.line.close()  # connection that the server closed in the meantime
             trainee.pace = PACE
             for number, (name, given) in enumerate(preparing, 1):
                 trainee.do(number, name, given)

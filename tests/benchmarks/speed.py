@@ -1,8 +1,8 @@
-"""Time a collision: ours by model and stepper, then the peers', then how they compare.
+"""Time per collision: by model and stepper, by peers, and their ratios.
 
-Everything runs on one core, on scenes of one bat (R161). What is compared is timed in turn: ratios
-of times from different minutes compare neighbours on the machine. Peers start where our steppers
-do, from shapes at the impact.
+Everything runs on one core, on scenes of one bat (R161). Compared works are timed in turn, because
+ratios of times from different minutes compare the load of the machine. Peers start with the mode
+shapes at the impact, as our steppers do.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ROUNDS, PEER_REPEATS, SHORT_LIST = 15, 5, 3
 AGAINST_SOLVE_IVP = {"AVX-512": 2500.0, "AVX2": 1500.0}
 AGAINST_NUMBALSODA = 30.0
 GOOD = 1e-6  # worst error of a peer that counts
-# flops, counted from the loops; planning a step, idle lanes and padding are left out
+# flops per mode and power, counted from the loops, without step planning, idle lanes and padding
 A_MODE, A_POWER = 8, 45
 SOLVE_IVP = {
     "DOP853": (1e-5, 1e-6, 3e-7, 2e-7, 1e-7, 1e-8),
@@ -55,10 +55,10 @@ class _Setting:
     scenes: Scenes
 
     def works(self) -> dict[str, Work]:
-        """Return what is timed, the one part of the other.
+        """Return the works to be timed, of which each includes the previous one.
 
-        The kernel is one pass of the compiled loop over all scenes; the stepper follows again what
-        it is not sure of; all is `ModalModel.collide`, from scenes to energies.
+        The kernel is one pass of the compiled loop over all scenes; the stepper repeats doubtful
+        scenes; "all" is `ModalModel.collide`, from scenes to energies.
         """
         given = struck(self.model, self.scenes)
         own = replace(self.model, stepper=self.stepper)
@@ -70,7 +70,7 @@ class _Setting:
 
 
 def speed(batch: int = BATCH) -> Iterator[Row]:
-    """Measure."""
+    """Yield times and errors of our steppers, then of the peers."""
     scenes = NARROW.draw(batch, SEED)
     rate = GEMM_FLOPS / seconds(gemm())
     yield Row(part=PART, what="product of matrices, 1024 x 1024", value=rate / 1e9, unit="Gflop/s")
@@ -110,7 +110,7 @@ def _ours(setting: _Setting) -> Iterator[Row]:
 
 
 def _kinds() -> Iterator[tuple[str, float | None, Callable[[], Peers]]]:
-    """Return kinds of peers, how many times faster we are to be, and what lists the peers."""
+    """Yield kinds of peers, the targets of their time ratios, and functions that list the peers."""
 
     def scipy() -> Peers:
         for method, tolerances in SOLVE_IVP.items():
@@ -135,7 +135,7 @@ def _kinds() -> Iterator[tuple[str, float | None, Callable[[], Peers]]]:
 def _against(
     ours: _Setting, kind: str, aim: float | None, peers: Callable[[], Peers]
 ) -> Iterator[Row]:
-    """Measure all peers of a kind, then the quickest good ones in turn with our fine stepper."""
+    """Measure all peers of a kind, then the fastest accurate ones in turn with our stepper."""
     scenes = NARROW.draw(PEER_SCENES, SEED)
     given = struck(ours.model, scenes)
     scaled = Scaled.of(given)
@@ -169,6 +169,6 @@ def _against(
 
 
 def _error(given: CollisionBatch, scenes: Scenes, rates: Floats, exact: Floats) -> float:
-    """Return the worst error in e_A of the rates of s, `modal_kernel`'s, after release."""
+    """Return the worst error of e_A, given the rates of s (as in `modal_kernel`) after release."""
     momentum = scenes.ball_mass * given.speed
     return float(np.abs((rates - exact) / given.inverse_mass / momentum).max())

@@ -1,9 +1,9 @@
-"""Propagation of uncertainty: speed and errors beside other programs, tolerances met, memory.
+"""Propagation of uncertainty: speed and errors against other programs, tolerances, memory.
 
     python -m tests.benchmarks.uncertainty [PART …] [OUT.CSV]    the rows of the benchmark
     python -m tests.benchmarks.uncertainty methods [OUT.CSV]     the table of the chart
 
-Of other programs (uncertainties, GTC, metrolopy, suncal, OpenTURNS) those that are installed.
+Other programs (uncertainties, GTC, metrolopy, suncal, OpenTURNS) take part if they are installed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from virtual_lab.uncertainty.models import Model
 from virtual_lab.uncertainty.monte_carlo import BLOCK, Batches, Drawing, drawn_block
 
 DRAWS, REFERENCE, SEEDS = 2**20, 2**27, 100
-LABORATORIES = 1024  # of a block
+LABORATORIES = 1024  # laboratories per block
 Numbers = tuple[float, float, float]  # u and both ends
 
 
@@ -45,7 +45,7 @@ def ours(found: Any) -> Numbers:
 
 
 def linear() -> Iterator[Row]:
-    """First order of eleven inputs, and the second of 43: 903 pairs."""
+    """Yield times of the first order for eleven inputs, and of the second order for 11 and 43."""
     yield timed("first order: ours", lambda: vl.propagate(models.bpf, models.BPF))
     yield timed(
         "second order: ours", lambda: vl.propagate(models.bpf, models.BPF, method="second-order")
@@ -62,7 +62,7 @@ def timed(what: str, work: Callable[[], Any]) -> Row:
 
 
 def stated(kind: Callable[..., Any], spread: Callable[..., Any]) -> dict[str, Any]:
-    """Return the eleven inputs as another program's: by value, u and ν, or by limits."""
+    """Return the eleven inputs as objects of another program, by value, u and ν or by limits."""
     found = {}
     for name, each in models.BPF.items():
         if each.low is None:
@@ -161,7 +161,7 @@ def ends(y: Any) -> Numbers:
 
 
 def budget() -> Iterator[Row]:
-    """Budgets of a block of laboratories by astm-f1881: a laboratory's, the best of nine rounds."""
+    """Yield the time of an astm-f1881 budget per laboratory of a block, the best of nine rounds."""
     given: list[Any] = []
     whole = certification.evaluate_block
 
@@ -198,7 +198,10 @@ def budget() -> Iterator[Row]:
 
 
 def draws() -> Iterator[Row]:
-    """2^20 draws: time, and the errors of u and both ends over u, against 2^27 other draws."""
+    """Yield the time of 2^20 draws, and the errors of u and both ends over u.
+
+    The oracle is 2^27 other draws.
+    """
     reference = np.array(ours(monte_carlo(models.bpf, models.BPF, draws=REFERENCE, seed=1)))
 
     def us() -> Numbers:
@@ -241,7 +244,10 @@ def _where_installed(
 
 
 def tolerance() -> Iterator[Row]:
-    """Of 100 seeds, how many have value, u and both ends within the tolerance: exact answers."""
+    """Yield how many of 100 seeds have value, u and both ends within the tolerance.
+
+    The oracle is the exact result of a sum of normal numbers.
+    """
     for u in (1.01, 2.5, 8.3):
         inputs = {name: vl.Input(0, u / 2) for name in "abcd"}
         exact = np.array([0, u, -1.959964 * u, 1.959964 * u])
@@ -267,7 +273,7 @@ def _sum(a: Any, b: Any, c: Any, d: Any) -> Any:
 
 
 def memory() -> Iterator[Row]:
-    """Growth of the largest memory from 2e6 to 3e7 draws, and what the sketch adds of error."""
+    """Yield the growth of memory from 2e6 to 3e7 draws, and the error due to the sketch."""
     monte_carlo(models.bpf, models.BPF, draws=2 * DRAWS)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     monte_carlo(models.bpf, models.BPF, draws=30 * DRAWS)
