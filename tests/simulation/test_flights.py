@@ -1,4 +1,4 @@
-"""Frames and stops at the rigs: what gates and encoder write of a shot that meets them."""
+"""Frames and stops at the rigs: the gate and encoder records of shots that strike them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RIGS = ("astm-pivot", "ball-cannon")
 def fired(
     rig: str, place: float = 6 * INCH, speed: float = 26.8224, **changes: Any
 ) -> tuple[Any, Specimen, ShotPlan, Streams]:
-    """Return a station around which stands something else, and what is asked of it."""
+    """Return a station with changed surroundings, and the arguments of its play."""
     draws = Streams(5)
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     station: Any = find_rig(rig, Stage.IMPACT).commission(draws)
@@ -51,15 +51,15 @@ def times(output: RigOutput) -> np.ndarray:
 
 
 def unseen(output: RigOutput) -> np.ndarray:
-    """Return which gates have no time at all of a passage, (shot, way, gate)."""
+    """Return which gates have no time of a passage, (shot, direction, gate)."""
     gone = np.isnan(times(output))
     return gone.reshape(*gone.shape[:3], -1).all(axis=-1)
 
 
 def test_a_ball_that_a_frame_throws_back_is_a_missing_and_a_wild_time() -> None:
-    """It flies highest at the near frame, whose upper bar it meets: the bat never sees it.
+    """The ball strikes the upper bar of the near frame, and never reaches the bat.
 
-    By hand: from the bar's face it goes back at the bar's restitution of its speed.
+    By hand: it returns from the face of the bar at the bar's restitution times its speed.
     """
     changes: Any = {"speed": 5.0, "frame": {"top": 0.015, "bottom": -0.3, "restitution": 0.25}}
     station, specimen, plan, draws = fired("astm-pivot", **changes)
@@ -70,7 +70,7 @@ def test_a_ball_that_a_frame_throws_back_is_a_missing_and_a_wild_time() -> None:
     hit = gone[:, IN, NEAR]
     assert hit.any()
     assert gone[hit, OUT, NEAR].all()
-    hit &= ~gone[:, OUT, FAR]  # another ball meets the far frame too
+    hit &= ~gone[:, OUT, FAR]  # shots without a second frame contact
     assert hit.any()
     far = times(output)[hit, :, FAR].mean(axis=-1)
     face = gates[NEAR] + station.frame.radius + specimen.balls.spec.radius
@@ -90,7 +90,7 @@ def test_a_ball_that_the_far_frame_throws_back_leaves_no_time_at_all(rig: str) -
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_a_frame_on_the_way_back_hides_the_gates_beyond_it_by_every_rung(rig: str) -> None:
-    """A low rebound meets the lower bars: edges, sums and pymunk miss the same gates."""
+    """A low rebound strikes the lower bars: edges, sums and pymunk miss the same gates."""
     changes: dict[str, Any] = {"frame": {"bottom": -0.06, "top": 0.2}}
     usual = play(rig, {})
     orders: Any = ({}, {"motion": MotionRung.PYMUNK}, {"detail": RecordDetail.SUMMED})
@@ -100,7 +100,7 @@ def test_a_frame_on_the_way_back_hides_the_gates_beyond_it_by_every_rung(rig: st
     np.testing.assert_array_equal(carried, closed)
     np.testing.assert_array_equal(summed, closed)
     assert (closed & ~unseen(usual)[:, OUT]).any()
-    # a gate beyond one that is missed is missed too
+    # missed gates: also those beyond a missed one
     assert (closed[:, FAR] >= closed[:, NEAR]).all()
     own = times(play(rig, changes))
     kept = ~np.isnan(own)
@@ -108,7 +108,7 @@ def test_a_frame_on_the_way_back_hides_the_gates_beyond_it_by_every_rung(rig: st
 
 
 def test_a_ball_beside_the_opening_never_moves_the_bat() -> None:
-    """The posts of all frames stand in its way: the encoder counts nothing."""
+    """The posts of the frames stop the ball, so the encoder counts nothing."""
     output = play("astm-pivot", {"frame": {"tip_side": 0.17}})
     record: Any = output.records["encoder"]
     assert np.ptp(record.counts, axis=1).max() == 0
@@ -116,7 +116,7 @@ def test_a_ball_beside_the_opening_never_moves_the_bat() -> None:
 
 
 def test_the_stop_shows_in_the_counts() -> None:
-    """The recoil turns back at the angle of the stop, by its restitution, ring and all."""
+    """The recoil reverses at the angle of the stop, with its restitution, ringing included."""
     stop = {"stop": {"angle": 0.5, "restitution": 0.5}}
     station = fired("astm-pivot")[0]
     free: Any = play("astm-pivot", {}).records["encoder"]
@@ -133,7 +133,7 @@ def test_the_stop_shows_in_the_counts() -> None:
 
 
 def test_a_bat_that_meets_the_ball_again_throws_it_back_faster() -> None:
-    """A stop close behind the bat and a dead blow: the boards see the second blow's ball."""
+    """With a stop close behind the bat and a weak rebound, the boards see the second rebound."""
     changes = {"place": 3.5 * INCH, "speed": 60.0}
     lively = {"stop": {"angle": 0.01, "restitution": 1.0}}
     slow, fast = (

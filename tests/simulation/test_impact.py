@@ -1,4 +1,4 @@
-"""What really happens, against the equations of the paper written out here."""
+"""The true outcome of an impact, against the equations of the paper written out here."""
 
 from dataclasses import replace
 
@@ -55,7 +55,7 @@ def test_the_rigid_modes_give_equations_6_8_and_9(bat: str) -> None:
 
 
 def test_a_hoop_mode_does_not_recoil() -> None:
-    """A shell that rings takes speed from the ball; its own motion is no recoil of the bat."""
+    """A ringing shell takes speed from the ball, but its motion is no recoil of the bat."""
     specimen = specimen_of("ea70")
     bare = replace(specimen.bat, bodies=(replace(specimen.bat.body, hoop=None),))
     with_shell, without = truth_of(specimen), truth_of(replace(specimen, bat=bare))
@@ -77,7 +77,7 @@ def test_a_ball_followed_off_a_wall_has_its_restitution(exponent: float, stiffne
 
 
 def test_a_wall_contact_of_the_same_law_returns_that_speed() -> None:
-    """The closed form's expansion, followed back in time, is a compression at e0 of the speed."""
+    """The work up to the peak, k u²/2, equals m v²/2."""
     contact = wall_contact(*(np.array(x) for x in (0.145, 50.0, 3.5e6, 1.0, 0.5)))
     work = 3.5e6 * contact.compression**2 / 2
     assert work == pytest.approx(0.145 * 50.0**2 / 2, rel=1e-12)
@@ -85,10 +85,10 @@ def test_a_wall_contact_of_the_same_law_returns_that_speed() -> None:
 
 @pytest.mark.parametrize("tilt", [0.0, 0.05, 0.4])
 def test_a_tilted_hit_keeps_the_speed_along_the_surface(tilt: float) -> None:
-    """In the bat's frame: e_A of the speed across the surface comes back, the rest goes on."""
+    """In the bat's frame e_A applies to the normal speed; the tangential speed is unchanged."""
     efficiency, speed = np.array([0.2, -0.1]), 40.0
     back, slope = thrown_back(efficiency, np.array(tilt), np.array(speed), 3.0)
-    normal = np.array([-np.cos(tilt), np.sin(tilt)])  # from bat to ball; the ball comes along +x
+    normal = np.array([-np.cos(tilt), np.sin(tilt)])  # bat to ball; ball along +x
     surface = np.array([np.sin(tilt), np.cos(tilt)])
     for e, x, rise in zip(efficiency, back, slope, strict=True):
         velocity = e * speed * np.cos(tilt) * normal + speed * np.sin(tilt) * surface
@@ -98,10 +98,10 @@ def test_a_tilted_hit_keeps_the_speed_along_the_surface(tilt: float) -> None:
 
 @pytest.mark.parametrize(("sd", "loss"), [(0.03, 0.0003), (0.05, 0.0009), (0.10, 0.0037)])
 def test_hits_across_the_axis_cost_what_was_found_in_planning(sd: float, loss: float) -> None:
-    """The mean over a normal scatter [in], by Gauss and Hermite; ball 1.45 in, barrel 1.25 in."""
+    """Mean over a normal scatter [in] by Gauss-Hermite quadrature; radii 1.45 in and 1.25 in."""
     x, weight = np.polynomial.hermite_e.hermegauss(20)
     tilt = np.arcsin(sd * x / (1.45 + 1.25))
     back, _ = thrown_back(np.full(20, 0.2), tilt, np.ones(20), 0.0)
     lost = 0.2 - float(weight @ back / weight.sum())
-    bpf = lost * (1 + 0.22) / 0.5  # by Eqs. (5) and (6), r 0.22 and e0 0.5
+    bpf = lost * (1 + 0.22) / 0.5  # change of BPF by Eqs. (5) and (6), with r = 0.22 and e0 = 0.5
     assert bpf == pytest.approx(loss, rel=0.15, abs=7e-5)

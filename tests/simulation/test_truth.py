@@ -1,4 +1,4 @@
-"""Individuals against their drawings: what is drawn together, and whom a mean is of."""
+"""Individuals against their nominal sheets: correlated draws, and the mean of the balls used."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from virtual_lab.streams import Streams
 
 @pytest.mark.parametrize("name", ["r161", "ea70"])
 def test_a_made_bats_shear_modulus_is_as_much_stiffer_as_youngs(name: str) -> None:
-    """One draw for both: of five bats none has another ratio than the drawing, nor its modulus."""
+    """One draw for both: five bats have the nominal ratio of the moduli, but other moduli."""
     spec = load_bat(name).spec
     drawn = spec.body.material
     for seed in range(5):
@@ -24,7 +24,7 @@ def test_a_made_bats_shear_modulus_is_as_much_stiffer_as_youngs(name: str) -> No
 
 
 def test_the_mean_ball_is_that_of_the_balls_used() -> None:
-    """Of balls of 140, 150 and 190 g the last is set aside: 145 g, and e0 likewise."""
+    """Of balls of 140, 150 and 190 g the last is set aside: 145 g, and likewise for e0."""
     lot = draw_balls(load("balls", "baseball-2003", BallSpec).spec, 3, Streams(1))
     mass, e0 = np.array([0.140, 0.150, 0.190]), np.array([0.54, 0.56, 0.70])
     used = np.array([True, True, False])
@@ -34,7 +34,7 @@ def test_the_mean_ball_is_that_of_the_balls_used() -> None:
 
 
 def test_a_balls_mass_tells_nothing_of_its_e0() -> None:
-    """4 000 balls: each scatters as the sheet says (4.5/√8 000), |r| < 4.5/√4 000 (7e-6 each)."""
+    """4000 balls: both scatter as the sheet says (4.5/√8000), and |r| < 4.5/√4000 (7e-6 each)."""
     spec = load("balls", "baseball-2003", BallSpec).spec
     lot = draw_balls(spec, 4000, Streams(2))
     assert lot.mass.std() == pytest.approx(spec.spread.mass, rel=0.05)

@@ -9,7 +9,7 @@ from virtual_lab.units import INCH, MPH, OUNCE
 
 
 def usual(z_inches: float | Iterable[float], **other: object) -> Scenes:
-    """Return scenes at `z_inches` with an ordinary ball, changed by `other`."""
+    """Return scenes of an ordinary ball at `z_inches`, with the values in `other` replaced."""
     given: dict[str, object] = {
         "impact_position": np.asarray(z_inches, dtype=float) * INCH,
         "relative_speed": 160 * MPH,
@@ -22,7 +22,7 @@ def usual(z_inches: float | Iterable[float], **other: object) -> Scenes:
 
 
 def scattered(count: int, low: float, high: float, seed: int) -> Scenes:
-    """Return random scenes between two places [in]: any speed, ball and law of the ball."""
+    """Return random scenes between two positions [in]: random speed, ball and force law."""
     rng = np.random.default_rng(seed)
     exponent = rng.uniform(1, 2, count)
     return Scenes.of(
@@ -30,7 +30,7 @@ def scattered(count: int, low: float, high: float, seed: int) -> Scenes:
         relative_speed=rng.uniform(40, 180, count) * MPH,
         ball_mass=rng.uniform(5, 5.25, count) * OUNCE,
         ball_restitution=rng.uniform(0.4, 0.6, count),
-        # the same force at 12 mm whatever the exponent: contacts of 0.6 to 1 ms
+        # force at 12 mm: the same for every exponent, so that contacts last 0.6 to 1 ms
         stiffness=3.5e6 * 0.012 ** (1 - exponent),
         exponent=exponent,
     )

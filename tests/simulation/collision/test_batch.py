@@ -1,4 +1,4 @@
-"""Many scenes at once: to the tolerance all over the bat, and none the wiser of its neighbours."""
+"""A batch of scenes keeps its tolerance all over the bat, and no scene depends on its neighbours."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from virtual_lab.simulation.collision.stepping import OneByOne
 from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned
 from virtual_lab.units import INCH
 
-TABLE_ERROR, MOSTLY = 5e-7, 2e-8  # in e_A, of splines in the place of shapes; of 95 in 100
+TABLE_ERROR, MOSTLY = 5e-7, 2e-8  # errors of e_A due to the splines: largest, and 95 % quantile
 
 
 def total(found: Collisions) -> np.ndarray:
@@ -51,7 +51,7 @@ def test_the_default_keeps_its_tolerance_all_over_the_bat(which: int) -> None:
 
 
 def test_a_scene_does_not_know_its_batch() -> None:
-    """Bit for bit, whatever lane and neighbours it gets and whoever leaves first."""
+    """The results are the same bits in any order, in any lane and beside any neighbours."""
     model, scenes = bats()[1], WIDE.draw(500, 30)
     whole, order = columns(model.collide(scenes)), np.random.default_rng(31).permutation(500)
     shuffled = columns(model.collide(scenes.part(order)))
@@ -63,7 +63,7 @@ def test_a_scene_does_not_know_its_batch() -> None:
 
 
 def test_bats_in_one_batch_are_each_alone() -> None:
-    """Bit for bit: of other supports, with a hoop mode or without."""
+    """Bats with other supports, with or without a hoop mode, give the same bits as alone."""
     batch = [(model, WIDE.draw(400, 40 + i)) for i, model in enumerate(bats())]
     for (model, scenes), together in zip(batch, collide_bats(batch), strict=True):
         alone = columns(model.collide(scenes))
@@ -73,9 +73,9 @@ def test_bats_in_one_batch_are_each_alone() -> None:
 
 
 def test_a_bat_of_few_modes_beside_one_of_many() -> None:
-    """Bit for bit where stepped together; one by one, sums may take another order."""
+    """Scenes stepped together give the same bits; scenes followed one by one agree to 1e-9."""
     few = ModalModel.of(load_bat("r161").spec.body, Free(), 7)
-    bare = replace(few, stiff=few.stiff.above(few.stiff.count))  # nothing follows at once
+    bare = replace(few, stiff=few.stiff.above(few.stiff.count))  # no residual flexibility
     batch = [(model, WIDE.draw(400, 50 + i)) for i, model in enumerate([bats()[1], few, bare])]
     for (model, scenes), together in zip(batch, collide_bats(batch), strict=True):
         alone, beside = columns(model.collide(scenes)), columns(together)
@@ -88,7 +88,7 @@ def test_a_bat_of_few_modes_beside_one_of_many() -> None:
 
 @pytest.mark.parametrize("which", range(4))
 def test_splines_over_the_place_stand_for_the_shapes(which: int) -> None:
-    """Nothing else here would see it: all steppers are given the same splines."""
+    """The oracle has exact mode shapes; in all other tests, every stepper has the same splines."""
     model, scenes = replace(bats()[which], stepper=OneByOne()), WIDE.draw(300, 60 + which)
 
     def shapes(z: np.ndarray) -> np.ndarray:
@@ -114,7 +114,7 @@ def test_splines_over_the_place_stand_for_the_shapes(which: int) -> None:
 def test_a_return_to_the_peak_that_one_step_would_hide(
     which: int, z: float, speed: float, e0: float, stiffness: float, exponent: float
 ) -> None:
-    """The ball is pressed a hair deeper the second time; energy closes under either law."""
+    """The ball is compressed slightly deeper the second time; one-by-one stepping is the oracle."""
     scenes = Scenes.of(
         impact_position=z,
         relative_speed=speed,

@@ -1,4 +1,4 @@
-"""What the paper's Secs. III and IV say of its bats, in the standard game."""
+"""The claims of Secs. III and IV of the paper about its bats, in its standard game."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,7 +22,7 @@ BALL, MASS = 90 * MPH, 5.125 * OUNCE
 
 @dataclass(frozen=True)
 class Peaks:
-    """Peak values and their places [in]."""
+    """Peak values and their positions [in]."""
 
     e: float
     e_at: float
@@ -56,7 +56,7 @@ def peaks(name: str, exponent: float = 0.0, inertia_0: float = 1.7e4 * OZ_IN2) -
 
 def test_wood_peaks_in_the_order_of_the_paper() -> None:
     wood = peaks("r161")
-    assert 5.1 < wood.e_at < 6.9  # between the first two nodes
+    assert 5.1 < wood.e_at < 6.9  # interval between the first two nodes
     assert wood.e == pytest.approx(0.5, abs=0.01)
     assert wood.efficiency_at > wood.e_at + 0.4
     assert wood.v_f_at < wood.efficiency_at - 0.4
@@ -99,7 +99,10 @@ def test_loading_the_barrel_wins_for_any_swing_short_of_equal_energy() -> None:
 
 
 def test_one_laboratory_number_ranks_bats_the_wrong_way_round() -> None:
-    """BPF puts a knob-loaded bat first which is last when all swing alike, first when not."""
+    """The knob-loaded bat has a higher e than wood, but a lower v_f at equal swing speed.
+
+    At n = 0.5 its v_f is higher.
+    """
     wood, loaded = peaks("r161"), peaks("knob-loaded")
     assert loaded.e > 1.05 * wood.e
     assert loaded.v_f < wood.v_f - 2
@@ -108,7 +111,7 @@ def test_one_laboratory_number_ranks_bats_the_wrong_way_round() -> None:
 
 @pytest.mark.parametrize("name", ["r161", "ea70"])
 def test_the_support_changes_restitution_but_not_efficiency(name: str) -> None:
-    """Free, pinned 6 in and clamped 1 in from the knob; the gap falls with the modes kept."""
+    """Free, pinned at 28 in and clamped at 33 in; the gap falls with the number of modes."""
     body, z, pin = load_bat(name).spec.body, np.linspace(3, 8, 21), 28 * INCH
 
     def efficiency(modes: int, support: Free | Pinned | Clamped) -> np.ndarray:
@@ -125,14 +128,15 @@ def test_the_support_changes_restitution_but_not_efficiency(name: str) -> None:
     beam, free = beam_of(body), efficiency(BENDING_MODES, Free())
     r = kinematics.recoil_factor_free(MASS, beam.mass, beam.inertia_cm, z * INCH - beam.z_cm)
     e = np.asarray(kinematics.restitution_from_efficiency(free, r))
-    assert np.all(e - free > 0.1)  # clamped: r = 0, so e is e_A
+    assert np.all(e - free > 0.1)  # clamped bat: r = 0, so e = e_A
 
 
 @pytest.mark.parametrize("modes", [BENDING_MODES, 30])
 def test_a_soft_softball_bat_feels_its_pivot(modes: int) -> None:
-    """By an outside check .0954 pinned and .0961 free at 6.5 in, whatever the modes; wood does not.
+    """An independent solver gave e_A = .0954 pinned and .0961 free at 6.5 in.
 
-    In contact for 1.05 ms, not .6 to .8, it still pushes when its handle answers.
+    The number of modes does not matter. The contact lasts 1.05 ms instead of 0.6 to 0.8 ms, so the
+    reaction of the handle returns before it ends. A wooden bat shows no difference.
     """
     ball = load("balls", "softball-slowpitch", BallSpec).spec
     scene = Scenes.with_ball(ball, impact_position=np.array([6.5 * INCH]), relative_speed=60 * MPH)
@@ -151,9 +155,9 @@ def test_a_soft_softball_bat_feels_its_pivot(modes: int) -> None:
 
 
 def test_a_stiff_dull_ball_touches_twice_from_13_inches() -> None:
-    """F = 1e9 u², e0 .4, 32 mph at a free R161: Verlet steps of .5 us over 60 modes say the same.
+    """F = 1e9 u², e0 = .4, 32 mph on a free R161, against Verlet steps of .5 us over 60 modes.
 
-    e_A of -.05211 in one contact at 13.2 in, -.05560 in two at 13.5 in.
+    The oracle gave e_A = -.05211 in one contact at 13.2 in and -.05560 in two contacts at 13.5 in.
     """
     scenes = Scenes.of(
         impact_position=np.array([13.2, 13.5]) * INCH,

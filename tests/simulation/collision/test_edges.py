@@ -1,4 +1,4 @@
-"""Scenes at the edge of what there is: tip, centre of mass, soft, stiff, slow and grazing ones."""
+"""Extreme scenes: tip, centre of mass, soft and stiff balls, slow and grazing hits."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from virtual_lab.units import INCH
 WOOD, ALUMINIUM = load_bat("r161").spec.body, load_bat("ea70").spec.body
 FREE = Free()
 BODIES = pytest.mark.parametrize("body", [WOOD, ALUMINIUM], ids=["wood", "aluminium"])
-FEW_MODES = 8  # of scenes the reference follows too, which is slow
-QUICK = {"tolerance": 1e-10, "longest_step": 1.0}  # of the reference, as in test_reference
+FEW_MODES = 8  # number of modes where the reference is compared, which is slow
+QUICK = {"tolerance": 1e-10, "longest_step": 1.0}  # settings of the reference, as in test_reference
 
 
 @lru_cache
@@ -41,7 +41,7 @@ def one_by_one(model: ModalModel, scenes: Scenes) -> Collisions:
 
 
 def holds(body: BatBody, scenes: Scenes, support: Support = FREE) -> Collisions:
-    """Hold the default to the slow way and to the energy; return what it found."""
+    """Assert agreement with one-by-one stepping and closure of energy; return the collisions."""
     model = model_of(body, support)
     found, slow = model.collide(scenes), one_by_one(model, scenes)
     gap = found.collision_efficiency - slow.collision_efficiency
@@ -64,7 +64,7 @@ def total(found: Collisions) -> np.ndarray:
 
 
 def with_all(scenes: Scenes, **given: float) -> Scenes:
-    """Return the scenes with some numbers the same in all of them."""
+    """Return the scenes with the given values in every scene."""
     return replace(scenes, **{name: np.full(len(scenes), value) for name, value in given.items()})
 
 
@@ -98,7 +98,7 @@ def test_at_the_centre_of_mass_a_free_bat_does_not_turn(body: BatBody) -> None:
 @BODIES
 @pytest.mark.parametrize("z", [20.0, 33.0])
 def test_a_clamped_bat_takes_no_rigid_energy(body: BatBody, z: float) -> None:
-    """No recoil, r = 0: only what bends and rings makes it other than a wall."""
+    """A clamped bat does not recoil (r = 0); only bending and the hoop mode lower e_A."""
     found = holds(body, scattered(150, 0.5, z - 1, seed=3), Clamped(z * INCH))
     assert not found.energy.rigid.any()
     close = usual(z - 0.3, ball_restitution=0.5)
@@ -129,7 +129,7 @@ def test_a_ball_of_ten_times_the_stiffness(body: BatBody) -> None:
 
 @BODIES
 def test_a_ball_of_a_hundred_times_the_stiffness_that_meets_four_times(body: BatBody) -> None:
-    """Errors of each contact reach those of the next: two finer tries may agree and be off."""
+    """Each contact enlarges the error of the last, so two finer tries may agree and be wrong."""
     scenes = usual([1.0, 4.0, 6.5], stiffness=3.5e8, ball_restitution=0.45)
     contacts = holds(body, scenes).contacts
     assert contacts.max() > (3 if body is WOOD else 1)
@@ -149,7 +149,7 @@ def test_a_hoop_that_rings_about_once_a_contact(turns: float) -> None:
 
 
 def test_a_touch_after_a_release_that_grazes() -> None:
-    """Scenes picked by what they do: met twice, the first try in doubt."""
+    """The scenes have two contacts, and the first try was in doubt."""
     model = model_of(WOOD)
     many = scattered(1500, 13, 17, seed=11)
     found = model.collide(many)
@@ -157,7 +157,7 @@ def test_a_touch_after_a_release_that_grazes() -> None:
     assert len(grazing) > 20
     assert {1, 3} <= set(found.redone[grazing])
     holds(WOOD, many.part(grazing))
-    # the last of the slowest pick: those that no finer step made sure
+    # scenes in which finer steps did not agree, so they were followed one by one
     hard = grazing[found.redone[grazing] == 3][:3]
     bare = replace(model, stiff=model.stiff.above(model.stiff.count))
     reference = ReferenceModel(modes=model.modes, **QUICK)
@@ -178,7 +178,7 @@ def test_a_linear_ball_that_creeps_is_one_that_flies(body: BatBody) -> None:
 
 @BODIES
 def test_a_hard_ball_that_creeps_cannot_tell_a_bat_from_a_rigid_one(body: BatBody) -> None:
-    """Contacts longer than balls are followed, e = e0 and Eqs. (10) all the same."""
+    """At 1 µm/s the contact lasts over 50 ms; e_A and energy are those of a rigid bat."""
     scenes = usual([5.0, 15.0], relative_speed=1e-6, exponent=2.0, stiffness=3e8)
     model, rigid = model_of(body), RigidModel.of(body, Free())
     for found in (model.collide(scenes), one_by_one(model, scenes)):
@@ -212,7 +212,7 @@ def test_balls_nearly_dead_and_quite_alive(body: BatBody, e0: float) -> None:
 @pytest.mark.parametrize("support", [Free(), Pinned(0.8)])
 @pytest.mark.parametrize("e0", [0.2, 0.5, 0.999, 1.0])
 def test_the_shares_of_a_stiff_bat_are_those_of_the_paper(support: Support, e0: float) -> None:
-    """Eqs. (10), with a bat that does not bend."""
+    """The shares of energy of a bat that does not bend are those of Eqs. (10)."""
     body = rod((0.04, 0.04), density=800.0, youngs_modulus=1e17, shear_modulus=4e16)
     scenes = usual([2.0, 6.0, 15.0], exponent=1.5, stiffness=3e7, ball_restitution=e0)
     modes = modes_of(body, support, 0)
@@ -221,6 +221,6 @@ def test_the_shares_of_a_stiff_bat_are_those_of_the_paper(support: Support, e0: 
     found = ModalModel.of(body, support, 4).collide(scenes).energy
     assert found.ball == pytest.approx(fractions.ball, abs=1e-4)
     assert found.rigid == pytest.approx(fractions.bat, abs=1e-4)
-    # what bends for a moment and what is lost
+    # energy of bending and hysteresis together
     rest = found.hysteresis + found.bending
     assert rest == pytest.approx(fractions.dissipated, abs=1e-4)

@@ -1,4 +1,4 @@
-"""Scenes beyond what can be followed: an error that names them, never a number."""
+"""A scene that no solver can follow raises an error that names it, and never returns a number."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ HELD = {"free": Free(), "pinned at 0.7112 m": Pinned(28 * INCH), "clamped at 0.7
 def test_what_does_not_close_or_end_is_an_error(
     held: str, key: str, value: float, said: str
 ) -> None:
-    """Returned as e_A of 3e156 and 2e17, of 2e19 and 151, before there was a check."""
+    """Without the check, these scenes gave an e_A of 3e156, 2e17, 2e19 and 151."""
     usually = {"ball_restitution": 0.5, "stiffness": 3.5e6}[key]
     odd = usual([6.0, 6.0], relative_speed=50.0, **{key: np.array([usually, value])})
     for stepper in (FINE, OneByOne()):
@@ -71,7 +71,7 @@ def test_the_reference_says_what_it_cannot_follow() -> None:
 
 
 def test_what_finer_steps_disagree_on_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a scene that is followed one by one; no other is asked to agree."""
+    """The check applies to scenes that are followed one by one, and to no others."""
     hard = usual([1.0], stiffness=3.5e8, ball_restitution=0.45)
     assert wood().collide(hard).redone[0] == 3
     one_pass = OneByOne.follow
@@ -100,7 +100,7 @@ def test_the_energy_of_what_is_followed_one_by_one_is_looked_at(
 
 @pytest.mark.parametrize("speed", [1e-3, 1e-9])
 def test_balls_that_creep_are_right_or_refused(speed: float) -> None:
-    """A linear ball does not know how fast it is; a stiffening one is too slow in the end."""
+    """The e_A of a linear ball is independent of speed; a stiffening ball at 1 nm/s is refused."""
     model, places = wood(), [1.0, 6.0, 16.0]
     fast = model.collide(usual(places, relative_speed=50.0)).collision_efficiency
     slow = model.collide(usual(places, relative_speed=speed)).collision_efficiency
@@ -115,7 +115,7 @@ def test_balls_that_creep_are_right_or_refused(speed: float) -> None:
 
 @pytest.mark.parametrize("z", [20.0, 31.0])
 def test_heavy_balls_on_clamped_bats_settle(z: float) -> None:
-    """They did not while contacts counted for 20 ms: up to 12 of them, off by up to 0.08."""
+    """With a contact window of 20 ms there were up to 12 contacts and errors of up to 0.08."""
     model = ModalModel.of(ALUMINIUM, Clamped(z * INCH))
     scenes = scattered(100, 0.5, z - 1, seed=3)
     scenes = replace(scenes, ball_mass=np.repeat([3.0, 30.0], 50) * scenes.ball_mass)
@@ -126,7 +126,7 @@ def test_heavy_balls_on_clamped_bats_settle(z: float) -> None:
 
 
 def followed(model: ModalModel, scenes: Scenes, window: float) -> np.ndarray:
-    """Return the speeds left of scenes."""
+    """Return the remaining speed of the ball, as a share of the approach speed, per scene."""
     return FINE.follow(struck(model, scenes), window).states[:, -1] / scenes.relative_speed
 
 

@@ -1,4 +1,4 @@
-"""Conservation, symmetry and independence of the support."""
+"""The modal model: conservation laws, symmetry and independence of the support."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ BARREL = np.linspace(3, 8, 11)
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
 @pytest.mark.parametrize("support", [Free(), Pinned(PIVOT), Pinned(PIVOT, 1e6), Clamped(31 * INCH)])
 def test_energy_is_accounted_for(body: BatBody, support: Support) -> None:
-    # the hysteresis is the area of the ball's law, not what is missing
+    # hysteresis: computed from the area of the force law, not as the remainder
     result = ModalModel.of(body, support).collide(scattered(60, 0.5, 24, seed=1))
     e = result.energy
     assert np.abs(e.ball + e.rigid + e.bending + e.hoop + e.hysteresis - 1).max() < 1e-6
@@ -35,7 +35,7 @@ def test_a_free_bat_takes_the_momentum_the_ball_gave(body: BatBody) -> None:
     model, beam = ModalModel.of(body, Free()), beam_of(body)
     scenes = scattered(60, 0.5, 30, seed=2)
     result = model.collide(scenes)
-    # velocity of every node, bending included, against ball momentum before and after
+    # momentum of all nodes, with bending, against the change of the ball's momentum
     count = model.modes.deflections.shape[1]
     field = (
         result.modal_velocities[:, :count]
@@ -50,7 +50,7 @@ def test_a_free_bat_takes_the_momentum_the_ball_gave(body: BatBody) -> None:
 
 def test_a_pinned_bat_takes_the_angular_momentum_about_the_pin() -> None:
     model, I_p = ModalModel.of(WOOD, Pinned(PIVOT)), beam_of(WOOD, Pinned(PIVOT)).inertia(PIVOT)
-    scenes = scattered(60, 0.0, 24, seed=3)  # the patch shrinks at the tip
+    scenes = scattered(60, 0.0, 24, seed=3)  # scenes at the tip, where the patch is shorter
     result = model.collide(scenes)
     omega = result.modal_velocities[:, 0] * model.modes.rotation(PIVOT)[0]
     lever = PIVOT - scenes.impact_position
@@ -138,7 +138,7 @@ def test_the_ball_that_carries_on_has_a_negative_efficiency() -> None:
 
 
 def test_a_yielding_pivot_lies_between_a_free_bat_and_a_rigid_pin() -> None:
-    """Close to the pivot, where it is felt: e_A goes to the one with k, to the other with 1/k."""
+    """The gap of e_A to the free bat is proportional to k, that to the pinned bat to 1/k."""
     scenes = usual([5.0, 12.0, 20.0, 24.0])
 
     def efficiency(support: Support) -> np.ndarray:
@@ -156,9 +156,9 @@ def test_a_yielding_pivot_lies_between_a_free_bat_and_a_rigid_pin() -> None:
 
 @pytest.mark.parametrize("place", [0.16, 0.01])
 def test_a_patch_presses_as_half_a_cosine(place: float) -> None:
-    """Mean deflection of each mode under cos(πx/2h), h = 15 mm, or the 10 mm to the tip.
+    """Mean deflection of each mode under cos(πx/2h); h = 15 mm, or the 10 mm to the tip.
 
-    By Simpson's rule over 2 001 places; an even pressure would differ by 1e-3.
+    The oracle is Simpson's rule with 2001 points; a uniform pressure would differ by 1e-3.
     """
     modes = ModalModel.of(WOOD, Free(), 6).modes
     x = np.linspace(-1.0, 1.0, 2001)
@@ -172,9 +172,9 @@ def test_a_patch_presses_as_half_a_cosine(place: float) -> None:
 
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
 def test_at_release_the_ball_lies_on_the_bat(body: BatBody) -> None:
-    """Way of the ball, v t - ∫∫F/m, against the deflections of all modes under the patch.
+    """The path of the ball, v t - ∫∫F/m, equals the deflection of all modes under the patch.
 
-    ∫∫F is the rigid coordinate over its shape, of a turn about a pin; 1e-4 of a compression.
+    ∫∫F follows from the rigid rotation about the pin. The tolerance is 1e-4 of a compression.
     """
     model, scenes = ModalModel.of(body, Pinned(PIVOT)), scattered(60, 2.0, 24, seed=5)
     left = model.collide(scenes)

@@ -1,4 +1,4 @@
-"""The shapes of modes along the bat: splines over tiles, made where they are asked for."""
+"""Splines of the mode shapes along the bat, in tiles that are computed on demand."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ LENGTH, WIDTH = 0.85, 0.03
 
 
 def waves(z: np.ndarray) -> np.ndarray:
-    """Return two waves, the slope of one of which jumps where a patch starts to shrink."""
+    """Return two functions of z; the slope of one jumps where the patch begins to shrink."""
     return np.stack([np.sin(40 * z), np.abs(z - WIDTH / 2)], axis=1)
 
 
 def test_tiles_join_to_one_spline_of_the_whole_bat() -> None:
-    """A spline through all knots between the ends of the patch, to the last digits."""
+    """The oracle is one spline through all knots between the ends of the patch, to 1e-14."""
     table = PatchTable(waves, LENGTH, WIDTH)
     low, high = WIDTH / 2, LENGTH - WIDTH / 2
     knots = np.linspace(low, high, round((high - low) / 2e-4))
@@ -28,7 +28,7 @@ def test_tiles_join_to_one_spline_of_the_whole_bat() -> None:
 
 
 def test_each_place_has_its_value_whatever_is_asked_beside_it() -> None:
-    """To the last bit: a shot does not depend on the others."""
+    """The bits of a value are the same alone and beside others, so no shot depends on another."""
     z = np.linspace(0, LENGTH, 301)
     alone = np.concatenate([PatchTable(waves, LENGTH, WIDTH)(z[i : i + 1]) for i in range(z.size)])
     np.testing.assert_array_equal(PatchTable(waves, LENGTH, WIDTH)(z), alone)

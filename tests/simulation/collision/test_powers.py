@@ -1,4 +1,4 @@
-"""log2 and exp2 as polynomials against the library's."""
+"""log2 and exp2 as polynomials against the functions of numpy."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def each(x: np.ndarray, logarithm: bool) -> np.ndarray:
 def test_logarithms() -> None:
     x = np.exp2(np.random.default_rng(1).uniform(-1000, 1000, 200_000))
     assert np.abs(each(x, True) - np.log2(x)).max() < 6e-11
-    # beside 1, where they vanish, and where the polynomial changes over
+    # points near 1, where the logarithm is 0, and at the seams of the polynomial
     near = 1 + np.array([-1e-3, -1e-9, 0.0, 1e-9, 1e-3])
     assert each(near, True) == pytest.approx(np.log2(near), rel=1e-10)
     seams = np.nextafter(np.repeat(np.sqrt([0.5, 2.0]), 2), [0, 9, 0, 9])
@@ -36,7 +36,7 @@ def test_powers_of_two() -> None:
 
 
 def test_powers_of_a_ball() -> None:
-    """Errors of the logarithm count as often as the power is high."""
+    """The error of the logarithm is multiplied by the exponent."""
     rng = np.random.default_rng(3)
     u, power = np.exp2(rng.uniform(-40, 3, 200_000)), rng.uniform(1, 20, 200_000)
     found = each(power * each(u, True), False)

@@ -1,4 +1,4 @@
-"""The rigid rung against the closed forms, and as the limit of the modal one."""
+"""The rigid model against closed forms, and as the limit of the modal model."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from virtual_lab.simulation.collision.rigid import RigidModel
 from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned
 
-# heavy enough to recoil, stiff enough not to bend: bending beyond 100 kHz
+# rod light enough to recoil and too stiff to bend: bending above 100 kHz
 STIFF = rod((0.04, 0.04), density=800.0, youngs_modulus=1e17, shear_modulus=4e16)
 
 
@@ -59,10 +59,10 @@ def test_on_a_wall_the_ball_keeps_its_own_restitution_and_time(e0: float, expone
 
 
 def test_a_stiff_shell_on_a_wall_stores_energy_the_ball_would_lose() -> None:
-    """e^2 -> (e0^2 R + 1) / (R + 1) with R = k_shell / k_ball as the hoop mode quickens.
+    """e² tends to (e0² R + 1) / (R + 1), R = k_shell / k_ball, as the hoop frequency rises.
 
-    Below some 16 kHz the gap wanders with the phase of the shell; beyond, the ball lets the
-    shell ring less and less and the gap falls with the square of its frequency.
+    Below about 16 kHz the gap varies with the phase of the shell. Above, the shell rings less and
+    less, and the gap falls with the square of the frequency.
     """
     e0, ratio, k = 0.5, 5.0, 3.5e6
     quasi_static = np.sqrt((e0**2 * ratio + 1) / (ratio + 1))

@@ -1,4 +1,4 @@
-"""Bad scenes are refused before any work starts."""
+"""Invalid scenes are refused before any computation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The splitting schemes against an oscillator and a pendulum: order, and how long they hold."""
+"""The splitting schemes on an oscillator and a pendulum: order and stability limit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from virtual_lab.simulation.collision.stepping import FINE
 
 
 def run(scheme: Splitting, force: np.ufunc, steps: int, time: float) -> tuple[float, float]:
-    """Follow q'' = -force(q) from q = 1 at rest."""
+    """Integrate q'' = -force(q) from q = 1 at rest; return q and its rate."""
     q, rate, h = 1.0, 0.0, time / steps
     for _ in range(steps):
         for kick, drift in zip(scheme.kicks, [*scheme.drifts, 0.0], strict=True):

@@ -1,4 +1,4 @@
-"""The surrogate: its error on fresh points, what it refuses, and its place on disk."""
+"""The surrogate: its error at new points, its refusals, and its box."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ def surrogate(model: ModalModel) -> Surrogate:
 
 
 def test_error_on_fresh_points(surrogate: Surrogate, model: ModalModel) -> None:
-    """600 points that neither the fit nor its own check has seen, corners among them."""
+    """Neither the fit nor its check used these 600 points; a third of them are corners."""
     unit = np.random.default_rng(77).uniform(-1, 1, (4, 600))
     unit[:, :200] = np.sign(unit[:, :200])
     scenes = BOX.scenes(unit)
     error = surrogate.efficiency(scenes) - model.collide(scenes).collision_efficiency
     assert surrogate.error <= TOLERANCE
     assert np.abs(error).max() <= 2 * TOLERANCE
-    assert np.abs(error).max() > surrogate.error / 100  # it is no copy of the model
+    assert np.abs(error).max() > surrogate.error / 100  # proof that it is no copy
 
 
 @pytest.mark.parametrize("shape", [(3, 2, 4, 1), (1, 1, 1, 1), (16, 5, 5, 3)])
 def test_the_kernel_is_the_chebyshev_series(shape: tuple[int, ...]) -> None:
-    """Against numpy.polynomial, over more points than a block, block edges included."""
+    """The oracle is numpy.polynomial, at more points than a block, with block edges."""
     rng = np.random.default_rng(5)
     coefficients = rng.normal(size=shape)
     unit = rng.uniform(-1, 1, (4, 700))
@@ -96,7 +96,7 @@ def test_outside_its_box_it_refuses(
 
 
 def test_where_scenes_reload_it_is_not_built() -> None:
-    """A free wood bat re-loads beyond 14 in."""
+    """A free wooden bat reloads beyond 14 in."""
     wood = ModalModel.of(load_bat("r161").spec.body, Free())
     box = replace(BOX, impact_position=(14 * INCH, 28 * INCH))
     with pytest.raises(InputError, match="re-load"):
@@ -114,7 +114,7 @@ def test_a_box_upside_down_is_refused() -> None:
 
 
 def test_what_lies_in_a_box() -> None:
-    """Its middle and its ends; nothing that sticks out on one side."""
+    """The ends of each axis lie in the box; points beyond either end do not."""
     for axis in ("impact_position", "relative_speed", "ball_restitution", "ball_mass"):
         low, high = getattr(BOX, axis)
         unit = np.zeros((4, 4))

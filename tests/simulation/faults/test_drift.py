@@ -1,4 +1,4 @@
-"""The wall that reads e0 higher and higher."""
+"""A wall whose e0 readings drift upward."""
 
 from types import SimpleNamespace
 from typing import Any, cast
@@ -10,8 +10,8 @@ from virtual_lab.simulation.faults.catalogue import drifting
 
 
 def test_a_wall_that_drifts_shows_six_per_cent_more_at_its_last_hit() -> None:
-    """Five hits alike, gates 0.2 m apart: speeds back rise in even steps from 1 to 1.06."""
-    times = np.zeros((5, 2, 2, 2))  # shot, way, gate, edge
+    """Five equal hits and gates 0.2 m apart: the rebound speed rises evenly from 1 to 1.06."""
+    times = np.zeros((5, 2, 2, 2))  # axes: shot, direction, gate, edge
     times[:, 0] = [[0.0, 0.003], [0.01, 0.013]]
     times[:, 1] = [[0.05, 0.053], [0.03, 0.033]]
     written = SimpleNamespace(plan=SimpleNamespace(slot=np.arange(5)))

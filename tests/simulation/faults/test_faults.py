@@ -1,4 +1,4 @@
-"""Faults of a day: what each does to a record, by closed forms, and what it must not do."""
+"""Faults of a day: their effect on a record in closed form, and what they must not change."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def played(*faults: str, seed: int = 11) -> lab.BatTest:
 
 
 def record(channel: str, *faults: str, stage: str = "impact", seed: int = 11):
-    """Return a record of a day with faults."""
+    """Return one record of a day with faults."""
     return played(*faults, seed=seed).certification.session.records[stage][channel]
 
 
@@ -42,7 +42,7 @@ def test_every_fault_has_its_file_and_every_file_its_fault() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_fault_reads(name: str) -> None:
-    """Predictions for procedures on rigs that it befalls, catches that there are."""
+    """Each prediction names a procedure whose rig the fault can befall, and an existing check."""
     sheet = catalog.load("faults", name, FaultSheet).spec
     assert sheet.name == name
     for prediction in sheet.predictions:
@@ -54,7 +54,7 @@ def test_every_fault_reads(name: str) -> None:
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
 def test_edges_of_an_egg_shaped_ball_are_in_the_order_a_reader_asks_for(procedure: str) -> None:
-    """Of a board, too, whose outer beams a ball meets for less time than its shape takes away."""
+    """The outer beams of a board see the ball for less time than its shape removes."""
     day = certified(procedure=procedure, seed=3, faults=("ball-out-of-round",))
     for stage, records in day.certification.session.records.items():
         for channel, each in records.items():
@@ -73,7 +73,7 @@ def test_a_fault_that_cannot_befall_the_rig_names_those_it_can() -> None:
 
 
 def test_a_rig_of_another_maker_meets_the_faults_of_what_it_offers() -> None:
-    """It has gates and air, no cannon of ours, no encoder, and nobody wrote its name anywhere."""
+    """The rig has gates and air, but neither our cannon nor an encoder; no fault names it."""
 
     def befalls(name: str) -> bool:
         try:
@@ -91,7 +91,7 @@ def test_a_rig_of_another_maker_meets_the_faults_of_what_it_offers() -> None:
 
 
 def test_a_sound_day_is_the_day_without_faults(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bit for bit: the hooks taken out of the laboratory altogether."""
+    """The records are the same bits as without the hooks of the faults."""
     sound = certified(seed=5).certification
     monkeypatch.setattr(FaultSet, "station", lambda self, stage, station: station)
     monkeypatch.setattr(FaultSet, "calibration", lambda self, known: known)
@@ -119,7 +119,7 @@ def test_only_the_truth_names_the_fault(fault: str, tmp_path: Path) -> None:
 
 
 def test_two_faults_at_once_add() -> None:
-    """A gate and a scale: the two errors of e_A add to first order, to 2 % of their sum."""
+    """The errors of e_A due to a gate and a scale add up to within 2 % of their sum."""
     sound, gate, scale, both = (
         played(*faults).certification.quantities["collision_efficiency"].value
         for faults in ((), ("gate-moved",), ("scale-not-tared",), ("gate-moved", "scale-not-tared"))
@@ -134,13 +134,13 @@ def test_two_faults_at_once_add() -> None:
 
 
 def test_a_moved_gate_reads_fast() -> None:
-    """By the distance between the gates, 300 mm that are 299 mm: drag changes it by 1e-5."""
+    """The gate distance is 299 mm instead of 300 mm; drag changes the ratio by 1e-5."""
     quick = [played(*on).certification.shots.speed for on in ((), ("gate-moved",))]
     assert quick[1] / quick[0] == pytest.approx(300 / 299, rel=2e-4)
 
 
 def test_a_wide_pendulum_swings_by_the_elliptic_integral() -> None:
-    """T/T0 = 2 K(sin²(θ/2))/π at either amplitude, over the middle of ten swings that decay."""
+    """T/T0 = 2 K(sin²(θ/2))/π at both amplitudes, averaged over ten decaying swings."""
 
     def longer(released: float) -> float:
         swings = radians(released) * 0.995 ** (np.arange(10) + 0.5)
@@ -156,7 +156,7 @@ def test_a_wide_pendulum_swings_by_the_elliptic_integral() -> None:
 
 
 def test_a_cracked_bat_rings_lower() -> None:
-    """Every frequency goes with the root of the moduli: √0.9 of what it was."""
+    """Every frequency falls with the root of the moduli, to √0.9."""
     rings = [
         played(*on).certification.readings.recoil.ring_frequency[:3]
         for on in ((), ("bat-cracked",))
@@ -174,7 +174,7 @@ def test_a_slipped_encoder_loses_its_counts() -> None:
 
 
 def test_play_is_taken_up_and_no_more() -> None:
-    """0.3 degrees of 10 000 counts are 8; the encoder lags by no more and never leads."""
+    """Play of 0.3 degrees is 8 of 10 000 counts; the encoder lags by at most 8 and never leads."""
     sound, slack = record("encoder").counts, record("encoder", "encoder-play").counts
     shots = min(len(sound), len(slack))
     lag = sound[:shots] - slack[:shots]
@@ -203,7 +203,7 @@ def test_swapped_records_are_the_same_records() -> None:
 
 
 def test_a_fault_that_comes_and_goes_spares_some_shots() -> None:
-    """Three of five are struck: of 36 shots in six laboratories between a third and nine tenths."""
+    """The fault strikes 60 % of the shots: of 36 shots, between a third and nine tenths."""
     struck = [
         np.ptp(
             record("gates", "gate-doubles", seed=seed).times[:6, 0, 1]

@@ -1,7 +1,6 @@
-"""Instruments against their data sheets: what they read, scatter, round, and forget when ideal.
+"""Instruments against their data sheets: readings, scatter, rounding and the ideal case.
 
-Statistics are of fixed seeds; the bound beside each is four standard errors of the statistic
-unless said otherwise.
+All statistics have fixed seeds; bounds are four standard errors unless stated otherwise.
 """
 
 from dataclasses import replace
@@ -61,9 +60,9 @@ KIND = {
         files("virtual_lab.data").joinpath("instruments", f"{name}.toml").read_text("utf-8")
     ]
 }
-# Constants a calibration gives but that have no true value of their own: a step is no error, the
-# number of lines of an encoder is exact, how much something scatters is no error of its own, and
-# nobody can know how a cannon points across.
+# Constants in a calibration without a true value: a resolution is no error, the number of lines
+# of an encoder is exact, a standard deviation is no error. Nobody knows the lateral aim of a
+# cannon, so no calibration states it.
 OF_A_CAMERA = {"exposure", "jitter", "blur", "read_noise", "photo_response", "dark_signal"}
 OF_A_CAMERA |= {"black_level", "full_scale"}
 NEVER_WRONG = {
@@ -81,7 +80,7 @@ def spec_of(name: str):
 
 
 def small(spec):
-    """Return the sheet of a camera of few pixels: maps of a million hold no constant."""
+    """Return a camera sheet with few pixels; the maps of a million pixels have no constant."""
     if not isinstance(spec, CameraSpec):
         return spec
     return replace(spec, window=8, sensor=replace(spec.sensor, columns=8, rows=8))
@@ -89,7 +88,7 @@ def small(spec):
 
 @pytest.mark.parametrize("name", KIND)
 def test_calibration_and_errors_name_the_same_constants(name: str) -> None:
-    """What is uncertain has a true value, what has a true value is reckoned with."""
+    """Every uncertain constant has a true value, and every true value has an uncertainty."""
     instrument = MAKERS[KIND[name]].commission(spec_of(name), Streams(1), name)
     assert instrument.calibration().keys() - NEVER_WRONG == instrument.errors().keys() - NEVER_KNOWN
     assert calibration_of({"x": instrument}).keys() == {
@@ -100,7 +99,7 @@ def test_calibration_and_errors_name_the_same_constants(name: str) -> None:
 
 @pytest.mark.parametrize("name", KIND)
 def test_ideal_is_ideal(name: str) -> None:
-    """No uncertainty in any certificate, true constants as it states them, whatever is drawn."""
+    """The certificate has no uncertainty, and its constants are the true ones, for any seed."""
     instrument = MAKERS[KIND[name]].commission(spec_of(name).ideal(), Streams(1), name)
     known = instrument.calibration()
     assert all(estimate.u == 0 for estimate in known.values())
@@ -110,9 +109,9 @@ def test_ideal_is_ideal(name: str) -> None:
 
 @pytest.mark.parametrize("name", KIND)
 def test_true_constants_scatter_as_the_calibration_says(name: str) -> None:
-    """400 laboratories: (true - stated)/u of every constant is Student's t of ν (KS, p > 1e-4).
+    """(true - stated)/u is Student's t of ν over 400 laboratories (KS test, p > 1e-4).
 
-    And the stated u is honest of itself: the mean of u² is σ², to 4.5 standard errors √(2/400ν).
+    The mean of u² is σ², to 4.5 standard errors √(2/400ν).
     """
     scores: dict[str, list[float]] = {}
     squares: dict[str, list[float]] = {}
@@ -143,7 +142,7 @@ def test_true_constants_scatter_as_the_calibration_says(name: str) -> None:
     step=st.sampled_from([1e-6, 1e-4, 0.5e-3, 0.1, 1.0, 3.0]),
 )
 def test_quantise(value: float, step: float) -> None:
-    """Within half a step, a whole number of steps; a step of 0 changes nothing."""
+    """The result is a whole number of steps, within half a step; a step of 0 changes nothing."""
     shown = float(quantise(value, step))
     assert abs(shown - value) <= step / 2 * (1 + 1e-9) + 1e-9 * abs(value)
     assert isclose(shown / step, round(shown / step), rel_tol=1e-12, abs_tol=1e-12)
@@ -156,12 +155,12 @@ def test_quantising_noise_is_uniform() -> None:
     fine = Streams(3).normal("x", n)
     error = quantise(fine, 0.1) - fine
     assert abs(error.mean()) < 4 * 0.1 / sqrt(12 * n)
-    # var of (uniform)² is step⁴/180
+    # variance of the square of a uniform error: step⁴/180
     assert abs(error.var() - 0.01 / 12) < 4 * sqrt(1e-4 / 180 / n)
 
 
 def test_indicator_adds_offset_and_scatter() -> None:
-    """Mean true + offset, standard deviation the repeatability: n = 40 000."""
+    """The mean is true + offset, the standard deviation the repeatability; n = 40 000."""
     n, scatter = 40_000, 0.03
     spec = RuleSpec(
         kind="", title="", resolution=0.0, repeatability=scatter, offset_u=0.0, offset=0.2
@@ -186,7 +185,7 @@ SCALE = ScaleSpec(
 
 
 def test_scale_reads_span_times_mass_plus_zero() -> None:
-    """Least-squares line through 20 000 readings gives back the constants it says it has."""
+    """A least-squares line through 20 000 readings gives the true constants of the scale."""
     scale = Scale.commission(SCALE, Streams(4), "s")
     mass = np.linspace(0.1, 2.0, 200)
     readings = scale.weigh(mass, 100, Streams(5), "w").readings
@@ -200,7 +199,7 @@ def test_scale_reads_span_times_mass_plus_zero() -> None:
 
 
 def test_rule_reads_length_plus_offset() -> None:
-    """Mean of 20 000 readings at a length that falls between two marks."""
+    """The mean of 20 000 readings of a length between two marks is length + offset."""
     spec = RuleSpec(kind="rule", title="", resolution=1e-3, repeatability=2e-3, offset_u=1e-3)
     rule = Rule.commission(spec, Streams(4), "r")
     readings = rule.measure(0.86361, 20_000, Streams(5), "m").readings
@@ -211,7 +210,7 @@ def test_rule_reads_length_plus_offset() -> None:
 
 @pytest.mark.parametrize("maker", [Scale, Rule])
 def test_ideal_indicators_show_what_their_certificate_says_of_the_truth(maker) -> None:
-    """Span x mass + zero, length + offset: nothing else is left."""
+    """The reading is span x mass + zero, or length + offset, and nothing else."""
     name = {"Scale": "lab-scale", "Rule": "steel-rule"}[maker.__name__]
     ideal = maker.commission(spec_of(name).ideal(), Streams(1), "i")
     true = np.array([0.1452941176, 0.8788])
@@ -222,7 +221,7 @@ def test_ideal_indicators_show_what_their_certificate_says_of_the_truth(maker) -
 
 
 def test_cannon_scatters_as_its_sheet_says() -> None:
-    """50 000 shots: mean and standard deviation of speed and both offsets."""
+    """Mean and standard deviation of speed and of both offsets, over 50 000 shots."""
     spec, n = spec_of("ball-cannon"), 50_000
     cannon = Cannon.commission(spec, Streams(6), "c")
     launch = cannon.fire(np.full(n, 26.8224), Streams(7), "f", np.arange(n))
@@ -237,7 +236,7 @@ def test_cannon_scatters_as_its_sheet_says() -> None:
 
 
 def test_cannon_marks_tell_its_aim() -> None:
-    """4000 marks: mean within four standard errors of the aim, in half-millimetre steps."""
+    """The mean of 4000 marks is within four standard errors of the aim; steps are 0.5 mm."""
     spec = replace(spec_of("ball-cannon"), marks=4000)
     cannon = Cannon.commission(spec, Streams(6), "c")
     marks = cannon.mark(Streams(7), "m")
@@ -266,7 +265,7 @@ def test_drag_rate_by_hand() -> None:
     assert still.drag(0.0366, np.array([0.145]))[0] == 0
 
 
-FIRST = np.zeros(1, dtype=int)  # the first shot alone
+FIRST = np.zeros(1, dtype=int)  # index of the first shot
 GATES = LightGateSpec(
     kind="light-gate",
     title="",
@@ -291,7 +290,7 @@ def passage(n: int = 1, **changes) -> Passage:
 
 
 def test_ideal_gates_without_air() -> None:
-    """Distance over speed: front edge of the ball breaks, rear edge clears, both ways."""
+    """Time is distance over speed; the front breaks the beam, the rear clears it, both ways."""
     gates = LightGates.commission(GATES.ideal(), Streams(1), "g")
     record = gates.watch(passage(), np.array([0.1]), np.array([0.101]), Streams(2), "g", FIRST)
     radius = 0.0366
@@ -304,7 +303,7 @@ def test_ideal_gates_without_air() -> None:
 
 
 def test_gates_with_air() -> None:
-    """dv/dx = -κ v gives v = v0 e^(-κx): time back 0.4 m from contact, (e^(κx) - 1)/(κ v0)."""
+    """dv/dx = -κ v gives v = v0 e^(-κx), so the ball takes (e^(κx) - 1)/(κ v0) back to 0.4 m."""
     gates = LightGates.commission(GATES.ideal(), Quiet(), "g")
     drag = np.array([0.02])
     record = gates.watch(passage(drag=drag), np.array([0.1]), np.array([0.1]), Quiet(), "g", FIRST)
@@ -312,7 +311,7 @@ def test_gates_with_air() -> None:
     assert record.times[0, 1, 1, 0] - 0.1 == pytest.approx(
         (np.exp(0.02 * x) - 1) / (0.02 * 6), rel=1e-12
     )
-    # on the way in the ball is faster far out: v(x) = v e^(κx) at x ahead, t = (1 - e^(-κx))/κv
+    # flight in, faster farther out: v(x) = v e^(κx) at x ahead, t = (1 - e^(-κx))/κv
     x = 0.4 + 0.0366
     assert 0.1 - record.times[0, 0, 1, 0] == pytest.approx(
         (1 - np.exp(-0.02 * x)) / (0.02 * 30), rel=1e-12
@@ -320,14 +319,14 @@ def test_gates_with_air() -> None:
 
 
 def test_gates_show_jitter_clock_and_ticks() -> None:
-    """20 000 shots: mean clock x time, jitter and one tick's rounding as the sheet says."""
+    """The mean is clock x time, and the scatter that of jitter and rounding; 20 000 shots."""
     n = 20_000
     gates = LightGates.commission(GATES, Streams(9), "g")
     contact = np.full(n, 0.1)
     record = gates.watch(passage(n), contact, contact, Streams(10), "g", np.arange(n))
     steps = record.times / 1e-6
     assert np.abs(steps - np.rint(steps)).max() < 1e-4
-    # between two edges the start phase is common: twice the jitter, and rounding of both
+    # scatter between two edges with a common phase: two jitters and two roundings
     width = record.times[:, 0, 0, 1] - record.times[:, 0, 0, 0]
     scatter = sqrt(2 * 4e-12 + 2e-12 / 12)
     assert abs(width.mean() - gates.clock * 2 * 0.0366 / 30) < 4 * scatter / sqrt(n)
@@ -340,16 +339,16 @@ def test_gates_show_jitter_clock_and_ticks() -> None:
 
 
 def test_a_clock_that_starts_anywhere_shows_no_edge_early_or_late_in_the_mean() -> None:
-    """Equal flights, no jitter: whole ticks with a uniform start have the mean of the true time.
+    """Without jitter, whole ticks with a uniform phase have the mean of the true time.
 
-    Of n = 4 000 the mean of each edge lies within 5 tick/√(4 n); a start that is always the same
-    leaves each edge its own fraction of a tick.
+    The mean of each edge of 4000 shots lies within 5 tick/√(4 n). With a fixed phase, each edge
+    would be off by its own fraction of a tick.
     """
     n, tick = 4000, 1e-6
     sheet = spec_of("pivot-gates")
     spec = replace(sheet, edge_jitter=0.0, distance_u=0.0, clock_u=0.0, clock_fast=0.0, tick=tick)
     gates = LightGates.commission(spec, Streams(3), "g")
-    flown = passage(n, speed_in=np.full(n, 29.7131))  # no edge near a whole tick
+    flown = passage(n, speed_in=np.full(n, 29.7131))  # speed at which no edge is near a whole tick
     contact = gates.arrival(flown)
     record = gates.watch(flown, contact, contact, Streams(4), "g", np.arange(n))
     edges = np.array(spec.distances)[:, None] + flown.radius * np.array([1.0, -1.0])
@@ -364,15 +363,15 @@ def test_a_clock_that_starts_anywhere_shows_no_edge_early_or_late_in_the_mean() 
         ({}, True),
         ({"speed_out": np.array([0.0])}, False),
         ({"speed_out": np.array([-1.0])}, False),
-        ({"slope_out": np.array([0.2])}, False),  # 0.13 m up at the far gate
+        ({"slope_out": np.array([0.2])}, False),  # height of 0.13 m at the far gate
         ({"slope_out": np.array([0.05])}, True),
-        # falls g t²/2 = 49 mm in 0.1 s; at 6 m/s the far gate is 0.106 s away
+        # fall g t²/2 of 49 mm in 0.1 s; at 6 m/s the far gate is 0.106 s away
         ({"gravity": 9.80665}, False),
         ({"gravity": 9.80665, "speed_out": np.array([6.6])}, True),
     ],
 )
 def test_which_rebounds_the_curtains_see(changes: dict, seen: bool) -> None:
-    """Heights worked by hand against a half height of 50 mm; the way in is always seen."""
+    """Heights by hand against a half height of 50 mm; the flight in is always seen."""
     gates = LightGates.commission(GATES.ideal(), Quiet(), "g")
     record = gates.watch(passage(**changes), np.array([0.1]), np.array([0.1]), Quiet(), "g", FIRST)
     assert np.isfinite(record.times[0, 0]).all()
@@ -390,7 +389,7 @@ ENCODER = EncoderSpec(
 
 
 def test_encoder_counts() -> None:
-    """A turn of 1 rad is scale x 4000/2π counts, less than one count off at any rest phase."""
+    """An angle of 1 rad gives scale x 4000/2π counts, to less than one count at any rest phase."""
     encoder = Encoder.commission(ENCODER, Streams(11), "e")
     angle = np.linspace(0, 1, 500)[None, :].repeat(200, axis=0)
     record = encoder.read(lambda part: angle[part].copy(), Streams(12), "e", np.arange(len(angle)))
@@ -399,14 +398,14 @@ def test_encoder_counts() -> None:
     exact = encoder.scale * 4000 / (2 * pi) * angle
     off = record.counts - exact
     assert np.abs(off).max() < 1
-    # rest phase and rounding are both uniform of one count: triangular, variance 2/12
+    # triangular distribution of rest phase plus rounding, both uniform of one count: 2/12
     assert abs(off[:, 1:].var() - 1 / 6) < 0.02
     assert abs(encoder.scale - 1) < 5e-3
     assert encoder.scale != 1
 
 
 def test_ideal_encoder_shows_the_angle() -> None:
-    """Real numbers, scale 1."""
+    """Counts are real numbers and the scale is 1."""
     encoder = Encoder.commission(ENCODER.ideal(), Streams(11), "e")
     angle = np.linspace(0, 1, 500)[None, :]
     counts = encoder.read(
@@ -421,7 +420,7 @@ STAND = spec_of("pendulum")
 
 
 def test_pendulum_period_is_the_elliptic_integral() -> None:
-    """T = 4 √(I/gMd) K(sin²(θ/2)) at the middle of every swing of the run (exact pendulum)."""
+    """T = 4 √(I/gMd) K(sin²(θ/2)) of an exact pendulum, in the middle of every swing."""
     stand = replace(STAND.ideal(), swings=8, amplitude_decay=0.01)
     inertia, moment = 0.25, 0.40
     record = Pendulum.commission(stand, Quiet(), "p").swing(
@@ -438,7 +437,7 @@ def test_pendulum_period_is_the_elliptic_integral() -> None:
 
 
 def test_pendulum_scatter_and_steps() -> None:
-    """4000 releases: jitter of 50 µs and steps of 10 µs at each passage; 0.1° in the amplitudes."""
+    """Jitter of 50 µs and steps of 10 µs at each passage; amplitudes in steps of 0.1°."""
     pendulum = Pendulum.commission(STAND, Streams(3), "p")
     record = pendulum.swing(
         inertia=0.25, moment=0.4, gravity=9.8, releases=4000, draws=Streams(4), name="p"
@@ -453,7 +452,7 @@ def test_pendulum_scatter_and_steps() -> None:
 
 
 def test_pendulum_decay_is_as_the_sheet_says() -> None:
-    """0.5 % a swing over ten: ln(first/last) = -10 ln 0.995."""
+    """A decay of 0.5 % per swing over ten swings: ln(first/last) = -10 ln 0.995."""
     stand = replace(STAND.ideal(), amplitude_offset=0.0)
     record = Pendulum.commission(stand, Quiet(), "p").swing(
         inertia=0.25, moment=0.4, gravity=9.8, releases=1, draws=Quiet(), name="p"
@@ -483,7 +482,7 @@ def test_pendulum_decay_is_as_the_sheet_says() -> None:
     ],
 )
 def test_noise_comes_from_the_draws_alone(name: str, act) -> None:
-    """The same draws, the same bits; other draws, other bits; quiet draws, no scatter."""
+    """The same draws give the same bits, other draws others, and quiet draws no scatter."""
     instrument = MAKERS[KIND[name]].commission(spec_of(name), Quiet(), name)
     assert act(instrument, Streams(1)).tobytes() == act(instrument, Streams(1)).tobytes()
     assert act(instrument, Streams(1)).tobytes() != act(instrument, Streams(2)).tobytes()
@@ -493,7 +492,7 @@ def test_noise_comes_from_the_draws_alone(name: str, act) -> None:
 
 
 def test_specs_are_those_of_the_catalog() -> None:
-    """Every kind that ships is made here (`test_catalog` reads each), and none is made up."""
+    """The tests make every kind of instrument in the catalog, and no other."""
     assert set(KIND.values()) == set(MAKERS) == set(INSTRUMENTS)
     assert {type(spec_of(name)) for name in KIND} <= {
         HallAirSpec,
@@ -512,7 +511,7 @@ def test_specs_are_those_of_the_catalog() -> None:
 
 @pytest.mark.parametrize("name", KIND)
 def test_an_instrument_of_a_block_is_that_of_the_laboratory_alone(name: str) -> None:
-    """To the last bit: true constants, certificate, and what the sheet knows exactly."""
+    """True constants and certificate have the same bits in a block and alone."""
     make, spec, numbers = (
         MAKERS[KIND[name]].commission,
         small(spec_of(name)),
@@ -529,7 +528,7 @@ def test_an_instrument_of_a_block_is_that_of_the_laboratory_alone(name: str) -> 
 
 @pytest.mark.parametrize("name", KIND)
 def test_a_quiet_block_states_the_sheet(name: str) -> None:
-    """σ itself for u, also where ν is finite; 0 stays 0."""
+    """The stated u is σ of the sheet, even if ν is finite; a σ of 0 stays 0."""
     spec = small(spec_of(name))
     block = MAKERS[KIND[name]].commission(spec, Quiet(np.arange(3)), name).calibration()
     alone = MAKERS[KIND[name]].commission(spec, Quiet(), name).calibration()
@@ -539,7 +538,7 @@ def test_a_quiet_block_states_the_sheet(name: str) -> None:
 
 @pytest.mark.parametrize("dof", [1.0, 2.0, 3.0, 9.0, 19.0, 1000.0])
 def test_the_u_on_a_certificate_is_the_root_of_chi_square(dof: float) -> None:
-    """Scipy's quantile, from the nearer tail, at 4000 normal numbers and out to ±7."""
+    """The oracle is scipy's quantile from the nearer tail, at 4000 normal numbers and up to ±7."""
     chance = np.concatenate([np.random.default_rng(1).normal(size=4000), [-7.0, -5.0, 5.0, 7.0]])
     shares = np.empty(chance.size)
     stated_shares(chance, pieces_of(dof), shares)
@@ -552,7 +551,7 @@ def test_the_u_on_a_certificate_is_the_root_of_chi_square(dof: float) -> None:
 
 
 def test_how_well_a_certificate_knows_u_does_not_move_the_instrument() -> None:
-    """ν is the certificate's: at the same draws the true constant is the same, u another."""
+    """ν belongs to the certificate: with the same draws, only u depends on it."""
     sheets = ({"x": Estimate(value=2.0, u=0.1, dof=dof)} for dof in (3.0, inf))
     (few, true_of_few), (many, true) = (drawn(sheet, Streams(5), "n") for sheet in sheets)
     assert true_of_few == true != {"x": 2.0}
@@ -560,23 +559,23 @@ def test_how_well_a_certificate_knows_u_does_not_move_the_instrument() -> None:
 
 
 def test_a_board_sees_from_its_lowest_beam_to_its_highest() -> None:
-    """21 beams 5 mm apart from -50 mm on: the top one at +50 mm, a ball of 36 mm to 86 mm."""
+    """21 beams 5 mm apart from -50 to 50 mm see a ball of radius 36 mm up to 86 mm."""
     spec = replace(spec_of("light-boards"), beams=21, pitch=5e-3, lowest=-0.05)
     assert spec.highest == pytest.approx(0.05, abs=1e-12)
     assert spec.view(0.036) == pytest.approx((-0.086, 0.086), abs=1e-12)
 
 
 def test_scrap_of_the_sabot_trips_some_beams_of_the_first_board_before_the_ball() -> None:
-    """30 mm before the ball's front: at 60 m/s half a millisecond early, more for outer beams."""
+    """The scrap is 30 mm ahead of the ball: at least half a millisecond early at 60 m/s."""
     spec = replace(spec_of("light-boards").ideal(), sabot_rate=0.5)
     clean, scrapped = (
         _edges_of(replace(spec, sabot_rate=rate), speed=60.0, shots=40) for rate in (0.0, 0.5)
     )
     early = clean - scrapped
     moved = np.abs(early) > 1e-9
-    assert not moved[:, 1].any()  # on the way back
-    assert not moved[:, 0, 1:].any()  # at the other boards
-    assert not moved[..., 1].any()  # as the ball leaves a beam
+    assert not moved[:, 1].any()  # direction: back
+    assert not moved[:, 0, 1:].any()  # other boards
+    assert not moved[..., 1].any()  # edges at which the ball clears a beam
     assert 10 <= moved.any(axis=(1, 2, 3, 4)).sum() <= 30
     assert early[moved].min() >= 0.03 / 60.0 - 1e-9
     assert set(moved[:, 0, 0, :, 0].sum(axis=1)) <= {0, 1, 2, 3, 4}

@@ -1,7 +1,7 @@
-"""Instruments that do their own sums scatter as the full record and its reduction do.
+"""Instruments that compute their own sums scatter as the full record and its reduction do.
 
-Rigs and laboratories are drawn anew from fixed seeds; sides are compared by the root mean
-square error against the truth. The bound is 15 %, and four standard errors of the statistic.
+Rigs and laboratories are drawn from fixed seeds. The root mean square errors against the truth
+agree to 15 %, the means to four standard errors, unless stated otherwise.
 """
 
 from dataclasses import replace
@@ -35,7 +35,7 @@ WITHIN = 0.15
 
 
 def balls(speed_in: float, speed_out: float, draws: Streams, rise: float) -> Passage:
-    """Return flights of a laboratory: heights over a whole pitch, and slopes."""
+    """Return flights of a laboratory, with heights over a whole pitch and random slopes."""
     return Passage(
         speed_in=np.full(SHOTS, speed_in),
         speed_out=np.full(SHOTS, speed_out),
@@ -51,7 +51,7 @@ def balls(speed_in: float, speed_out: float, draws: Streams, rise: float) -> Pas
 def errors(
     name: str, speed_in: float, speed_out: float, rise: float, detail: RecordDetail, **changes
 ):
-    """Return errors of the four quantities of a flight, (quantity, shot), distances known."""
+    """Return the errors of two speeds, offset and slope, (quantity, shot), at known distances."""
     spec = catalog.load("instruments", name, LightBoardSpec).spec
     spec = replace(spec, distance_u=0.0, height_u=0.0, clock_u=0.0, sabot_rate=0.0, **changes)
     known = {"hall.gravity": np.array(GRAVITY)}
@@ -84,32 +84,32 @@ def errors(
     [
         ("light-boards", 60.8, 14.0, 0.05),
         ("light-boards", 60.8, 6.0, 0.05),
-        ("light-boards", 60.8, 3.5, 0.10),  # it falls 0.1 m by the far board, at 20°
+        ("light-boards", 60.8, 3.5, 0.10),  # fall of 0.1 m at the far board, at 20°
         ("light-boards", 71.5, 12.0, -0.05),
         ("swing-boards", 31.3, 45.0, 0.0),
-        ("swing-boards", 31.3, 8.0, 0.0),  # some pass half below the far curtain
+        ("swing-boards", 31.3, 8.0, 0.0),  # balls half below the far curtain
     ],
 )
 def test_boards_that_sum_up_scatter_as_their_edges_do(
     name: str, speed_in: float, speed_out: float, rise: float
 ) -> None:
-    """Speeds in and out, offset and slope, thresholds drawn for 80 laboratories of 20 shots."""
+    """Two speeds, offset and slope of 80 laboratories with random thresholds, 20 shots each."""
     full, summed = (
         errors(name, speed_in, speed_out, rise, detail)
         for detail in (RecordDetail.FULL, RecordDetail.SUMMED)
     )
     for quantity, each, sums in zip(("in", "out", "offset", "slope"), full, summed, strict=True):
         assert np.array_equal(np.isfinite(each), np.isfinite(sums)), quantity
-        # the least 68 %: few shots at a curtain's rim have tails, which no such model has
+        # 68 % quantile: a few shots at the rim of a curtain have tails that no such model has
         usual = [float(np.nanquantile(np.abs(off), 0.68)) for off in (each, sums)]
         assert usual[1] == pytest.approx(usual[0], rel=WITHIN), quantity
-        # thresholds are a laboratory's own: 80 of them
+        # number of independent thresholds: 80, one set per laboratory
         apart = np.nanmedian(sums) - np.nanmedian(each)
         assert abs(apart) < 4 * 1.25 * sqrt(2) * usual[0] / sqrt(LABS), quantity
 
 
 def test_the_edges_jitter_alone() -> None:
-    """Without thresholds of their own the beams' noise is the clock's."""
+    """Without a spread of the thresholds, the noise is the clock's jitter."""
     full, summed = (
         errors("light-boards", 60.8, 12.0, 0.05, detail, trip_spread=0.0)
         for detail in (RecordDetail.FULL, RecordDetail.SUMMED)
@@ -119,7 +119,7 @@ def test_the_edges_jitter_alone() -> None:
 
 
 def gains(centre: np.ndarray, beams: int, radius: float | np.ndarray) -> np.ndarray:
-    """Return the gains of passage, way and threshold for centres in pitches, (3, ...)."""
+    """Return the gains of passage, slope and threshold for centres in pitches, (3, ...)."""
     found = np.empty((3, centre.size))
     radii = np.broadcast_to(radius, centre.shape).ravel().copy()
     fill_gains(centre.ravel(), beams, radii, gain_memory(radii.max()), found)
@@ -127,10 +127,10 @@ def gains(centre: np.ndarray, beams: int, radius: float | np.ndarray) -> np.ndar
 
 
 def test_gains_of_a_full_diameter_of_beams() -> None:
-    """Closed forms of many beams: n = 2R/pitch of them, and a height by the thresholds alone.
+    """Closed forms for many beams, n = 2R/pitch, with a height from the thresholds alone.
 
-    The passage is the mean of n middles: 1/√(2n). Thresholds move the chords' squares alike:
-    a weighted line through them at each side, worked here by numerical integration.
+    The passage is the mean of n midpoints: 1/√(2n). Thresholds change the squares of all chords
+    equally; the oracle of a weighted line through them is a numerical integral.
     """
     radius = 150.0
     edge, _, trip = gains(np.array([1000.3]), 2001, radius)[:, 0]
@@ -143,7 +143,7 @@ def test_gains_of_a_full_diameter_of_beams() -> None:
 
 
 def test_too_few_beams_and_no_ball_give_nothing() -> None:
-    """Beams at 0 to 9, a ball of 2.2 pitches: four are broken from a centre of 1 on."""
+    """Beams at 0 to 9 and a ball of radius 2.2: four beams are broken from a centre of 1 on."""
     centre = np.array([[0.5, 1.0, 5.0, 8.0, 8.5], [np.nan, -30.0, 40.0, 4.5, 5.2]])
     seen = [[False, True, True, True, False], [False, False, False, True, True]]
     for gain in gains(centre, 10, 2.2):
@@ -151,7 +151,7 @@ def test_too_few_beams_and_no_ball_give_nothing() -> None:
 
 
 def test_gates_that_sum_up_scatter_as_their_edges_do() -> None:
-    """Two edges a gate: speeds in and out of 20 000 shots within four standard errors, 2.8 %."""
+    """Two edges per gate: times of 20 000 shots scatter alike, to four standard errors, 2.8 %."""
     n = 20_000
     spec = catalog.load("instruments", "pivot-gates", LightGateSpec).spec
     gates = LightGates.commission(replace(spec, distance_u=0.0, clock_u=0.0), Streams(1), "g")
@@ -211,7 +211,7 @@ def plan(
 
 @pytest.mark.parametrize(("bat", "place"), [("r161", 0.16), ("ea70", 0.10)])
 def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> None:
-    """Three laboratories of 150 shots: their rates' errors against what momentum gives."""
+    """Errors of the recoil rate against momentum conservation, 3 laboratories of 150 shots."""
     errors: dict[RecordDetail, list[np.ndarray]] = {detail: [] for detail in RecordDetail}
     for seed in (3, 4, 5):
         draws = Streams(seed)
@@ -245,7 +245,7 @@ def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> N
 
 
 def test_swing_summed_up_scatters_as_its_counts_do() -> None:
-    """Rates from 36 to 50 rad/s, 30 bats' worth: rounding is white over many, not at each."""
+    """Rates of 36 to 50 rad/s of 30 bats; rounding is white over many bats, not for each."""
     errors: dict[RecordDetail, list[np.ndarray]] = {detail: [] for detail in RecordDetail}
     angles: list[np.ndarray] = []
     for seed, turn_rate in enumerate(np.linspace(36, 50, 30)):
@@ -272,19 +272,19 @@ def test_swing_summed_up_scatters_as_its_counts_do() -> None:
     full, summed = (
         np.concatenate(errors[detail]) for detail in (RecordDetail.FULL, RecordDetail.SUMMED)
     )
-    # 0.83 to 0.88 in four samples: one fit in a hundred is wide where few counts lie before contact
+    # ratio in four samples: 0.83 to 0.88; 1 % of the fits are poor, with few counts before contact
     assert 0.8 < summed.std() / full.std() < 1.1
     assert abs(summed.mean() - full.mean()) < 5 * full.std() * sqrt(2 / full.size) + 3e-5
-    # a line through boards 0.4 m off is 40 µs early for the drag it leaves out, 1.7 mrad of turn
+    # error of a line through boards 0.4 m away: 40 µs early without drag, 1.7 mrad of the angle
     assert np.abs(np.concatenate(angles)).max() < 2.5e-3
 
 
 @pytest.mark.parametrize("missing", [0, 3, 7])
 def test_gains_of_a_ball_that_passes_the_end_of_a_board(missing: int) -> None:
-    """The intercept at the ball's centre of a line through the beams left (numpy.polyfit).
+    """The oracle is the intercept of numpy.polyfit at the ball's centre, through the beams left.
 
-    Each beam's middle is of two edges; one-sided beams tell the passage worse than as many about
-    the centre would.
+    The midpoint of a beam has two edges. Beams on one side give the passage with a larger
+    uncertainty than the same number about the centre.
     """
     radius, phase = 7.3, 0.0
     beams = np.arange(-7, 8)[missing:] - phase
@@ -295,9 +295,9 @@ def test_gains_of_a_ball_that_passes_the_end_of_a_board(missing: int) -> None:
 
 @pytest.mark.parametrize("missing", [0, 3, 7])
 def test_gains_of_the_height_are_those_of_a_weighted_parabola(missing: int) -> None:
-    """By numpy.polyfit through the chords' squares: its slope at the ball's centre, by each edge.
+    """The oracle is numpy.polyfit through the squares of the chords: slope at the ball's centre.
 
-    A chord's half moves its square by 2 √square of it; two edges make a chord.
+    An error of half a chord changes its square by 2 √square of it; a chord has two edges.
     """
     radius, phase = 7.3, 0.25
     place = (np.arange(-7, 8)[missing:] - phase) / radius
@@ -310,7 +310,7 @@ def test_gains_of_the_height_are_those_of_a_weighted_parabola(missing: int) -> N
 
 
 def test_a_ball_keeps_its_gains_among_balls_of_other_radii() -> None:
-    """In whatever order they come."""
+    """Balls of two radii, in mixed order, give the same bits as alone."""
     centre, radius = np.array([5.1, 5.1, 5.1, 6.3]), np.array([7.0, 7.3, 7.0, 7.3])
     together = gains(centre, 40, radius)
     alone = [gains(centre[i : i + 1], 40, radius[i]) for i in range(4)]

@@ -1,8 +1,8 @@
-"""An independent answer to a scene of motion: all equations stepped by scipy, contacts as events.
+"""An independent solution of a scene of motion: scipy steps all equations; contacts are events.
 
-It shares the scene and nothing else with the rungs: positions are vectors, the contact is solved
-from its impulse, and nothing is in closed form. It sees no contact that begins and would end
-within one of its steps: a ball that clips an edge is not its business.
+It shares only the scene with the tested models: positions are vectors, the contact follows from its
+impulse, and nothing is in closed form. It misses a contact that begins and ends within one step, so
+it is no oracle for a ball that clips an edge.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ __all__ = ["Reference", "reference"]
 
 Array = NDArray[np.float64]
 UP = np.array([0.0, 1.0, 0.0])
-TOLERANCE, LONGEST_STEP = 1e-13, 2e-3  # s, so that the interpolant between steps is as good
-LONGEST_WAY = 0.06  # m in a step: no bar is passed in one
+TOLERANCE, LONGEST_STEP = 1e-13, 2e-3  # longest step [s], short enough for an exact interpolant
+LONGEST_WAY = 0.06  # longest distance per step [m], so that no bar is skipped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reference:
-    """What one shot came to; contacts are (time, kind, place, speed)."""
+    """Outcome of one shot; contacts are (time, kind, position, speed)."""
 
     contacts: list[tuple[float, str, float, float]]
     efficiency: float
-    ball_velocity: Array  # (3,), just after the first contact with the bat
+    ball_velocity: Array  # after the first contact with the bat, (3,)
     bat_rate: float
-    place: Array  # (3,), of the ball at the end
-    velocity: Array  # (3,)
+    place: Array  # position of the ball at the end, (3,)
+    velocity: Array  # velocity of the ball at the end, (3,)
     angle: float
     rate: float
 
 
 def reference(scene: ShotScene, shot: int) -> Reference:
-    """Return what a shot of a scene comes to."""
+    """Return the outcome of one shot of a scene."""
     from scipy.integrate import solve_ivp
 
     state, now = np.array(scene.start)[:, shot], 0.0
@@ -90,7 +90,7 @@ def _slope(scene: ShotScene, shot: int, state: Array) -> Array:
 
 
 def _watched(scene: ShotScene) -> list[tuple[Any, Callable[..., Any]]]:
-    """Return pairs of an event, falling through zero at a contact, and what it then does."""
+    """Return pairs of an event, falling through zero at a contact, and its effect on the state."""
     pairs: list[tuple[Any, Callable[..., Any]]] = [
         (_falling(lambda y: _gap(scene, y)), lambda shot, y: _hit(scene, shot, y))
     ]
@@ -111,7 +111,7 @@ def _watched(scene: ShotScene) -> list[tuple[Any, Callable[..., Any]]]:
         pairs.append(_solid(scene, frame, where, where, "stop"))
     for frame in scene.frames:
         ends = frame.spec.tip_side - frame.spec.radius, frame.spec.knob_side + frame.spec.radius
-        for low, high in (ends, ends[:1] * 2, ends[1:] * 2):  # bars, and either post
+        for low, high in (ends, ends[:1] * 2, ends[1:] * 2):  # both bars, then each post
             pairs.append(_solid(scene, frame, low, high))
     return pairs
 
@@ -119,12 +119,12 @@ def _watched(scene: ShotScene) -> list[tuple[Any, Callable[..., Any]]]:
 def _solid(
     scene: ShotScene, frame: GateFrame, low: float, high: float, kind: str = "frame"
 ) -> tuple[Any, Callable[..., Any]]:
-    """Return the event and the rebound of a ball on what stands from `low` to `high` [m]."""
+    """Return the event and the rebound of a ball on an obstacle from `low` to `high` [m]."""
 
     def away(y: Array) -> Array:
         return np.array([y[0] - frame.x, 0.0, y[2] - min(max(y[2], low), high)])
 
-    passing = False  # over or under the bar, until the ball is clear of it in the plan
+    passing = False  # state: over or under the bar, until the ball is clear of it in plan view
 
     def bounce(_: int, y: Array) -> tuple[str, float, float, float]:
         nonlocal passing
@@ -144,7 +144,7 @@ def _solid(
 
     def gap(y: Array) -> float:
         nonlocal passing
-        beside = low < high and not low < y[2] < high  # a post's business
+        beside = low < high and not low < y[2] < high  # contacts of a post
         own = float(np.linalg.norm(away(y))) - reach
         passing &= own < 1e-9
         return 1.0 if beside or passing else own
@@ -162,7 +162,7 @@ def _falling(gap: Callable[[Array], float]) -> Any:
 
 def _offset(scene: ShotScene, state: Array) -> tuple[Array, Array]:
     """Return the vector from the bat's axis to the ball, and that from the pivot to its foot."""
-    along = np.array([np.sin(state[6]), 0.0, -np.cos(state[6])])  # from the pivot to the tip
+    along = np.array([np.sin(state[6]), 0.0, -np.cos(state[6])])  # pivot to tip
     arm = state[:3] - np.array([0.0, 0.0, scene.bat.axis])
     foot = (arm @ along) * along
     return arm - foot, foot
@@ -174,14 +174,14 @@ def _gap(scene: ShotScene, state: Array) -> float:
     place = np.array([scene.bat.axis - foot @ along])
     reach = scene.bat.radius(place)[0] + scene.ball_radius
     if not 0 <= place[0] <= scene.bat.length:
-        return 1.0  # beside its ends
+        return 1.0  # ball beyond the ends
     return float(np.linalg.norm(offset) - reach)
 
 
 def _hit(scene: ShotScene, shot: int, state: Array) -> tuple[str, float, float, float]:
     offset, foot = _offset(scene, state)
     normal = offset / np.linalg.norm(offset)
-    turning = -state[7] * UP  # the angle grows from -z toward +x: about -y
+    turning = -state[7] * UP  # angle from -z toward +x: about -y
     of_bat = np.cross(turning, foot)
     speed = float((of_bat - state[3:6]) @ normal)
     along = np.array([np.sin(state[6]), 0.0, -np.cos(state[6])])

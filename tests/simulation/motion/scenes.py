@@ -32,7 +32,7 @@ FRAME = FrameSpec(bottom=-0.2, top=0.2, tip_side=-0.1, knob_side=0.4, radius=0.0
 
 
 def rigid(place: Array, *_: Any) -> Array:
-    """Return the e_A of a rigid pivoted bat whose e is that of the ball on a wall."""
+    """Return the e_A of a rigid pivoted bat whose e is the ball's restitution on a wall."""
     r = MASS * (AXIS - place) ** 2 / INERTIA
     return (E0 - r) / (1 + r)
 
@@ -52,7 +52,7 @@ def frame_at(x: float, **other: float) -> GateFrame:
 
 
 def scene(**other: Any) -> ShotScene:
-    """Return shots at an ordinary pivoted bat: keys of the start, or of a scene."""
+    """Return shots at an ordinary pivoted bat; `other` has keys of the start or of the scene."""
     start = {"x": -0.9, "z": 6 * INCH, "vx": 26.8}
     start |= {name: other.pop(name) for name in ShotState._fields if name in other}
     state = ShotState.of(**start)
@@ -69,7 +69,7 @@ def scene(**other: Any) -> ShotScene:
 
 
 def scattered(count: int, seed: int, **other: Any) -> ShotScene:
-    """Return random shots: a bat at rest or swung, a ball aslant, high, low or wide."""
+    """Return random shots: bat at rest or swung, ball oblique, high, low or off the line."""
     rng = np.random.default_rng(seed)
     rate = -rng.uniform(0, 45, count) * (rng.uniform(size=count) > 0.3)
     arrival = 0.9 / 30

@@ -1,4 +1,4 @@
-"""Weak rebounds at the rigs, from event to event: pymunk and scipy's integrator find the same."""
+"""Weak rebounds at the rigs: event stepping agrees with pymunk and with scipy's integrator."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ from virtual_lab.units import INCH
 COUNTS = pytest.mark.parametrize("count", [2, pytest.param(17, marks=pytest.mark.long)])
 STOPS: tuple[dict[str, float], ...] = (
     {},
-    {"angle": 0.8, "restitution": 0.9},  # it throws the bat after the ball
-    {"angle": 0.3, "reach": 0.6},  # its post stands behind the place
+    {"angle": 0.8, "restitution": 0.9},  # lively stop: throws the bat after the ball
+    {"angle": 0.3, "reach": 0.6},  # stop with its post behind the impact position
 )
 
 
 class WeakShots(NamedTuple):
-    """Balls that hardly come back."""
+    """Shots whose balls barely rebound."""
 
     passage: Passage
     bat: RestingBat
@@ -65,7 +65,7 @@ class WeakShots(NamedTuple):
 
 
 def weak_shots(count: int, stops: Sequence[dict[str, float]] = STOPS) -> Iterator[WeakShots]:
-    """Yield so many random shots at each rig whose bat hangs at rest, by each of the stops."""
+    """Yield `count` random shots for each rig with a bat at rest, and for each stop."""
     for procedure in catalog.names("procedures"):
         bat = "softball-34" if procedure == "asa" else "r161"
         laboratory = opened(bat, procedure=procedure, seed=3)
@@ -98,9 +98,9 @@ def weak_shots(count: int, stops: Sequence[dict[str, float]] = STOPS) -> Iterato
 
 @COUNTS
 def test_as_pymunk_plays_them(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same contacts to 1e-9 of each number, pymunk's own error of a frame's place made small.
+    """The same contacts, to 1e-9 of each number, with pymunk's overlap tolerance made small.
 
-    Where it meets no frame the two differ by some 1e-14, and whatever pymunk's step by no more.
+    Without a frame the two differ by about 1e-14, for any step of pymunk.
     """
     monkeypatch.setattr(pymunk_scene, "OVERLAP", 1e-13)
     struck: list[str] = []
@@ -123,12 +123,12 @@ def test_as_pymunk_plays_them(count: int, monkeypatch: pytest.MonkeyPatch) -> No
 
 @COUNTS
 def test_as_scipy_integrates_them(count: int) -> None:
-    """All equations stepped, contacts as events: to 1e-12 of the record's times and speeds."""
+    """All equations stepped and contacts as events: contact times and speeds agree to 1e-11."""
     for shots in weak_shots(count):
         scene = shots.scene()
         own = play_events(scene)
         last = np.array(own.at(scene, scene.duration))
-        for shot in np.flatnonzero(own.refused == ""):  # one meets the edge of the tip
+        for shot in np.flatnonzero(own.refused == ""):  # one shot strikes the tip's edge
             pieces = own.pieces.part(own.pieces.shot == shot)
             true = reference(scene.alone(shot), 0)
             assert pieces.struck.tolist()[1:] == [each[1] for each in true.contacts]
@@ -141,7 +141,7 @@ def test_as_scipy_integrates_them(count: int) -> None:
 
 
 def test_no_shot_depends_on_its_neighbours() -> None:
-    """The bits of flights, alone, by sevens and all together."""
+    """Flights have the same bits alone, in groups of seven and all together."""
     for shots in weak_shots(21):
         whole = shots.flown()
         for size in (1, 7):
@@ -160,7 +160,7 @@ def test_no_shot_depends_on_its_neighbours() -> None:
 
 
 def test_each_shot_may_have_an_axis_of_its_own() -> None:
-    """A moment of inertia, a ball's radius and a gravity too: as in scenes of one shot."""
+    """Axis, inertia, ball radius and gravity per shot give the same bits as scenes of one shot."""
     for shots in weak_shots(5):
         scene, part = shots.scene(), 1 + np.arange(5) * 1e-3
         bat = replace(scene.bat, axis=scene.bat.axis * part, inertia=scene.bat.inertia / part)
@@ -178,10 +178,10 @@ def test_each_shot_may_have_an_axis_of_its_own() -> None:
 
 
 def way_back(pieces: Pieces) -> tuple[int, int, int]:
-    """Return the rows of one shot at which the ball comes, goes back, and meets a frame if it does.
+    """Return the rows of one shot for the arrival, the rebound, and the frame struck after it.
 
-    It comes to the bat or to what it meets instead, and goes back after its last touch of the bat,
-    before any frame; it may first go on.
+    The ball arrives at the bat, or at the obstacle it strikes instead. The rebound begins after the
+    last contact with the bat, before any frame, once the ball moves backward.
     """
     hits, rows = pieces.struck.tolist(), len(pieces.time)
     first = hits.index(Target.BAT) if Target.BAT in hits else 1
@@ -193,9 +193,9 @@ def way_back(pieces: Pieces) -> tuple[int, int, int]:
 
 
 def test_flights_are_read_from_the_contacts() -> None:
-    """Shot by shot, closed form or not: a frame ends a way back, a later blow turns the bat."""
+    """A frame ends a flight out, and a later contact turns the bat; each shot is compared."""
     seen = {"again": 0, "missed": 0, "stopped": 0}
-    for shots in weak_shots(40, STOPS[:2]):  # a post behind the bat is none of closed form's
+    for shots in weak_shots(40, STOPS[:2]):  # no post behind the bat
         scene, found = shots.scene(), shots.flown()
         flights, pieces = found.passage, play_events(scene).pieces
         late, met = (np.broadcast_to(each, (40,)) for each in (found.late, found.met))

@@ -1,4 +1,4 @@
-"""Flight in closed form against known limits."""
+"""Free flight in closed form against known limits."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from virtual_lab.relations.flight import distance_after, speed_after, time_after
 
 
 def test_flight_is_turned_round() -> None:
-    """The way flown in the time a way takes is that way; without air it is speed times time."""
+    """The distance flown in the time of a distance is that distance; without air it is v t."""
     for drag in (0.0, 1e-12, 0.006, 0.5):
         time = time_after(2.0, 30.0, drag)
         assert distance_after(time, 30.0, drag) == pytest.approx(2.0, rel=1e-13)

@@ -1,4 +1,4 @@
-"""What a setting and a rung refuse, and in which words."""
+"""Limits of settings and of models of the motion, and the messages beyond them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ EVERY = pytest.mark.parametrize("rung", ["closed-form", "events", "pymunk"])
     ],
 )
 def test_unsafe_settings_are_refused(key: str, settings: dict[str, Any], allowed: str) -> None:
-    """0.1 m is pymunk's own slop, 1e-2 s a step in which a 60 mph ball jumps the barrel."""
+    """0.1 m is pymunk's default slop; in a step of 1e-2 s a 60 mph ball would jump the barrel."""
     with pytest.raises(InputError) as refused:
         play_pymunk(scene(), PymunkSettings(**settings))
     assert refused.value.key == key
@@ -42,7 +42,7 @@ def test_unsafe_settings_are_refused(key: str, settings: dict[str, Any], allowed
 
 
 def test_the_longest_step_is_that_of_ball_and_barrel() -> None:
-    """By hand: a swung tip adds to the ball, a thin post takes away from the barrel."""
+    """By hand: a swung tip adds to the speed, a thin post replaces the radius of the barrel."""
     limit = longest(scene())
     PymunkSettings(step=limit * 0.999).check(scene())
     with pytest.raises(InputError, match="step"):
@@ -60,7 +60,7 @@ def longest(played: ShotScene) -> float:
 
 
 def test_without_settings_the_step_is_short_enough() -> None:
-    """A ball so fast that it passes ball and barrel in less than a usual step."""
+    """The ball passes ball radius and barrel in less than the usual step."""
     fast = scene(vx=190.0, duration=0.02)
     with pytest.raises(InputError, match="step"):
         PymunkSettings(step=1e-3).check(fast)
@@ -81,7 +81,7 @@ def test_a_frame_without_an_opening_is_refused() -> None:
 
 @EVERY
 def test_what_no_rung_can_do_is_said(rung: str) -> None:
-    """A ball on the tip's edge, and an e_A by which the bat would run through the ball."""
+    """A ball on the edge of the tip, and an e_A at which the bat would pass through the ball."""
     played = scene(z=[-0.02, 6 * INCH], efficiency=constant(-0.9))
     outcome = play(played, rung)
     assert outcome.refused.tolist() == [
@@ -94,7 +94,7 @@ def test_what_no_rung_can_do_is_said(rung: str) -> None:
 
 @EVERY
 def test_a_ball_past_the_tip_misses(rung: str) -> None:
-    """No contact is an outcome, not a refusal: by more than its radius, above or beside."""
+    """A miss is an outcome, not a refusal: the ball passes beside or above the bat."""
     played = scene(z=[-0.0367, 0.1], y=[0.0, 0.15], gravity=0.0)
     outcome = play(played, rung)
     assert outcome.refused.tolist() == ["", ""]
@@ -106,7 +106,7 @@ def test_a_ball_past_the_tip_misses(rung: str) -> None:
 
 @EVERY
 def test_a_graze_ends_and_is_no_fault(rung: str) -> None:
-    """Depths above, about and below what the search tells apart: done, refused, or a miss."""
+    """Contacts deeper than the resolution are played; those about it may be refused or missed."""
     touching = 0.0366 + float(scene().bat.radius(np.array(6 * INCH)))
     depth = np.array([1e-5, 1e-6, 1e-8, 0.0, -1e-8, -1e-6])
     outcome = play(scene(y=touching - depth, gravity=0.0, duration=0.05), rung)
@@ -119,7 +119,7 @@ def test_a_graze_ends_and_is_no_fault(rung: str) -> None:
 
 
 def test_a_frame_pymunk_does_not_feel_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Mutation: pymunk is told to let every contact pass."""
+    """The test changes pymunk so that it ignores every contact."""
 
     def ignore(_: Any, arbiter: Any, *__: Any) -> None:
         arbiter.process_collision = False
@@ -130,21 +130,21 @@ def test_a_frame_pymunk_does_not_feel_is_an_error(monkeypatch: pytest.MonkeyPatc
 
 
 def constant(value: float) -> Callable[..., Array]:
-    """Return an e_A that is the same everywhere."""
+    """Return a function whose e_A is the same everywhere."""
     return lambda place, *_: np.full(len(place), value)
 
 
 @EVERY
 @pytest.mark.parametrize("z", [-0.5 * RADIUS, BODY.length + 0.5 * RADIUS])
 def test_a_ball_on_the_edge_of_either_end_is_refused(rung: str, z: float) -> None:
-    """No law of a collision holds there, at the knob as little as at the tip."""
+    """No collision model holds at the edge of the tip or of the knob."""
     assert "edge of the bat's end" in str(play(scene(z=z), rung).refused[0])
 
 
 def test_a_bar_is_as_thick_as_it_is() -> None:
-    """Opening of ±200 mm, bars of 40 mm beyond it, a ball of 73.2 mm: clear to 163.4 mm.
+    """Opening of ±200 mm, bars of 40 mm, ball of 73.2 mm, plane 10 mm up: clear up to 163.4 mm.
 
-    And from 276.6 mm on, which passes outside; the plane lies 10 mm up.
+    From 276.6 mm on the ball passes outside the bar.
     """
     frame = frame_at(-0.5)._replace(up=0.01)
     for height, clear in ((0.1633, True), (0.1635, False), (0.2765, False), (0.2767, True)):
@@ -153,7 +153,7 @@ def test_a_bar_is_as_thick_as_it_is() -> None:
 
 
 def test_no_outline_is_steeper_than_its_bound() -> None:
-    """Between stations a monotone cubic is up to three times as steep as the chord."""
+    """Between stations a monotone cubic is at most three times as steep as the chord."""
     for diameters in ((0.02, 0.02, 0.06, 0.06), (0.066, 0.06, 0.03, 0.025)):
         profile = Profile(z=(0.0, 0.3, 0.5, 0.8), outer_diameter=diameters)
         bat = PivotedBat(profile, 0.7, 0.2)
@@ -163,7 +163,7 @@ def test_no_outline_is_steeper_than_its_bound() -> None:
 
 
 def test_a_place_on_the_bat_slides_as_it_is_seen_to() -> None:
-    """Central differences of the place, ball and bat moving anyhow, no air."""
+    """The oracle is a central difference of the position, with random motions and without air."""
     played = scattered(12, seed=4, drag=0.0, gravity=0.0)
     every, step = np.arange(12), 1e-6
     before, after = (

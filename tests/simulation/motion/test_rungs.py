@@ -1,4 +1,4 @@
-"""All rungs against scipy's integrator, each other, and what mechanics keeps."""
+"""All models of the motion against scipy's integrator, each other and conservation laws."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def assert_as_reference(played: ShotScene, outcome: PlayedShots, shot: int, with
 
 @EVERY
 def test_as_scipy_integrates_it(rung: str) -> None:
-    """A bat at rest or swung, a ball aslant and off the axis, drag and gravity."""
+    """Bat at rest or swung, ball oblique and off the axis, with drag and gravity."""
     played = scattered(25, seed=1)
     outcome = play(played, rung)
     assert set(outcome.refused) == {""}
@@ -82,7 +82,7 @@ def test_the_rungs_agree_whatever_the_step() -> None:
 def test_steps_by_the_present_speed_find_the_same_contacts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Balls left almost dead by the bat, which comes back from its stop; a frame behind them."""
+    """Slow balls after a weak rebound, a bat that returns from its stop, and a frame."""
     shots, rng = 6, np.random.default_rng(11)
     played = scene(
         z=rng.uniform(3, 5, shots) * INCH,
@@ -104,7 +104,7 @@ def test_steps_by_the_present_speed_find_the_same_contacts(
 
     monkeypatch.setattr(pymunk_scene._Shot, "_carry", carry)
     own = play_pymunk(played).pieces
-    assert len(steps) < shots * played.duration / 3e-3  # the speed at the start asks for 0.9 ms
+    assert len(steps) < shots * played.duration / 3e-3  # the initial speed requires 0.9 ms
     fixed = play_pymunk(played, PymunkSettings(step=2e-4)).pieces
     assert own.struck.tolist() == fixed.struck.tolist()
     assert {*own.struck} == set(Target)
@@ -127,7 +127,7 @@ def test_any_moment_is_the_end_of_a_shorter_record(rung: str) -> None:
 
 
 def test_at_rest_and_square_it_is_the_textbook() -> None:
-    """By hand: the time over the distance, e_A, angular momentum, the speed drag leaves."""
+    """By hand: time from distance, e_A, angular momentum, and the speed after drag."""
     z = np.array([5, 8]) * INCH
     played = scene(z=z, gravity=0.0)
     outcome = play(played, "closed-form")
@@ -147,7 +147,7 @@ def test_at_rest_and_square_it_is_the_textbook() -> None:
 
 @EVERY
 def test_off_the_axis_the_ball_is_smooth(rung: str) -> None:
-    """Back along the line of fire: e_A cos² - sin², as the machines have it."""
+    """The speed back along the line of fire is e_A cos² - sin² of the speed in."""
     y = np.array([-0.02, 0.01, 0.03])
     played = scene(y=y, gravity=0.0, drag=0.0)
     hit = play(played, rung).first(Target.BAT)
@@ -161,7 +161,7 @@ def test_off_the_axis_the_ball_is_smooth(rung: str) -> None:
 
 @EVERY
 def test_a_lossless_collision_keeps_energy_and_angular_momentum(rung: str) -> None:
-    """No loss at the bat, no air, any angle and swing."""
+    """Lossless impact without air, at any angle and swing."""
 
     def lossless(place: Array, *_: Any) -> Array:
         r = MASS * (AXIS - place) ** 2 / INERTIA
@@ -177,7 +177,7 @@ def test_a_lossless_collision_keeps_energy_and_angular_momentum(rung: str) -> No
         return np.asarray(MASS / 2 * square + INERTIA / 2 * state.rate**2)
 
     def momentum(state: ShotState) -> Array:
-        """About the axis: recoil counts positive, as a blow on the barrel from -x gives."""
+        """Return the angular momentum about the axis; recoil by a ball from -x is positive."""
         arm = (AXIS - state.z) * state.vx + state.x * state.vz
         return np.asarray(MASS * arm + INERTIA * state.rate)
 
@@ -187,7 +187,7 @@ def test_a_lossless_collision_keeps_energy_and_angular_momentum(rung: str) -> No
 
 @CARRIED
 def test_a_post_stands_in_the_way_of_one_shot_alone(rung: str) -> None:
-    """The others have the closed form's contacts."""
+    """The other shots have the contacts of the closed form."""
     z = np.array([5 * INCH, 0.38, 7 * INCH, 0.366])
     played = scene(z=z, duration=0.08, frames=(frame_at(-0.6),))
     outcome, plain = play(played, rung), play(played, "closed-form")
@@ -195,7 +195,7 @@ def test_a_post_stands_in_the_way_of_one_shot_alone(rung: str) -> None:
         own, other = (each.pieces.part(each.pieces.shot == shot) for each in (outcome, plain))
         assert own.time == pytest.approx(other.time, abs=1e-11)
     assert outcome.pieces.shot.tolist() == sorted(outcome.pieces.shot.tolist())
-    for shot in (1, 3):  # one by a hair
+    for shot in (1, 3):  # shots that strike the post; one barely
         assert struck(outcome, shot)[0] == Target.FRAME
         assert_as_reference(played, outcome, shot, 1e-6)
 
@@ -211,7 +211,7 @@ def test_a_bat_that_comes_back_strikes_again(rung: str) -> None:
 
 @CARRIED
 def test_a_full_turn_of_the_bat_is_a_second_contact(rung: str) -> None:
-    """No stop: a bat turns on and meets the ball it left almost dead."""
+    """Without a stop the bat turns on and strikes the ball, which barely rebounded."""
     played = scene(
         z=4 * INCH, efficiency=lambda place, *_: np.full(len(place), -0.02), duration=1.0,
         gravity=0.0, drag=0.0,
@@ -223,7 +223,7 @@ def test_a_full_turn_of_the_bat_is_a_second_contact(rung: str) -> None:
 
 @CARRIED
 def test_a_frame_lets_through_what_its_opening_lets(rung: str) -> None:
-    """The same plan: between the bars, onto one, over and under them."""
+    """Four balls in the same plane: between the bars, onto one, over and under them."""
     played = scene(y=[0.15, 0.17, 0.29, -0.3], frames=(frame_at(-0.5),), gravity=0.0, duration=0.03)
     outcome = play(played, rung)
     met = [Target.FRAME in struck(outcome, shot) for shot in range(4)]
@@ -235,18 +235,18 @@ def test_a_frame_lets_through_what_its_opening_lets(rung: str) -> None:
 @CARRIED
 @pytest.mark.parametrize("aside", [-1.0, 0.0, 1.0])
 def test_a_ball_on_the_end_of_a_bar_strikes_its_post(rung: str, aside: float) -> None:
-    """Along the bar, from within its breadth: pymunk's own segment overlooks its end from there."""
+    """Along a bar, within its thickness, where pymunk's own segment misses its end."""
     played = scene(
         x=-0.53, z=-0.3, vx=aside, vz=10.0, frames=(frame_at(-0.5),), gravity=0.0, duration=0.03
     )
     outcome = play(played, rung)
     assert struck(outcome)[0] == Target.FRAME
-    assert_as_reference(played, outcome, 0, 1e-6)  # the nanometre that pymunk needs, on a curve
+    assert_as_reference(played, outcome, 0, 1e-6)  # tolerance: pymunk's nanometre, on a curve
 
 
 @CARRIED
 def test_a_ball_that_comes_down_on_a_bar_rolls_over_it(rung: str) -> None:
-    """It is over the bar from 11 to 39 ms and clears it to 17; at 20 the bat meets its stop."""
+    """It is over the bar from 11 to 39 ms and clears it to 17; the bat meets its stop at 20 ms."""
     frame = frame_at(-0.5, bottom=-0.038)
     played = scene(vx=4.0, x=-0.6, y=0.0, rate=10.0, stop=stop(0.2), frames=(frame,), duration=0.1)
     assert struck(play(played, rung)) == [Target.STOP]
@@ -254,7 +254,7 @@ def test_a_ball_that_comes_down_on_a_bar_rolls_over_it(rung: str) -> None:
 
 @EVERY
 def test_a_ball_let_fall_strikes_from_above(rung: str) -> None:
-    """At rest in the plan, so that gravity alone brings it down: v² = 2 g h, straight up again."""
+    """Gravity alone moves the ball: v² = 2 g h, and it rebounds straight up."""
     played = scene(x=0.0, y=0.2, vx=0.0, z=6 * INCH, duration=0.2)
     hit = play(played, rung).first(Target.BAT)
     fall = 0.2 - RADIUS - float(played.bat.radius(np.array(6 * INCH)))
@@ -273,7 +273,7 @@ def test_a_ball_between_two_bars_meets_them_too_often(rung: str) -> None:
 
 @CARRIED
 def test_the_post_of_the_stop_throws_a_ball_back(rung: str) -> None:
-    """A ball behind the bat meets the post on which the bat would come to rest."""
+    """A ball behind the bat strikes the post of the stop."""
     angle = np.pi / 2
     played = scene(x=0.2, z=0.3, vx=4.0, vz=8.0, stop=stop(angle), gravity=0.0, duration=0.15)
     outcome = play(played, rung)

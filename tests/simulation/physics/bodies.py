@@ -36,5 +36,5 @@ def rod(
 
 
 def rigid_rod(hoop: HoopMode | None = None) -> BatBody:
-    """Return a rod so heavy and stiff that a ball cannot tell it from a wall."""
+    """Return a rod that is heavy and stiff enough to act as a wall."""
     return rod((0.5, 0.5), density=1e9, youngs_modulus=1e16, shear_modulus=4e15, hoop=hoop)

@@ -1,4 +1,4 @@
-"""Balls that lose restitution: against the sum over every pair of hits, written out."""
+"""Balls that lose restitution, against an explicit sum over all pairs of hits."""
 
 from math import exp
 
@@ -15,7 +15,7 @@ hits = st.lists(st.tuples(st.integers(0, 5), st.floats(5.0, 60.0)), max_size=25)
 
 
 def written_out(ball: list[int], speed: list[float], rest: float) -> list[float]:
-    """Every earlier hit of the same ball: 60 % of its loss stays, 40 % decays from hit to hit."""
+    """Return the loss before each hit: 60 % of every earlier loss stays, 40 % decays with time."""
     found = []
     for n, this in enumerate(ball):
         mine = [speed[i] for i in range(n) if ball[i] == this]
@@ -41,7 +41,7 @@ def test_without_rest_every_hit_costs_the_same() -> None:
 
 
 def test_after_a_long_rest_the_lasting_part_is_left() -> None:
-    """A share of 0.6, a quarter of it at half the speed."""
+    """The lasting share is 0.6; at half the speed the loss is a quarter."""
     speed = np.array([26.8, 13.4, 26.8])
     found = loss_of_restitution(AGEING, np.zeros(3, dtype=int), speed, 1e9)
     assert found == pytest.approx([0, 1.2e-4, 1.5e-4], rel=1e-12)

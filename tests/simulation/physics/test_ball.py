@@ -1,4 +1,4 @@
-"""The closed forms of the wall against the law integrated step by step."""
+"""The closed forms of a wall contact against step-by-step integration of the force law."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ MASS, SPEED = 0.145, 40.0
 
 @pytest.mark.parametrize(("a", "e0", "k"), [(1.0, 0.5, 3.5e6), (1.5, 0.45, 3e7), (2.0, 1.0, 3e8)])
 def test_wall_contact_is_what_the_law_integrates_to(a: float, e0: float, k: float) -> None:
-    b = (a + 1) / e0**2 - 1  # from the two areas
+    b = (a + 1) / e0**2 - 1  # exponent from the ratio of the two areas
 
     def load(_: float, y: np.ndarray) -> list[float]:
         return [y[1], -k * max(y[0], 0.0) ** a / MASS]
@@ -60,7 +60,7 @@ def test_restitution_fixes_the_unloading_exponent() -> None:
 @pytest.mark.parametrize("e0", [0.05, 0.3, 0.5, 0.9, 0.999, 1.0])
 @pytest.mark.parametrize("a", [1.0, 1.5, 2.0])
 def test_hunt_crossley_on_a_wall_is_what_its_force_integrates_to(a: float, e0: float) -> None:
-    """The quadrature of the law against the motion step by step."""
+    """The quadrature of the law against step-by-step integration."""
     law = HuntCrossley.of(stiffness=3e6 * 0.01 ** (1 - a), exponent=a, restitution=e0, speed=SPEED)
     branch = law.branch(Event.TOUCH, 0.0, None)
 
@@ -85,7 +85,7 @@ def test_hunt_crossley_on_a_wall_is_what_its_force_integrates_to(a: float, e0: f
     assert -second.y[1, -1] / SPEED == pytest.approx(e0, rel=1e-8)
     forces = [branch.force(u, w) for u, w in first.y.T]
     assert wall.force >= max(forces) * (1 - 1e-9)
-    assert wall.force == pytest.approx(max(forces), rel=0.02)  # steps are coarse there
+    assert wall.force == pytest.approx(max(forces), rel=0.02)  # coarse steps at the peak
 
 
 def test_hunt_crossley_without_loss_is_the_power_law() -> None:
@@ -96,7 +96,7 @@ def test_hunt_crossley_without_loss_is_the_power_law() -> None:
 
 
 def test_hunt_crossley_restitution_falls_with_speed_and_never_pulls() -> None:
-    """Its c is set at one speed; the first order is e = 1 - 2/3 c v (Hunt and Crossley)."""
+    """Its c belongs to one speed; to first order e = 1 - 2/3 c v (Hunt and Crossley)."""
     law = HuntCrossley(stiffness=3e6, exponent=1.0, damping=1e-4)
     slow = HuntCrossley.of(stiffness=3e6, exponent=1.0, restitution=1 - 2 / 3 * 1e-3, speed=10.0)
     assert slow.damping == pytest.approx(law.damping, rel=1e-3)

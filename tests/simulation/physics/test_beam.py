@@ -1,4 +1,4 @@
-"""Rigid properties against elementary integrals."""
+"""Rigid-body properties against elementary integrals."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def test_tube() -> None:
 
 
 def test_truncated_cone() -> None:
-    # integrals of a polynomial, not of the beam's quadrature
+    # oracle: exact integrals of polynomials, not the beam's quadrature
     d = np.polynomial.Polynomial([0.06, -0.03])
     z = np.polynomial.Polynomial([0.0, 1.0])
     area, second = 700 * np.pi / 4 * d**2, 700 * np.pi / 64 * d**4

@@ -1,4 +1,4 @@
-"""The turn of a bat that was let go, against scipy's integrator."""
+"""The rotation of a released bat, against scipy's integrator."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RELEASE = np.array([0.012, 0.015])
 def test_a_bat_coasts_as_its_bearing_and_the_air_slow_it(
     constant: float, linear: float, quadratic: float
 ) -> None:
-    """ω' = -(c + l ω + q ω²) from the release on; each friction alone, then all together."""
+    """ω' = -(c + l ω + q ω²) after the release: two frictions alone, then all three together."""
     rates = np.array([21.0, 14.0])
     shots, at_ticks = coasting(
         rates, TICKS, RELEASE, constant=constant, linear=linear, quadratic=quadratic
@@ -38,7 +38,7 @@ def test_a_bat_coasts_as_its_bearing_and_the_air_slow_it(
 
 
 def test_a_bat_rings_out_as_a_damped_oscillator() -> None:
-    """Q'' + 2 ζ ω q' + ω² q = 0 of two modes, each turning the section by its own share."""
+    """Q'' + 2 ζ ω q' + ω² q = 0 for two modes, each with its own rotation of the section."""
     turn = np.array([[0.7, -1.3], [0.4, 0.9]])
     start = np.array([[2e-4, -1e-4], [0.0, 3e-4]])
     velocity = np.array([[0.1, 0.3], [-0.2, 0.0]])

@@ -1,4 +1,4 @@
-"""Modes against closed forms that know nothing of finite elements."""
+"""Modes against closed forms that involve no finite elements."""
 
 from collections.abc import Callable
 
@@ -16,8 +16,8 @@ from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
 
 Floats = NDArray[np.float64]
 BAT = rod((0.06, 0.065, 0.03, 0.025), 0.86)
-NEEDLE = 6e-3  # m of diameter: thinner ones have more rounding than shear and rotary inertia
-# Rounding grows with the ratio of the stiffest to the softest mode, worst in a needle.
+NEEDLE = 6e-3  # diameter [m]: in a thinner rod, rounding exceeds shear and rotary inertia
+# Rounding error: grows with the ratio of the stiffest to the softest mode; worst in a needle.
 COARSE = 0.25
 
 
@@ -26,7 +26,7 @@ def slender(diameter: float = NEEDLE) -> BatBody:
 
 
 def thinnest(measured: Callable[[float], Floats]) -> Floats:
-    """Return the limit of no thickness, from two needles: shear and rotary inertia go with d²."""
+    """Return the limit of zero thickness from two needles; shear and rotary inertia go with d²."""
     return (4 * measured(NEEDLE) - measured(2 * NEEDLE)) / 3
 
 
@@ -54,10 +54,10 @@ def test_needle_has_the_roots_of_euler_and_bernoulli(support: Support, roots: li
 
 
 def test_free_conical_bar_has_the_roots_of_its_bessel_functions() -> None:
-    """Deflection J2(s)/s^2 and its kin, s = 2 k sqrt(x), x from the apex of the cone.
+    """The deflection is J2(s)/s^2 and its kin, with s = 2 k sqrt(x), x from the apex of the cone.
 
-    Bending moment goes as s^4 (J4, Y4, I4, K4), shear force as s^3 (J3, Y3, I3, -K3); both
-    vanish at both ends of the bar from x = 0.4 to 1.
+    The bending moment is proportional to s^4 (J4, Y4, I4, K4), the shear force to s^3 (J3, Y3, I3,
+    -K3); both are zero at both ends of the bar, at x = 0.4 and 1.
     """
 
     def determinant(end: float) -> float:
@@ -65,7 +65,7 @@ def test_free_conical_bar_has_the_roots_of_its_bessel_functions() -> None:
         for s in (end * np.sqrt(0.4), end):
             rows.append([jv(4, s), yv(4, s), ive(4, s), kve(4, s)])
             rows.append([jv(3, s), yv(3, s), ive(3, s), -kve(3, s)])
-        # the scaled functions lose exp(s) and exp(-s): give the difference of the ends back
+        # factors exp(s) and exp(-s) that the scaled functions omit: difference of the ends
         grow = np.exp(end * (1 - np.sqrt(0.4)))
         matrix = np.array(rows)
         matrix[:2, 2] /= grow
@@ -88,8 +88,8 @@ def test_free_conical_bar_has_the_roots_of_its_bessel_functions() -> None:
 def timoshenko_free_free(body: BatBody, count: int) -> list[float]:
     """Return the first angular frequencies of a uniform free beam from its own determinant.
 
-    Waves exp(c x) of w and psi obey ``k (c^2 w + c psi) + m f^2 w = 0`` and
-    ``B c^2 psi - k (c w + psi) + j f^2 psi = 0``; at both ends psi' = 0 and w' + psi = 0.
+    Waves exp(c x) of w and psi satisfy ``k (c^2 w + c psi) + m f^2 w = 0`` and ``B c^2 psi - k (c w
+    + psi) + j f^2 psi = 0``; at both ends psi' = 0 and w' + psi = 0.
     """
     length, d, of = body.length, body.profile.outer_diameter[0], body.material
     area, second = np.pi / 4 * d**2, np.pi / 64 * d**4
@@ -97,12 +97,12 @@ def timoshenko_free_free(body: BatBody, count: int) -> list[float]:
     m, j = of.density * area, of.density * second
 
     def determinant(f: float) -> float:
-        # (k c^2 + m f^2)(B c^2 - k + j f^2) + k^2 c^2 = 0, quadratic in c^2
+        # characteristic equation (k c^2 + m f^2)(B c^2 - k + j f^2) + k^2 c^2 = 0
         wave, grow = sorted(
             np.roots([k * B, k * j * f**2 + m * f**2 * B, m * f**2 * (j * f**2 - k)]).real
         )
         p, q = np.sqrt(-wave), np.sqrt(grow)
-        # psi of w = cos px is (p - m f^2 / (k p)) sin px, and so on
+        # amplitudes: psi of w = cos px is (p - m f^2 / (k p)) sin px, and so on
         P, Q = p - m * f**2 / (k * p), -(q + m * f**2 / (k * q))
         rows = []
         for x in (0.0, length):
@@ -111,7 +111,7 @@ def timoshenko_free_free(body: BatBody, count: int) -> list[float]:
             rows.append([(P - p) * s, (p - P) * c, (Q + q) * sh, (Q + q) * ch])
         return float(np.linalg.det(np.array(rows)))
 
-    grid = np.linspace(50.0, 45_000.0, 3000)  # below the cut-off of shear waves
+    grid = np.linspace(50.0, 45_000.0, 3000)  # range below the cut-off of shear waves
     signs = np.sign([determinant(f) for f in grid])
     found = np.flatnonzero(signs[:-1] != signs[1:])[:count]
     return [brentq(determinant, grid[i], grid[i + 1], xtol=1e-9, rtol=1e-14) for i in found]
@@ -122,7 +122,7 @@ def test_stocky_rod_has_the_roots_of_timoshenkos_equation() -> None:
     exact = timoshenko_free_free(body, 6)
     modes = modes_of(body, Free(), 6)
     assert modes.angular_frequencies[2:] == pytest.approx(exact, rel=1e-8)
-    # far from the needle: the comparison would not pass by Euler and Bernoulli
+    # margin: Euler and Bernoulli's beam would fail this comparison
     assert exact[0] < 0.95 * 4.730041**2 * euler_unit(body)
 
 
@@ -163,7 +163,7 @@ def test_pinned_bat_turns_about_the_pin_and_nothing_moves_there() -> None:
     beam, modes = beam_of(BAT, Pinned(0.7)), modes_of(BAT, Pinned(0.7), 5)
     assert np.all(np.abs(modes.shape(0.7)) < 1e-15)
     assert modes.shape(0.1)[0] == pytest.approx(0.6 / np.sqrt(beam.inertia(0.7)), rel=1e-13)
-    assert np.all(np.abs(modes.rotation(0.7)[1:]) > 0.1)  # the ring an encoder sees
+    assert np.all(np.abs(modes.rotation(0.7)[1:]) > 0.1)  # ringing of an encoder
 
 
 def test_clamped_bat_neither_moves_nor_turns_there() -> None:
@@ -173,14 +173,14 @@ def test_clamped_bat_neither_moves_nor_turns_there() -> None:
 
 
 def test_rotation_is_the_slope_of_a_needle() -> None:
-    modes = modes_of(slender(NEEDLE / 3), Free(), 2)  # where shear adds 2e-5 to a slope
+    modes = modes_of(slender(NEEDLE / 3), Free(), 2)  # needle in which shear adds 2e-5 to a slope
     slope = (modes.shape(0.3 + 1e-5) - modes.shape(0.3 - 1e-5)) / 2e-5
     turned = modes.rotation(0.3)
     assert turned == pytest.approx(-slope, rel=1e-4, abs=1e-6 * np.abs(turned).max())
 
 
 def test_nodes_of_the_uniform_rod() -> None:
-    # classical: 0.2242 and 0.1321 of the length
+    # textbook values: 0.2242 and 0.1321 of the length
     assert barrel_nodes(modes_of(slender(), Free(), 2)) == pytest.approx(
         (0.224157, 0.132110), abs=2e-5
     )
@@ -228,7 +228,7 @@ def test_more_modes_than_the_mesh_has_are_refused() -> None:
 
 
 def test_a_stiff_rod_bounces_on_its_spring_as_a_rigid_one() -> None:
-    """One pivot spring k: the turn about it is free, the other mode has w^2 = k / M_eff."""
+    """On one pivot spring k the rotation is free, and the other mode has w^2 = k / M_eff."""
     body = rod((0.05, 0.06), youngs_modulus=1e13, shear_modulus=4e12)
     beam, modes = beam_of(body), modes_of(body, Pinned(0.8, 1e4), 2)
     inverse_mass = 1 / beam.mass + (0.8 - beam.z_cm) ** 2 / beam.inertia_cm
@@ -250,7 +250,7 @@ def test_modes_over_a_spring_are_orthonormal_and_hold_its_energy(stiffness: floa
 
 
 def test_a_pivot_spring_runs_from_free_to_rigid() -> None:
-    """Frequencies: 1/k from the pinned bat, k from the free one, whose bounce is extra."""
+    """Frequencies differ from a pinned bat's by 1/k, and from a free one's by k (except the bounce)."""
     rigid = modes_of(BAT, Pinned(0.7), 4).angular_frequencies[1:]
     free = modes_of(BAT, Free(), 4).angular_frequencies[2:]
 
@@ -273,7 +273,7 @@ def test_a_pivot_without_stiffness_is_refused(stiffness: float) -> None:
 
 @pytest.mark.parametrize("youngs_modulus", [1e10, 1e13, 1e15])
 def test_the_least_stiffness_is_told_and_enough(youngs_modulus: float) -> None:
-    """From there on the bounce is the spring's own: w^2 = k / M_eff, if the rod is stiff."""
+    """From this stiffness on the bounce is that of a rigid bat on its spring: w^2 = k / M_eff."""
     body = rod(youngs_modulus=youngs_modulus, shear_modulus=0.4 * youngs_modulus)
     beam = beam_of(body, Pinned(0.7))
     inverse_mass = 1 / beam.mass + (0.7 - beam.z_cm) ** 2 / beam.inertia_cm

@@ -1,4 +1,4 @@
-"""Entries of the catalog that no publication describes: they compute to what is plausible."""
+"""Catalog entries without a publication: their computed properties are plausible."""
 
 from math import gamma, pi, sqrt
 
@@ -31,7 +31,7 @@ SPEED = 60 * MPH
 def test_a_softball_bat_is_one(
     bat: str, ounces: tuple[float, float], first_mode: tuple[float, float]
 ) -> None:
-    """34 in and 2.25 in, 7 000 to 10 000 oz in² 6 in from the knob: the usual slow-pitch range."""
+    """34 in long, 2.25 in thick and 7000 to 10 000 oz in² about 6 in from the knob."""
     body = catalog.load_bat(bat).spec.body
     beam = beam_of(body)
     assert beam.length == pytest.approx(34 * INCH)
@@ -45,13 +45,13 @@ def test_a_softball_bat_is_one(
 
 
 def test_a_softball_touches_a_wall_for_a_millisecond_or_so() -> None:
-    """Time of a linear loading and a steep unloading branch, by the gamma function."""
+    """The oracle is a linear loading and a steep unloading branch, by the gamma function."""
     ball = catalog.load("balls", "softball-slowpitch", BallSpec).spec
     assert 6.25 < ball.mass / OUNCE < 7
     assert 2 * pi * ball.radius / INCH == pytest.approx(12, abs=0.05)
     e0 = float(ball.restitution.at(SPEED))
     assert e0 <= 0.44
-    n = 2 / e0**2  # of the work, the unloading branch's exponent and one
+    n = 2 / e0**2  # exponent of the unloading work: that of the force plus one
     deepest = SPEED * sqrt(ball.mass / ball.stiffness)
     time = deepest / SPEED * pi / 2
     time += deepest / (e0 * SPEED) * sqrt(pi) * gamma(1 + 1 / n) / gamma(1 / 2 + 1 / n)
@@ -61,7 +61,7 @@ def test_a_softball_touches_a_wall_for_a_millisecond_or_so() -> None:
 
 
 def test_a_hollow_softball_bat_beats_a_wooden_one() -> None:
-    """By a sixth and more (trampoline); a legal one stays about the 1.20 that agencies allow."""
+    """The trampoline effect adds over a sixth; the BPF of a legal bat is near the limit of 1.20."""
     peaks = {bat: float(_factors(bat, np.arange(5, 8, 0.25)).max()) for bat in _SOFTBALL_BATS}
     assert peaks["softball-34"] / peaks["softball-wood-34"] > 1 + 1 / 6
     assert 1.1 < peaks["softball-34"] < 1.25
@@ -72,7 +72,7 @@ _SOFTBALL_BATS = ("softball-34", "softball-wood-34")
 
 
 def _factors(bat: str, z_in: np.ndarray, ball: str = "softball-slowpitch") -> np.ndarray:
-    """Return BPF on the pivot at 60 mph."""
+    """Return the BPF of a pivoted bat at 60 mph, shape of `z_in`."""
     spec, body = catalog.load("balls", ball, BallSpec).spec, catalog.load_bat(bat).spec.body
     beam = beam_of(body)
     axis, z = beam.length - PIVOT, np.asarray(z_in) * INCH
@@ -83,7 +83,7 @@ def _factors(bat: str, z_in: np.ndarray, ball: str = "softball-slowpitch") -> np
 
 
 def test_the_check_cylinder_is_nearly_rigid() -> None:
-    """A rigid mass gives e = e0 (BPF 1); mass, inertia and first mode of a uniform round bar."""
+    """A rigid mass has e = e0 (BPF 1); the oracle is a uniform round bar."""
     body = catalog.load_bat("check-cylinder").spec.body
     beam, length, radius = beam_of(body), body.length, body.profile.outer_diameter[0] / 2
     mass = 7850 * pi * radius**2 * length
@@ -92,17 +92,17 @@ def test_the_check_cylinder_is_nearly_rigid() -> None:
     assert beam.inertia_cm == pytest.approx(inertia, rel=1e-12)
     slender = 4.7300**2 / (2 * pi * length**2) * radius / 2 * sqrt(205e9 / 7850)
     first = modes_of(body, Free(), 1).bending_frequencies[0]
-    assert 0.97 * slender < first < slender  # rotary inertia and shear lower it by 1 to 2 %
+    assert 0.97 * slender < first < slender  # effect of rotary inertia and shear: 1 to 2 % lower
     arm = length / 2 - PIVOT
     percussion = length - PIVOT - (arm + inertia / mass / arm)
-    assert percussion == pytest.approx(0.2242 * length, abs=0.3 * INCH)  # the first mode's node
+    assert percussion == pytest.approx(0.2242 * length, abs=0.3 * INCH)  # node of the first mode
     for ball in ("baseball-2003", "softball-slowpitch"):
         factor = _factors("check-cylinder", np.array([percussion / INCH]), ball)[0]
         assert factor == pytest.approx(1, abs=0.01)
 
 
 def test_the_impact_rig_finds_the_check_cylinder_rigid() -> None:
-    """From the gates and the encoder, without noise: e = e0, and e_A = (e0 - r) / (1 + r)."""
+    """From noiseless gates and encoder: e = e0, and e_A = (e0 - r) / (1 + r)."""
     tested = certify("check-cylinder", procedure="astm-f1881", reality=Reality.IDEAL, seed=0)
     found = {name: known.value for name, known in tested.certification.quantities.items()}
     assert found["bat_performance_factor"] == pytest.approx(1, abs=0.01)

@@ -35,7 +35,7 @@ def test_the_loaded_bats_have_one_thinner_shell_and_the_same_weight_at_either_en
     assert base.profile.wall is not None
     walls = zip(barrel.profile.wall, base.profile.wall, strict=True)
     thinner = [one / whole for one, whole in walls]
-    assert thinner == pytest.approx([0.9] * len(thinner), abs=0.02)  # "about 10 %"
+    assert thinner == pytest.approx([0.9] * len(thinner), abs=0.02)  # paper: "about 10 %"
     for body, end in ((barrel, 0.0), (knob, 34 * INCH)):
         assert body.lumps[-1].mass == pytest.approx(2.3 * OUNCE)
         assert abs(body.lumps[-1].z - end) < 1.5 * INCH

@@ -1,4 +1,4 @@
-"""A few shots that cameras of the catalog watch."""
+"""A few shots filmed by cameras of the catalog."""
 
 from dataclasses import replace
 
@@ -13,22 +13,22 @@ from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Quiet, Streams
 
 SHOTS = 3
-TOUCHED = 7e-4  # s
+TOUCHED = 7e-4  # contact time [s]
 
 
 def spec_of(name: str, **changes: object) -> CameraSpec:
-    """Return a camera of the catalog with a few frames of each shot."""
+    """Return a camera sheet of the catalog with few frames per shot, changed by `changes`."""
     spec = catalog.load("instruments", name, CameraSpec).spec
     return replace(spec, **{"frames_in": 12, "frames_out": 20, "empty_frames": 2, **changes})
 
 
 def camera_of(spec: CameraSpec, draws: Draws) -> Camera:
-    """Return one of them."""
+    """Return a camera of a sheet."""
     return Camera.commission(spec, draws, "camera")
 
 
 def course_of(seed: int = 5) -> Course:
-    """Return flights at 62.6 m/s and back at 13, with spin, a slope and drag."""
+    """Return flights at about 62.6 m/s in and 13 m/s out, with spin, slope and drag."""
     draws = Streams(seed)
     contact = 0.0123 + 1e-4 * draws.normal("contact", SHOTS)
     passage = Passage(
@@ -53,7 +53,7 @@ def course_of(seed: int = 5) -> Course:
 
 
 def bat_of(course: Course) -> FilmedBat:
-    """Return a bat that stands where the ball's surface is at contact, and recoils."""
+    """Return a bat whose surface is at the ball's surface at contact, and which recoils."""
     stations = np.linspace(-0.1, 0.75, 60)
     return FilmedBat(
         pivot=(0.0695, -0.6),

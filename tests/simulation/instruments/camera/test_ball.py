@@ -16,14 +16,15 @@ Array = NDArray[np.float64]
 PLAIN = BallLook(albedo=0.9, seam_contrast=0.0)
 STITCHED = BallLook(albedo=0.9, seam_contrast=0.6)
 MOTIONS = ((0.0, 0.0), (6.0, 1.0), (-20.0, 9.0))
-CONTRAST = 8e-4  # worst error allowed, of the step from ball to background
+CONTRAST = 8e-4  # largest error, as a share of the contrast of ball and background
 
 
 def folded_spectrum(centre: Array, motion: Array, radius: float, sigma: float, size: int) -> Array:
-    """Return the exact blurred disc at pixel centres: jinc, Gaussian, two sincs, a third.
+    """Return the exact blurred disc at pixel centres, shape (size, size).
 
-    The picture repeats after some pixels, so its spectrum is a sum of lines; six orders
-    beyond the pixels' own frequency are folded in.
+    The spectrum is a jinc times a Gaussian, the two sincs of a pixel and the sinc of the motion.
+    The picture is periodic, so its spectrum is a sum of lines; it is summed up to three times the
+    sampling frequency.
     """
     period = 128 if size < 110 else 256
     lines = np.arange(-3 * period, 3 * period) / period
@@ -49,7 +50,7 @@ def folded_spectrum(centre: Array, motion: Array, radius: float, sigma: float, s
 def test_a_plain_ball_has_the_exact_spectrum(
     radius: float, sigma: float, motion: tuple[float, float]
 ) -> None:
-    """Every pixel, edge and blur, at a centre anywhere between pixels."""
+    """Every pixel, at any blur and motion, with the centre between pixels."""
     size = 2 * int(radius) + 48
     centre, way = np.array([size / 2 + 0.31, size / 2 - 0.17]), np.array(motion)
     path = [[centre - way / 2, centre + way / 2]]
@@ -60,7 +61,7 @@ def test_a_plain_ball_has_the_exact_spectrum(
 
 
 def test_the_centre_is_true_at_every_phase() -> None:
-    """The centre of mass of the cover over 16 x 16 phases, to 0.001 px; area to 1e-4."""
+    """The centroid of the cover is right to 0.001 px at 16 x 16 phases; the area to 1e-4."""
     steps = np.arange(16) / 16
     centres = 30 + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 1, 2)
     corners = np.zeros((len(centres), 2))
@@ -76,9 +77,9 @@ def test_the_centre_is_true_at_every_phase() -> None:
 def raster(
     body: Array, centre: Array, motion: Array, radius: float, sigma: float, light: Light, size: int
 ) -> Array:
-    """Return the radiance of a ball summed over 24 x 24 samples a pixel, blurred by its spectrum.
+    """Return the radiance of a ball from 24 x 24 samples per pixel, blurred in its spectrum.
 
-    The albedo is the one that is painted on; the picture of it is made here.
+    The albedo is the tested one; the picture is computed here.
     """
     fine = 24
     place = (np.arange(size * fine) + 0.5) / fine - 0.5
@@ -91,12 +92,12 @@ def raster(
     painted = np.array([_albedo(*axes, look) for axes in normal @ body.T])
     picture = np.zeros(inside.shape)
     picture[inside] = painted * (light.ambient + (1 - light.ambient) * lit)
-    # the samples' own square is left of the pixel's by the others
+    # blur by the square of a pixel, which includes that of a sample
     f = np.fft.fftfreq(size * fine, 1 / fine)
     fx, fy = np.meshgrid(f, f)
     blur = np.exp(-2 * np.pi**2 * sigma**2 * (fx**2 + fy**2)) * np.sinc(fx) * np.sinc(fy)
     blur = blur * np.sinc(fx * motion[0] + fy * motion[1])
-    # pixel centres lie half a sample before one
+    # shift of half a sample, from a sample to the pixel centre
     shift = np.exp(-1j * np.pi * (fx + fy) / fine)
     image = np.fft.ifft2(np.fft.fft2(picture) * blur * shift).real
     return np.asarray(image[fine // 2 :: fine, fine // 2 :: fine])
@@ -108,7 +109,7 @@ HARD = Light(ambient=0.1, toward=(0.6, 0.0, -0.8))
 
 @pytest.mark.parametrize("light", [SOFT, HARD])
 def test_a_stitched_ball_is_what_its_samples_sum_up_to(light: Light) -> None:
-    """Seams and shade are anti-aliased: none is looked up, none shifts; worst pixel 2e-3."""
+    """Seams and shading are anti-aliased and not displaced; the worst pixel is off by 2e-3."""
     centre, motion, size = np.array([20.3, 19.6]), np.array([3.0, -1.0]), 40
     for seed in range(2):
         body = axes_of(2 * Streams(seed).normal("axes", 3))
@@ -127,11 +128,11 @@ def test_a_stitched_ball_is_what_its_samples_sum_up_to(light: Light) -> None:
         off = seen.radiance[0] - exact
         assert np.abs(off).max() < 2e-3
         assert np.sqrt((off**2).mean()) < 3e-4
-        assert exact[12:28, 12:28].std() > 0.02  # there is something to see
+        assert exact[12:28, 12:28].std() > 0.02  # contrast of the seams
 
 
 def test_a_contact_within_the_exposure_is_two_legs() -> None:
-    """In for 0.3 of the exposure and back for the rest: the mean of both, by their shares."""
+    """The picture is the mean of both legs, weighted by their exposures, 0.3 and 0.7."""
     legs = np.array([[20.0, 25.0], [27.0, 26.0], [24.0, 24.0]])
     common = {"sigma": 0.6, "look": PLAIN}
     both = render_balls([legs], 12.0, [[0, 0]], (50, 50), times=[[0, 0.3, 1]], **common)
@@ -141,7 +142,7 @@ def test_a_contact_within_the_exposure_is_two_legs() -> None:
 
 
 def test_a_ball_that_turns_is_the_mean_of_how_it_stood() -> None:
-    """A fifth of a turn a frame, beside the mean of 64 balls that stand still."""
+    """A fifth of a turn per frame against the mean of 64 balls at rest."""
     turn = np.array([0.2, -1.1, 0.4])
     body = axes_of([0.3, 0.5, -0.2])
     args = ([[[25.0, 25.0]]], 18.0, [[0, 0]], (50, 50))
@@ -158,7 +159,7 @@ def test_a_ball_that_turns_is_the_mean_of_how_it_stood() -> None:
 
 
 def test_regions_are_windows_on_one_frame() -> None:
-    """A ball half out of its region is the same ball, cut off."""
+    """A ball half outside its region is the same ball, clipped."""
     path = [[[31.2, 40.7], [33.0, 40.0]]]
     common = {"sigma": 0.6, "look": STITCHED}
     whole = render_balls(path, 15.0, [[0, 0]], (80, 80), **common)
@@ -167,7 +168,7 @@ def test_regions_are_windows_on_one_frame() -> None:
 
 
 def test_an_outline_may_be_an_ellipse() -> None:
-    """A disc drawn out along a slant: area and second moments of an ellipse, blur taken off."""
+    """A disc is sheared: area and second moments, less the blur, are those of an ellipse."""
     warp = np.zeros((1, 2, 5))
     warp[0, :, :2] = [[20.0, 3.0], [-1.0, 16.0]]
     seen = render_balls([[[40.0, 40.0]]], 1.0, [[0, 0]], (81, 81), sigma=0.6, look=PLAIN, warp=warp)
@@ -186,6 +187,6 @@ def test_an_outline_may_be_an_ellipse() -> None:
 
 
 def test_a_sharper_lens_than_can_be_rendered_is_refused() -> None:
-    """Half a pixel is the least: below, the grid would show."""
+    """The smallest blur is half a pixel; below it, the sampling grid would be visible."""
     with pytest.raises(ValueError, match=r"0\.5 to 3"):
         render_balls([[[5.0, 5.0]]], 3.0, [[0, 0]], (10, 10), sigma=0.3, look=PLAIN)

@@ -1,4 +1,4 @@
-"""A camera over a flight: what it writes of it, on each rung, against where the ball really was."""
+"""The camera's record of a flight, in each detail, against the true position of the ball."""
 
 from dataclasses import replace
 from itertools import islice
@@ -49,7 +49,7 @@ def camera(spec: CameraSpec = SPEC) -> Camera:
 
 
 def test_windows_show_the_ball_where_it_was() -> None:
-    """The middle of what hides the background, by first moments, lies where the outline does."""
+    """The centroid of the hidden background lies at the true outline."""
     clip, truth = camera(SPEC.ideal()).watch(course(2), Streams(2), "clip", np.arange(2))
     assert isinstance(clip, ClipRecord)
     assert clip.pixels is not None
@@ -83,7 +83,7 @@ def test_frames_come_at_the_cameras_rate_and_the_ball_at_its_speed() -> None:
     before = (time < CONTACT).sum(axis=1)
     for shot, many in enumerate(before):
         speed = np.diff(place[shot, :many]) / np.diff(time[shot, :many])
-        assert speed == pytest.approx(SPEED_IN, rel=0.01)  # drag: .7 % a metre
+        assert speed == pytest.approx(SPEED_IN, rel=0.01)  # drag: 0.7 % per metre
         assert (np.diff(speed) < 0).all()
 
 
@@ -122,7 +122,7 @@ def test_a_film_keeps_every_frame_and_its_time(tmp_path: Path) -> None:
 
 
 def test_a_preview_plays_every_frame_slowly(tmp_path: Path) -> None:
-    """Frames at 25 a second, the square root of their grey values: bright parts near 255."""
+    """25 frames per second of the root of the grey values; the brightest are near 255."""
     ramp = np.linspace(0, 1000, 32)[None] * np.ones((20, 1))
     write_preview(tmp_path / "film.webp", [ramp * (k + 1) / 5 for k in range(5)], 4095)
     good, shown = cv2.imreadanimation(str(tmp_path / "film.webp"))

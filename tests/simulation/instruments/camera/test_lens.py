@@ -1,4 +1,4 @@
-"""The true lens against OpenCV's own projection and against closed forms of a sphere's outline."""
+"""The true lens against OpenCV's projection and against closed forms of a sphere's outline."""
 
 import cv2
 import numpy as np
@@ -24,7 +24,7 @@ PLAIN = BallLook(albedo=1.0, seam_contrast=0.0)
 
 
 def test_projection_is_opencvs() -> None:
-    """The same pose and distortion in `cv2.projectPoints`: 1e-9 px."""
+    """`cv2.projectPoints` with the same pose and distortion agrees to 1e-9 px."""
     lens = Camera.commission(SPEC, Streams(1), "lens").lens
     points = Streams(2).uniform("points", (50, 3)) * [0.8, 0.5, 0.2]
     turn = cv2.Rodrigues(lens.rotation)[0]
@@ -36,7 +36,7 @@ def test_projection_is_opencvs() -> None:
 
 
 def test_x_runs_right_and_y_up() -> None:
-    """Seen from above, the ball flies to the right and the bat's tip is at the top."""
+    """Seen from above, the ball flies to the right and the tip of the bat is at the top."""
     lens = Camera.commission(SPEC, Quiet(), "lens").lens
     origin, ahead, tip = lens.drawn(lens.to_camera([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]))
     assert ahead[0] - origin[0] > 50
@@ -45,7 +45,7 @@ def test_x_runs_right_and_y_up() -> None:
 
 @pytest.mark.parametrize("x", [0.0, 0.3, 0.6])
 def test_the_outline_of_a_sphere_off_the_axis(x: float) -> None:
-    """Tangents from the pinhole, at α ± asin(r/D): centre, and both half axes."""
+    """Centre and both half axes from the tangents of the pinhole, at α ± asin(r/D)."""
     radius, depth = 0.0365, 2.0
     far = np.hypot(x, depth)
     alpha, beta = np.arctan2(x, depth), np.arcsin(radius / far)
@@ -53,19 +53,19 @@ def test_the_outline_of_a_sphere_off_the_axis(x: float) -> None:
     outline = BARE.outlines([[x, 0.0, 0.0]], radius)
     assert outline.middle[0] == pytest.approx([640 + ends.mean(), 400], abs=1e-4)
     assert outline.centre[0] == pytest.approx([640 + 2000 * x / depth, 400], abs=1e-9)
-    # x/(1 - r²/Z²), as the project's notes have it
+    # centre of the outline: x/(1 - r²/Z²)
     off_centre = (ends.mean() - 2000 * x / depth) / max(2000 * x / depth, 1e-9)
     if x:
         assert off_centre == pytest.approx(radius**2 / depth**2, rel=1e-3)
     assert outline.warp[0, 0, 0] == pytest.approx((ends[1] - ends[0]) / 2, rel=1e-5)
-    # across, the least distance: f r / sqrt(Z² - r²)
+    # half axis across: f r / sqrt(Z² - r²)
     assert outline.warp[0, 1, 1] == pytest.approx(2000 * radius / np.sqrt(4 - radius**2), rel=1e-5)
 
 
 def test_a_rendered_sphere_lies_where_its_outline_is() -> None:
-    """Cover of a ball far off the axis of a bent lens: its rim traced point by point.
+    """The cover of a ball far off the axis of a distorted lens is that of its traced rim.
 
-    The area of the polygon through 720 projected tangent points, and its centroid.
+    The oracle is the area and centroid of the polygon through 720 projected tangent points.
     """
     lens = Camera.commission(SPEC, Streams(3), "lens").lens
     centre, radius = np.array([[0.22, 0.28, 0.01]]), 0.0365
@@ -77,7 +77,7 @@ def test_a_rendered_sphere_lies_where_its_outline_is() -> None:
     side /= np.linalg.norm(side)
     angle = np.arange(720)[:, None] * np.pi / 360
     rim = np.cos(angle) * side + np.sin(angle) * np.cross(axis, side)
-    # tangent points lie on a circle nearer than the centre
+    # tangent points: a circle nearer than the centre
     sine = radius / far
     points = place * (1 - sine**2) + radius * np.sqrt(1 - sine**2) * rim
     px, py = lens.drawn(points).T

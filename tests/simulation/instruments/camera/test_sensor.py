@@ -1,4 +1,4 @@
-"""The sensor against EMVA 1288's own equations and against Poisson's distribution."""
+"""The sensor against the equations of EMVA 1288 and the Poisson distribution."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ SPEC = SensorSpec(
 
 @pytest.mark.parametrize("level", [8.0, 24.0, 26.0, 400.0, 9000.0])
 def test_photon_transfer(level: float) -> None:
-    """EMVA 1288: variance K² (σ_d² + μ) + 1/12 of a pixel, mean K μ + black, over 60 frames."""
+    """Variance K² (σ_d² + μ) + 1/12 and mean K μ + black level, over 60 frames."""
     sensor = Sensor.commission(SPEC, Streams(4), "s")
     light = np.full((60, 40, 50), level, np.float32)
     corners = np.tile([[30, 20]], (60, 1))
@@ -44,7 +44,7 @@ def test_photon_transfer(level: float) -> None:
 
 
 def test_few_electrons_are_poisson() -> None:
-    """Without read noise and with a gain of 1 the grey values of dim pixels are counts."""
+    """Without read noise, the grey values of dim pixels are Poisson counts times the gain."""
     spec = SPEC.ideal()
     counting = Sensor.commission(spec, Quiet(), "s")
     for level in (0.5, 6.0, 20.0):
@@ -61,7 +61,7 @@ def test_few_electrons_are_poisson() -> None:
 
 
 def test_saturation_is_full_scale() -> None:
-    """Past full well or full scale a pixel shows the lesser of both, and never wraps."""
+    """A saturated pixel shows the smaller of full well and full scale, and never wraps."""
     sensor = Sensor.commission(SPEC, Quiet(), "s")
     light = np.full((1, 4, 4), 1e6, np.float32)
     assert np.all(sensor.expose(light, [[0, 0]], Streams(1), "x") == round(0.15 * 25_000 + 64))
@@ -72,7 +72,7 @@ def test_saturation_is_full_scale() -> None:
 
 
 def test_without_randomness_the_mean_is_left() -> None:
-    """Quiet draws: dim or bright, the expectation, to the grey value's half."""
+    """Dim or bright pixels show the expected value, to half a grey value."""
     sensor = Sensor.commission(SPEC, Quiet(), "s")
     light = np.linspace(0, 60, 50, dtype=np.float32).reshape(1, 5, 10)
     grey = sensor.expose(light, [[0, 0]], Quiet(), "x")
@@ -80,9 +80,9 @@ def test_without_randomness_the_mean_is_left() -> None:
 
 
 def test_a_mean_of_frames_is_one_of_many() -> None:
-    """32 frames taken one by one and their mean drawn at once: same mean, same scatter.
+    """The mean of 32 frames and a mean drawn at once have the same mean and scatter.
 
-    The mean of each pixel is its own, maps and all; four standard errors of 4000 pixels.
+    Each pixel has its own mean, by its maps. Bounds are four standard errors of 4000 pixels.
     """
     small = replace(SPEC, columns=80, rows=50)
     sensor = Sensor.commission(small, Streams(4), "s")
@@ -96,7 +96,7 @@ def test_a_mean_of_frames_is_one_of_many() -> None:
 
 
 def test_a_pixel_keeps_its_own_faults() -> None:
-    """Maps belong to the sensor: two regions over the same pixels show the same pattern."""
+    """The maps belong to the sensor: two regions show the same pattern on the same pixels."""
     sensor = Sensor.commission(SPEC, Streams(4), "s")
     light = np.full((1, 20, 20), 10_000, np.float32)
     one = sensor.expose(light, [[100, 50]], Quiet(), "x").astype(float)
@@ -106,9 +106,9 @@ def test_a_pixel_keeps_its_own_faults() -> None:
 
 
 def test_read_noise_is_in_the_mean_of_dark_frames() -> None:
-    """Four frames of 25 e of light: s = gain √((25 + 15²)/4), a hundred times what rounding adds.
+    """Four frames of 25 e: s = gain √((25 + 15²)/4), a hundred times the rounding.
 
-    16 000 pixels: s to 4/√32 000.
+    With 16 000 pixels, s is known to 4/√32 000.
     """
     spec = replace(SPEC, columns=160, rows=100, photo_response=0.0, dark_signal=0.0)
     sensor = Sensor.commission(spec, Streams(4), "s")

@@ -1,4 +1,4 @@
-"""Frames against the flights they show, in closed form, and sums against what pixels allow."""
+"""Frames against the closed form of the flights, and summed records against the Fisher bound."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ PLAIN = BallLook(albedo=0.85, seam_contrast=0.0)
 
 
 def test_frames_show_the_ball_where_the_flight_had_it() -> None:
-    """Gates' own closed forms: the time at which a ball passes where a frame saw it."""
+    """The oracle is the closed form of the gates: the time at which a ball passes a position."""
     course = course_of()
     camera = camera_of(spec_of("camera-overhead"), Streams(1))
     record, truth = camera.watch(course, QUIET, "c", np.arange(SHOTS), RecordDetail.SUMMED)
@@ -46,7 +46,7 @@ def test_frames_show_the_ball_where_the_flight_had_it() -> None:
 
 
 def test_the_centre_goes_on_and_comes_back_while_it_touches() -> None:
-    """At both ends of contact place and speed are those of the flights."""
+    """At both ends of contact, position and speed equal those of the flights."""
     course = course_of()
     shot, step = np.arange(3), 1e-8
     for end, speed in (
@@ -62,7 +62,7 @@ def test_the_centre_goes_on_and_comes_back_while_it_touches() -> None:
 
 
 def test_frames_that_get_lost_leave_a_gap_in_time() -> None:
-    """A fifth of 96 frames: they are not there, and the times of the others tell."""
+    """A fifth of 96 frames is missing, and the time stamps of the others show the gaps."""
     clock = replace(spec_of("camera-overhead").clock, drop_rate=0.2)
     camera = camera_of(spec_of("camera-overhead", clock=clock), Streams(2))
     record, truth = camera.watch(
@@ -79,9 +79,9 @@ def test_frames_that_get_lost_leave_a_gap_in_time() -> None:
 
 
 def test_sums_are_as_uncertain_as_pixels_allow() -> None:
-    """Fisher's information of a rendered ball with noise of its own, along and across a blur.
+    """Fisher information of x and y of a rendered ball, at known radius and blur, plus 10 %.
 
-    The bound on x and y, radius and blur known, times what a tracker adds.
+    The noise is that of each pixel, along and across the motion blur.
     """
     spec = replace(spec_of("camera-backlit"), ball=PLAIN)
     camera = camera_of(spec, QUIET)
@@ -111,7 +111,7 @@ def test_sums_are_as_uncertain_as_pixels_allow() -> None:
 
 
 def test_a_bat_stands_where_it_turned_to() -> None:
-    """Edges of the bar against its lines through the lens, to 0.01 px of width and place."""
+    """Width and position of the bar agree with its projected edges to 0.01 px."""
     spec = spec_of("camera-backlit").ideal()
     camera = camera_of(replace(spec, light=replace(spec.light, bat=0.0)), QUIET)
     bat = bat_of(course_of())
@@ -124,13 +124,13 @@ def test_a_bat_stands_where_it_turned_to() -> None:
         assert cover[row].sum() == pytest.approx(right - left, abs=0.01)
         middle = cover[row] @ np.arange(1280) / cover[row].sum()
         assert middle == pytest.approx((left + right) / 2, abs=0.01)
-    # 0.15 m beyond the place of contact the bat ends
+    # end of the bat: 0.15 m beyond the impact position
     tip = camera.lens.drawn(camera.lens.to_camera([0.0695 + 0.75 * np.sin(0.05), 0.15, 0.0]))
     assert np.flatnonzero(cover.sum(axis=1) > 1)[0] == pytest.approx(tip[1], abs=4)
 
 
 def test_the_same_seed_is_the_same_clip_and_another_is_not() -> None:
-    """Windows and background, to the bit; rounds are joined one after the other."""
+    """Windows and background have the same bits; joined records follow each other."""
     camera = camera_of(spec_of("camera-side-lit"), Streams(1))
     course = course_of()
     one, two, other = (
@@ -147,12 +147,12 @@ def test_the_same_seed_is_the_same_clip_and_another_is_not() -> None:
 
 
 def test_calibration_and_errors_speak_of_the_same() -> None:
-    """What is sealed lies within five of its u, and an ideal camera is what its sheet says."""
+    """True constants lie within 5 u of the certificate; an ideal camera has those of its sheet."""
     spec = spec_of("camera-overhead")
     camera = camera_of(spec, Streams(9))
     known = camera.calibration()
     for key, value in camera.errors().items():
-        # the true place turns with the tilt, 2 m off
+        # tolerance: the true position also turns with the tilt, 2 m away
         reach = 5 * known[key].u + 5e-3 * key.startswith("translation")
         assert abs(value - known[key].value) <= reach, key
     ideal = camera_of(spec.ideal(), QUIET)
