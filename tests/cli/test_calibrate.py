@@ -1,4 +1,4 @@
-"""`virtual-lab board` and `virtual-lab calibrate`: pictures, file, drawing, errors of one line."""
+"""`virtual-lab board` and `virtual-lab calibrate`: pictures, files, the drawing, and messages."""
 
 import json
 from pathlib import Path

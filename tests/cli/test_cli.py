@@ -1,4 +1,4 @@
-"""The command line as a user meets it: exit codes, one-line errors, JSON, nothing half-written."""
+"""The command line: exit codes, messages of one line, JSON, and no partial output."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Run:
-    """Run the program in an empty folder; return exit code, stdout and stderr."""
+    """Return a function that runs the program in an empty folder: exit code, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
 
     def call(*words: str) -> tuple[int, str, str]:
@@ -39,7 +39,7 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp
 
 @pytest.fixture(scope="module")
 def piped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bytes, bytes]:
-    """Return the output folder of one test by a program of its own, its stdout and stderr."""
+    """Return the output folder of one test in a separate process, its stdout and stderr."""
     folder = tmp_path_factory.mktemp("cli") / "r161"
     words = ["certify", "r161", "--seed", "7041776", "--out", str(folder), "--json"]
     command = [sys.executable, "-m", "virtual_lab", *words]
@@ -49,12 +49,12 @@ def piped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bytes, bytes]
 
 @pytest.fixture(scope="module")
 def tested(piped: tuple[Path, bytes, bytes]) -> Path:
-    """Return the output folder of one test, as the program leaves it."""
+    """Return the output folder of one test."""
     return piped[0]
 
 
 def test_certify_writes_all_it_promises(tested: Path) -> None:
-    """The issue's list of files, and the keys other programs rely on."""
+    """The folder has the promised files, and the certificate the keys on which programs rely."""
     found = {str(path.relative_to(tested)) for path in tested.rglob("*") if path.is_file()}
     assert {"certificate.html", "certificate.json", "readings.csv"} <= found
     assert {"records/session.json", "records/impact/encoder.csv", "truth/truth.json"} <= found
@@ -76,7 +76,7 @@ def test_certify_writes_all_it_promises(tested: Path) -> None:
 def test_reduce_gives_the_same_numbers_from_the_records_alone(
     tested: Path, tmp_path: Path, run: Run
 ) -> None:
-    """Bit for bit, in a folder that never saw the truth."""
+    """The numbers are the same bit for bit, in a folder without the truth."""
     shutil.copytree(tested / "records", tmp_path / "theirs")
     code, out, _ = run("reduce", "theirs", "--json")
     certificate = json.loads((tested / "certificate.json").read_text())
@@ -86,7 +86,7 @@ def test_reduce_gives_the_same_numbers_from_the_records_alone(
 
 
 def test_the_truth_on_disk_changes_only_the_score(tested: Path, tmp_path: Path, run: Run) -> None:
-    """Another truth: the same reduction, a broken seal; no truth: `score` alone fails."""
+    """Another truth gives the same reduction and a broken seal; without one, only `score` fails."""
     shutil.copytree(tested, tmp_path / "copy")
     before = run("reduce", "copy/records", "--json")
     truth = tmp_path / "copy" / "truth" / "truth.json"
@@ -110,7 +110,7 @@ def test_the_truth_on_disk_changes_only_the_score(tested: Path, tmp_path: Path, 
 
 
 def test_what_was_altered_is_named(tested: Path, tmp_path: Path, run: Run) -> None:
-    """A better value and a record cut short; the rows come all the same."""
+    """A lower value and a truncated record are named, and the table is still printed."""
     shutil.copytree(tested, tmp_path / "copy")
     path = tmp_path / "copy" / "certificate.json"
     document = json.loads(path.read_text())
@@ -137,7 +137,7 @@ def test_what_was_altered_is_named(tested: Path, tmp_path: Path, run: Run) -> No
 def test_show_refuses_a_certificate_that_contradicts_itself(
     tested: Path, tmp_path: Path, run: Run
 ) -> None:
-    """A metric nobody knows was a traceback, a PASS above its limit was printed."""
+    """An unknown metric and a PASS above the limit give one line and exit code 2."""
     document = json.loads((tested / "certificate.json").read_text())
     assert run("show", str(tested / "certificate.json"))[0] == 0
     for key, value, words in (
@@ -161,13 +161,13 @@ def test_a_seed_of_the_operators_is_said_everywhere(tested: Path, run: Run) -> N
 
 
 def test_a_drawn_seed_stands_with_the_truth_alone(run: Run, tmp_path: Path) -> None:
-    """Of 128 bits, in no byte of any other file, no name and nothing printed."""
+    """The seed of 128 bits is in no other file, in no file name and in no message."""
     code, out, err = run("certify", "r161")
     assert code == 0
     assert "sealed: random seed of 128 bits, stored only with the truth" in out.splitlines()[-3]
     truth = json.loads((tmp_path / "out" / "r161-astm-f1881" / "truth" / "truth.json").read_text())
     seed, salt = truth["seed"], bytes.fromhex(truth["salt"])
-    assert 2**96 < seed < 2**128  # less by chance once in 4e9
+    assert 2**96 < seed < 2**128  # lower bound: missed by chance once in 4e9
     number, digits = seed.to_bytes(16, "big"), str(seed).encode()
     tells = [digits, number, number[::-1], repr(float(seed))[:12].encode(), salt]
     tells += [
@@ -195,7 +195,7 @@ def test_score_speaks_in_units_and_standard_uncertainties(tested: Path, run: Run
 
 
 def test_no_record_and_no_certificate_tells_the_seed(tested: Path) -> None:
-    """The seed is 7041776; it and its hash without salt stand in the truth alone."""
+    """The seed 7041776 and its hash without salt are in no file outside the truth."""
     bare = hashlib.sha256(b"7041776").hexdigest()
     for path in tested.rglob("*"):
         if path.is_file() and path.parent.name != "truth":
@@ -206,7 +206,7 @@ def test_no_record_and_no_certificate_tells_the_seed(tested: Path) -> None:
 
 
 def test_ideal_says_the_truth(run: Run) -> None:
-    """1e-9 relative through the whole program, files and all; the same bytes each time."""
+    """Measured and true values agree within 1e-9, and both runs write the same bytes."""
     for name in ("ideal", "again"):
         assert run("certify", "ea70", "--ideal", "--out", name)[0] == 0
     assert (
@@ -233,7 +233,7 @@ def test_profile_has_the_promised_keys(run: Run) -> None:
     code, out, _ = run("profile", "r161", "--swing", "0.5", "--json")
     document = json.loads(out)
     assert code == 0
-    assert document["mass_oz"] == pytest.approx(31, rel=5e-3)  # Table I
+    assert document["mass_oz"] == pytest.approx(31, rel=5e-3)  # mass in Table I
     assert document["modal_frequencies_hz"][:2] == pytest.approx([164, 551], rel=5e-3)
     assert document["barrel_nodes_in"] == pytest.approx([6.8, 5.2], abs=0.1)
     lengths = {len(document[key]) for key in ("z_in", "e", "r", "e_A", "v_bat_mph", "v_f_mph")}
@@ -301,7 +301,7 @@ def test_stability_prints_its_maps_and_writes_its_folder(
 
 @pytest.mark.parametrize("kind", [None, "bats", "balls", "procedures", "instruments", "rigs"])
 def test_list_and_show(kind: str | None, run: Run) -> None:
-    """Everything listed can be shown, every number with unit and source (rigs of others aside)."""
+    """Every listed sheet can be shown, and each of its numbers has a unit and a source."""
     rows = json.loads(run("list", *([kind] if kind else []), "--json")[1])
     assert rows
     for row in rows:
@@ -381,7 +381,7 @@ def test_a_fitted_bat_can_be_profiled(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_laboratorys_mornings(run: Run, tmp_path: Path) -> None:
-    """The table, the picture's path, and the next free folder where none is named."""
+    """The command prints its table and its folder; by default it takes the next free folder."""
     short = ("daily", "--days", "12", "--baseline", "6", "--hits", "4")
     code, out, err = run(*short, "--rule", "1")
     assert (code, [line for line in err.splitlines() if not line.startswith("…")]) == (0, [])
@@ -452,7 +452,7 @@ def test_a_folder_in_use_is_left_alone(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_place_that_cannot_be_written(run: Run, tmp_path: Path) -> None:
-    """A file stands where the folder should: true for root too, whom no mode bit stops."""
+    """The target is a file, or below one, which stops root, too."""
     (tmp_path / "file").write_text("")
     for target in ("file", "file/inside"):
         code, _, err = run("certify", "r161", "--out", target)
@@ -479,7 +479,7 @@ def test_version_help_and_completion(run: Run) -> None:
 
 
 def test_the_rig_is_a_choice_and_is_completed(run: Run) -> None:
-    """Rigs that fire at bats, no bench and no wall; the certificate names the one taken."""
+    """The choices are rigs that fire at bats; the certificate names the chosen one."""
     command = cli.commands["certify"]
     rig = next(option for option in command.params if option.name == "rig")
     context = click.Context(command)
@@ -491,7 +491,7 @@ def test_the_rig_is_a_choice_and_is_completed(run: Run) -> None:
 
 
 def test_what_is_stated_about_a_test_is_on_its_page(run: Run, tmp_path: Path) -> None:
-    """Each option in the line of its own, on the paper asked for; a reduction's page likewise."""
+    """Each option fills its line of the certificate, as does its reduction, on the chosen paper."""
     stated = {
         "--customer": ("Customer", "Hilltop Bats"),
         "--bat-serial": ("Serial number of the bat", "SN 4711"),
@@ -515,7 +515,7 @@ def test_what_is_stated_about_a_test_is_on_its_page(run: Run, tmp_path: Path) ->
 def test_a_reader_that_has_had_enough_is_no_fault(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """``virtual-lab list | head -1``: the pipe closes while we write."""
+    """In ``virtual-lab list | head -1``, the pipe closes while the program writes."""
 
     def closed(*_: object, **__: object) -> None:
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
@@ -525,14 +525,14 @@ def test_a_reader_that_has_had_enough_is_no_fault(
 
 
 def test_progress_in_a_pipe_is_not_in_the_way_of_json(piped: tuple[Path, bytes, bytes]) -> None:
-    """Nothing else is on stderr, and that only where kernels were compiled for ten seconds."""
+    """Only progress is on stderr, and only if kernels are compiled for ten seconds."""
     _, stdout, stderr = piped
     assert all(line.startswith("… ") for line in stderr.decode().splitlines())
     assert json.loads(stdout)["verdict"] == "PASS"
 
 
 def test_faults_of_a_day(run: Run, tmp_path: Path) -> None:
-    """Two at once: flagged on the certificate, named in the truth alone."""
+    """Two faults at once raise their flags on the certificate; only the truth names them."""
     words = ["--fault", "aim-across", "--fault", "gate-misses", "--out", "out", "--json"]
     code, out, _ = run("certify", "r161", "--seed", "12", *words)
     assert code == 0
@@ -585,7 +585,7 @@ def test_critique_prints_its_tables_and_writes_its_folder(run: Run, tmp_path: Pa
 def test_a_missing_extra_is_installed_from_a_clone(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In a sentence; on a public index the program's name is that of another project."""
+    """The message tells how to install it from a clone, because the index has another project."""
     import importlib.util
     from importlib.metadata import distribution
 

@@ -1,4 +1,4 @@
-"""Commands come from signatures: their options, help, settings in a file, and examples."""
+"""Commands made from signatures: options, help, settings in a file, and examples."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ LOADED = """if True:
 
 
 def commands_of(group: click.Group, above: str = "") -> Iterator[tuple[str, FunctionCommand]]:
-    """Yield every command that is made from a function, with its words."""
+    """Yield the words of every command that is made from a function, and the command."""
     for name, each in group.commands.items():
         if isinstance(each, click.Group):
             yield from commands_of(each, f"{above}{name} ")
@@ -52,7 +52,7 @@ COMMANDS = dict(commands_of(cli))
 
 
 def given(words: str) -> dict[str, Any]:
-    """Return the values of a command's parameters, read from its words; nothing runs."""
+    """Return the values of a command's parameters, as parsed from a line; nothing runs."""
     context: click.Context = click.Context(cli)
     command: click.Command = cli
     rest = shlex.split(words)
@@ -65,7 +65,7 @@ def given(words: str) -> dict[str, Any]:
 
 
 def test_help_and_docstrings_load_no_numpy() -> None:
-    """Of every command and public function; a study takes a second and more to load."""
+    """Help and docstrings of all commands and functions stay quick: a study loads for a second."""
     done = subprocess.run(
         [sys.executable, "-c", LOADED], check=True, capture_output=True, text=True
     )
@@ -74,7 +74,7 @@ def test_help_and_docstrings_load_no_numpy() -> None:
 
 @pytest.mark.parametrize("name", sorted(filter(str.islower, api.PLACES)))
 def test_a_signature_read_from_the_source_is_that_of_the_function(name: str) -> None:
-    """Names, order, kinds and literal defaults, as Python itself has them."""
+    """Names, order, kinds and literal defaults agree with those of Python's `inspect`."""
     module, there = api.PLACES[name]
     real = inspect.signature(getattr(import_module(module), there)).parameters
     read = getattr(api, name).__signature__.parameters
@@ -90,7 +90,7 @@ def test_a_signature_read_from_the_source_is_that_of_the_function(name: str) -> 
 
 
 def test_every_parameter_of_a_command_is_an_option_with_words() -> None:
-    """Of the same name, in the singular if it may be given several times."""
+    """The option has the parameter's name, in the singular if it may be given several times."""
     for words, command in COMMANDS.items():
         options = {str(each.name): each for each in command.params}
         assert command.parameters.keys() <= options.keys(), words
@@ -104,14 +104,14 @@ def test_every_parameter_of_a_command_is_an_option_with_words() -> None:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_example_of_a_command_can_be_given(name: str) -> None:
-    """Its options exist and their values are allowed."""
+    """The options of the example exist, and their values are allowed."""
     example = COMMANDS[name].example
     assert example.startswith(name if name != "rehearse" else "rehearse")
     assert given(example)
 
 
 def test_settings_in_a_file_are_options(run: Run, tmp_path: Path) -> None:  # noqa: F811
-    """By the names of Python; what stands on the command line comes before them."""
+    """Settings have the names of Python's parameters; options on the command line replace them."""
     (tmp_path / "s.toml").write_text(
         'bat = "ea70"\nprocedure = "bbcor"\nseed = 7\nfilm = true\nfaults = ["aim-along"]\n'
         'reality = "ideal"\npdf = true\n'
@@ -167,7 +167,7 @@ def test_an_instrument_in_a_file(run: Run, tmp_path: Path) -> None:  # noqa: F81
 
 
 def test_the_command_of_another_package(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
-    """In the help, and with all that a study has; an entry point makes it."""
+    """An entry point adds a command, which is in the help and has the options of a study."""
     group = "virtual_lab.commands"
     asked = {"group": group}
     points = tomllib.loads(PACKAGE.read_text())["project"]["entry-points"][group]
@@ -199,7 +199,7 @@ def test_a_result_folder_keeps_the_settings_that_repeat_it(
     run: Run,  # noqa: F811
     tmp_path: Path,
 ) -> None:
-    """Those that were given, but no seed that is sealed; the list of files holds them, too."""
+    """The file has the given settings except the seed, and is in the list of sealed files."""
     words = ("--seed", "7", "--reality", "real", "--fault", "aim-along", "--paper", "letter")
     assert run("certify", "ea70", *words, "--out", "first")[0] == 0
     kept = tmp_path / "first" / "settings.toml"

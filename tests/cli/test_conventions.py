@@ -1,4 +1,4 @@
-"""What all commands have in common: sections of the help, folders, files, progress."""
+"""Conventions of all commands: sections of the help, folders, files, progress."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_the_help_lists_every_command_under_what_it_is_for(run: Run) -> None:  #
 
 @pytest.mark.parametrize("name", sorted(cli.commands))
 def test_every_command_shares_the_conventions(name: str) -> None:
-    """JSON for all but the shell's, a folder for what has a picture, one name for a seed."""
+    """Commands have `--json`, `--seed`, `--out` if they draw a picture, and help on options."""
     command = cli.commands[name]
     below = command.commands.values() if isinstance(command, click.Group) else [command]
     for each in below:
@@ -111,7 +111,7 @@ class Terminal(io.StringIO):
 
 
 def test_progress_has_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A line over and over on a terminal, wiped at the end; lines in a pipe; nothing in a hurry."""
+    """Progress rewrites a line on a terminal, prints lines into a pipe, and is silent at first."""
     for name in ("PATIENCE", "TERMINAL_STEP", "PIPE_STEP"):
         monkeypatch.setattr(module, name, 0.02)
     found = {}

@@ -1,4 +1,4 @@
-"""Every option of the commands for a test and its report changes what it names."""
+"""Every option of the commands for a test and its report changes the setting that it names."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ Effect = Callable[[Any], object]
 
 
 class Reached(Exception):  # noqa: N818 no error: the work itself is not done
-    """The work that a command was about to begin, and with what."""
+    """Signal that a command is about to begin its work, with the arguments of that work."""
 
     def __init__(self, **found: Any) -> None:
         self.found = SimpleNamespace(**found)
 
 
 def reached(*words: str) -> Any:
-    """Return with what a command begins its work."""
+    """Return the arguments with which a command begins its work."""
     with pytest.raises(Reached) as caught:
         cli.main([*words], standalone_mode=False)
     return caught.value.found
@@ -58,7 +58,7 @@ def stated(setup: lab.TestSetup, key: str) -> object:
     return value
 
 
-# parameter: words, its value without them, its value with them, and where the test has it
+# parameter: words, value without them, value with them, and a function that finds the value
 CERTIFY: dict[str, tuple[str, object, object, Effect]] = {
     "procedure": ("--procedure bbcor", "astm-f1881", "bbcor", lambda s: s.rules.spec.name),
     "rig": (
@@ -149,7 +149,7 @@ SAVED: dict[str, tuple[str, object, object, Effect]] = {
 
 @pytest.fixture
 def begun(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """Stop `certify` where the test begins; an earlier result lies in the folder ``old``."""
+    """Stop `certify` where the test begins. The folder ``old`` holds an earlier result."""
     monkeypatch.chdir(tmp_path)
     tested = certified()
     Certificate(certification=tested.certification).save(tmp_path / "old")
@@ -187,7 +187,7 @@ def test_each_option_of_certify_reaches_the_test(begun: Path) -> None:
 def test_each_option_of_saving_reaches_the_certificate(
     command: str, begun: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And those of `reduce` its function."""
+    """The other options of `reduce` reach its function."""
     test = Certificate(certification=certified().certification)
 
     def save(self: Certificate, *_: Any) -> None:
@@ -250,7 +250,7 @@ COVERAGE: dict[str, tuple[str, object, object, Effect]] = {
 
 
 def test_each_option_of_coverage_reaches_the_study(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`--summed --individual` has made bats, `--summed` alone the nominal one."""
+    """With `--individual`, summed records have made bats; `--summed` alone has the nominal bat."""
 
     def study(*given: Any) -> None:
         raise Reached(given=given)

@@ -1,4 +1,4 @@
-"""`virtual-lab track` on a clip of a known ball: files, JSON, errors of one line."""
+"""`virtual-lab track` on a clip of a known ball: files, JSON, and messages of one line."""
 
 import csv
 import json
@@ -78,7 +78,7 @@ def test_everything_a_user_gets(folder: Path) -> None:
 
 
 def test_options_go_before_the_calibration_file(folder: Path, tmp_path: Path) -> None:
-    """In the speeds of a hit, too: scale, its u, the frame rate, the exposure."""
+    """Scale with its u, frame rate and exposure in options replace the file's, also for a hit."""
     words = "frames_per_second = 5000\nexposure_s = 1e-4\nlens_blur_px = 0.7\n"
     (folder / "other.toml").write_text(words)
     options = ["--scale", "100,50:200,50=20cm±2mm", "--fps", "2500", "--exposure", "20us"]
@@ -97,7 +97,7 @@ def test_options_go_before_the_calibration_file(folder: Path, tmp_path: Path) ->
     assert found["speed_in_mps"]["u"] == pytest.approx(u * pixels * 5, rel=0.05)
     assert found["exposure_s"] == pytest.approx(2e-5)
     assert (tmp_path / "sheet.png").exists()
-    assert not (tmp_path / "track.webp").exists()  # nobody asked for a film
+    assert not (tmp_path / "track.webp").exists()  # film, which was not requested
 
 
 def test_the_balls_u_is_in_the_speeds_of_a_hit(folder: Path) -> None:
@@ -109,7 +109,7 @@ def test_the_balls_u_is_in_the_speeds_of_a_hit(folder: Path) -> None:
         assert found["speed_in_mps"]["u"] > share * found["speed_in_mps"]["value"]
 
 
-# a baseball by its circumference and mass, and its drag in air with C_d .45: k = ρ C_d A / 2m
+# baseball: diameter from its circumference, and drag with C_d 0.45, k = ρ C_d A / 2m
 BASEBALL = 9.125 * 0.0254 / np.pi
 DRAG = 1.2 * 0.45 * np.pi * BASEBALL**2 / 4 / (2 * 5.125 * 0.028349523)
 
@@ -172,7 +172,7 @@ def test_bad_input_leaves_nothing_behind(folder: Path, arguments: list[str], wor
 
 
 def test_two_balls_are_said(folder: Path) -> None:
-    """Alike and at the same time: a clip was read, so there is a result, and it says so."""
+    """Two equal balls at the same time still give a result, with a flag."""
     other = replace(FILM, contact=(240.0, 30.0), noise=0.0, velocity_in=(9.3, -1.0))
     both = [np.maximum(a, b) for a, b in zip(FILM.frames(), other.frames(), strict=True)]
     np.save(folder / "two.npy", np.stack(both))
@@ -184,7 +184,7 @@ def test_two_balls_are_said(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def thrown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, dict[str, Any]]:
-    """Return a clip of a phone, the folder of its track, and the document."""
+    """Return a phone's clip, the folder of its track, and the track's document."""
     at = tmp_path_factory.mktemp("thrown")
     scene = replace(SCENES["thrown-on-wall"], count=52, size=(320, 240))
     clip, out = film(scene, at).path, at / "found"
@@ -195,7 +195,7 @@ def thrown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, dict[s
 
 
 def test_a_phones_clip(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
-    """Flights, contacts and flags are there; the sheet is small enough to look at."""
+    """Flights, contacts and flags are complete, and the sheet has at most 4 megapixels."""
     _, out, told = thrown
     assert told["motion"] == "flights"
     assert [set(each) for each in told["contacts"]] == [{"time_s", "frame", "kind", "restitution"}]
@@ -215,7 +215,7 @@ def test_a_phones_clip(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
 
 
 def test_a_phone_leaves_out_what_holds_for_all(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
-    """Readout, rate and the ball's u are not spoken of; the figures are the same."""
+    """With `phone`, no flag concerns readout, rate or the ball's u; results are the same."""
     clip, _, told = thrown
     found = vl.track(clip, ball="80mm", frames="16:51", phone=True).document
     assert found["flags"] == []
@@ -225,7 +225,7 @@ def test_a_phone_leaves_out_what_holds_for_all(thrown: tuple[Path, Path, dict[st
 
 
 def test_a_track_comes_back_corrected(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
-    """As it went out it gives the same; a row that is moved by hand moves the result."""
+    """An unchanged table gives the same result; rows changed by hand change it."""
     clip, out, told = thrown
     rows = pd.read_csv(out / "track.csv")
 
@@ -248,7 +248,7 @@ def test_a_track_comes_back_corrected(thrown: tuple[Path, Path, dict[str, Any]])
 def test_flights_at_the_same_time_are_refused(
     thrown: tuple[Path, Path, dict[str, Any]], tmp_path: Path
 ) -> None:
-    """Every other place said to be of a second flight: a mistake of whoever corrects a track."""
+    """Alternate positions are assigned to two flights, as in a faulty correction."""
     clip, out, _ = thrown
     rows = pd.read_csv(out / "track.csv")
     rows["flight"] = np.resize(["a", "b"], len(rows))
@@ -284,7 +284,7 @@ def test_words_of_another_form(folder: Path, words: list[str], told: str) -> Non
 
 
 def test_python_gives_tables(folder: Path) -> None:
-    """Of a clip without a calibration file, too, with what was assumed of it."""
+    """Without a calibration file, tables are returned, too, and the text states the assumptions."""
     found = vl.track(folder / "clip.mp4", ball="2.8 cm", global_shutter=True)
     assert found.motion == "flights"
     assert len(found.flights) == 2

@@ -1,7 +1,7 @@
-"""What a clumsy user and an attacker hand in: one line that names the mend, and nothing written.
+"""Careless and hostile input gives one line that names the remedy, and writes nothing.
 
-A case is what lies in the folder, the command, and words that the line must hold: which file, which
-key, what is allowed.
+A case has a function that fills the folder, the command, and words that the line must contain:
+which file, which key, which values are allowed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tests.records.digests import channel_digest
 from virtual_lab.records.session import save_session
 from virtual_lab.studies.foreign import our_own
 
-Setup = Callable[[Path, Path], object]  # the folder to fill, a whole session to copy from
+Setup = Callable[[Path, Path], object]  # folder to fill, valid session to copy
 Case = tuple[Setup, str, list[str]]
 
 FORM = ROOT / "tests" / "foreign_laboratory" / "records"
@@ -54,7 +54,7 @@ def file(name: str, data: str | bytes) -> Setup:
 
 
 def changed(name: str, text: str, *changes: tuple[str, str]) -> Setup:
-    """Write a file that would be good but for changes, by regular expression, each once."""
+    """Write a file with changes by regular expression, each made once; it is valid without them."""
     for old, new in changes:
         text, count = re.subn(old, lambda _, new=new: new, text, count=1)
         assert count == 1, old
@@ -66,7 +66,7 @@ def bat(*changes: tuple[str, str]) -> Setup:
 
 
 def added(to: str, table: str, **numbers: str) -> Setup:
-    """Write a bat with one table more; numbers as ``value unit``."""
+    """Write a bat with one more table; numbers as ``value unit``."""
     lines = [f"[{table}]"]
     for key, number in numbers.items():
         value, unit = number.split(maxsplit=1)
@@ -76,7 +76,7 @@ def added(to: str, table: str, **numbers: str) -> Setup:
 
 
 def session(change: Callable[[dict], object] | str | bytes) -> Setup:
-    """Copy a whole session and change, or replace, what its session.json says."""
+    """Copy a valid session, and change or replace its session.json."""
 
     def setup(at: Path, records: Path) -> None:
         shutil.copytree(records, at / "r")
@@ -96,7 +96,7 @@ def constant(key: str, **entry: object) -> Setup:
 
 
 def renamed(name: str) -> Setup:
-    """Give a channel another name."""
+    """Rename a channel of a valid session."""
 
     def change(document: dict) -> None:
         channels = document["channels"]["impact"]
@@ -106,7 +106,7 @@ def renamed(name: str) -> Setup:
 
 
 def record(name: str, change: Callable[[str], str | bytes]) -> Setup:
-    """Copy a whole session and change a record, its digest in session.json too."""
+    """Copy a valid session, and change a record with its digest in session.json."""
 
     def setup(at: Path, records: Path) -> None:
         stage, channel = name.split("/")
@@ -124,7 +124,7 @@ def record(name: str, change: Callable[[str], str | bytes]) -> Setup:
 
 
 def piped(name: str) -> Setup:
-    """Copy a whole session, one of whose files is a pipe that nobody writes to."""
+    """Copy a valid session in which one file is a pipe without a writer."""
 
     def setup(at: Path, records: Path) -> None:
         session(lambda _: None)(at, records)
@@ -135,7 +135,7 @@ def piped(name: str) -> Setup:
 
 
 def linked(name: str, to: str) -> Setup:
-    """Copy a whole session, one of whose files is a link to a copy outside."""
+    """Copy a valid session in which one file is a link to a copy outside."""
 
     def setup(at: Path, records: Path) -> None:
         session(lambda _: None)(at, records)
@@ -148,7 +148,7 @@ def linked(name: str, to: str) -> Setup:
 
 
 def form(*changes: tuple[str, str]) -> Setup:
-    """Copy another laboratory's folder and change its form."""
+    """Copy another laboratory's folder, and change its form."""
 
     def setup(at: Path, records: Path) -> None:
         shutil.copytree(FORM, at / "r")
@@ -158,7 +158,7 @@ def form(*changes: tuple[str, str]) -> Setup:
 
 
 def clip(calibration: str, frames: object = None, **files: str) -> Setup:
-    """Write a clip without a ball, or some bytes for one, a calibration and files beside it."""
+    """Write a clip without a ball (or raw bytes), its calibration and files beside it."""
 
     def setup(at: Path, records: Path) -> None:
         if isinstance(frames, bytes):
@@ -546,7 +546,7 @@ CASES: dict[str, Case] = {
         "reduce r",
         ["procedure.toml", "missing"],
     ),
-    # its tables
+    # tables of a session
     "a time of words": (record(GATES, _last_cell("soon")), "reduce r", ["time_s = 'soon'"]),
     "a time in minutes and seconds": (record(GATES, _last_cell("0:03")), "reduce r", ["'0:03'"]),
     "a time beyond all": (record(GATES, _last_cell("1e300")), "reduce r", ["up to 1e+18"]),
@@ -698,7 +698,7 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("case", CASES)
 def test_wrong_input_is_one_line(case: str, records: Path, run: Run, tmp_path: Path) -> None:  # noqa: F811
-    """Exit code 2, one line on stderr, the folder as it was, and no time or memory for it."""
+    """Exit code 2, one line on stderr, no change to the folder, and little time and memory."""
     setup, command, words = CASES[case]
     setup(tmp_path, records)
     before = sorted(tmp_path.rglob("*"))
@@ -713,5 +713,5 @@ def test_wrong_input_is_one_line(case: str, records: Path, run: Run, tmp_path: P
 
 
 def _words(command: str) -> list[str]:
-    """Return the words of a command, of which quotes hold several together."""
+    """Return the words of a command; quotes hold words together."""
     return [word[1:-1] if word[0] == "'" else word for word in re.findall(r"'[^']*'|\S+", command)]
