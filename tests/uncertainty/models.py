@@ -1,4 +1,4 @@
-"""Models of the standards, and one of bats, with inputs and what is published of them."""
+"""Models of the standards and one of bats, with their inputs and published results."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from virtual_lab.uncertainty.inputs import Input
 
-# JCGM 100:2008, H.1: end gauge, lengths in nm, temperatures in °C
+# inputs of JCGM 100:2008, H.1: end gauge, lengths in nm, temperatures in °C
 END_GAUGE = {
     "ls": Input(50_000_623, 25, dof=18),
     "d0": Input(215, 5.8, dof=24),
@@ -24,7 +24,7 @@ def end_gauge(ls, d0, d1, d2, alpha, d_alpha, d_theta, theta, cycle):
     return ls + d0 + d1 + d2 - ls * (d_alpha * (theta + cycle) + alpha * d_theta)
 
 
-# JCGM 100:2008, H.2, table H.2: V, mA, rad
+# readings of JCGM 100:2008, H.2, table H.2: V, mA, rad
 CIRCUIT = np.array(
     [
         [5.007, 19.663, 1.0456],
@@ -41,7 +41,7 @@ def circuit(v, i, phi):
     return {"R": ohm * np.cos(phi), "X": ohm * np.sin(phi), "Z": ohm}
 
 
-# JCGM 100:2008, H.3, table H.6: reading and correction, °C
+# readings of JCGM 100:2008, H.3, table H.6: reading and correction, °C
 THERMOMETER = np.array(
     [
         [21.521, -0.171],
@@ -58,7 +58,7 @@ THERMOMETER = np.array(
     ]
 )
 
-# JCGM 101:2008, 9.3: mass calibration, mg and kg/m³, as the deviation from 100 g
+# inputs of JCGM 101:2008, 9.3: mass calibration, mg and kg/m³, as the deviation from 100 g
 MASS = {
     "m_rc": Input(100_000, 0.050),
     "dm_rc": Input(1.234, 0.020),
@@ -72,7 +72,7 @@ def mass(m_rc, dm_rc, air, rho_w, rho_r):
     return (m_rc + dm_rc) * (1 + (air - 1.2) * (1 / rho_w - 1 / rho_r)) - 100_000
 
 
-# JCGM 101:2008, 9.4: comparison loss in microwave power meter calibration, r = 0
+# inputs of JCGM 101:2008, 9.4: comparison loss in a calibration of microwave power meters, r = 0
 SQUARES = {"x1": Input(0.010, 0.005), "x2": Input(0.0, 0.005)}
 
 
@@ -80,7 +80,7 @@ def squares(x1, x2):
     return x1**2 + x2**2
 
 
-# eleven inputs of a moving bat, SI: a benchmark of engines, not the budget of any rig
+# inputs of a moving bat, SI: a benchmark of engines, not the budget of a rig
 BPF = {
     "gap": Input(low=0.3046, high=0.3050),
     "t_in": Input(0.011363, 5e-6),

@@ -22,7 +22,7 @@ from virtual_lab.uncertainty.budget import (
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
 
 ROOT3, ROOT2 = sqrt(3), sqrt(2)
-# JCGM 100:2008, H.1: end gauge, lengths in nm, temperatures in °C
+# inputs of JCGM 100:2008, H.1: end gauge, lengths in nm, temperatures in °C
 END_GAUGE = {
     "ls": Estimate(value=50_000_623.0, u=25.0, dof=18),
     "d0": Estimate(value=215.0, u=5.8, dof=24),
@@ -37,14 +37,14 @@ END_GAUGE = {
 
 
 def end_gauge(x):
-    """L = ls + d - ls (da θ + as dθ), and d alone."""
+    """Return L = ls + d - ls (da θ + as dθ), and d alone."""
     d = (x["d0"] + x["d1"] + x["d2"])[:, 0]
     expansion = x["da"] * (x["t"] + x["delta"]) + x["as"] * x["dt"]
     return {"length": d + (x["ls"] * (1 - expansion))[:, 0], "d": d}
 
 
 def test_gum_h1_end_gauge() -> None:
-    """JCGM 100 H.1: u 32 nm, ν 16, U99 93 nm; GTC 1.5.1 to more digits: 31.664 and 16.752."""
+    """JCGM 100 H.1 has u 32 nm, ν 16, U99 93 nm; GTC 1.5.1 has more digits: 31.664 and 16.752."""
     components = propagate(end_gauge, END_GAUGE)
     budget = combine(50_000_838.0, components["length"])
     assert budget.u == pytest.approx(31.664, abs=5e-4)
@@ -54,7 +54,7 @@ def test_gum_h1_end_gauge() -> None:
     assert difference.u == pytest.approx(9.682, abs=5e-4)
     assert difference.dof == pytest.approx(25.447, abs=5e-4)
     by_name = {part.name: part for part in budget.components}
-    # table H.1: sensitivities of the two that matter most, and of those that are 0
+    # sensitivities of table H.1: the two largest, and those that are 0
     assert by_name["ls"].sensitivity == pytest.approx(1, abs=1e-5)
     assert by_name["dt"].contribution == pytest.approx(16.6, abs=0.05)
     assert by_name["da"].contribution == pytest.approx(2.9, abs=0.05)
@@ -63,7 +63,7 @@ def test_gum_h1_end_gauge() -> None:
 
 
 def test_welch_satterthwaite_is_welchs_own() -> None:
-    """The dof of Welch's two-sample t-test, by scipy.stats.ttest_ind(equal_var=False)."""
+    """The dof are those of Welch's two-sample t-test, by scipy.stats.ttest_ind(equal_var=False)."""
     rng = np.random.default_rng(12)
     a, b = rng.normal(0, 1, 7), rng.normal(0, 3, 12)
     expected = stats.ttest_ind(a, b, equal_var=False).df
@@ -90,7 +90,7 @@ def test_welch_satterthwaite_is_welchs_own() -> None:
     )
 )
 def test_a_linear_model_is_exact(terms: list[tuple[float, float, float]]) -> None:
-    """Y = Σ c x: u² = Σ c² u² (GUM 5.1.2, independent inputs)."""
+    """For Y = Σ c x, u² = Σ c² u² (GUM 5.1.2, independent inputs)."""
     constants = {f"x{i}": Estimate(value=x, u=u) for i, (_, x, u) in enumerate(terms)}
 
     def model(x):
@@ -104,7 +104,7 @@ def test_a_linear_model_is_exact(terms: list[tuple[float, float, float]]) -> Non
 
 
 def test_a_shared_constant_cancels() -> None:
-    """Both speeds on one clock: their ratio does not know it, each of them does."""
+    """Two speeds share a clock: its u cancels in their ratio, but not in either speed."""
     constants = {
         "clock": Estimate(value=1.0, u=0.01),
         "near": Estimate(value=0.3, u=1e-3),
@@ -120,7 +120,7 @@ def test_a_shared_constant_cancels() -> None:
 
 
 def test_certain_constants_are_left_out_and_scatter_comes_in() -> None:
-    """Hits 1, 2, 3, 4: s/√n = √(5/3)/2 with 3 dof; a constant without u gives no line."""
+    """Hits 1, 2, 3, 4 have s/√n = √(5/3)/2 with 3 dof; a constant without u has no line."""
     constants = {"a": Estimate(value=1.0), "b": Estimate(value=1.0, u=0.5)}
     parts = propagate(lambda x: {"y": (x["a"] * x["b"])[:, 0]}, constants)["y"]
     assert [part.name for part in parts] == ["b"]
@@ -134,7 +134,7 @@ def test_certain_constants_are_left_out_and_scatter_comes_in() -> None:
 
 
 def test_a_block_without_uncertain_constants_has_its_scatter_alone() -> None:
-    """Three laboratories whose one constant is certain: no column of constants, three rows."""
+    """Three laboratories with a certain constant have no column of constants and three rows."""
     constants = {"a": Estimates(value=np.ones(3), u=np.zeros(3), dof=np.full(3, inf))}
     variants = Variants.of(constants)
     assert variants.sets == 1
@@ -143,7 +143,7 @@ def test_a_block_without_uncertain_constants_has_its_scatter_alone() -> None:
 
 
 def test_every_place_has_its_own_scatter() -> None:
-    """Var = Σ (Σ w²) s² over the places; where one hit stands alone, the others' pooled s²."""
+    """Var = Σ (Σ w²) s² over impact positions; a single hit gets the pooled s² of the others."""
     hits = np.array([1.0, 2.0, 3.0, 10.0, 20.0, 7.0])
     weights = np.array([0.1, 0.1, 0.1, 0.3, 0.3, 0.1])
     found = scatter(hits, weights, np.array([1, 1, 1, 2, 2, 3]))
@@ -156,9 +156,9 @@ def test_every_place_has_its_own_scatter() -> None:
 
 
 def test_scatter_that_constants_explain_is_taken_off() -> None:
-    """Two constants move two hits of a place each by ±1 and ±2: variance (2 + 8)/3 of it, alike.
+    """Two constants move two hits at a position by ±1 and ±2 and explain a variance of (2 + 8)/3.
 
-    The dof are those of the whole variance: (4 s²_left/s²)² of them is what is left to know.
+    The dof are those of the whole variance times (remaining s²/s²)².
     """
     hits, weights = np.array([0.0, 4.0, 1.0, 3.0]), np.full(4, 0.25)
     moved = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 2.0, -2.0]])
@@ -167,11 +167,11 @@ def test_scatter_that_constants_explain_is_taken_off() -> None:
     half = scatter(hits, weights, np.zeros(4), moved / sqrt(2))
     assert half.contribution**2 == pytest.approx(whole / 2 / 4, rel=1e-12)
     assert half.dof == pytest.approx(3 / 4, rel=1e-12)
-    # what moves all hits alike explains no scatter, and more than there is leaves none
+    # shift of all hits alike, which explains no scatter; an excess leaves none
     alike = scatter(hits, weights, np.zeros(4), np.full((1, 4), 5.0))
     assert alike == scatter(hits, weights, np.zeros(4))
     assert scatter(hits, weights, np.zeros(4), 9 * moved).contribution == 0
-    # a place of a single hit: the other place's, of the scatter and of what explains it
+    # position with a single hit: scatter of the other position, less the explained part
     alone = scatter(
         np.append(hits, 9.0),
         np.full(5, 0.2),
@@ -182,7 +182,7 @@ def test_scatter_that_constants_explain_is_taken_off() -> None:
 
 
 def test_a_pool_is_one_line() -> None:
-    """Three independent means by one scatter of 9 dof: √(Σ c²) with 9, not 27; others apart."""
+    """Three means share one scatter of 9 dof: √(Σ c²) with 9, not 27 dof; others are separate."""
     constants = {
         f"b{k}": Estimate(value=0.0, u=0.1 * (k + 1), dof=9, evaluation="A", pool="means")
         for k in range(3)
@@ -201,12 +201,12 @@ def test_a_pool_is_one_line() -> None:
     assert [part.sensitivity for part in lines["means"].parts] == pytest.approx([1, -2, 1])
     assert budget.u == pytest.approx(sqrt(square + 0.04), rel=1e-12)
     assert budget.dof == pytest.approx(9 * (budget.u**2 / square) ** 2, rel=1e-12)
-    # to combine once more, as with the choice of a place, changes nothing
+    # combination once more, as with the choice of a position, which changes nothing
     assert combine(1.0, budget.components) == budget
 
 
 def test_a_whole_number_is_a_value() -> None:
-    """JCGM 100 H.1's d0 is 215: as an int it is moved by its u like any other."""
+    """The input d0 of JCGM 100 H.1 is 215: as an int it is varied by its u like a float."""
     parts = propagate(lambda x: {"y": x["d0"][:, 0]}, {"d0": Estimate(value=215, u=5.8)})["y"]
     assert parts[0].contribution == pytest.approx(5.8, rel=1e-12)
 
@@ -220,22 +220,22 @@ def test_interval_is_students(dof: float, factor: float) -> None:
 
 
 def test_interval_without_end_of_freedom() -> None:
-    """The normal law's 1.96, and no width where nothing is uncertain."""
+    """The normal factor is 1.96; without uncertain inputs the interval has no width."""
     assert interval_95(0.0, 1.0, inf)[1] == pytest.approx(1.959964, abs=1e-6)
     nothing = combine(3.0, [])
     assert (nothing.u, nothing.dof, nothing.interval_95) == (0.0, inf, (3.0, 3.0))
 
 
 def test_a_nonlinear_model_by_its_derivative() -> None:
-    """Y = x³ at 2 ± 1e-4: the central difference is 3x² + u², to 1e-8."""
+    """For y = x³ at 2 ± 1e-4, the central difference is 3x² + u²."""
     parts = propagate(lambda x: {"y": x["x"][:, 0] ** 3}, {"x": Estimate(value=2.0, u=1e-4)})["y"]
     assert parts[0].sensitivity == pytest.approx(12 + 1e-8, rel=1e-9)
 
 
 def test_curvature_shifts_the_mean_by_half_of_it() -> None:
-    """E[x²] = x² + u² of any x, E[a²/2 - b²] = … + u_a²/2 - u_b² (GUM F.2.4.4, note 2).
+    """E[x²] = x² + u² for any law, E[a²/2 - b²] = … + u_a²/2 - u_b² (GUM F.2.4.4, note 2).
 
-    Of a pool the shifts add up, of a straight line there is none.
+    Shifts of a pool add up; a linear input has none.
     """
 
     def model(x):
@@ -258,11 +258,11 @@ def test_curvature_shifts_the_mean_by_half_of_it() -> None:
 
 
 def test_hits_weigh_in_the_scatter_by_their_effect_on_the_result() -> None:
-    """A top between places: value by weights, u by effects, what a constant explains taken off.
+    """At a peak between positions, value follows the weights, u the effects.
 
-    Hits 1, 3 and 2, 6 of two places, s² = 2 and 8. A constant moves two of them by +.5 and -.5:
-    (.25 + .25)/1 of the first place's 2. Effects .7, .7, -.2, -.2 give .98 · 1.5 + .08 · 8 for
-    the hits; for the constant .7 (.5 - .5) = 0.
+    Hits 1, 3 and 2, 6 at two positions have s² = 2 and 8. A constant moves two of them by +.5 and
+    -.5, which explains (.25 + .25)/1 of the first position's 2. Effects .7, .7, -.2, -.2 give
+    .98 · 1.5 + .08 · 8 for the hits and .7 (.5 - .5) = 0 for the constant.
     """
     variants = Variants.of({"k": Estimate(value=0.0, u=0.1)})
     moved = np.array([0.5, -0.5, 0.0, 0.0])

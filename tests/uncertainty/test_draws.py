@@ -21,7 +21,7 @@ from virtual_lab.uncertainty.laws import LAWS
 from virtual_lab.uncertainty.monte_carlo import BATCH, BLOCK, drawn_block
 from virtual_lab.uncertainty.sketch import BINS, Sketch, shortest_interval
 
-DRAWS, MANY = 2**18, 2**20  # many where clause 8 is to judge
+DRAWS, MANY = 2**18, 2**20  # draws, and those for a judgement by clause 8
 
 
 def propagated(model, inputs, **more):
@@ -29,7 +29,7 @@ def propagated(model, inputs, **more):
 
 
 def close(found, value: float | None, u: float | None, low: float, high: float) -> None:
-    """Compare with expected numbers: within 4 standard errors of the draws."""
+    """Compare with expected numbers, within 4 standard errors of the draws."""
     one = next(iter(found.outcomes.values()))
     errors = one.convergence.standard_errors
     numbers = one.value, one.u, *one.interval
@@ -54,9 +54,9 @@ def test_supplement_1_additive_models() -> None:
     end = 2 * sqrt(3) * (2 - (3 / 5) ** 0.25)
     found = propagated(total, four(1, "uniform"), draws=MANY)
     close(found, 0, 2, -end, end)
-    assert found["result"].verdict.startswith("first order validated")  # 3.92 - 3.88 is below .05
+    assert found["result"].verdict.startswith("first order validated")  # 3.92 - 3.88, below .05
     wider = {name: vl.Input(0, 1.5, distribution="uniform") for name in "abcd"}
-    assert "not validated" in propagated(total, wider, draws=MANY).text  # .061 is above
+    assert "not validated" in propagated(total, wider, draws=MANY).text  # .061, above
     found = propagated(total, four(10, "uniform"))
     close(found, 0, sqrt(103), -17.0, 17.0)
     assert found["result"].verdict.startswith("first order not validated")  # ± 19.9 by the GUM
@@ -66,7 +66,7 @@ def test_supplement_1_mass_calibration() -> None:
     """JCGM 101 table 5: 1.2341, .0754, shortest [1.0834, 1.3825]; that run's tolerance is .005."""
     assert vl.propagate(models.mass, models.MASS).u == pytest.approx(0.0539, abs=5e-5)
     second = vl.propagate(models.mass, models.MASS, method="second-order")
-    # printed .0750 without third derivatives; they bring it nearer to .0754
+    # printed value .0750, without third derivatives, which bring it nearer to .0754
     assert second.u == pytest.approx(0.0752, abs=5e-5)
     found = propagated(models.mass, models.MASS)
     assert found.value == pytest.approx(1.2341, abs=5e-4)
@@ -84,12 +84,12 @@ def test_supplement_1_mass_calibration() -> None:
     ],
 )
 def test_supplement_1_squares(x1: float, y: float, u: float, shortest: tuple) -> None:
-    """JCGM 101 9.4, r = 0, in 1e-6; of x1 = 0 the shortest is exact: -2 ln(.05) · 25."""
+    """JCGM 101 9.4, r = 0, in 1e-6; for x1 = 0, the shortest interval ends at -2 ln(.05) · 25."""
     inputs = {"x1": vl.Input(x1, 0.005), "x2": vl.Input(0.0, 0.005)}
     found = propagated(lambda x1, x2: 1e6 * (x1**2 + x2**2), inputs, draws=MANY)
     assert found.value == pytest.approx(y, abs=0.6 if x1 else 0.2)
     assert found.u == pytest.approx(u, abs=1)
-    width = 8 if x1 > 0.01 else 2.5  # of the ends of the flat minimum, and of the published run
+    width = 8 if x1 > 0.01 else 2.5  # width of the flat minimum and of the published run
     assert found["result"].shortest == pytest.approx(shortest, abs=width)
     if x1 == 0:
         assert found["result"].shortest[1] == pytest.approx(-50 * np.log(0.05), abs=0.5)
@@ -105,7 +105,7 @@ def test_supplement_1_squares(x1: float, y: float, u: float, shortest: tuple) ->
     ],
 )
 def test_supplement_2_polar(re: float, r: float, printed: tuple) -> None:
-    """JCGM 102 9.2: magnitude and phase of a complex quantity, u = .010 of both parts."""
+    """JCGM 102 9.2: magnitude and phase of a complex quantity whose parts have u = .010."""
     inputs = {"re": vl.Input(re, 0.010), "im": vl.Input(0.0, 0.010)}
     bound = {("re", "im"): r} if r else {}
     found = propagated(
@@ -120,7 +120,7 @@ def test_supplement_2_polar(re: float, r: float, printed: tuple) -> None:
 
 
 def test_regions_of_two_outputs() -> None:
-    """JCGM 102 7.7: k_p = √χ²_2(.95) = 2.448 for a normal pair; a box of two independent 2.236."""
+    """JCGM 102 7.7: k_p = √χ²_2(.95) = 2.448 for a normal pair; 2.236 for an independent box."""
     inputs = {"a": vl.Input(1, 0.1), "b": vl.Input(2, 0.3)}
     found = propagated(lambda a, b: {"sum": a + b, "difference": a - b}, inputs)
     assert found.region.ellipsoid == pytest.approx(sqrt(stats.chi2.ppf(0.95, 2)), abs=0.006)
@@ -143,7 +143,7 @@ SCIPY = {
 
 @pytest.mark.parametrize("law", LAWS)
 def test_laws(law: str) -> None:
-    """Draws by their quantiles (Kolmogorov–Smirnov), quantiles and moments by scipy."""
+    """Draws agree with quantiles (Kolmogorov–Smirnov), quantiles and moments with scipy."""
     shape = {"t": 3.5, "trapezoid": 0.4}.get(law, 0.0)
     x = LAWS[law].draw(generator(3, law, 0), BLOCK, shape)
     q = (np.arange(BLOCK) + 0.5) / BLOCK
@@ -152,14 +152,14 @@ def test_laws(law: str) -> None:
     if law in SCIPY:
         some = np.array([0.003, 0.2, 0.6, 0.99])
         assert LAWS[law].quantile(some, shape) == pytest.approx(SCIPY[law].ppf(some))
-    if law != "t":  # its u is the GUM's, not that of the draws
+    if law != "t":  # laws whose u is that of the draws
         assert nodes.std() == pytest.approx(LAWS[law].u(shape), rel=1e-3)
         kurtosis = np.mean(nodes**4) / np.mean(nodes**2) ** 2
         assert kurtosis == pytest.approx(LAWS[law].kurtosis(shape), rel=3e-3)
 
 
 def test_a_t_is_wider_than_its_u() -> None:
-    """JCGM 101 6.4.9: u √(ν/(ν - 2)); of readings taken together ν = n - m (JCGM 102, 5.3.2)."""
+    """JCGM 101 6.4.9: u √(ν/(ν - 2)); joint readings have ν = n - m (JCGM 102, 5.3.2)."""
     ends = 3 + 0.2 * np.array(stats.t(6).interval(0.95))
     close(propagated(lambda x: x, {"x": vl.Input(3, 0.2, dof=6)}), 3, 0.2 * sqrt(1.5), *ends)
     readings = generator(1, "readings", 0).standard_normal((9, 2))
@@ -171,7 +171,7 @@ def test_a_t_is_wider_than_its_u() -> None:
 
 
 def test_limits_whose_u_is_not_well_known_are_inexact() -> None:
-    """A uniform input with 50 degrees of freedom: limits within ± h/10 (JCGM 101, 9.5.2.4)."""
+    """A uniform input with 50 dof has limits within ± h/10 (JCGM 101, 9.5.2.4)."""
     stated = vl.Input(low=-1, high=1, dof=50)
     same = vl.Input(low=-1, high=1, inexact=0.1)
     first, second = (propagated(lambda x: x, {"x": each}) for each in (stated, same))
@@ -186,7 +186,7 @@ def test_no_u_with_two_degrees_of_freedom() -> None:
 
 
 def test_draws_do_not_hang_on_order_units_or_the_end_of_the_run() -> None:
-    """The same bits in another order; scaled by 2^k the same numbers scaled; 5 of 9 batches."""
+    """Order changes no bit, a scale 2^k scales the results, and blocks are not correlated."""
     first = propagated(models.bpf, models.BPF, draws=9 * BATCH)
     turned = dict(reversed(models.BPF.items()))
     assert propagated(models.bpf, turned, draws=9 * BATCH).interval == first.interval
@@ -200,7 +200,7 @@ def test_draws_do_not_hang_on_order_units_or_the_end_of_the_run() -> None:
 
 
 def test_a_sketch_is_the_sorted_numbers_and_adds_up() -> None:
-    """To a bin, 1.3e-4 of the half width, of a million numbers of a heavy tail."""
+    """A sketch of a million heavy-tailed numbers is right within a bin, 1.3e-4 of its width."""
     x = generator(2, "sketch", 0).standard_t(3, 2**20)
     whole, half, other = (Sketch.placed(x[:BLOCK], 0.95) for _ in range(3))
     whole.add(x)
@@ -220,7 +220,7 @@ def test_a_sketch_is_the_sorted_numbers_and_adds_up() -> None:
 
 
 def test_discrete_outputs() -> None:
-    """A coin has its ends at 0 and 1, a constant none; a gap holds no quantile."""
+    """A coin has the ends 0 and 1, a constant no width; a gap holds no quantile."""
     coin = propagated(lambda x: x > 1, {"x": vl.Input(1, 0.1)}, draws=1)
     assert coin.value == pytest.approx(0.5, abs=0.02)
     assert coin.interval == pytest.approx((0, 1), abs=1e-4)
@@ -231,7 +231,7 @@ def test_discrete_outputs() -> None:
 
 
 def test_tolerance_is_met_by_two_stages() -> None:
-    """Of 12 seeds at most one misses, with two digits of u; 100 in the benchmark."""
+    """Of 12 seeds, at most one misses the tolerance of two digits of u; the benchmark has 100."""
     expected = np.array([0, 2, -3.919928, 3.919928])
     met = 0
     for seed in range(12):
@@ -244,7 +244,7 @@ def test_tolerance_is_met_by_two_stages() -> None:
 
 
 def test_more_digits_take_more_draws() -> None:
-    """By both rules; δ/5, as clause 8 asks, 25 times as many; the linear answer is validated."""
+    """Both rules take more draws for δ/5, as clause 8 requires; the linear result is validated."""
     inputs = {"a": vl.Input(1, 0.0606), "b": vl.Input(2, 0.0808)}
     for rule in ("stein", "7.9"):
         two = vl.propagate(lambda a, b: a + b, inputs, method="monte-carlo", rule=rule)
@@ -269,7 +269,7 @@ def test_more_digits_take_more_draws() -> None:
     law=st.sampled_from(["uniform", "triangular", "arcsine", "trapezoid"]),
 )
 def test_all_methods_agree_on_linear_models(c: list[float], r: float, law: str) -> None:
-    """Value and u of three methods; with two bound normal inputs and one of another law."""
+    """Three methods agree in value and u, with two correlated normal inputs and another law."""
     third = vl.Input(3, 0.4, distribution=law)
     if law == "trapezoid":
         third = vl.Input(low=2.5, high=3.5, inexact=0.2)
@@ -306,7 +306,7 @@ def test_draws_that_cannot_be_made(inputs: dict, more: dict, said: str) -> None:
 
 
 def test_clause_8_asks_for_both_ends() -> None:
-    """Of a normal cut at -1 u the upper end, 1.96, agrees with the first order; the lower is -1."""
+    """For a normal law cut at -1 u, the upper end is first order's 1.96, but the lower is -1."""
     found = propagated(
         lambda x: np.maximum(x, -1.0), {"x": vl.Input(0, 1)}, digits=1, validate=True
     )
@@ -316,7 +316,7 @@ def test_clause_8_asks_for_both_ends() -> None:
 
 
 def test_draws_are_counted_while_they_are_made(capsys: pytest.CaptureFixture[str]) -> None:
-    """Asked for, or on stderr when they take long."""
+    """Progress calls the given function, or prints on stderr if the draws take long."""
     told: list[tuple[str, int, int]] = []
     inputs = {"x": vl.Input(0, 1)}
     vl.propagate(
@@ -339,7 +339,7 @@ def test_draws_are_counted_while_they_are_made(capsys: pytest.CaptureFixture[str
 
 
 def test_a_rare_nan_is_found() -> None:
-    """A root that fails once in 32 000 draws (-4 u)."""
+    """A square root fails once in 32 000 draws, at -4 u."""
 
     def root(x):
         return np.sqrt(x)
@@ -353,12 +353,12 @@ def test_a_function_of_numbers_by_draws() -> None:
         lambda x, y: atan2(y, x), {"x": vl.Input(-1, 0.1), "y": vl.Input(0, 0.1)}, draws=1
     )
     assert "row by row" in found.text
-    # both sides of the cut, E (π - |angle|)²
+    # both sides of the cut: E (π - |angle|)²
     assert found.u == pytest.approx(sqrt(pi**2 - 0.2 * sqrt(2 * pi) + 0.01), rel=2e-3)
 
 
 def test_errors_of_sobols_indices_are_those_of_many_samples() -> None:
-    """Standard deviation of Saltelli's estimates over 400 independent samples, by numpy."""
+    """The oracle is the standard deviation of Saltelli's estimates over 400 independent samples."""
     rng, n = np.random.default_rng(2), 512
 
     def model(x):
@@ -379,7 +379,7 @@ def test_errors_of_sobols_indices_are_those_of_many_samples() -> None:
 
 
 def test_a_total_index_below_its_first_is_within_its_error() -> None:
-    """Two inputs without an interaction: both indices are .2 and .8."""
+    """Two inputs without interaction have both indices at .2 and .8."""
     found = vl.sobol(lambda a, b: a + b, {"a": vl.Input(0, 1), "b": vl.Input(0, 2)}, points=64)
     assert list(found.columns) == ["output", "input", "first", "first_u", "total", "total_u"]
     for key in ("first", "total"):

@@ -1,4 +1,4 @@
-"""Estimates: what may stand in one, and type A evaluation against the GUM's own numbers."""
+"""Estimates: allowed values, and type A evaluation against numbers in the GUM."""
 
 from math import inf, nan, sqrt
 
@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from virtual_lab.uncertainty.estimate import Estimate, Estimates, mean_of_readings
 
-# JCGM 100:2008, H.2.2, table H.2: voltage [V], current [mA], phase [rad], with the means and the
-# standard uncertainties of the means printed there
+# readings of JCGM 100:2008, H.2.2, table H.2: voltage [V], current [mA], phase [rad], with the
+# printed means and standard uncertainties of the means
 GUM_H2 = [
     ([5.007, 4.994, 5.005, 4.990, 4.999], 4.9990, 0.0032, 4),
     ([19.663, 19.639, 19.640, 19.685, 19.678], 19.6610, 0.0095, 4),
@@ -20,7 +20,7 @@ GUM_H2 = [
 
 @pytest.mark.parametrize(("readings", "value", "u", "digits"), GUM_H2)
 def test_gum_h2(readings: list[float], value: float, u: float, digits: int) -> None:
-    """JCGM 100:2008, H.2.2: the three observed quantities, to the digits printed."""
+    """The three observed quantities of JCGM 100:2008, H.2.2, agree to the printed digits."""
     mean = mean_of_readings(readings)
     assert round(mean.value, digits) == value
     assert round(mean.u, digits) == u
@@ -29,7 +29,7 @@ def test_gum_h2(readings: list[float], value: float, u: float, digits: int) -> N
 
 
 def test_nist_numacc1() -> None:
-    """NIST StRD univariate, NumAcc1: certified mean 10000002, standard deviation 1, exact."""
+    """NIST StRD univariate, NumAcc1: the certified mean is 10000002, the standard deviation 1."""
     mean = mean_of_readings([10000001.0, 10000003.0, 10000002.0])
     assert mean.value == 10000002
     assert mean.u == pytest.approx(1 / sqrt(3), rel=1e-14)
@@ -40,7 +40,7 @@ def test_nist_numacc1() -> None:
     shift=st.floats(-1e3, 1e3),
 )
 def test_mean_by_textbook_sums(readings: list[float], shift: float) -> None:
-    """Sums written out in the test; a shift moves the value and leaves the scatter."""
+    """The oracle is sums written out here; a shift moves the value and leaves the scatter."""
     mean = mean_of_readings(readings)
     n = len(readings)
     centre = sum(readings) / n
@@ -53,7 +53,7 @@ def test_mean_by_textbook_sums(readings: list[float], shift: float) -> None:
 
 
 def test_resolution_hides_the_scatter() -> None:
-    """GUM F.2.2.1: readings all alike know no better than step/√12, with no dof to speak of."""
+    """GUM F.2.2.1: equal readings have u = step/√12 with infinite dof."""
     least = 0.5e-3 / sqrt(12)
     same = mean_of_readings([0.864] * 5, least_u=least)
     assert same.u == pytest.approx(1.4434e-4, rel=1e-4)
@@ -83,13 +83,13 @@ def test_too_few_readings(readings) -> None:
     ],
 )
 def test_what_no_estimate_can_be(fault: dict[str, float], named: str) -> None:
-    """The message says which part is wrong."""
+    """The message names the wrong part."""
     with pytest.raises(ValueError, match=named):
         Estimate(**fault)
 
 
 def test_nan_among_readings_is_refused() -> None:
-    """A mean of NaN would be an `Estimate` that is none."""
+    """A mean of NaN would be an invalid `Estimate`."""
     with pytest.raises(ValueError, match="finite"):
         mean_of_readings(np.array([1.0, nan, 2.0]))
 
@@ -101,7 +101,7 @@ TWO = [
 
 
 def test_a_block_gives_back_each_estimate_of_its_own() -> None:
-    """Every field returns, of a part chosen by a mask as by an index."""
+    """Every field returns, after selection by a mask and by an index."""
     block = Estimates.stacked(TWO)
     assert [block.row(n) for n in range(2)] == TWO
     assert block.select(np.array([False, True])).row(0) == TWO[1]
@@ -109,13 +109,13 @@ def test_a_block_gives_back_each_estimate_of_its_own() -> None:
 
 
 def test_a_block_holds_estimates_of_one_kind() -> None:
-    """Evaluation, source and pool are the block's, so no laboratory may differ in them."""
+    """Evaluation, source and pool belong to the block, so that they must agree."""
     with pytest.raises(ValueError, match="one kind"):
         Estimates.stacked([TWO[0], Estimate(value=1.0, u=0.5, dof=4.0)])
 
 
 def test_a_laboratory_without_a_value_has_no_estimate() -> None:
-    """NaN may stand in a block, never in an `Estimate`."""
+    """NaN is allowed in a block, but not in an `Estimate`."""
     block = Estimates(value=np.array([nan]), u=np.array([0.1]), dof=np.array([inf]))
     with pytest.raises(ValueError, match="finite"):
         block.row(0)

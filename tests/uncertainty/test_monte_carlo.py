@@ -23,12 +23,12 @@ from virtual_lab.uncertainty.propagating import propagate_inputs
 
 @pytest.mark.parametrize(("bat", "procedure"), [("r161", "bbcor"), ("softball-34", "asa")])
 def test_draws_have_the_u_of_students(bat: str, procedure: str) -> None:
-    """u² = Σ (c u)² ν/(ν - 2), for draws are of t: within 2 %, four standard errors of 65 536.
+    """u² = Σ (c u)² ν/(ν - 2), because draws have t distributions, within 2 % (4 standard errors).
 
-    The ends are those of so many sums of t by numpy, within 3 % of the interval.
+    The ends agree with those of sums of t draws by numpy, within 3 % of the interval.
 
-    A constant left out, drawn twice, or with another law would show, and hits or the choice of a
-    place that the draws lack.
+    A constant left out, drawn twice, or with another law would show, as would missing draws of hits
+    or of the choice of an impact position.
     """
     found = certified(bat, procedure=procedure, seed=2).certification
     linear = found.metric
@@ -47,7 +47,7 @@ def test_draws_have_the_u_of_students(bat: str, procedure: str) -> None:
         sums += part.contribution * own(size=sums.size)
     ends = linear.value + linear.shift + np.quantile(sums, [0.025, 0.975])
     assert drawn.interval == pytest.approx(ends, abs=0.03 * np.ptp(ends))
-    if procedure == "asa":  # not curved to speak of: the second order adds nothing but its mean
+    if procedure == "asa":  # small curvature, so that the second order changes only the mean
         second = refined("second-order", reduced, linear)
         assert second.u == pytest.approx(linear.u, rel=1e-3)
         assert second["result"].shift == pytest.approx(linear.shift, rel=0.02, abs=1e-3 * u)
@@ -56,7 +56,7 @@ def test_draws_have_the_u_of_students(bat: str, procedure: str) -> None:
 
 
 def by_draws(monkeypatch: pytest.MonkeyPatch, seed: int) -> CertificateDocument:
-    """Return a certificate by Monte Carlo, of 32 768 draws, which settle one digit of u."""
+    """Return a certificate by Monte Carlo with 32 768 draws, which settle one digit of u."""
     monkeypatch.setattr("virtual_lab.uncertainty.monte_carlo.BLOCK", 32_768)
     few = partial(propagate_inputs, digits=1, rule="7.9")
     monkeypatch.setattr("virtual_lab.measurement.refined.propagate_inputs", few)
@@ -68,9 +68,9 @@ def by_draws(monkeypatch: pytest.MonkeyPatch, seed: int) -> CertificateDocument:
 def test_a_certificate_by_draws_states_the_combined_u_of_its_lines_too(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Its u is that of a t for each line, by the degrees of freedom that the line states.
+    """The drawn u is that of a t distribution per line, with the dof that the line states.
 
-    The hits have 3.9 of 5, less what the constants explain; with 5 u would be 7 % smaller.
+    The hits have 3.9 dof of 5, less what the constants explain; with 5, u would be 7 % smaller.
     """
     document = by_draws(monkeypatch, 1)
     lines = document.budget
@@ -87,7 +87,7 @@ def test_a_certificate_by_draws_states_the_combined_u_of_its_lines_too(
 
 
 def test_draws_of_too_few_degrees_of_freedom_are_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Six hits that scatter hardly more than the constants explain: u is that of the lines."""
+    """Six hits scatter hardly more than the constants explain: u is that of the lines."""
     document = by_draws(monkeypatch, 21)
     u = sqrt(sum(line.contribution**2 for line in document.budget))
     assert document.metric.u == pytest.approx(u, rel=1e-12)

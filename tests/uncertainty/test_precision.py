@@ -1,4 +1,4 @@
-"""Analysis of variance against NIST's certified values and hand-checked gauge data."""
+"""Analysis of variance against NIST's certified values and gauge data checked by hand."""
 
 import re
 from math import log10, sqrt
@@ -11,12 +11,12 @@ import scipy.stats
 import virtual_lab as vl
 
 NIST = Path(scipy.stats.__file__).parent / "tests" / "data" / "nist_anova"
-# digits that doubles keep of readings about 1e6 (SmLs04 to 06) and 1e12 (SmLs07 to 09)
+# digits of readings near 1e6 (SmLs04 to 06) and 1e12 (SmLs07 to 09) in double precision
 DIGITS = {f"SmLs0{k}": digits for k, digits in zip(range(4, 10), [8] * 3 + [2] * 3, strict=True)}
 
 
 def nist(name: str) -> tuple[np.ndarray, dict[str, float]]:
-    """Return rows (group, reading) and certified values of a set of NIST StRD."""
+    """Return the rows (group, reading) and the certified values of a data set of NIST StRD."""
     text = (NIST / f"{name}.dat").read_text("utf-8")
     begin, end = re.search(r"Data\s+\(lines (\d+) to (\d+)\)", text).groups()
     rows = np.loadtxt(text.splitlines()[int(begin) - 1 : int(end)])
@@ -30,7 +30,7 @@ def nist(name: str) -> tuple[np.ndarray, dict[str, float]]:
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in NIST.glob("*.dat")))
 def test_nist_sets(name: str) -> None:
-    """All eleven: F, sums of squares, residual standard deviation (15 certified digits)."""
+    """All eleven sets: F, sums of squares, residual standard deviation (15 certified digits)."""
     rows, certified = nist(name)
     found = vl.group_study(rows[:, 1], rows[:, 0])
     numbers = {
@@ -44,7 +44,7 @@ def test_nist_sets(name: str) -> None:
         assert digits > DIGITS.get(name, 9), (key, digits)
 
 
-# AIAG Measurement systems analysis: 10 parts by 3 appraisers, three trials each
+# readings of AIAG Measurement systems analysis: 10 parts, 3 appraisers, three trials each
 GAUGE = np.array(
     [
         [0.29, -0.56, 1.34, 0.47, -0.80, 0.02, 0.59, -0.31, 2.26, -1.36],
@@ -62,7 +62,7 @@ PARTS, OPERATORS = np.tile(np.arange(10), 9), np.repeat(list("AAABBBCCC"), 10)
 
 
 def test_gauge_study_of_the_manual() -> None:
-    """All printed digits: EV .199933, AV .226838, GRR .302372, PV 1.042327, 27.86 %, ndc 4."""
+    """Printed results: EV .199933, AV .226838, GRR .302372, PV 1.042327, 27.86 %, ndc 4."""
     found = vl.gauge_study(GAUGE.ravel(), PARTS, OPERATORS)
     lines = found.operators.ss, found.parts.ss, found.interaction.ss, found.trials.ss
     assert lines == pytest.approx((3.16726, 88.3619, 0.35898, 2.75893), rel=2e-5)
@@ -78,7 +78,7 @@ def test_gauge_study_of_the_manual() -> None:
 
 
 def test_an_interaction_stays_apart() -> None:
-    """Two parts, two operators, two trials by hand: σ²_PO = (MS_PO - MS_E)/2."""
+    """Two parts, two operators and two trials by hand: σ²_PO = (MS_PO - MS_E)/2."""
     values = [1.0, 1.2, 3.0, 3.2, 5.0, 5.2, 1.0, 1.2]
     found = vl.gauge_study(values, [1, 1, 2, 2, 1, 1, 2, 2], list("AAAABBBB"))
     assert not found.pooled
@@ -89,7 +89,7 @@ def test_an_interaction_stays_apart() -> None:
 
 
 def test_groups_of_different_size() -> None:
-    """Searle's n0 by hand: (8 - (25 + 9)/8)/1 = 3.75."""
+    """Searle's n0 by hand is (8 - (25 + 9)/8)/1 = 3.75."""
     values = [1.0, 2.0, 3.0, 2.0, 2.0, 5.0, 6.0, 7.0]
     found = vl.group_study(values, list("aaaaabbb"))
     assert found.within.ss == pytest.approx(2.0 + 2.0)

@@ -25,7 +25,7 @@ def of_six(today: HitVariance, u: float, dof: float) -> Scatter:
 
 
 def seen(hits: np.ndarray, effects: np.ndarray | None = None) -> Scatter:
-    """Return the scatter of tests (test, 6) at one place, with effects (constant, 6) of each."""
+    """Return the scatter of tests (test, 6) at one position, with effects (constant, 6) on hits."""
     effects = np.zeros((0, HITS)) if effects is None else effects
     each = np.broadcast_to(effects, (len(hits), *effects.shape))
     return Scatter.seen(hits, np.full(hits.shape, 1 / HITS), np.zeros(hits.shape), each)
@@ -36,7 +36,7 @@ def numbers(each: HitVariance) -> list[float]:
 
 
 def test_variances_join_by_degrees_of_freedom() -> None:
-    """(5 · 2 + 50 · 4) / 55 of a hit, over six hits; less what a constant explains, .5."""
+    """The variance of a hit is (5 · 2 + 50 · 4) / 55, less the .5 that a constant explains."""
     joined = of_six(variance(1.5, 2.0, 5.0), 0.5, 5.0).joined(variance(3.5, 4.0, 50.0))
     left, all_seen = (5 * 1.5 + 50 * 3.5) / 55, (5 * 2 + 50 * 4) / 55
     assert joined.u**2 == pytest.approx(left / HITS)
@@ -44,7 +44,7 @@ def test_variances_join_by_degrees_of_freedom() -> None:
 
 
 def test_the_variance_of_a_hit_is_that_of_numpy() -> None:
-    """At one place s² with 5 degrees; a constant that moves hits takes its own off, below 0 too."""
+    """At one position it is s² with 5 dof; a constant that moves hits reduces it, also below 0."""
     hits = np.array([[1.0, 2.0, 4.0, 4.0, 7.0, 9.0]])
     s2 = hits.var(ddof=1)
     assert numbers(seen(hits).variance) == pytest.approx([s2, s2, 5])
@@ -59,7 +59,7 @@ def test_pooled_tests_forget_the_invalid() -> None:
 
 
 def test_a_larger_scatter_today_counts_alone() -> None:
-    """One-sided F with 1 %: the table's F(5, 50; .99) is 3.41."""
+    """A one-sided F test with 1 %: the table's F(5, 50; .99) is 3.41."""
     assert stats.f.ppf(0.99, 5, 50) == pytest.approx(3.41, abs=5e-3)
     for ratio, alone in ((3.40, False), (3.42, True)):
         own = of_six(variance(ratio, ratio, 5.0), float(np.sqrt(ratio / HITS)), 5.0)
@@ -72,23 +72,24 @@ def test_a_larger_scatter_today_counts_alone() -> None:
 
 
 def test_the_f_test_compares_variances_as_they_were_seen() -> None:
-    """Constants explain a part of either: what is left of a variance has no F distribution."""
+    """Constants explain a part of each variance; the remaining part has no F distribution."""
     assert variance(1.0, 4.0, 5.0).larger(variance(1.0, 1.0, 50.0))[0]
     assert not variance(3.0, 3.0, 5.0).larger(variance(0.5, 1.0, 50.0))[0]
 
 
 def test_what_constants_explain_whole_keeps_its_degrees_of_freedom() -> None:
-    """No u = 0 with ν = ∞: the Welch-Satterthwaite term stays that of the variance seen."""
+    """Instead of u = 0 with ν = ∞, the Welch-Satterthwaite term is that of the seen variance."""
     joined = of_six(variance(-0.5, 1.0, 5.0), 0.0, np.inf).joined(variance(-0.1, 1.0, 50.0))
     assert 0 < joined.u[0] < 0.02
     assert joined.u[0] ** 4 / joined.dof[0] == pytest.approx((1 / HITS) ** 2 / 55)
 
 
 def test_a_history_serves_the_tests_with_a_small_u_as_well() -> None:
-    """Six normal hits, ten earlier tests, 20 000 laboratories.
+    """The simulation has 20 000 laboratories with six normal hits and ten earlier tests.
 
-    The tenth with the smallest u holds the truth in 90 % with it (u of 55 degrees spreads by a
-    tenth), in three of four without; all together in 95 %, within four standard errors.
+    The tenth with the smallest u covers the truth in 90 % with the history (u with 55 dof spreads
+    by a tenth), in three of four without; all together cover it in 95 %, within four standard
+    errors.
     """
     rng, count = np.random.default_rng(11), 20_000
     tests = rng.standard_normal((11, count, HITS))
