@@ -12,7 +12,7 @@ from typing import Any
 
 from virtual_lab.catalog import load, names, texts_in_place
 from virtual_lab.catalog.specs import BallSpec
-from virtual_lab.errors import InputError, nearest
+from virtual_lab.errors import InputError
 from virtual_lab.relations.board import length_of
 from virtual_lab.units import DEGREE, to_si
 from virtual_lab.video.follow.known import BALL, GRAVITY
@@ -24,13 +24,10 @@ Said = dict[str, Any]
 def said_of(asked: Mapping[str, Any]) -> Said:
     """Quantities that options state; None and False state nothing.
 
-    Raises `InputError` for an unknown option, or a value of another type or form.
+    Raises `InputError` for a value of another type or form.
     """
     said: Said = {}
     for name, value in asked.items():
-        if name not in OPTIONS:
-            allowed = f"{nearest(name, OPTIONS)}options: {', '.join(OPTIONS)}"
-            raise InputError("", name, None, allowed)
         allowed, read = OPTIONS[name]
         try:
             said |= {} if value is None or value is False else read(value)
