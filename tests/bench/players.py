@@ -78,7 +78,7 @@ def repeating(look: Look) -> Iterator[Action]:
 def _until_it_passes(look: Look) -> Iterator[Action]:
     while look().certification.verdict.value == "FAIL":
         left = look().rules.spec.attempts - len(look().day.fired)
-        counted = look().reduced.judgement.valid
+        counted = look().reduced.valid
         if left < 1 or not counted.any():
             return
         highest = int(np.where(counted, look().by_rules.shot_metric, -np.inf).argmax())

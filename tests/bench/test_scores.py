@@ -59,11 +59,14 @@ class HandDesk:
     rules: Any = field(
         default_factory=lambda: SimpleNamespace(
             spec=SimpleNamespace(
-                metric="bat_performance_factor", metric_limit=LIMIT, attempts=ATTEMPTS
+                metric="bat_performance_factor",
+                metric_limit=LIMIT,
+                attempts=ATTEMPTS,
+                eligibility=None,
             )
         )
     )
-    certification: Any = field(default_factory=lambda: SimpleNamespace(findings=()))
+    preparation: Any = field(default_factory=lambda: SimpleNamespace(bat=None))
 
     def last(self, action: str) -> DayEvent | None:
         found = [event for event in self.day.events if event.action == action]
@@ -341,7 +344,7 @@ def test_the_u_of_a_cost_is_that_of_the_hits_by_which_two_days_differ() -> None:
             reduced=SimpleNamespace(
                 outcome=SimpleNamespace(weights=np.array(weights)),
                 shot_metric=metric,
-                judgement=SimpleNamespace(valid=valid),
+                valid=valid,
             )
         )
 

@@ -154,8 +154,8 @@ def uncertainties(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
     ):
         begin, half = time.process_time(), []
         for at, each in zip(sound, linear, strict=True):
-            own = block.reduced.of(at, block.readings)
-            found = refined(method, own, each, draws)
+            own, reduced = block.of(at).certification, block.certified.reduced.row(at)
+            found = refined(method, reduced, own.readings, own.outcome, each, draws)
             half.append(np.ptp(found.interval) / 2)
         seconds = cost + (time.process_time() - begin) / few
         yield rung, False, (np.array(half), u, seconds)

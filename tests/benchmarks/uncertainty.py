@@ -163,14 +163,14 @@ def ends(y: Any) -> Numbers:
 def budget() -> Iterator[Row]:
     """Yield the time of an astm-f1881 budget per laboratory of a block, the best of nine rounds."""
     given: list[Any] = []
-    whole = certification.evaluate_block
+    whole = certification.evaluate
 
     def kept(*args: Any) -> Any:
         given[:] = args
         return whole(*args)
 
     setup = RoundRobin.of("r161", "astm-f1881").setup
-    with patch.object(test_day, "evaluate_block", kept):
+    with patch.object(test_day, "evaluate", kept):
         certify_block(replace(setup, seed=1, number=np.arange(LABORATORIES)))
     budgets, spent = certification._results, []
 

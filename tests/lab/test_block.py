@@ -52,7 +52,7 @@ def row_of(block: lab.BlockTest, case: Case, one: int, scenes: int) -> Row:
         u=of(metric.u),
         dof=of(metric.dof),
         truth=of(block.measurands["metric"]),
-        shots=int(np.sum(block.reduced.owner == one)),
+        shots=int(np.sum(block.certified.reduced.owner == one)),
         scenes=scenes,
         verdict=found.verdicts[one].value,
         flags="+".join(name for name, where in found.checked.flagged.items() if where[one]),
@@ -109,7 +109,7 @@ def test_individual_bats_of_a_block_are_those_of_their_laboratories(
     """Records, truth and the sealed bat agree bit for bit; no two bats are equal."""
     shared = lab.RoundRobin.of(bat, procedure, individual=True)
     (block,) = shared.blocks(3, SEED)
-    assert block.sessions.laboratories == 3
+    assert block.certified.block.laboratories == 3
     for number in (1, 2):
         alone = lab.by_the_book(shared.laboratory(SEED, number)).of(0)
         assert bits(block.of(number)) == bits(alone)
@@ -156,8 +156,8 @@ class BrokenError(Exception):
     [
         "simulation.cannon_station.blows_of",
         "lab.test_day.wall_plan",
-        "lab.test_day.prepare_block",
-        "lab.test_day.next_shots",
+        "lab.test_day.prepare",
+        "measurement.session_reduction.next_shots",
         "lab.test_day.reduce_shots",
         "measurement.session_reduction.shot_results",
         "measurement.certification.check",
@@ -195,5 +195,5 @@ def test_a_block_of_another_day_is_the_second_tests_of_its_laboratories() -> Non
         assert found.u[at] == pytest.approx(metric.u, rel=1e-12)
         true = tested.sealed.measurand["metric"]
         assert block.measurands["metric"][at] == pytest.approx(true, rel=1e-12)
-        assert block.sessions.calibration[one].value[at] == own.calibration[one].value[0]
+        assert block.certified.block.calibration[one].value[at] == own.calibration[one].value[0]
         assert abs(found.value[at] - first.certified.results["metric"].value[at]) > 1e-5

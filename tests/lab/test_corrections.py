@@ -16,13 +16,20 @@ from scipy.special import ellipk
 
 from tests.conftest import PROCEDURE, Play
 from tests.laboratories import opened
+from tests.one_laboratory import reduce_session
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.lab import prepared
 from virtual_lab.lab.laboratory import lot_constants
 from virtual_lab.lab.plans import with_records
-from virtual_lab.measurement.session_reduction import SessionReduction, reduce_session
+from virtual_lab.measurement.reduction.observations import ImpactReadings
+from virtual_lab.measurement.reduction.shot_algebra import (
+    ShotResults,
+    measured_balls,
+    shot_results,
+)
+from virtual_lab.measurement.session_reduction import Reduction
 from virtual_lab.records import BallRecord, Record
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import ModalModel
@@ -424,13 +431,17 @@ def slopes(x: Array, y: Array) -> tuple[Array, Array]:
     return slope, intercept
 
 
-def by_hand(session: Session, reduced: SessionReduction) -> dict[str, Array]:  # noqa: PLR0915 one page
+Reduced = tuple[Reduction, ImpactReadings]
+
+
+def by_hand(session: Session, found: Reduced) -> dict[str, Array]:  # noqa: PLR0915 one page
     """Return the results of the records of an airless laboratory by the paper's equations.
 
     Signals (passages and rates in counts) are those of the reduction.
     """
     x = {name: known.value for name, known in session.calibration.items()}
-    bench, readings, rules = session.records["bench"], reduced.readings, reduced.procedure
+    bench, (reduced, readings) = session.records["bench"], found
+    rules = reduced.procedure
 
     def mean(channel: str) -> float:
         return float(bench[channel].readings.mean())
@@ -452,7 +463,8 @@ def by_hand(session: Session, reduced: SessionReduction) -> dict[str, Array]:  #
     both = (total / count / longer / 2 / pi) ** 2 * x["hall.gravity"] * moment
     inertia = both - x["bench.pendulum.clamp_inertia"] - mass * lever**2
     # section: balls at the wall
-    log, seen = session.records["balls"]["log"], reduced.model.balls.flights.passages
+    log = session.records["balls"]["log"]
+    seen = reduced.preparation.balls.select((0, 0)).flights.passages
     ball_mass = bench["ball-mass"].readings.mean(axis=1) - x["bench.scale.zero"]
     ball_mass = ball_mass / x["bench.scale.span"]
     v_in, v_out, *_ = flown(x, "balls", seen)
@@ -565,14 +577,15 @@ def test_every_calibration_moves_the_result_as_its_correction_says(
         expected = by_hand(session, found)
         moved_by = 0.0
         for key, hand in expected.items():
-            own = getattr(found.bat if hand.ndim == 0 else found.shots, key)
+            bat = found[0].preparation.bat.select((0, 0, 0))
+            own = getattr(bat if hand.ndim == 0 else found[0].shots, key)
             known = np.isfinite(own)
             assert own[known] == pytest.approx(hand[known], rel=1e-9, abs=1e-12), (name, key)
             moved_by = max(moved_by, float(np.nanmax(np.abs(hand - best[key]))))
         assert (moved_by > 1e-9) == (name not in IDLE[procedure]), name
 
 
-def effect(session: Session, name: str, value: float) -> tuple[SessionReduction, SessionReduction]:
+def effect(session: Session, name: str, value: float) -> tuple[Reduced, Reduced]:
     return reduce_session(session), reduce_session(with_constant(session, name, value))
 
 
@@ -585,13 +598,14 @@ def test_air_slows_a_ball_from_the_gates_to_the_bat(
     ideal = few(played("r161", Reality.IDEAL, procedure=procedure).certification.session, 6)
     other = "density" if name == "drag_coefficient" else "drag_coefficient"
     blown = with_constant(ideal, f"hall.air.{other}", {"density": 1.2}.get(other, 0.4))
-    still, windy = effect(blown, f"hall.air.{name}", {"density": 1.2}.get(name, 0.4))
+    moved = {"density": 1.2}.get(name, 0.4)
+    (still, readings), (windy, _) = effect(blown, f"hall.air.{name}", moved)
     if other == "density":  # drag coefficient of air above zero
-        still = reduce_session(ideal)
+        still, readings = reduce_session(ideal)
     x = {key: known.value for key, known in ideal.calibration.items()}
     area = pi * x["ball.radius"] ** 2
     kappa = 1.2 * 0.4 * area / 2 / windy.shots.ball_mass
-    gates = still.readings.flights.passages.times.shape[-1]
+    gates = readings.flights.passages.times.shape[-1]
     middle = np.mean([x[f"impact.gates.distance_{gate}"] for gate in range(gates)])
     within = 3 * float(np.max(kappa * 0.6)) ** 2
     assert windy.shots.speed / still.shots.speed == pytest.approx(1 - kappa * middle, abs=within)
@@ -603,13 +617,13 @@ def test_the_beams_of_a_board_are_where_its_sheet_says(played: Play) -> None:
     """Raised beams raise the ball; a wider spacing scales its height above the lowest beam."""
     ideal = few(played("r161", Reality.IDEAL, procedure="bbcor").certification.session, 6)
     lowest = ideal.calibration["impact.gates.lowest"].value
-    start, raised = effect(ideal, "impact.gates.lowest", lowest + 1e-3)
-    shown = start.readings.flights.passages.heights
-    assert raised.readings.flights.passages.heights == pytest.approx(shown + 1e-3, nan_ok=True)
+    (_, start), (_, raised) = effect(ideal, "impact.gates.lowest", lowest + 1e-3)
+    shown = start.flights.passages.heights
+    assert raised.flights.passages.heights == pytest.approx(shown + 1e-3, nan_ok=True)
     pitch = ideal.calibration["impact.gates.pitch"].value
-    _, spread = effect(ideal, "impact.gates.pitch", 1.01 * pitch)
+    _, (_, spread) = effect(ideal, "impact.gates.pitch", 1.01 * pitch)
     wider = lowest + 1.01 * (shown - lowest)
-    assert spread.readings.flights.passages.heights == pytest.approx(wider, nan_ok=True)
+    assert spread.flights.passages.heights == pytest.approx(wider, nan_ok=True)
 
 
 @pytest.mark.parametrize(
@@ -629,7 +643,7 @@ def test_a_hundredth_more(
     """A clock known to be fast makes balls faster, a coarser encoder bats slower, and so on."""
     ideal = few(played("r161", Reality.IDEAL).certification.session, 6)
     known = ideal.calibration[name].value
-    start, found = effect(ideal, name, factor * known)
+    (start, _), (found, _) = effect(ideal, name, factor * known)
     before, after = getattr(start.shots, field), getattr(found.shots, field)
     expected = before / factor if power is None else before * factor**power
     assert after == pytest.approx(expected, rel=1e-9)
@@ -637,11 +651,14 @@ def test_a_hundredth_more(
 
 def test_balls_that_strike_farther_along_have_a_shorter_lever(played: Play) -> None:
     """Aimed as measured, struck 1 mm farther along: (1 + e_A) lever and r stay the same."""
-    reduced = reduce_session(played("r161", Reality.IDEAL).certification.session)
-    x = {name: np.array(known.value) for name, known in reduced.constants.items()}
+    reduced, readings = reduce_session(played("r161", Reality.IDEAL).certification.session)
+    x = {name: known.value[0] for name, known in reduced.constants.items()}
     name = "impact.cannon.along"
-    beside = reduced.model.shots({**x, name: x[name] + 1e-3}, reduced.bat)
-    lever = reduced.bat.length - x["impact.pivot.from_knob"] - reduced.shots.place
+    bat = reduced.preparation.bat.select((0, 0, 0))
+    moved, model = {**x, name: x[name] + 1e-3}, reduced.single_model(readings)
+    balls, settings = measured_balls(moved, model.balls), reduced.procedure.reduction_settings
+    beside = shot_results(ShotResults, moved, bat, balls, readings, settings, used=model.used)
+    lever = bat.length - x["impact.pivot.from_knob"] - reduced.shots.place
     expected = (1 + reduced.shots.collision_efficiency) * lever / (lever - 1e-3) - 1
     expected -= 0.006 / 0.0254 * 1e-3  # slope of e_A along the barrel on the sheet
     assert beside.collision_efficiency == pytest.approx(expected, rel=1e-9)
@@ -691,7 +708,7 @@ def test_a_slanting_bat_is_seen_through(late: float) -> None:
     play = station.play(asked, laboratory.specimen, Late())
     slant = play.truth["angle"]
     assert slant == pytest.approx(late * 0.3e-3 * 47.0)
-    shots = reduce_session(with_records(day.session, Stage.IMPACT, [play])).shots
+    shots = reduce_session(with_records(day.session, Stage.IMPACT, [play]))[0].shots
     assert shots.place == pytest.approx(play.truth["place"], abs=1e-6)
     assert shots.bat_speed == pytest.approx(play.truth["bat_speed"], rel=1e-6)
     assert shots.collision_efficiency == pytest.approx(play.truth["collision_efficiency"], abs=1e-6)

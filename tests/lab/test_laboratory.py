@@ -65,7 +65,7 @@ def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: P
     """With perfect instruments and nominal individuals only algebra remains, to 1e-9."""
     tested = played(bat, Reality.IDEAL, procedure=procedure)
     found, true = tested.certification, tested.sealed.measurand
-    assert found.outcome.reason == ""
+    assert found.outcome.reasons == ("",)
     assert found.metric is not None
     assert found.metric.value == pytest.approx(true["metric"], rel=1e-9)
     beside = {"metric", CONTINUOUS, WIDTH_KEY}
@@ -513,7 +513,7 @@ def test_tests_of_one_laboratory_share_its_rigs_and_nothing_else() -> None:
 def test_a_bat_that_stops_the_ball_near_its_tip_is_scanned_all_the_same(bat: str) -> None:
     """At 3 in e_A is below 0.05, so the ball does not return to the boards."""
     tested = certify(bat, procedure="bbcor", seed=0, reality=Reality.IDEAL)
-    assert tested.certification.outcome.reason == ""
+    assert tested.certification.outcome.reasons == ("",)
     assert tested.certification.metric is not None
     assert tested.certification.metric.value == pytest.approx(
         tested.sealed.measurand["metric"], rel=1e-9

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from tests.one_laboratory import stacked
 from virtual_lab.measurement.reduction.gates import GateReadings, Passages
 from virtual_lab.measurement.reduction.kinematics import restitution_of_standard_ball
 from virtual_lab.measurement.reduction.observations import (
@@ -28,7 +29,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     measured_balls,
     shot_results,
 )
-from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits
+from virtual_lab.uncertainty.budget import Budget, Variants, means_of_hits
 from virtual_lab.uncertainty.estimate import Estimate
 
 BALLS, WALL_HITS, SPEED, MASS = 12, 4, 26.8224, 0.145
@@ -118,11 +119,10 @@ def play(
         swing=None,
     )
     known = {name: Estimate(value=value) for name, value in CONSTANTS.items()}
-    variants = Variants.of(
-        known | {name: each.row(0) for name, each in ball_constants(balls).items()}
-    )
-    lot = measured_balls(variants.columns, balls)
-    shots = shot_results(SetResults, variants.columns, BAT, lot, readings, ASKED)
+    variants = Variants.of(stacked(known) | ball_constants(balls))
+    columns = {name: column[0] for name, column in variants.columns.items()}
+    lot = measured_balls(columns, balls)
+    shots = shot_results(SetResults, columns, BAT, lot, readings, ASKED)
     lot = shots.lot_restitution
     hits = {
         "BPF": shots.bat_performance_factor,
@@ -142,7 +142,11 @@ def play(
         "trampoline": float(restitution_of_standard_ball(exact_e, mean, STANDARD)),
     }
     places = np.zeros(ball.size)
-    budget = {name: mean_of_hits(variants, each, weights, places) for name, each in hits.items()}
+    share = weights[None]
+    budget = {
+        name: means_of_hits(variants, each[None], share, places[None], share).row(0)
+        for name, each in hits.items()
+    }
     error = {name: budget[name].value - value for name, value in exact.items()}
     return Result(error=error, budget=budget)
 

@@ -37,7 +37,7 @@ def shape(
 
 def flags_of(answers: Iterable[Raised]) -> list[Flag]:
     """Return the flags raised in the first laboratory."""
-    return [flag for each in answers if (flag := each.of(0))]
+    return [flag for each in answers if (flag := each.row(0))]
 
 
 @pytest.mark.parametrize(

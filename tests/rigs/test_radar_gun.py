@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tests.laboratories import certify
+from tests.one_laboratory import reduce_session
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest
 from virtual_lab.measurement.reduction.makers import flight_readings
-from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.records.session import Session, load_session, save_session
 from virtual_lab.simulation.rig import Reality
 
@@ -58,7 +58,7 @@ def test_a_radar_guns_constants_are_in_the_budget() -> None:
 def test_its_records_are_reduced_from_the_disk(ideal: BatTest, tmp_path: Path) -> None:
     session = ideal.certification.session
     save_session(session, tmp_path)
-    again = reduce_session(load_session(tmp_path))
+    again, _ = reduce_session(load_session(tmp_path))
     assert np.array_equal(
         again.shots.collision_efficiency, ideal.certification.shots.collision_efficiency
     )

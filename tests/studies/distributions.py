@@ -40,7 +40,9 @@ def intervals(rules: RoundRobin, first: int, tests: int) -> list[list[float]]:
             if too_wide(linear):  # smallest degrees of freedom for draws, as on a certificate
                 rows.append([*row, *linear.interval_95])
                 continue
-            model, inputs = model_of(block.reduced.of(at, block.readings), linear)
+            own = block.of(at).certification
+            reduced = block.certified.reduced.row(at)
+            model, inputs = model_of(reduced, own.readings, own.outcome, linear)
             drawn = {}
             for name, each in inputs.items():
                 finite = np.isfinite(each.dof)

@@ -46,18 +46,18 @@ def laboratory(
     return SimpleNamespace(
         certified=SimpleNamespace(
             invalid=np.array([verdict == "INVALID"]),
-            outcome=SimpleNamespace(place=np.array([PLACE]), weights=np.where(hits, 1 / 6, 0.0)),
+            outcome=SimpleNamespace(place=np.array([PLACE]), used=hits),
             results=dict.fromkeys(names, budgets),
-        ),
-        reduced=SimpleNamespace(
-            owner=np.zeros(6, dtype=int),
-            valid=hits,
-            place=np.full(6, PLACE),
-            metric=np.full(6, value[0]),
-        ),
-        sessions=SimpleNamespace(
-            impact={"aim": AimMarks(along=aside, across=aside)},
-            calibration={"impact.cannon.along": SimpleNamespace(value=np.array([AIM]))},
+            reduced=SimpleNamespace(
+                owner=np.zeros(6, dtype=int),
+                valid=hits,
+                place=np.full(6, PLACE),
+                shot_metric=np.full(6, value[0]),
+            ),
+            block=SimpleNamespace(
+                impact={"aim": AimMarks(along=aside, across=aside)},
+                calibration={"impact.cannon.along": SimpleNamespace(value=np.array([AIM]))},
+            ),
         ),
         measurands=dict.fromkeys(names, np.array([TRUE])),
     )

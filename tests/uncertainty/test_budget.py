@@ -8,18 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from tests.one_laboratory import combine, propagate, stacked
 from virtual_lab.uncertainty.budget import (
+    HITS,
     Component,
+    Components,
     Variants,
-    combine,
     combined,
     interval_95,
-    mean_of_hits,
-    propagate,
-    scatter,
+    means_of_hits,
     types_a,
 )
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
+from virtual_lab.uncertainty.scatter import Scatter
 
 ROOT3, ROOT2 = sqrt(3), sqrt(2)
 # inputs of JCGM 100:2008, H.1: end gauge, lengths in nm, temperatures in °C
@@ -34,6 +35,20 @@ END_GAUGE = {
     "t": Estimate(value=-0.1, u=0.2),
     "delta": Estimate(value=0.0, u=0.5 / ROOT2),
 }
+
+
+def scatter(
+    hits: np.ndarray, weights: np.ndarray, groups: np.ndarray, effects: np.ndarray | None = None
+) -> Components:
+    """Return the component of a weighted sum of hits by their scatter, `effects` (constant, n)."""
+    effects = np.zeros((0, hits.size)) if effects is None else effects
+    found = Scatter.seen(hits[None], weights[None], groups[None], effects[None])
+    return types_a(HITS, np.array([hits @ weights]), found.u, found.dof)
+
+
+def component(components: Components) -> Component:
+    (found,) = components.row(0)
+    return found
 
 
 def end_gauge(x):
@@ -68,18 +83,10 @@ def test_welch_satterthwaite_is_welchs_own() -> None:
     a, b = rng.normal(0, 1, 7), rng.normal(0, 3, 12)
     expected = stats.ttest_ind(a, b, equal_var=False).df
     parts = [
-        Component(
-            name=name,
-            value=0.0,
-            u=float(values.std(ddof=1) / sqrt(values.size)),
-            evaluation="A",
-            dof=values.size - 1,
-            sensitivity=1.0,
-            contribution=float(values.std(ddof=1) / sqrt(values.size)),
-        )
-        for name, values in (("a", a), ("b", b))
+        types_a(name, np.zeros(1), values.std(ddof=1, keepdims=True) / sqrt(n), n - 1)
+        for name, values, n in (("a", a, 7), ("b", b, 12))
     ]
-    assert combine(0.0, parts).dof == pytest.approx(expected, rel=1e-12)
+    assert combine(0.0, parts[0] + parts[1]).dof == pytest.approx(expected, rel=1e-12)
 
 
 @given(
@@ -97,7 +104,7 @@ def test_a_linear_model_is_exact(terms: list[tuple[float, float, float]]) -> Non
         return {"y": sum(c * x[f"x{i}"][:, 0] for i, (c, _, _) in enumerate(terms))}
 
     parts = propagate(model, constants)["y"]
-    for (c, _, u), part in zip(terms, parts, strict=True):
+    for (c, _, u), part in zip(terms, parts.row(0), strict=True):
         assert part.sensitivity == pytest.approx(c, abs=1e-9 * 1e4 / u)
     expected = sqrt(sum((c * u) ** 2 for c, _, u in terms))
     assert combine(0.0, parts).u == pytest.approx(expected, rel=1e-9, abs=1e-9)
@@ -115,7 +122,7 @@ def test_a_shared_constant_cancels() -> None:
         return {"ratio": (back / into)[:, 0], "speed": into[:, 0]}
 
     parts = propagate(model, constants)
-    assert max(part.contribution for part in parts["ratio"]) < 1e-15
+    assert np.abs(parts["ratio"].effect).max() < 1e-15
     assert combine(30.0, parts["speed"]).u == pytest.approx(30 * sqrt(1e-4 + 1 / 9e4), rel=1e-3)
 
 
@@ -123,8 +130,9 @@ def test_certain_constants_are_left_out_and_scatter_comes_in() -> None:
     """Hits 1, 2, 3, 4 have s/√n = √(5/3)/2 with 3 dof; a constant without u has no line."""
     constants = {"a": Estimate(value=1.0), "b": Estimate(value=1.0, u=0.5)}
     parts = propagate(lambda x: {"y": (x["a"] * x["b"])[:, 0]}, constants)["y"]
-    assert [part.name for part in parts] == ["b"]
-    budget = combine(2.5, [*parts, scatter(np.arange(1.0, 5.0), np.full(4, 0.25), np.zeros(4))])
+    assert parts.names == ("b",)
+    hits = scatter(np.arange(1.0, 5.0), np.full(4, 0.25), np.zeros(4))
+    budget = combine(2.5, parts + hits)
     spread = sqrt(5 / 3) / 2
     assert budget.u_type_a == pytest.approx(spread, rel=1e-12)
     assert budget.u_type_b == pytest.approx(0.5, rel=1e-12)
@@ -146,7 +154,7 @@ def test_every_place_has_its_own_scatter() -> None:
     """Var = Σ (Σ w²) s² over impact positions; a single hit gets the pooled s² of the others."""
     hits = np.array([1.0, 2.0, 3.0, 10.0, 20.0, 7.0])
     weights = np.array([0.1, 0.1, 0.1, 0.3, 0.3, 0.1])
-    found = scatter(hits, weights, np.array([1, 1, 1, 2, 2, 3]))
+    found = component(scatter(hits, weights, np.array([1, 1, 1, 2, 2, 3])))
     parts = np.array([0.03 * 1.0, 0.18 * 50.0])
     alone = 0.01 * (2.0 + 50.0) / 3
     assert found.contribution**2 == pytest.approx(parts.sum() + alone, rel=1e-12)
@@ -163,14 +171,15 @@ def test_scatter_that_constants_explain_is_taken_off() -> None:
     hits, weights = np.array([0.0, 4.0, 1.0, 3.0]), np.full(4, 0.25)
     moved = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 2.0, -2.0]])
     whole, left = 10 / 3, 10 / 3 - 10 / 3
-    assert scatter(hits, weights, np.zeros(4), moved).contribution == pytest.approx(left, abs=1e-7)
-    half = scatter(hits, weights, np.zeros(4), moved / sqrt(2))
+    found = component(scatter(hits, weights, np.zeros(4), moved))
+    assert found.contribution == pytest.approx(left, abs=1e-7)
+    half = component(scatter(hits, weights, np.zeros(4), moved / sqrt(2)))
     assert half.contribution**2 == pytest.approx(whole / 2 / 4, rel=1e-12)
     assert half.dof == pytest.approx(3 / 4, rel=1e-12)
     # shift of all hits alike, which explains no scatter; an excess leaves none
     alike = scatter(hits, weights, np.zeros(4), np.full((1, 4), 5.0))
-    assert alike == scatter(hits, weights, np.zeros(4))
-    assert scatter(hits, weights, np.zeros(4), 9 * moved).contribution == 0
+    assert component(alike) == component(scatter(hits, weights, np.zeros(4)))
+    assert component(scatter(hits, weights, np.zeros(4), 9 * moved)).contribution == 0
     # position with a single hit: scatter of the other position, less the explained part
     alone = scatter(
         np.append(hits, 9.0),
@@ -178,7 +187,7 @@ def test_scatter_that_constants_explain_is_taken_off() -> None:
         np.array([0, 0, 0, 0, 1]),
         np.pad(moved / 2, (0, 1))[:2],
     )
-    assert alone.contribution**2 == pytest.approx(0.2 * 0.75 * whole, rel=1e-12)
+    assert component(alone).contribution ** 2 == pytest.approx(0.2 * 0.75 * whole, rel=1e-12)
 
 
 def test_a_pool_is_one_line() -> None:
@@ -201,14 +210,12 @@ def test_a_pool_is_one_line() -> None:
     assert [part.sensitivity for part in lines["means"].parts] == pytest.approx([1, -2, 1])
     assert budget.u == pytest.approx(sqrt(square + 0.04), rel=1e-12)
     assert budget.dof == pytest.approx(9 * (budget.u**2 / square) ** 2, rel=1e-12)
-    # combination once more, as with the choice of a position, which changes nothing
-    assert combine(1.0, budget.components) == budget
 
 
 def test_a_whole_number_is_a_value() -> None:
     """The input d0 of JCGM 100 H.1 is 215: as an int it is varied by its u like a float."""
     parts = propagate(lambda x: {"y": x["d0"][:, 0]}, {"d0": Estimate(value=215, u=5.8)})["y"]
-    assert parts[0].contribution == pytest.approx(5.8, rel=1e-12)
+    assert component(parts).contribution == pytest.approx(5.8, rel=1e-12)
 
 
 @pytest.mark.parametrize(("dof", "factor"), [(1, 12.71), (5, 2.57), (16, 2.12), (50, 2.01)])
@@ -222,14 +229,16 @@ def test_interval_is_students(dof: float, factor: float) -> None:
 def test_interval_without_end_of_freedom() -> None:
     """The normal factor is 1.96; without uncertain inputs the interval has no width."""
     assert interval_95(0.0, 1.0, inf)[1] == pytest.approx(1.959964, abs=1e-6)
-    nothing = combine(3.0, [])
+    nothing = combine(
+        3.0, propagate(lambda x: {"y": x["a"][:, 0]}, {"a": Estimate(value=3.0)})["y"]
+    )
     assert (nothing.u, nothing.dof, nothing.interval_95) == (0.0, inf, (3.0, 3.0))
 
 
 def test_a_nonlinear_model_by_its_derivative() -> None:
     """For y = x³ at 2 ± 1e-4, the central difference is 3x² + u²."""
     parts = propagate(lambda x: {"y": x["x"][:, 0] ** 3}, {"x": Estimate(value=2.0, u=1e-4)})["y"]
-    assert parts[0].sensitivity == pytest.approx(12 + 1e-8, rel=1e-9)
+    assert component(parts).sensitivity == pytest.approx(12 + 1e-8, rel=1e-9)
 
 
 def test_curvature_shifts_the_mean_by_half_of_it() -> None:
@@ -264,11 +273,12 @@ def test_hits_weigh_in_the_scatter_by_their_effect_on_the_result() -> None:
     -.5, which explains (.25 + .25)/1 of the first position's 2. Effects .7, .7, -.2, -.2 give
     .98 · 1.5 + .08 · 8 for the hits and .7 (.5 - .5) = 0 for the constant.
     """
-    variants = Variants.of({"k": Estimate(value=0.0, u=0.1)})
+    variants = Variants.of(stacked({"k": Estimate(value=0.0, u=0.1)}))
     moved = np.array([0.5, -0.5, 0.0, 0.0])
     hits = np.array([1.0, 3.0, 2.0, 6.0]) + np.outer([0.0, 1.0, -1.0], moved)
     weights, effects = np.full(4, 0.25), np.array([0.7, 0.7, -0.2, -0.2])
-    found = mean_of_hits(variants, hits, weights, np.array([1, 1, 2, 2]), effects)
+    places = np.array([[1, 1, 2, 2]])
+    found = means_of_hits(variants, hits[None], weights[None], places, effects[None]).row(0)
     assert found.value == pytest.approx(3.0)
     by_name = {part.name: part.contribution for part in found.components}
     assert by_name["hits"] == pytest.approx(sqrt(0.98 * 1.5 + 0.08 * 8.0))

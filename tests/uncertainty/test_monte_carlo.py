@@ -10,13 +10,13 @@ import pytest
 
 from tests.conftest import PROCEDURE
 from tests.laboratories import certified
+from tests.one_laboratory import reduce_session
 from virtual_lab import lab
 from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.measurement.refined import refined
-from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.uncertainty.propagating import propagate_inputs
 
@@ -37,8 +37,9 @@ def test_draws_have_the_u_of_students(bat: str, procedure: str) -> None:
     dofs = [part.dof for part in parts]
     widened = [1 if dof == inf else dof / (dof - 2) for dof in dofs]
     u = sqrt(sum(w * part.contribution**2 for w, part in zip(widened, parts, strict=True)))
-    reduced = reduce_session(found.session)
-    drawn = refined("monte-carlo", reduced, linear, draws=65_536)
+    reduced, readings = reduce_session(found.session)
+    by = partial(refined, reduced=reduced, readings=readings, outcome=reduced.outcome)
+    drawn = by("monte-carlo", linear=linear, draws=65_536)
     assert drawn.u == pytest.approx(u, rel=0.02)
     assert drawn.value == pytest.approx(linear.value + linear.shift, abs=0.02 * u)
     rng, sums = np.random.default_rng(7), np.zeros(65_536)
@@ -48,11 +49,11 @@ def test_draws_have_the_u_of_students(bat: str, procedure: str) -> None:
     ends = linear.value + linear.shift + np.quantile(sums, [0.025, 0.975])
     assert drawn.interval == pytest.approx(ends, abs=0.03 * np.ptp(ends))
     if procedure == "asa":  # small curvature, so that the second order changes only the mean
-        second = refined("second-order", reduced, linear)
+        second = by("second-order", linear=linear)
         assert second.u == pytest.approx(linear.u, rel=1e-3)
         assert second["result"].shift == pytest.approx(linear.shift, rel=0.02, abs=1e-3 * u)
         shifted = replace(linear, value=linear.value + 1.0)
-        assert refined("second-order", reduced, shifted).value == pytest.approx(second.value + 1)
+        assert by("second-order", linear=shifted).value == pytest.approx(second.value + 1)
 
 
 def by_draws(monkeypatch: pytest.MonkeyPatch, seed: int) -> CertificateDocument:

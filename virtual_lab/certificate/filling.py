@@ -74,7 +74,7 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.origin import Simulated, Supplied
 from virtual_lab.records.particulars import Particulars
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import HITS, Budget, combine
+from virtual_lab.uncertainty.budget import HITS, Budget, Budgets, combined
 from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO
 from virtual_lab.uncertainty.scatter import larger_today
 from virtual_lab.units import INCH, MPH, Array
@@ -106,9 +106,8 @@ def certificate(
     }
     origin = session.origin
     supplied = origin if isinstance(origin, Supplied) else None
-    hall = SessionBlock.of(session)
-    read = measured_density(hall)
-    air = read.row(0) if read else session.calibration.get(DENSITY)
+    block = certification.block
+    air = measured_density(block) or block.calibration.get(DENSITY)
     return CertificateDocument(
         schema=SCHEMA,
         origin="supplied" if supplied else "simulated",
@@ -134,8 +133,8 @@ def certificate(
             set_aside=tuple(BallSetAside(**asdict(each)) for each in certification.set_aside),
         ),
         rigs=dict(session.rigs),
-        air_density_kg_per_m3=Stated(value=air.value, u=air.u) if air else None,
-        conditions=tuple(_hall_conditions(hall)),
+        air_density_kg_per_m3=Stated(value=float(air.value[0]), u=float(air.u[0])) if air else None,
+        conditions=tuple(_hall_conditions(block)),
         laboratory=supplied.laboratory if supplied else "",
         customer=supplied.customer if supplied else "",
         date=session.date,
@@ -159,7 +158,7 @@ def certificate(
         nominal_speed_mph=procedure.ball_speed / MPH,
         nominal_bat_speed_mph=(procedure.bat_speed or 0.0) / MPH,
         v_rel_mph=float(speed.mean() / MPH) if speed.size else None,
-        impact_position_in=_known(outcome.place / INCH),
+        impact_position_in=_known(outcome.place[0] / INCH),
         width_m=_width(certification.width),
         swing_range=tuple(_swing(result) for result in certification.swings),
         places=tuple(_places(certification)) if procedure.scan else (),
@@ -167,7 +166,7 @@ def certificate(
         findings=tuple(RuleFinding(**asdict(each)) for each in certification.findings),
         flags=tuple(FlagRaised(**asdict(each)) for each in certification.flags),
         not_checked=certification.not_checked,
-        incomplete=outcome.reason,
+        incomplete=outcome.reasons[0],
         reasons=certification.reasons,
         valid_hits=int(judgement.valid.sum()),
         rejected_hits=tuple(
@@ -190,8 +189,9 @@ def certificate(
         choice=_choice(metric),
         conditional_on=_conditional_on(certification),
         budget=tuple(budget_lines(metric)) if metric else (),
-        evaluation=f"{_method(certification, metric)} {_scatter(certification, metric)}"
-        if metric
+        evaluation=f"{_method(certification, metric)} "
+        f"{_scatter(certification, certification.first_order)}"
+        if metric and certification.first_order
         else "",
         unverified=tuple(
             UnverifiedValue(
@@ -253,7 +253,7 @@ def _metric(certification: Certification) -> MetricStated:
         u_type_b=metric.u_type_b if metric else None,
         unit=METRICS[procedure.metric].si_unit,
         limit=procedure.metric_limit,
-        place_in=certification.outcome.place / INCH if metric else None,
+        place_in=float(certification.outcome.place[0] / INCH) if metric else None,
     )
 
 
@@ -427,17 +427,16 @@ def _method(certification: Certification, metric: Budget) -> str:
     )
 
 
-def _scatter(certification: Certification, metric: Budget) -> str:
+def _scatter(certification: Certification, linear: Budgets) -> str:
     """Return a sentence on the tests that give the scatter, and on the gain by earlier tests."""
     earlier, today = certification.session.history.get("metric"), certification.variances
     alone = "The scatter of the hits is known from this test alone"
     if earlier is None:
-        longer = [
-            replace(part, dof=(1 + HISTORY) * part.dof) if part.name == HITS else part
-            for part in metric.components
-        ]
-        linear, known = combine(metric.value, metric.components), combine(metric.value, longer)
-        less = 1 - np.ptp(known.interval_95) / np.ptp(linear.interval_95) if linear.u else 0.0
+        parts = linear.components
+        more = np.where(np.array(parts.names) == HITS, 1 + HISTORY, 1)
+        longer = combined(linear.value, replace(parts, dof=more * parts.dof))
+        now, then = (np.ptp(each.row(0).interval_95) for each in (linear, longer))
+        less = 1 - then / now if linear.u[0] else 0.0
         return (
             f"{alone}: with that of {HISTORY} earlier tests, as large, the interval would be "
             f"{less:.0%} shorter. If the hits of one test agree by chance, it is too short."

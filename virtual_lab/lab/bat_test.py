@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.lab.laboratory import Laboratory, constant_name
-from virtual_lab.measurement.certification import BlockCertification, Certification
+from virtual_lab.measurement.certification import Certification, Certifications
 from virtual_lab.measurement.model import CONTROL
-from virtual_lab.measurement.reduction.observations import ImpactReadings
-from virtual_lab.measurement.session_reduction import BlockReduction
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.origin import RungTaken
-from virtual_lab.records.session import pack
+from virtual_lab.records.session import Session, pack
 from virtual_lab.simulation.rig import MotionRung
 from virtual_lab.simulation.truth import SealedTruth
 from virtual_lab.units import Array
@@ -37,10 +35,7 @@ class BlockTest:
     """The certifications of a block of laboratories, or of one, with their sealed truth."""
 
     laboratories: Laboratory
-    sessions: SessionBlock
-    reduced: BlockReduction
-    readings: ImpactReadings  # readings of all shots, in the order in which they were fired
-    certified: BlockCertification
+    certified: Certifications
     measurands: Mapping[str, Array]  # ``metric`` and the quantities by name, (laboratory,)
     bench: Mapping[str, Array]  # true properties of the bats
     wall: Mapping[str, Array]  # true values of the hits on the wall, (hit,)
@@ -50,25 +45,25 @@ class BlockTest:
 
     def of(self, laboratory: int) -> BatTest:
         """Return the test of one laboratory, ready to print and seal."""
-        of_all, one = self.laboratories, self.sessions.part(laboratory)
-        rungs = {
-            "collision": of_all.collision.report(),
-            "motion": _motion_report(of_all.setup.motion),
-        }
-        reduced = self.reduced.of(laboratory, self.readings)
-        session = of_all.session_of(one, rungs)
-        if self.control:
-            digest = pack(self.control.certification.session).digest
-            session = replace(session, control_sha256=digest)
         return BatTest(
-            certification=self.certified.of(laboratory, session, reduced),
+            certification=self.certified.row(laboratory, self._session_of),
             sealed=self._sealed(laboratory),
             control=self.control,
             film=self.film,
         )
 
+    def _session_of(self, one: SessionBlock) -> Session:
+        of_all = self.laboratories
+        motion = _motion_report(of_all.setup.motion)
+        rungs = {"collision": of_all.collision.report(), "motion": motion}
+        session = of_all.session_of(one, rungs)
+        if self.control is None:
+            return session
+        return replace(session, control_sha256=pack(self.control.certification.session).digest)
+
     def _sealed(self, laboratory: int) -> SealedTruth:
-        of_all, own = self.laboratories, self.reduced.owner == laboratory
+        of_all, reduced = self.laboratories, self.certified.reduced
+        own = reduced.owner == laboratory
         setup, balls = of_all.setup, of_all.specimen.balls
         hits = np.arange(next(iter(self.wall.values())).size).reshape(setup.count, -1)[laboratory]
 
@@ -98,7 +93,7 @@ class BlockTest:
                 for name, values in self.measurands.items()
                 if np.isfinite(values[laboratory])
             },
-            place=self.reduced.place[own],
+            place=reduced.place[own],
             shots={name: values[own] for name, values in self.shots.items()},
             wall_hits={name: values[hits] for name, values in self.wall.items()},
             faults=setup.faults.names,

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from virtual_lab.lab.true_metric import TrueCurve, Visits, results_of_curves
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.rules import Scan
-from virtual_lab.measurement.session_reduction import BlockReduction
+from virtual_lab.measurement.session_reduction import Reduction
 from virtual_lab.simulation.rig import ImpactStation, ShotPlan, Specimen
 from virtual_lab.streams import Owner
 from virtual_lab.units import Array
@@ -27,7 +27,7 @@ POINTS = 41  # number of points of the continuous curve
 def measurands(
     station: ImpactStation,
     specimen: Specimen,
-    reduced: BlockReduction,
+    reduced: Reduction,
     weights: Array,
     control: float = 1.0,
 ) -> dict[str, Array]:

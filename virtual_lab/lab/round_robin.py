@@ -149,7 +149,7 @@ class RoundRobin:
     def run(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BatTest]:
         """Yield the tests of `blocks` one by one, ready to print."""
         for block in self.blocks(laboratories, seed, first):
-            for one in range(block.sessions.laboratories):
+            for one in range(block.certified.block.laboratories):
                 yield block.of(one)
 
 

@@ -20,15 +20,15 @@ from virtual_lab.lab.filming import film_of
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.measurand import measurands
 from virtual_lab.lab.plans import BeforeShots, bench_plan, impact_plan, stage_records, wall_plan
-from virtual_lab.measurement.certification import evaluate_block
-from virtual_lab.measurement.procedure import Acceptance, NextShots, next_shots
+from virtual_lab.measurement.certification import evaluate
+from virtual_lab.measurement.procedure import Acceptance, NextShots
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.session_reduction import (
     AIM_ALONG,
-    BlockPreparation,
-    BlockReduction,
+    Preparation,
+    Reduction,
     observe_hits,
-    prepare_block,
+    prepare,
     reduce_shots,
 )
 from virtual_lab.output.progress import Progress, quiet
@@ -48,10 +48,10 @@ class TestDay:
     sessions: SessionBlock  # records of bench and wall so far
     bench: RigOutput | None = None
     wall: RigOutput | None = None
-    preparation: BlockPreparation | None = None
+    preparation: Preparation | None = None
     plans: tuple[ShotPlan, ...] = ()  # plan of each round fired at the bat
     rounds: tuple[RigOutput, ...] = ()
-    reduced: BlockReduction | None = None  # reduction of the shots judged so far
+    reduced: Reduction | None = None  # reduction of the shots judged so far
     readings: ImpactReadings | None = None  # readings of these shots, if they are read together
 
     @classmethod
@@ -87,7 +87,7 @@ class TestDay:
 
     def prepare(self) -> TestDay:
         """Reduce the records of bench and wall, to find the impact position and usable balls."""
-        preparation, laboratory = prepare_block(self.sessions), self.laboratory
+        preparation, laboratory = prepare(self.sessions), self.laboratory
         specimen = laboratory.specimen
         used = preparation.used.reshape(specimen.balls.mass.shape)
         specimen = replace(specimen, balls=replace(specimen.balls, used=used))
@@ -97,11 +97,7 @@ class TestDay:
     def next_shots(self) -> NextShots:
         """Return the shots that the procedure requires next, none if every test is complete."""
         assert self.preparation is not None, "prepare() comes first"
-        if self.reduced is not None:
-            return self.reduced.next_shots()
-        rules, none, nothing = self.laboratory.rules.spec, np.zeros(0, dtype=np.intp), np.zeros(0)
-        percussion = self.preparation.percussion
-        return next_shots(rules, percussion, none, nothing, nothing.astype(bool), nothing)
+        return self.reduced.next_shots() if self.reduced else self.preparation.first_shots()
 
     def fire(self, asked: NextShots) -> TestDay:
         """Fire one ball at each position, corrected by the calibration of the cannon."""
@@ -137,7 +133,8 @@ class TestDay:
             reduced = reduced.judged(acceptance, readings)
         if not whole:
             assert self.reduced is not None
-            reduced = self.reduced.with_round(reduced)
+            joined = Reduction.concatenate([self.reduced, reduced])
+            reduced = replace(joined, latest=reduced.owner)
         return replace(self, reduced=reduced, readings=readings if whole else None)
 
     def recorded(self, first: int = 0) -> SessionBlock:
@@ -163,7 +160,7 @@ class TestDay:
         assert self.wall is not None
         assert reduced is not None, "fire() and judge() come first"
         readings = self.readings or observe_hits(sessions, reduced.preparation)
-        certified = evaluate_block(sessions, reduced, readings)
+        certified = evaluate(sessions, reduced, readings)
         true = measurands(
             laboratory.impact,
             laboratory.specimen,
@@ -173,9 +170,6 @@ class TestDay:
         )
         return BlockTest(
             laboratories=laboratory,
-            sessions=sessions,
-            reduced=reduced,
-            readings=readings,
             certified=certified,
             measurands=true,
             bench=self.bench.truth,

@@ -6,8 +6,9 @@ records of our simulated rigs and of another laboratory.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 from typing import ClassVar
 
@@ -18,43 +19,41 @@ from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.catalog import Datum
 from virtual_lab.measurement.camera.comparison import CameraComparison, compare_camera
 from virtual_lab.measurement.diagnostics import (
-    BlockChecked,
+    Checked,
     Discrepancy,
     Evidence,
     Flag,
     check,
     overdue,
 )
-from virtual_lab.measurement.model import MeasurementModel
 from virtual_lab.measurement.other_support import OtherSupport, other_support
 from virtual_lab.measurement.procedure import (
-    BlockOutcome,
     Finding,
     HitWeights,
     Judgement,
     Procedure,
+    Reason,
     SetAside,
     Verdict,
-    eligible,
     findings,
-    not_met,
+    sentences_of,
+    set_aside,
     shortfalls,
-    verdict,
+    unmet_rules,
+    verdicts_of,
     with_choice,
 )
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
 from virtual_lab.measurement.reduction.flights import numbered
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import (
-    BatProperties,
     ShotResults,
     bat_properties,
 )
 from virtual_lab.measurement.refined import refined, too_wide
 from virtual_lab.measurement.session_reduction import (
-    BlockReduction,
-    SessionReduction,
-    reduce_session,
+    Reduction,
+    reduce_block,
 )
 from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.output.metrics import METRICS
@@ -77,6 +76,7 @@ class Certification:
     """The outcome of one test; all values are measured."""
 
     session: Session
+    block: SessionBlock  # the same records and calibration as arrays, a block of one
     procedure: Procedure
     procedure_sheet: tuple[Datum, ...]
     bat: Mapping[str, Budget]  # mass, length, z_cm, inertia_cm
@@ -86,6 +86,7 @@ class Certification:
     judgement: Judgement
     outcome: HitWeights
     metric: Budget | None  # budget of the metric; None if too few hits were valid
+    first_order: Budgets | None  # the metric's components as arrays, a block of one
     quantities: Mapping[str, Budget]  # budgets by the keys of QUANTITIES; {} without a metric
     # variance of one hit in each result, from this test alone; {} if the test is INVALID
     variances: Mapping[str, Estimate]
@@ -119,30 +120,33 @@ class Certification:
 
 
 def certify_session(session: Session) -> Certification:
-    """Reduce a session and evaluate it. `InputError` as `reduce_session`."""
-    return evaluate(session, reduce_session(session))
-
-
-def evaluate(session: Session, reduced: SessionReduction) -> Certification:
-    """Return metric, uncertainty and verdict of a session already reduced."""
-    found = evaluate_block(
-        SessionBlock.of(session), BlockReduction.alone(reduced), reduced.readings
-    )
-    return found.of(0, session, reduced)
+    """Reduce a session and evaluate it. `InputError` as `reduce_block`."""
+    block = SessionBlock.of(session)
+    return evaluate(block, *reduce_block(block)).row(0, lambda _: session)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BlockCertification:
+class Certifications:
     """The outcomes of the tests of a block; all values are measured."""
 
-    procedure: Procedure
-    outcome: BlockOutcome
+    block: SessionBlock
+    reduced: Reduction
+    readings: ImpactReadings  # readings of all shots, in the order in which they were fired
+    outcome: HitWeights
     some: Mask  # mask of the laboratories with a result, (laboratory,)
     results: Mapping[str, Budgets]  # keys: ``metric``, and those of QUANTITIES
-    checked: BlockChecked
-    bat: BatProperties  # (laboratory, 1, 1)
-    invalid: Mask  # (laboratory,)
-    met: Mask  # whether the bat meets every rule, (laboratory,)
+    checked: Checked
+    reason_table: tuple[Reason, ...]  # reasons for the verdicts INVALID and FAIL
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def procedure(self) -> Procedure:
+        return self.reduced.procedure
+
+    @property
+    def invalid(self) -> Mask:
+        """Whether the test of each laboratory is INVALID, (laboratory,)."""
+        return np.array([each is Verdict.INVALID for each in self.verdicts])
 
     @property
     def variances(self) -> dict[str, HitVariance]:
@@ -155,91 +159,81 @@ class BlockCertification:
             found[name] = replace(own, dof=np.where(sound, own.dof, 0.0))
         return found
 
-    @property
-    def verdicts(self) -> tuple[Verdict, ...]:
-        """The verdict of each laboratory."""
-        return tuple(
-            verdict(self.procedure, sound=not invalid, met=bool(met))
-            for invalid, met in zip(self.invalid, self.met, strict=True)
-        )
-
     def reasons(self, laboratory: int) -> tuple[str, ...]:
         """Return why the verdict of one laboratory is INVALID or FAIL."""
-        metric = self.results["metric"]
-        some = bool(self.some[laboratory])
-        u, value = float(metric.u[laboratory]), float(metric.value[laboratory])
-        outcome, flags = self.outcome.reasons[laboratory], self.checked.of(laboratory).flags
-        invalid = tuple(_reasons(self.procedure, outcome, u if some else None, flags))
-        bat = self.bat.select((laboratory, 0, 0))
-        return invalid or not_met(
-            self.procedure, findings(self.procedure, bat), value if some else None
-        )
+        return sentences_of(self.reason_table, self.verdicts[laboratory], laboratory)
 
-    def of(self, laboratory: int, session: Session, reduced: SessionReduction) -> Certification:
-        """Return the certification of one laboratory, to be printed, from its records."""
-        procedure, shots, outcome = reduced.procedure, reduced.shots, reduced.outcome
-        where, valid = reduced.readings.place, reduced.judgement.valid
-        quantities = (
-            {name: budgets.row(laboratory) for name, budgets in self.results.items()}
-            if self.some[laboratory]
-            else {}
-        )
+    def row(self, laboratory: int, session_of: Callable[[SessionBlock], Session]) -> Certification:
+        """Return the certification of one laboratory, to be printed.
+
+        `session_of` returns the session of its records, given as a block of one.
+        """
+        block, reduced = self.block.row(laboratory), self.reduced.row(laboratory)
+        session, procedure = session_of(block), self.procedure
+        own = self.reduced.owner == laboratory
+        readings, outcome = self.readings.select(own), self.outcome.row(laboratory, own)
+        one = slice(laboratory, laboratory + 1)
+        budgets = {
+            name: each.select(one) for name, each in self.results.items() if self.some[laboratory]
+        }
+        quantities = {name: each.row(0) for name, each in budgets.items()}
         metric, finer = quantities.pop("metric", None), None
         variances = {}
-        if metric and not self.invalid[laboratory]:
-            variances = {name: own.known().row(laboratory) for name, own in self.variances.items()}
+        if metric and self.verdicts[laboratory] is not Verdict.INVALID:
+            scatters = {name: each.scatter for name, each in budgets.items() if each.scatter}
+            variances = {name: each.variance.known().row(0) for name, each in scatters.items()}
         method = session.uncertainty
         drawable = method != MONTE_CARLO or not (metric and too_wide(metric))
         if metric and variances and method != FIRST and drawable:
-            finer = refined(method, reduced, metric)
+            finer = refined(method, reduced, readings, outcome, metric)
             metric = replace(metric, u=finer.u, dof=finer.dof, interval_95=finer.interval)
-        checked = self.checked.of(laboratory)
+        shots, hits, preparation = reduced.shots, reduced.shot_metric, reduced.preparation
+        bat = preparation.bat.select((0, 0, 0))
         return Certification(
             session=session,
+            block=block,
             procedure=procedure,
-            procedure_sheet=reduced.preparation.procedure.sheet,
-            bat=reduced.preparation.bat,
+            procedure_sheet=preparation.procedure.sheet,
+            bat={name: each.row(0) for name, each in preparation.bat_budgets.items()},
             shots=shots,
-            shot_metric=reduced.shot_metric,
-            readings=reduced.readings,
-            judgement=reduced.judgement,
+            shot_metric=hits,
+            readings=readings,
+            judgement=reduced.judgement(readings),
             outcome=outcome,
             metric=metric,
+            first_order=budgets.get("metric"),
             quantities=quantities,
             variances=variances,
             refined=finer,
-            width=width_of(procedure, where, valid, reduced.shot_metric) if metric else None,
-            swings=swing_range(reduced) if metric else (),
-            other=other_support(procedure, shots, reduced.bat, outcome) if metric else None,
-            camera=compare_camera(session, reduced),
-            set_aside=reduced.preparation.lot.set_aside,
-            findings=findings(procedure, reduced.bat),
-            flags=(*checked.flags, *overdue(session.particulars, session.date)),
-            pairs=checked.pairs,
-            not_checked=checked.left_out,
+            width=width_of(procedure, reduced.place, reduced.valid, hits) if metric else None,
+            swings=swing_range(reduced, readings) if metric else (),
+            other=other_support(procedure, shots, bat, outcome) if metric else None,
+            camera=compare_camera(block, reduced, readings, outcome),
+            set_aside=set_aside(procedure, preparation.lot.select((0, 0))),
+            findings=findings(procedure, bat),
+            flags=(
+                *self.checked.flags(laboratory),
+                *overdue(session.particulars, session.date),
+            ),
+            pairs=tuple(self.checked.pairs(laboratory)),
+            not_checked=self.checked.left_out,
             reasons=self.reasons(laboratory),
             verdict=self.verdicts[laboratory],
         )
 
 
-def evaluate_block(
-    block: SessionBlock,
-    reduced: BlockReduction,
-    readings: ImpactReadings,
-) -> BlockCertification:
+def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) -> Certifications:
     """Return results, uncertainties and verdicts of a block.
 
     `readings` are those of all the shots reduced, (shot,).
     """
     rules, outcome, owner = reduced.procedure, reduced.outcome, reduced.owner
-    laboratories = block.laboratories
-    used = np.isfinite(outcome.weights) & (outcome.weights != 0)
+    laboratories, used = block.laboratories, outcome.used
     hits = numbered(owner, used, laboratories)
 
     def at_hits(values: Array) -> Array:
         return np.where(hits >= 0, values[hits], 0.0)
 
-    preparation = reduced.preparation
     variants = Variants.of(reduced.constants)
     earlier = {name: HitVariance.of(known) for name, known in block.history.items()}
     weighing = Weighing(
@@ -256,10 +250,9 @@ def evaluate_block(
     results = {name: Budgets.concatenate([each[name] for each, _ in parts]) for name in parts[0][0]}
     some = np.bincount(owner, used, laboratories) > 0
     lost = shortfalls(
-        rules, laboratories, owner, reduced.place, reduced.valid & some[owner], reduced.metric
+        rules, laboratories, owner, reduced.place, reduced.valid & some[owner], reduced.shot_metric
     )
-    results["metric"] = with_choice(results["metric"], lost)
-    metric = results["metric"]
+    results["metric"] = metric = with_choice(results["metric"], lost)
     checked = check(
         Evidence(
             block=block,
@@ -273,22 +266,20 @@ def evaluate_block(
             apart=np.concatenate([apart for _, apart in parts]),
         )
     )
-    invalid = np.array([bool(reason) for reason in outcome.reasons])
-    invalid |= some & ~(metric.u <= rules.largest_metric_u)
-    for voided in checked.voids.values():
-        invalid |= voided
-    met = eligible(rules, preparation.bat).reshape(-1)
-    if rules.metric_limit is not None:
-        met &= ~(some & (metric.value > rules.metric_limit))
-    return BlockCertification(
-        procedure=rules,
+    reason_table = (
+        *_invalidating(rules, outcome, some, metric.u, checked),
+        *unmet_rules(rules, reduced.preparation.bat, np.where(some, metric.value, np.nan)),
+    )
+    return Certifications(
+        block=block,
+        reduced=reduced,
+        readings=readings,
         outcome=outcome,
         some=some,
         results=results,
         checked=checked,
-        bat=preparation.bat,
-        invalid=invalid,
-        met=met,
+        reason_table=reason_table,
+        verdicts=verdicts_of(rules, reason_table, laboratories),
     )
 
 
@@ -305,7 +296,7 @@ class Weighing(AlignedArrays):
 
 
 def _results(
-    reduced: BlockReduction,
+    reduced: Reduction,
     readings: ImpactReadings,
     weighing: Weighing,
     earlier: Mapping[str, HitVariance],
@@ -318,13 +309,7 @@ def _results(
     (laboratory, k, hit).
     """
     weighing = weighing.select(some)
-    preparation = reduced.preparation
-    model = MeasurementModel(
-        rules=reduced.procedure,
-        balls=preparation.balls.select(np.arange(preparation.laboratories)[some]),
-        used=preparation.used[some],
-        readings=readings.select(weighing.hits[:, None]),
-    )
+    model = reduced.model(readings, weighing.hits, some)
     variants = variants.select(some)
     columns = variants.columns
     bat = bat_properties(columns)
@@ -344,21 +329,23 @@ def _results(
     return results, moved.recoil_efficiency - moved.rebound_efficiency
 
 
-def _reasons(
-    procedure: Procedure, of_hits: str, metric_u: float | None, flagged: tuple[Flag, ...]
-) -> Iterator[str]:
-    """Return the reasons why a test is INVALID; empty if it is not.
+def _invalidating(
+    procedure: Procedure, outcome: HitWeights, some: Mask, metric_u: Array, checked: Checked
+) -> Iterator[Reason]:
+    """Yield the reasons why tests are INVALID."""
+    none = np.array([bool(reason) for reason in outcome.reasons])
+    yield Reason(Verdict.INVALID, none, lambda i: outcome.reasons[i])
+    printed, most = METRICS[procedure.metric], procedure.largest_metric_u
 
-    `of_hits` is the reason why the hits give no result, or empty. `metric_u` is the u of the
-    metric, None without a result.
-    """
-    if of_hits:
-        yield of_hits
-    if metric_u is not None and not metric_u <= procedure.largest_metric_u:
-        printed = METRICS[procedure.metric]
-        u, most = metric_u / printed.unit_si, procedure.largest_metric_u / printed.unit_si
+    def too_large(i: int) -> str:
+        u = float(metric_u[i]) / printed.unit_si
         text = f"u of {printed.symbol} is {{0:.{{d}}f}}, allowed up to {{2:g}} {printed.unit}"
-        yield beyond(text, u, -inf, most, decimals(u)).rstrip()
-    for flag in flagged:
-        if flag.invalidates:
-            yield f"by the flag {flag.name}"
+        return beyond(text, u, -inf, most / printed.unit_si, decimals(u)).rstrip()
+
+    yield Reason(Verdict.INVALID, some & ~(metric_u <= most), too_large)
+    for name, where in checked.voids.items():
+        yield Reason(Verdict.INVALID, where, partial(_by_flag, name))
+
+
+def _by_flag(name: str, _laboratory: int) -> str:
+    return f"by the flag {name}"

@@ -29,7 +29,7 @@ class OtherSupport:
 def other_support(
     procedure: Procedure, shots: ShotResults, bat: BatProperties, outcome: HitWeights
 ) -> OtherSupport:
-    """Return the results of the valid hits with the other support's recoil factor."""
+    """Return the results of the valid hits of one bat with the other support's recoil factor."""
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # the lot's mean ball, from the recoil factor with the support named by the rules
     ball = shots.ball_mass * shots.lot_recoil_factor / shots.recoil_factor

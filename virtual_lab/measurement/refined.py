@@ -8,12 +8,13 @@ procedure; u and the interval are those of the method.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from virtual_lab.measurement.session_reduction import SessionReduction
+from virtual_lab.measurement.procedure import HitWeights
+from virtual_lab.measurement.reduction.observations import ImpactReadings
+from virtual_lab.measurement.session_reduction import Reduction
 from virtual_lab.parameters import Propagation
 from virtual_lab.uncertainty.budget import Budget, Component
 from virtual_lab.uncertainty.inputs import Input, InputName
@@ -29,15 +30,18 @@ LEAST_FREEDOM = 3.0
 
 def refined(
     method: Propagation,
-    reduced: SessionReduction,
+    reduced: Reduction,
+    readings: ImpactReadings,
+    outcome: HitWeights,
     linear: Budget,
     draws: int | None = None,
 ) -> Propagated:
-    """Return the metric of a test by a method of `propagate_inputs`; `linear` is its first order.
+    """Return the metric of one test by a method of `propagate_inputs`.
 
+    `readings` and `outcome` are those of the reduction, `linear` is its budget of first order.
     `draws` is the number of draws; None: as many as give two correct digits of u.
     """
-    model, inputs = model_of(reduced, linear)
+    model, inputs = model_of(reduced, readings, outcome, linear)
     return propagate_inputs(model, inputs, method=method, draws=draws)
 
 
@@ -49,12 +53,12 @@ def too_wide(linear: Budget) -> Component | None:
 
 
 def model_of(
-    reduced: SessionReduction, linear: Budget
+    reduced: Reduction, readings: ImpactReadings, outcome: HitWeights, linear: Budget
 ) -> tuple[Callable[..., Array], dict[InputName, Any]]:
     """Return the metric of a test as a function of rows of inputs, (k,), and these inputs."""
-    used = reduced.outcome.used
-    model = replace(reduced.model, readings=reduced.readings.select(used))
-    effects, known = reduced.outcome.effects[used], dict[str, Any](reduced.constants)
+    used = np.flatnonzero(outcome.used)
+    model, effects = reduced.model(readings, used[None]), outcome.effects[used]
+    known: dict[str, Any] = {name: each.row(0) for name, each in reduced.constants.items()}
     added = {
         part.name: Input(0.0, part.u, part.dof, evaluation="A")
         for part in linear.components
@@ -62,8 +66,8 @@ def model_of(
     }
 
     def hits(constants: Mapping[str, Array]) -> Array:
-        columns = {name: constants[name][:, None] for name in known}
-        return model(columns)["metric"] @ effects
+        columns = {name: constants[name][None, :, None] for name in known}
+        return np.asarray(model(columns)["metric"][0] @ effects)
 
     best = hits({name: np.array([each.value]) for name, each in known.items()})
 

@@ -5,35 +5,33 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.aligned import AlignedArrays
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.model import CONTROL, MeasurementModel
 from virtual_lab.measurement.procedure import (
     Acceptance,
-    BlockOutcome,
     Curve,
     HitWeights,
     Judgement,
-    Lot,
     NextShots,
     Procedure,
     Sought,
     accepted,
     admitted,
     judge,
-    lot_of,
     metric_of,
     next_shots,
-    outcome_of,
     outcomes_of,
     sought_of,
 )
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER, measured_density
+from virtual_lab.measurement.reduction.flights import numbered
 from virtual_lab.measurement.reduction.gates import THICKNESS
 from virtual_lab.measurement.reduction.kinematics import centre_of_percussion
 from virtual_lab.measurement.reduction.observations import (
@@ -56,16 +54,15 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     shot_results,
 )
 from virtual_lab.records.block import SessionBlock
-from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, combine, propagate
-from virtual_lab.uncertainty.estimate import Estimate, Estimates
+from virtual_lab.uncertainty.budget import Budgets, Variants, combined
+from virtual_lab.uncertainty.estimate import Estimates
 from virtual_lab.units import Array, Mask
 
 AIM_ALONG = "impact.cannon.along"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BlockPreparation:
+class Preparation(AlignedArrays):
     """Reduced values of bats, balls and rigs of a block before the bats are hit."""
 
     procedure: Entry[Procedure]
@@ -74,6 +71,8 @@ class BlockPreparation:
     lot: MeasuredBalls  # measured balls for the best values of the constants, (laboratory, 1, ball)
     used: Mask  # balls that define the lot, (laboratory, 1, ball)
     bat: BatProperties  # measured bats for the best values of the constants, (laboratory, 1, 1)
+
+    aligned: ClassVar = ("constants", "balls", "lot", "used", "bat")
 
     @property
     def laboratories(self) -> int:
@@ -92,98 +91,62 @@ class BlockPreparation:
         """The angular speed the procedure requires for each measured bat, (laboratory,) [rad/s]."""
         return self.procedure.spec.turn_rate(self.bat.length).reshape(-1)
 
-    def alone(self, laboratory: int) -> BlockPreparation:
-        """Return the block of one of its laboratories."""
-        one = slice(laboratory, laboratory + 1)
-        return replace(
-            self,
-            constants={name: known.select(one) for name, known in self.constants.items()},
-            balls=self.balls.select(np.array([laboratory])),
-            lot=self.lot.select(one),
-            used=self.used[one],
-            bat=self.bat.select(one),
-        )
+    def first_shots(self) -> NextShots:
+        """Return the shots that the procedure asks for first."""
+        owner, nothing = np.zeros(0, dtype=np.intp), np.zeros(0)
+        valid = nothing.astype(bool)
+        return next_shots(self.procedure.spec, self.percussion, owner, nothing, valid, nothing)
 
-    def of(self, laboratory: int) -> Preparation:
-        """Return the preparation of one laboratory."""
-        constants = {name: known.row(laboratory) for name, known in self.constants.items()}
-        lot = self.lot.select((laboratory, 0))
-        return Preparation(
-            block=self,
-            laboratory=laboratory,
-            procedure=self.procedure,
-            constants=constants,
-            balls=self.balls.of(laboratory),
-            lot=lot_of(self.procedure.spec, lot),
-            bat=_bat_budgets(constants),
-            percussion=float(self.percussion[laboratory]),
-            turn_rate=float(self.turn_rate[laboratory]),
-        )
+    @property
+    def bat_budgets(self) -> dict[str, Budgets]:
+        """Measured mass, length, z_cm and inertia_cm with their uncertainties [SI]."""
+        variants = Variants.of(self.constants)
+        measured = bat_properties(variants.columns)
+        found = {}
+        for name in ("mass", "length", "z_cm", "inertia_cm"):
+            values = getattr(measured, name)[..., 0]
+            found[name] = combined(values[:, 0], variants.components(values))
+        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Preparation:
-    """Reduced values of bat, balls and rigs of one laboratory before its bat is hit."""
-
-    block: BlockPreparation
-    laboratory: int  # number of the laboratory in the block
-    procedure: Entry[Procedure]
-    constants: Mapping[str, Estimate]
-    balls: BallReadings
-    lot: Lot
-    bat: Mapping[str, Budget]  # mass, length, z_cm, inertia_cm [SI]
-    percussion: float  # position at which the procedure aims on the measured bat [m]
-    turn_rate: float  # angular speed that the procedure requires for this bat [rad/s]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BlockReduction:
+class Reduction(AlignedArrays):
     """Reduced and judged shots of a block as fired, (shot,), without their readings."""
 
-    preparation: BlockPreparation
+    preparation: Preparation
     constants: Mapping[str, Estimates]  # constants of the preparation and of the hits
     owner: NDArray[np.intp]  # laboratory of each shot
     place: Array  # aimed position, from the barrel tip [m]
-    results: ShotResults
-    metric: Array
+    shots: ShotResults
+    shot_metric: Array
     sought: Sought  # quantity that a scan maximises
     valid: Mask
     acceptance: Acceptance = judge  # function that judges which hits are valid
     # owners of the shots of the last round; None: all laboratories still ask
     latest: NDArray[np.intp] | None = None
 
-    @classmethod
-    def alone(cls, reduced: SessionReduction) -> BlockReduction:
-        """Return the block of one laboratory, with the validity of its hits as judged."""
-        preparation = reduced.preparation
-        return cls(
-            preparation=preparation.block.alone(preparation.laboratory),
-            constants={
-                name: Estimates.stacked([known]) for name, known in reduced.constants.items()
-            },
-            owner=np.zeros(reduced.shot_metric.size, dtype=np.intp),
-            place=reduced.readings.place,
-            results=reduced.shots,
-            metric=reduced.shot_metric,
-            sought=reduced.sought,
-            valid=reduced.judgement.valid,
-            acceptance=lambda *_: reduced.judgement,
-        )
+    aligned: ClassVar = ("owner", "place", "shots", "shot_metric", "sought", "valid")
 
     @property
     def procedure(self) -> Procedure:
         return self.preparation.procedure.spec
 
     @property
-    def outcome(self) -> BlockOutcome:
-        """The outcome of the hits by the procedure's rules."""
+    def shot_numbers(self) -> NDArray[np.intp]:
+        """Numbers of all shots, (laboratory, shot); negative: fewer shots than another."""
+        used = np.ones(self.owner.size, dtype=bool)
+        return numbered(self.owner, used, self.preparation.laboratories)
+
+    @property
+    def outcome(self) -> HitWeights:
+        """The weights of the hits by the procedure's rules."""
         return outcomes_of(
             self.procedure,
             self.preparation.laboratories,
             self.owner,
             self.place,
             self.valid,
-            self.metric,
+            self.shot_metric,
             self.sought,
         )
 
@@ -191,93 +154,78 @@ class BlockReduction:
         """Return the shots that the procedure asks for next; none where a test is complete."""
         asking = np.zeros(self.preparation.laboratories, dtype=bool)
         asking[... if self.latest is None else self.latest] = True
-        own, turn = asking[self.owner], np.cumsum(asking) - 1
+        own, turn = self.select(asking[self.owner]), np.cumsum(asking) - 1
         found = next_shots(
             self.procedure,
             self.preparation.percussion[asking],
-            turn[self.owner[own]],
-            self.place[own],
-            self.valid[own],
-            self.sought.value[own],
+            turn[own.owner],
+            own.place,
+            own.valid,
+            own.sought.value,
         )
         return NextShots(np.flatnonzero(asking)[found.owner], found.place)
 
-    def with_round(self, more: BlockReduction) -> BlockReduction:
-        """Return the shots of both, `more` fired later."""
-
-        def both(name: str) -> Any:
-            return np.concatenate([getattr(self, name), getattr(more, name)])
-
-        value, gain = map(np.concatenate, zip(self.sought, more.sought, strict=True))
-        return replace(
-            self,
-            latest=more.owner,
-            owner=both("owner"),
-            place=both("place"),
-            results=ShotResults.concatenate([self.results, more.results]),
-            metric=both("metric"),
-            sought=Sought(value, gain),
-            valid=both("valid"),
+    def judgement(self, readings: ImpactReadings, laboratory: int = 0) -> Judgement:
+        """Return why hits of one laboratory are rejected; `readings` are of all shots, (shot,)."""
+        own, preparation = self.owner == laboratory, self.preparation
+        return self.acceptance(
+            self.procedure,
+            self.shots.select(own),
+            readings.select(own),
+            float(preparation.percussion[laboratory]),
+            float(preparation.turn_rate[laboratory]),
         )
 
-    def judged(self, acceptance: Acceptance, readings: ImpactReadings) -> BlockReduction:
+    def judged(self, acceptance: Acceptance, readings: ImpactReadings) -> Reduction:
         """Return the shots, with the hits valid that `acceptance` accepts.
 
         `readings` are those of all shots, as fired, (shot,).
         """
         chosen, valid = replace(self, acceptance=acceptance), np.empty_like(self.valid)
         for laboratory in range(self.preparation.laboratories):
-            found = chosen.of(laboratory, readings)
-            valid[self.owner == laboratory] = found.judgement.valid
+            valid[self.owner == laboratory] = chosen.judgement(readings, laboratory).valid
         return replace(chosen, valid=valid)
 
-    def of(self, laboratory: int, readings: ImpactReadings) -> SessionReduction:
-        """Return the reduction of one laboratory.
+    def row(self, laboratory: int) -> Reduction:
+        """Return the reduction of one laboratory as a block of one."""
+        one, own = np.array([laboratory]), self.select(self.owner == laboratory)
+        return replace(
+            own,
+            preparation=self.preparation.select(one),
+            constants={name: each.select(one) for name, each in self.constants.items()},
+            owner=np.zeros_like(own.owner),
+            latest=None,
+        )
 
-        `readings` are those of all shots, as fired, (shot,).
+    def model(
+        self,
+        readings: ImpactReadings,
+        hits: NDArray[np.intp] | None = None,
+        laboratories: slice = slice(None),
+    ) -> MeasurementModel:
+        """Return the results of `hits` as functions of the constants, (laboratory, k, hit).
+
+        `hits` are numbers of shots, (laboratory, hit), negative for none, of these `laboratories`;
+        None: all shots. `readings` are those of all shots, as fired, (shot,).
         """
-        preparation, own = self.preparation.of(laboratory), self.owner == laboratory
-        rules, seen, results = self.procedure, readings.select(own), self.results.select(own)
-        metric, sought = self.metric[own], Sought(self.sought.value[own], self.sought.gain[own])
-        judgement = self.acceptance(
-            rules, results, seen, preparation.percussion, preparation.turn_rate
-        )
-        return SessionReduction(
-            preparation=preparation,
-            constants={name: known.row(laboratory) for name, known in self.constants.items()},
-            model=MeasurementModel(
-                rules=rules, balls=preparation.balls, used=preparation.lot.used, readings=seen
-            ),
-            bat=self.preparation.bat.select((laboratory, 0, 0)),
-            shots=results,
-            shot_metric=metric,
-            sought=sought,
-            judgement=judgement,
-            outcome=outcome_of(rules, seen.place, judgement.valid, metric, sought),
+        preparation, hits = self.preparation, self.shot_numbers if hits is None else hits
+        chosen = np.arange(preparation.laboratories)[laboratories]
+        return MeasurementModel(
+            rules=self.procedure,
+            balls=preparation.balls.select(chosen),
+            used=preparation.used[chosen],
+            readings=readings.select(hits[:, None]),
         )
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SessionReduction:
-    """Reduced and judged records of one laboratory, before the evaluation of uncertainty."""
-
-    preparation: Preparation
-    constants: Mapping[str, Estimate]  # constants of the preparation and of the hits
-    model: MeasurementModel
-    bat: BatProperties
-    shots: ShotResults
-    shot_metric: Array  # (shot,)
-    sought: Sought  # quantity that a scan maximises, (shot,)
-    judgement: Judgement
-    outcome: HitWeights
-
-    @property
-    def procedure(self) -> Procedure:
-        return self.model.rules
-
-    @property
-    def readings(self) -> ImpactReadings:
-        return self.model.readings
+    def single_model(self, readings: ImpactReadings) -> MeasurementModel:
+        """Return the results of the shots of a block of one, without its axis, (..., shot)."""
+        preparation, first = self.preparation, np.array(0)
+        return MeasurementModel(
+            rules=self.procedure,
+            balls=preparation.balls.select(first).select(first),
+            used=preparation.used[0, 0],
+            readings=readings,
+        )
 
 
 @contextmanager
@@ -290,25 +238,28 @@ def constants_known() -> Iterator[None]:
         raise InputError("session.json", key, None, "this constant is missing") from fault
 
 
-def reduce_session(session: Session) -> SessionReduction:
-    """Reduce a session's records. `InputError` for an unusable record or procedure."""
-    return reduce_hits(session, prepare(session))
-
-
-def prepare(session: Session) -> Preparation:
-    """Return the results of bench and wall rig of a session, before or after the bat was hit.
+def reduce_block(block: SessionBlock) -> tuple[Reduction, ImpactReadings]:
+    """Reduce records, all shots together, because they share vibrations; return the readings too.
 
     Raises
     ------
     InputError
         A record, calibration or procedure that is missing or cannot be used.
     """
-    return prepare_block(SessionBlock.of(session)).of(0)
+    preparation = prepare(block)
+    readings = observe_hits(block, preparation)
+    return reduce_shots(block, preparation, readings), readings
 
 
 @constants_known()
-def prepare_block(block: SessionBlock) -> BlockPreparation:
-    """Return the results of bench and wall rig of a block. `InputError` as `prepare`."""
+def prepare(block: SessionBlock) -> Preparation:
+    """Return the results of bench and wall rig, before or after the bats were hit.
+
+    Raises
+    ------
+    InputError
+        A record, calibration or procedure that is missing or cannot be used.
+    """
     procedure = read(block.procedure_text, "procedure.toml", Procedure)
     asked = procedure.spec.pivot_from_knob
     for axis in block.calibration["impact.pivot.from_knob"].value:
@@ -320,7 +271,7 @@ def prepare_block(block: SessionBlock) -> BlockPreparation:
     constants |= _place_constants(procedure.spec, constants.get(AIM_ALONG))
     best = best_values(constants)
     lot = measured_balls(best, balls)
-    return BlockPreparation(
+    return Preparation(
         procedure=procedure,
         constants=constants,
         balls=balls,
@@ -330,18 +281,8 @@ def prepare_block(block: SessionBlock) -> BlockPreparation:
     )
 
 
-def reduce_hits(session: Session, preparation: Preparation) -> SessionReduction:
-    """Reduce the records at the bat, all shots together, because they share vibrations.
-
-    `preparation` is of the same session. `InputError` as `prepare`.
-    """
-    block, alone = SessionBlock.of(session), preparation.block.alone(preparation.laboratory)
-    readings = observe_hits(block, alone)
-    return reduce_shots(block, alone, readings).of(0, readings)
-
-
 @constants_known()
-def observe_hits(block: SessionBlock, preparation: BlockPreparation) -> ImpactReadings:
+def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReadings:
     """Return the readings at the bat, (shot,). `InputError` as `prepare`."""
     _require_channels(block, preparation.procedure.spec)
     return observe_impact(block)
@@ -349,8 +290,8 @@ def observe_hits(block: SessionBlock, preparation: BlockPreparation) -> ImpactRe
 
 @constants_known()
 def reduce_shots(
-    block: SessionBlock, preparation: BlockPreparation, readings: ImpactReadings
-) -> BlockReduction:
+    block: SessionBlock, preparation: Preparation, readings: ImpactReadings
+) -> Reduction:
     """Reduce the shots in `readings`, each with the constants of its laboratory.
 
     The owners in `block` are those of the same shots.
@@ -374,24 +315,24 @@ def reduce_shots(
     sought = sought_of(rules, metric, alone.place, bat)
     asked = (each[owner, None, None] for each in (preparation.percussion, preparation.turn_rate))
     valid = accepted(rules, results, alone, *asked)
-    return BlockReduction(
+    return Reduction(
         preparation=preparation,
         constants=constants,
         owner=owner,
         place=readings.place,
-        results=results.select((slice(None), 0, 0)),
-        metric=metric.reshape(-1),
-        sought=Sought(*(np.broadcast_to(each, metric.shape).reshape(-1) for each in sought)),
+        shots=results.select((slice(None), 0, 0)),
+        shot_metric=metric.reshape(-1),
+        sought=Sought(
+            value=np.broadcast_to(sought.value, metric.shape).reshape(-1),
+            gain=np.broadcast_to(sought.gain, metric.shape).reshape(-1),
+        ),
         valid=valid.reshape(-1),
     )
 
 
-def best_values(constants: Mapping[str, Estimate] | Mapping[str, Estimates]) -> dict[str, Array]:
-    """Return the values of the constants for a model, of a block with shape (laboratory, 1, 1)."""
-    return {
-        name: known.value[:, None, None] if isinstance(known, Estimates) else np.array(known.value)
-        for name, known in constants.items()
-    }
+def best_values(constants: Mapping[str, Estimates]) -> dict[str, Array]:
+    """Return the values of the constants for a model, (laboratory, 1, 1)."""
+    return {name: known.value[:, None, None] for name, known in constants.items()}
 
 
 def _require_channels(block: SessionBlock, procedure: Procedure) -> None:
@@ -399,21 +340,6 @@ def _require_channels(block: SessionBlock, procedure: Procedure) -> None:
     for channel in sorted(procedure.needs - block.impact.keys()):
         allowed = f"{procedure.name} needs this record"
         raise InputError(f"impact/{channel}", "record", None, allowed)
-
-
-def _bat_budgets(constants: Mapping[str, Estimate]) -> dict[str, Budget]:
-    """Return the bat's measured inertial properties with their uncertainties [SI]."""
-
-    def properties(x: Mapping[str, Array]) -> dict[str, Array]:
-        bat = bat_properties(x)
-        names = ("mass", "length", "z_cm", "inertia_cm")
-        return {name: np.ravel(getattr(bat, name)) for name in names}
-
-    best = properties({name: np.array([[known.value]]) for name, known in constants.items()})
-    return {
-        name: combine(float(best[name][0]), components)
-        for name, components in propagate(properties, constants).items()
-    }
 
 
 def _place_constants(rules: Procedure, along: Estimates | None) -> dict[str, Estimates]:

@@ -6,10 +6,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from virtual_lab.measurement.procedure import Curve, HitWeights, Procedure, metric_of, outcome_of
+from virtual_lab.measurement.procedure import (
+    Curve,
+    HitWeights,
+    Procedure,
+    Sought,
+    metric_of,
+    outcomes_of,
+)
+from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
-from virtual_lab.measurement.session_reduction import SessionReduction
-from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits
+from virtual_lab.measurement.session_reduction import Reduction
+from virtual_lab.uncertainty.budget import Budget, Variants, means_of_hits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,8 +29,8 @@ class SwingResult:
     budget: Budget
 
 
-def swing_range(reduced: SessionReduction) -> tuple[SwingResult, ...]:
-    """Return the metric for each of the game's `exponents`, () if the rules name none.
+def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResult, ...]:
+    """Return one test's metric for each of the game's `exponents`, () if the rules name none.
 
     The hits are those of the test. The scan is centred on the best place for the procedure's
     exponent; for another exponent the maximum lies a few tenths of an inch away.
@@ -30,24 +38,26 @@ def swing_range(reduced: SessionReduction) -> tuple[SwingResult, ...]:
     rules = reduced.procedure
     if rules.game is None or not rules.game.exponents:
         return ()
-    place, valid = reduced.readings.place, reduced.judgement.valid
-    curve = Curve.measured(reduced.shots)
+    curve, measured = Curve.measured(reduced.shots), reduced.preparation.bat.select((0, 0, 0))
     others: dict[float, tuple[Procedure, HitWeights]] = {}
     for exponent in rules.game.exponents:
         other = replace(rules, game=replace(rules.game, exponent=exponent))
-        hits = metric_of(other)(curve, reduced.bat)
-        others[exponent] = other, outcome_of(other, place, valid, hits)
+        hits = metric_of(other)(curve, measured)
+        sought = Sought(hits, np.ones_like(hits))
+        outcome = outcomes_of(other, 1, reduced.owner, reduced.place, reduced.valid, hits, sought)
+        others[exponent] = other, outcome
     if not all(np.isfinite(outcome.weights).all() for _, outcome in others.values()):
         return ()
 
     variants = Variants.of(reduced.constants)
     columns = variants.columns
     bat = bat_properties(columns)
-    moved = Curve.measured(reduced.model.shots(columns, bat))
+    moved = Curve.measured(reduced.model(readings).shots(columns, bat))
     found = []
     for exponent, (other, outcome) in others.items():
         used = outcome.used
-        hits, places = metric_of(other)(moved, bat)[..., used], np.round(place[used], 6)
-        budget = mean_of_hits(variants, hits, outcome.weights[used], places)
-        found.append(SwingResult(exponent=exponent, place=outcome.place, budget=budget))
+        hits, places = metric_of(other)(moved, bat)[..., used], np.round(reduced.place[used], 6)
+        weights = outcome.weights[None, used]
+        budget = means_of_hits(variants, hits, weights, places[None], weights).row(0)
+        found.append(SwingResult(exponent=exponent, place=float(outcome.place[0]), budget=budget))
     return tuple(found)

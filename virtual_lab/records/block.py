@@ -65,21 +65,21 @@ class SessionBlock:
         """Whether there are encoder counts, fitted together as all shots share their vibrations."""
         return any(isinstance(each, EncoderRecord) for each in self.impact.values())
 
-    def part(self, laboratory: int) -> SessionBlock:
+    def row(self, laboratory: int) -> SessionBlock:
         """Return the block of one of its laboratories."""
         if self.laboratories == 1:
             return self  # including arrays stored beside the tables
         own = self.owner == laboratory
 
         def one(known: Mapping[str, Estimates]) -> dict[str, Estimates]:
-            own = slice(laboratory, laboratory + 1)
-            return {name: each.select(own) for name, each in known.items()}
+            first = slice(laboratory, laboratory + 1)
+            return {name: each.select(first) for name, each in known.items()}
 
         def kept(stage: str, record: Record) -> Record:
             if stage == "impact" and "shot" in record.sizes():
-                return record.rows(own)
+                return record.select(own)
             many = next(iter(record.sizes().values())) // self.laboratories
-            return record.rows(slice(laboratory * many, (laboratory + 1) * many))
+            return record.select(slice(laboratory * many, (laboratory + 1) * many))
 
         return replace(
             self,

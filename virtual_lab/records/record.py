@@ -136,14 +136,14 @@ class Record:
             data[column.name] = getattr(self, name)[tuple(data[axis] for axis in column.axes)]
         return pd.DataFrame(data)
 
-    def rows(self, index: Any) -> Self:
-        """Return the record of some rows of its first axis; `index` is a slice or a mask.
+    def select(self, rows: Any) -> Self:
+        """Return the record of some rows of its first axis; `rows` is a slice or a mask.
 
         Arrays beside the table are left out.
         """
         first = next(iter(self.columns.values())).axes[0]
         chosen = {
-            name: getattr(self, name)[index if column.axes[0] == first else ...]
+            name: getattr(self, name)[rows if column.axes[0] == first else ...]
             for name, column in self.columns.items()
         }
         return type(self)(**chosen)

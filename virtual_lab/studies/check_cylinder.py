@@ -21,8 +21,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.observations import along_of
 from virtual_lab.measurement.session_reduction import (
     observe_hits,
-    prepare_block,
-    reduce_session,
+    prepare,
     reduce_shots,
 )
 from virtual_lab.records.block import SessionBlock
@@ -63,9 +62,9 @@ def check_cylinder(
         detail=RecordDetail.FULL if faults else RecordDetail.SUMMED,
     )
     laboratory = Laboratory.open(replace(setup, ball=catalog.load("balls", "check-ball", BallSpec)))
-    session = by_the_book(laboratory).of(0).certification.session
-    preparation = prepare_block(SessionBlock.of(session))
-    place = reduce_session(session).readings.place[0] - along_of(session)
+    tested = by_the_book(laboratory).of(0).certification
+    session, preparation = tested.session, prepare(tested.block)
+    place = tested.readings.place[0] - along_of(session)
     # with full records, the hits of a session share the fit of the bat's vibrations
     together = 1 if faults else days
     values = []
@@ -87,9 +86,9 @@ def check_cylinder(
         valid = reduced.valid.reshape(together, hits)
         for number, hit in enumerate(valid, first):
             if not hit.any():
-                reason = reduced.of(0, readings).judgement.reasons[(number - first) * hits]
+                reason = reduced.judgement(readings).reasons[(number - first) * hits]
                 allowed = f"no hit at the check cylinder is valid: {reason}"
                 raise InputError("", "day", number, allowed)
-        efficiency = reduced.results.lot_collision_efficiency.reshape(together, hits)
+        efficiency = reduced.shots.lot_collision_efficiency.reshape(together, hits)
         values.append(efficiency.mean(axis=1, where=valid))
     return np.concatenate(values)

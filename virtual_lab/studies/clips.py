@@ -17,11 +17,12 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, prepared
 from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.camera.comparison import compare_camera
-from virtual_lab.measurement.session_reduction import reduce_session
+from virtual_lab.measurement.session_reduction import reduce_block
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 from virtual_lab.parameters import Seed
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import ShotPlan, Stage
@@ -133,10 +134,11 @@ def _clip(laboratory: Laboratory, detail: RecordDetail) -> Array:
     )
     play = ready.stations[stage].play(plan, ready.specimen, ready.draws)
     session = with_records(day.session, stage, [play])
-    reduced = reduce_session(session)
-    camera = compare_camera(session, reduced)
+    block = SessionBlock.of(session)
+    reduced, readings = reduce_block(block)
+    camera = compare_camera(block, reduced, readings, reduced.outcome)
     assert camera is not None
-    if not reduced.judgement.valid[0]:
+    if not reduced.valid[0]:
         return np.full((len(QUANTITIES), 3), np.nan)
     flights = camera.filmed.flights
     measured = (flights.speed_in, flights.speed_out, camera.shots.rebound_efficiency)

@@ -250,15 +250,15 @@ class Sample:
 
 def sample(tested: BlockTest) -> Sample:
     """Return the results, u and true values of a block's laboratories, (laboratory,) each."""
-    certified, reduced, owner = tested.certified, tested.reduced, tested.reduced.owner
+    certified, reduced = tested.certified, tested.certified.reduced
+    owner, metric = reduced.owner, reduced.shot_metric
     count = certified.invalid.size
-    marks = tested.sessions.impact["aim"]
+    marks = certified.block.impact["aim"]
     assert isinstance(marks, AimMarks)
-    known = tested.sessions.calibration.get("impact.cannon.along")
+    known = certified.block.calibration.get("impact.cannon.along")
     along = marks.along.reshape(count, -1)
     off = along - (known.value[:, None] if known else 0.0)
-    weights = certified.outcome.weights
-    used = np.isfinite(weights) & (weights != 0)
+    used = certified.outcome.used
     return Sample(
         sound=~certified.invalid,
         fired=np.bincount(owner, minlength=count),
@@ -266,7 +266,7 @@ def sample(tested: BlockTest) -> Sample:
         place=certified.outcome.place,
         stray=off.var(axis=1, ddof=1),
         beside=np.mean(off**2, axis=1),
-        scatter=variances_within(owner[used], reduced.place[used], reduced.metric[used], count),
+        scatter=variances_within(owner[used], reduced.place[used], metric[used], count),
         results={
             name: Results(
                 value=budgets.value,

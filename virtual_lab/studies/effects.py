@@ -30,7 +30,6 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 from virtual_lab.parameters import Positive, Seed
-from virtual_lab.records.block import SessionBlock
 from virtual_lab.relations.pendulum import mean_amplitude_factor
 from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.physics.beam import barrel_radius
@@ -195,7 +194,8 @@ def _off(tested: BatTest) -> dict[str, float]:
 
 def _readings_off(tested: BatTest, true: Mapping[str, float]) -> dict[str, float]:
     """Return the errors of the mean bench readings, without instrument errors."""
-    found = {name: one.row(0).value for name, one in bench_constants(_block(tested)).items()}
+    block = tested.certification.block
+    found = {name: float(each.value[0]) for name, each in bench_constants(block).items()}
     bat, body = tested.sealed.bat_properties, tested.sealed.bat.body
     lever = float(bat["length"] - true["bench.pendulum.pivot_from_knob"] - bat["z_cm"])
     turning = float(bat["inertia_cm"] + bat["mass"] * lever**2)
@@ -219,23 +219,20 @@ def _readings_off(tested: BatTest, true: Mapping[str, float]) -> dict[str, float
 
 def _balls_off(tested: BatTest, constants: Mapping[str, float]) -> dict[str, float]:
     """Return the errors of each ball's mean e0 and of its slope that are caused by scatter."""
-    readings, lot = observe_balls(_block(tested)).of(0), tested.sealed.balls
-    names = restitution_names(len(readings.mass))
+    readings, lot = observe_balls(tested.certification.block), tested.sealed.balls
+    names = restitution_names(readings.mass.shape[-1])
     x = {name: np.array(value) for name, value in constants.items()}
     x |= dict.fromkeys([*names, SLOPE_REPEATABILITY], np.array(0.0))
     sloped = bool(np.ptp(readings.nominal_speed) > 0)
     if not sloped:
         del x[SLOPE_REPEATABILITY]
     found = measured_balls(x, readings)
-    exact = lot.restitution_at(np.arange(len(names)), np.full(len(names), found.speed))
-    off = dict(zip(names, (found.restitution - exact).tolist(), strict=True))
+    speed = np.full(len(names), float(np.squeeze(found.speed)))
+    exact = lot.restitution_at(np.arange(len(names)), speed)
+    off = dict(zip(names, (found.restitution[0, 0] - exact).tolist(), strict=True))
     if sloped:
         off[SLOPE_REPEATABILITY] = float(np.squeeze(found.slope)) - lot.spec.restitution.slope
     return off
-
-
-def _block(tested: BatTest) -> SessionBlock:
-    return SessionBlock.of(tested.certification.session)
 
 
 def _errors_of(name: str, cases: list[_Case]) -> Array | None:

@@ -7,13 +7,13 @@ scatter between hits is one type A component of the mean, after subtraction of t
 comes from constants with different effects on different hits.
 
 All is written for a block of laboratories side by side, `Components` and `Budgets`, arrays with a
-leading laboratory axis. `Component` and `Budget` are those of one laboratory, to be printed; the
-functions for one compute a block of one.
+leading laboratory axis; one laboratory is a block of one. `Component` and `Budget` are the rows of
+one laboratory, to be printed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from math import inf, sqrt
@@ -22,7 +22,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from virtual_lab.aligned import AlignedArrays
-from virtual_lab.uncertainty.estimate import Estimate, Estimates
+from virtual_lab.uncertainty.estimate import Estimates
 from virtual_lab.uncertainty.scatter import HitVariance, Scatter
 from virtual_lab.units import Array
 
@@ -59,25 +59,6 @@ class Components(AlignedArrays):
     shift: Array  # shift of the result's mean by curvature
 
     aligned: ClassVar = ("value", "u", "dof", "effect", "shift")
-
-    @classmethod
-    def listed(cls, components: Sequence[Component]) -> Self:
-        """Return the components of one laboratory as a block of one; of a pool its parts."""
-        every = [part for line in components for part in (line.parts or (line,))]
-        columns = [
-            [part.value, part.u, part.dof, part.sensitivity * part.u, part.shift] for part in every
-        ]
-        value, u, dof, effect, shift = np.array(columns).reshape(-1, 5).T[:, None]
-        return cls(
-            names=tuple(part.name for part in every),
-            evaluations=tuple(part.evaluation for part in every),
-            pools=tuple(part.pool for part in every),
-            value=value,
-            u=u,
-            dof=dof,
-            effect=effect,
-            shift=shift,
-        )
 
     def __add__(self, more: Components) -> Components:
         """Return both sets of sources."""
@@ -186,7 +167,7 @@ class Variants(AlignedArrays):
     The outputs of the model for these columns give the effect of each constant.
     """
 
-    constants: Mapping[str, Estimate] | Mapping[str, Estimates]
+    constants: Mapping[str, Estimates]
     uncertain: tuple[str, ...]  # names of the shifted constants
     value: Array  # values of the shifted constants, (laboratory, constant)
     stated: Array  # their stated u
@@ -195,16 +176,14 @@ class Variants(AlignedArrays):
     aligned: ClassVar = ("constants", "value", "stated", "dof")
 
     @classmethod
-    def of(cls, constants: Mapping[str, Estimate] | Mapping[str, Estimates]) -> Self:
+    def of(cls, constants: Mapping[str, Estimates]) -> Self:
         """Return the variants; constants without uncertainty are not shifted."""
         uncertain = tuple(name for name, known in constants.items() if np.any(known.u > 0))
-        laboratories = max((np.size(known.value) for known in constants.values()), default=1)
+        laboratories = next((len(known.value) for known in constants.values()), 1)
 
         def beside(field: str) -> Array:
-            if not uncertain:
-                return np.empty((laboratories, 0))
-            found = np.array([getattr(constants[name], field) for name in uncertain], float)
-            return np.atleast_2d(found.T)
+            columns = [getattr(constants[name], field) for name in uncertain]
+            return np.array(columns, float).reshape(-1, laboratories).T
 
         return cls(
             constants=constants,
@@ -221,20 +200,19 @@ class Variants(AlignedArrays):
 
     @property
     def columns(self) -> dict[str, Array]:
-        """Columns of the constants, (..., k, 1), with the estimates first; new at each call."""
+        """Columns of the constants, (laboratory, k, 1), the estimates first; new at each call."""
         found = {}
         for name, known in self.constants.items():
-            best = np.asarray(known.value, float)[..., None, None]
-            found[name] = np.broadcast_to(best, (*best.shape[:-2], self.sets, 1))
+            best = np.asarray(known.value, float)[:, None, None]
+            found[name] = np.broadcast_to(best, (len(best), self.sets, 1))
         for at, name in enumerate(self.uncertain, 1):
             found[name] = np.array(found[name])
-            found[name][..., at, 0] += self.constants[name].u
-            found[name][..., at + len(self.uncertain), 0] -= self.constants[name].u
+            found[name][:, at, 0] += self.constants[name].u
+            found[name][:, at + len(self.uncertain), 0] -= self.constants[name].u
         return found
 
     def components(self, values: Array) -> Components:
-        """Return the contribution of each constant to an output of shape (..., k)."""
-        values = np.reshape(values, (-1, values.shape[-1]))
+        """Return the contribution of each constant to an output of shape (laboratory, k)."""
         up, down = self._moved(values[..., None])
         known = [self.constants[name] for name in self.uncertain]
         return Components(
@@ -265,30 +243,6 @@ class Variants(AlignedArrays):
         return values[..., 1 : n + 1, :], values[..., n + 1 :, :]
 
 
-def propagate(
-    model: Callable[[Mapping[str, Array]], Mapping[str, Array]],
-    constants: Mapping[str, Estimate],
-) -> dict[str, list[Component]]:
-    """Return the components that the constants contribute to each output of `model`.
-
-    Parameters
-    ----------
-    model
-        Takes constants as columns (k, 1), returns outputs of shape (k,).
-    constants
-        Estimates; those without uncertainty contribute nothing and are omitted.
-    """
-    variants = Variants.of(constants)
-    return {
-        name: variants.components(values).row(0) for name, values in model(variants.columns).items()
-    }
-
-
-def combine(value: float, components: Sequence[Component]) -> Budget:
-    """Return the budget of a result; the components of a pool become one line."""
-    return combined(np.array([value]), Components.listed(components)).row(0)
-
-
 def combined(value: Array, components: Components) -> Budgets:
     """Return the budgets of results (laboratory,); the components of a pool become one line."""
     from virtual_lab.uncertainty.budget_kernel import welch_satterthwaite
@@ -299,24 +253,6 @@ def combined(value: Array, components: Components) -> Budgets:
     return Budgets(value=value, u=u, dof=dof, components=components)
 
 
-def mean_of_hits(
-    variants: Variants, hits: Array, weights: Array, places: Array, effects: Array | None = None
-) -> Budget:
-    """Return the budget of a weighted sum of hits: constants, then the remaining scatter.
-
-    Parameters
-    ----------
-    variants, hits
-        Constants, and the outputs of a model for their columns, (k, hit).
-    weights, places
-        Weight of each hit in the result, and its place, (hit,).
-    effects
-        Derivative of the result with respect to each hit, (hit,), if it differs from the weight.
-    """
-    effects = weights if effects is None else effects
-    return means_of_hits(variants, hits[None], weights[None], places[None], effects[None]).row(0)
-
-
 def means_of_hits(
     variants: Variants,
     hits: Array,
@@ -325,14 +261,15 @@ def means_of_hits(
     effects: Array,
     earlier: HitVariance | None = None,
 ) -> Budgets:
-    """Return the budgets of a block, as `mean_of_hits` of each laboratory.
+    """Return the budgets of weighted sums of hits: constants, then the remaining scatter.
 
     Parameters
     ----------
     variants, hits
         Constants, and the outputs of a model for their columns, (laboratory, k, hit).
     weights, places, effects
-        Values for each hit, (laboratory, hit); weight and effect are 0 for a missing hit.
+        Weight of each hit in the result, its impact position, and the derivative of the result with
+        respect to the hit, (laboratory, hit). Weight and effect are 0 for a missing hit.
     earlier
         Variance of a hit in the laboratories' earlier tests, which is used as well.
     """
@@ -381,39 +318,6 @@ def _pooled(components: Sequence[Component]) -> list[Component]:
             )
         )
     return lines
-
-
-def scatter(hits: Array, weights: Array, groups: Array, effects: Array | None = None) -> Component:
-    """Return the type A component of a weighted sum of hits, by their scatter at each place.
-
-    Parameters
-    ----------
-    hits, weights, groups
-        Shape (n,): values, their weights in the result, and their places.
-        Every place has a separate variance, because stray aim matters more where the bat's
-        response changes quickly; a place with a single hit gets the pooled variance of the others.
-    effects
-        Shape (m, n): effect on each hit of one standard uncertainty of each constant in the same
-        budget. The mean scatter that these effects cause within a place is subtracted from the
-        variance of the place (never below 0), because the budget already contains it.
-    """
-    effects = np.zeros((0, hits.size)) if effects is None else effects
-    found = Scatter.seen(hits[None], weights[None], groups[None], effects[None])
-    value = float(weighed(hits[None, None], weights[None])[0, 0])
-    return type_a(HITS, value, float(found.u[0]), dof=float(found.dof[0]))
-
-
-def type_a(name: str, value: float, u: float, *, dof: float = inf) -> Component:
-    """Return a component of type A that is already in units of the result."""
-    return Component(
-        name=name,
-        value=value,
-        u=u,
-        evaluation="A",
-        dof=dof,
-        sensitivity=1.0,
-        contribution=u,
-    )
 
 
 def types_a(name: str, value: Array, u: Array, dof: Array | float = inf) -> Components:

@@ -8,7 +8,6 @@ from math import inf, isfinite, isnan
 from typing import ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from virtual_lab.aligned import AlignedArrays
 from virtual_lab.units import Array, Mask
@@ -79,29 +78,20 @@ class Estimates(AlignedArrays):
         )
 
 
-def mean_of_readings(readings: ArrayLike, *, least_u: float = 0.0) -> Estimate:
-    """Return the mean of repeated readings with its type A standard uncertainty.
+def means_of_readings(
+    readings: Array, *, used: Mask | None = None, least_u: Array | float = 0.0
+) -> Estimates:
+    """Return the means of repeated readings with their type A standard uncertainties.
 
     Parameters
     ----------
     readings
-        Repeated readings, shape (n,), n ≥ 2.
+        Repeated readings, (laboratory, n), n ≥ 2.
+    used
+        Mask of the readings to use, of the same shape; None: all.
     least_u
-        Lower bound of the standard uncertainty of a reading, because the instrument's resolution
+        Lower bound of the standard uncertainty of a mean, because the instrument's resolution
         hides a smaller scatter (GUM F.2.2.1: step/√12). [unit of the readings]
-    """
-    values = np.asarray(readings, dtype=float)
-    if values.ndim != 1 or values.size < 2:
-        raise ValueError(f"a type A evaluation needs at least 2 readings, not {values.size}")
-    return means_of_readings(values[None], least_u=least_u).row(0)
-
-
-def means_of_readings(
-    readings: Array, *, used: Mask | None = None, least_u: Array | float = 0.0
-) -> Estimates:
-    """Return the means of a block, as `mean_of_readings` of each row (laboratory, n).
-
-    `used`, of the same shape, is the mask of the readings to use; None uses all.
     """
     counted = np.ones(readings.shape, dtype=bool) if used is None else used
     number = counted.sum(axis=1)

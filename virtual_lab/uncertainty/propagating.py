@@ -16,6 +16,7 @@ from virtual_lab.uncertainty.budget import (
     combined,
     coverage_factors,
 )
+from virtual_lab.uncertainty.estimate import Estimates
 from virtual_lab.uncertainty.inputs import Correlations, InputName, Inputs, read_inputs
 from virtual_lab.uncertainty.models import Model
 from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO, MOST_DRAWS, RULES, Drawing, monte_carlo
@@ -108,11 +109,13 @@ def propagate_inputs(
 def first_order(model: Model, probability: float) -> Propagated:
     """Return the first order of a model, with the correlation of its outputs."""
     inputs = model.inputs
-    variants = Variants.of({name: each.estimate for name, each in inputs.sources.items()})
-    answers = model({name: column[:, 0] for name, column in variants.columns.items()})
+    variants = Variants.of(
+        {name: Estimates.stacked([each.estimate]) for name, each in inputs.sources.items()}
+    )
+    answers = model({name: column[0, :, 0] for name, column in variants.columns.items()})
     outcomes, effects = {}, []
     for name, values in answers.items():
-        components = variants.components(values)
+        components = variants.components(values[None])
         turned = _independent(components, inputs)
         budgets = combined(values[:1], turned)
         u, dof = beyond_rounding(float(budgets.u[0]), float(values[0])), float(budgets.dof[0])

@@ -80,7 +80,20 @@ class Scatter(AlignedArrays):
 
     @classmethod
     def seen(cls, hits: Array, weights: Array, groups: Array, effects: Array) -> Self:
-        """Return the scatter of the hits of a block, as `budget.scatter` for each laboratory."""
+        """Return the scatter of weighted sums of hits, by their scatter at each impact position.
+
+        Each position has its own variance, because stray aim matters more where the bat's response
+        changes quickly. A position with a single hit has the pooled variance of the others.
+
+        Parameters
+        ----------
+        hits, weights, groups
+            Values, their weights in the result, and their positions, (laboratory, hit).
+        effects
+            Effect on each hit of one standard uncertainty of each constant in the same budget,
+            (laboratory, constant, hit). The mean scatter that these effects cause within a position
+            is subtracted from its variance (never below 0), because the budget contains it.
+        """
         from virtual_lab.uncertainty.budget_kernel import scatter_u
 
         found = np.empty((6, len(hits)))

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from tests.laboratories import certify
+from tests.one_laboratory import reduce_session
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.tables import shot_table
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.measurement.camera.comparison import COMPARED, CameraComparison, compare_camera
 from virtual_lab.measurement.certification import Certification, certify_session
-from virtual_lab.measurement.session_reduction import reduce_session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.streams import Streams
@@ -107,17 +107,16 @@ def test_each_shot_scatters_with_its_heights_as_it_says(
     Three errors stand behind each shot's quantities, so a shot's ten count as ten.
     """
     certification, sigma, times = certifications[0], 2e-5, 10
-    session, reduced = certification.session, reduce_session(certification.session)
-    passages = reduced.readings.flights.passages
+    block, measured = certification.block, certification.readings
+    reduced, _ = reduce_session(certification.session)
+    passages = measured.flights.passages
 
     def told(noise: np.ndarray, u: float) -> CameraComparison:
         risen = replace(
             passages, heights=passages.heights + noise, heights_u=np.full(noise.shape, u)
         )
-        seen = replace(reduced.readings.flights, passages=risen)
-        readings = replace(reduced.readings, flights=seen)
-        model = replace(reduced.model, readings=readings)
-        camera = compare_camera(session, replace(reduced, model=model))
+        readings = replace(measured, flights=replace(measured.flights, passages=risen))
+        camera = compare_camera(block, reduced, readings, certification.outcome)
         assert camera is not None
         return camera
 

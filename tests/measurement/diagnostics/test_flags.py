@@ -18,13 +18,13 @@ from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.measurement.diagnostics.bench import _worst_release, wall_drift
-from virtual_lab.measurement.diagnostics.flag import REMARKED, Pairs, chance, pairs
+from virtual_lab.measurement.diagnostics.flag import REMARKED, Pairs, chances, pairs
 from virtual_lab.measurement.reduction.observations import BallReadings
 from virtual_lab.records import BoardRecord, GateRecord, PendulumRecord, ShotLog
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
-from virtual_lab.uncertainty.budget import Component, Components, type_a
+from virtual_lab.uncertainty.budget import types_a
 from virtual_lab.uncertainty.estimate import Estimate
 
 
@@ -46,7 +46,8 @@ def test_sound_days_are_quiet(procedure: str) -> None:
 def test_chance_is_students() -> None:
     """Against SciPy's own t: one scatter, nothing below it."""
     for value, dof in ((2.0, 5.0), (3.3, 40.0), (-4.0, 11.0)):
-        u, likely = chance(value, [type_a("scatter", 0.0, 1.0, dof=dof)], least=1e-9)
+        scatter = types_a("scatter", np.zeros(1), np.ones(1), dof)
+        u, likely = chances(np.array([value]), scatter, least=1e-9)
         assert u == pytest.approx(1.0)
         assert likely == pytest.approx(2 * stats.t.sf(abs(value), dof), rel=1e-6)
 
@@ -164,10 +165,10 @@ def test_gates_and_encoder_on_separate_triggers_decide_nothing(sound: Session) -
     assert "no smooth turn fits the encoder" in certificate_page(document)
 
 
-def pair(value: float, components: list[Component], **given: float) -> Pairs:
+def pair(value: float, u: float, **given: float) -> Pairs:
     """Return the pair of a block of one."""
-    listed = Components.listed(components)
-    return pairs("of-two", lambda _: "said", np.array([value]), listed, **given)
+    known = types_a("scatter", np.zeros(1), np.array([u]))
+    return pairs("of-two", lambda _: "said", np.array([value]), known, **given)
 
 
 @pytest.mark.parametrize(("chance_of", "raised"), [(6e-4, None), (4e-4, False), (9e-6, True)])
@@ -177,18 +178,18 @@ def test_a_pair_is_remarked_on_below_5e_4_and_contradicts_below_1e_5(
     """The normal deviate that is exceeded either way with this chance, in units of u."""
     apart = float(stats.norm.isf(chance_of / 2))
     for value in (0.2 * apart, -0.2 * apart):
-        found = pair(value, [type_a("scatter", 0.0, 0.2)], least=1e-9)
+        found = pair(value, 0.2, least=1e-9)
         assert found.likely == pytest.approx(chance_of, rel=1e-6)
         assert found.sigmas == pytest.approx(apart)
-        flag = found.of(0)
+        flag = found.row(0)
         assert (flag and flag.invalidates) is raised
         assert flag is None or flag.sentence == f"said, {apart:.1f} standard uncertainties"
 
 
 def test_a_difference_that_hardly_moves_the_result_is_no_more_than_a_remark() -> None:
     """20 of its own u, and .02 u of the result: a twentieth of a u counts as noise."""
-    given = {"value": 20.0, "components": [type_a("fit", 0.0, 1.0)], "least": 1e-9}
-    harmless = pair(moves=0.001, **given).of(0)
+    given = {"value": 20.0, "u": 1.0, "least": 1e-9}
+    harmless = pair(moves=0.001, **given).row(0)
     assert harmless is not None
     assert not harmless.invalidates
     # of normal noise of hypot(1, 0.05 / 0.01) of its u, 20 is 3.92 standard deviations
@@ -202,7 +203,7 @@ def test_a_difference_that_hardly_moves_the_result_is_no_more_than_a_remark() ->
 
 def test_the_worst_of_several_is_less_surprising() -> None:
     """Of 6 the chance is 1 - (1 - p)^6."""
-    given = {"value": 3.0, "components": [type_a("fit", 0.0, 1.0)], "least": 1e-9}
+    given = {"value": 3.0, "u": 1.0, "least": 1e-9}
     one, six = pair(**given), pair(among=6, **given)
     assert six.likely == pytest.approx(1 - (1 - one.likely) ** 6)
 
@@ -457,7 +458,7 @@ def test_releases_too_few_to_tell_which_are_right_decide_nothing(sound: Session)
     two = replace(
         sound,
         records=sound.records
-        | {"bench": sound.records["bench"] | {"pendulum": record.rows(slice(2))}},
+        | {"bench": sound.records["bench"] | {"pendulum": record.select(slice(2))}},
     )
     for few in (with_a_gap(sound, [0, 2, 3], 5, 1.0), with_a_gap(two, [1], 5, 1.0)):
         flags = certify_session(few).flags
@@ -480,9 +481,9 @@ def test_the_worst_release_is_as_rarely_far_off_as_chance_says(releases: int) ->
     """
     apart = np.random.default_rng(20261126).normal(3.0, 0.1, (40_000, releases))
     found = _worst_release(apart, np.full(len(apart), 10.0 * releases))
-    for chances in (found.likely, found.harmful):
+    for likely in (found.likely, found.harmful):
         for chance_of in (0.05, 0.01, 1e-3):
-            number, most = np.sum(chances < chance_of), chance_of * len(apart)
+            number, most = np.sum(likely < chance_of), chance_of * len(apart)
             assert number < most + 4 * most**0.5
     assert np.sum(found.likely < 0.05) > 0.9 * 0.05 * len(apart)
 
@@ -641,7 +642,7 @@ def test_a_trend_of_the_lot_is_judged_as_a_regression_is(side: float) -> None:
         sensitivities={},
     )
     (found,) = wall_drift(seen)
-    assert (found.of(0) is not None) == (side > 1)
+    assert (found.row(0) is not None) == (side > 1)
 
 
 @pytest.mark.parametrize(("size", "flagged"), [(1.0, False), (1.015, False), (1.03, True)])

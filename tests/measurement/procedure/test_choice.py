@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from tests.one_laboratory import outcome_of
 from virtual_lab import catalog
-from virtual_lab.measurement.procedure import CHOICE, Procedure, outcome_of, shortfalls, with_choice
+from virtual_lab.measurement.procedure import CHOICE, Procedure, shortfalls, with_choice
 from virtual_lab.measurement.procedure.choice import Shortfalls
 from virtual_lab.uncertainty.budget import HITS, combined, types_a
 from virtual_lab.uncertainty.scatter import Scatter

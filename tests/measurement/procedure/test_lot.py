@@ -12,7 +12,7 @@ from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.lab import by_the_book
 from virtual_lab.lab.laboratory import Laboratory
-from virtual_lab.measurement.procedure import Procedure, lot_of
+from virtual_lab.measurement.procedure import Procedure, admitted, set_aside
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls
 
 OUNCE, MPH = 0.028349523125, 0.44704
@@ -32,34 +32,34 @@ def balls(**changed: Any) -> MeasuredBalls:
 
 def test_e0_is_judged_at_the_speed_of_the_rules() -> None:
     """0.474 at 136 mph is 0.55 at 60 mph, within 0.525 to 0.555; 0.48 is 0.556."""
-    assert lot_of(RULES, balls()).set_aside == ()
-    lot = lot_of(RULES, balls(restitution=np.array([0.474, 0.480, 0.474])))
-    assert lot.used.tolist() == [True, False, True]
-    (ball,) = lot.set_aside
+    assert set_aside(RULES, balls()) == ()
+    lot = balls(restitution=np.array([0.474, 0.480, 0.474]))
+    assert admitted(RULES, lot).tolist() == [True, False, True]
+    (ball,) = set_aside(RULES, lot)
     assert ball.ball == 1
     assert ball.reason == "e0 0.5560 at 60 mph, allowed 0.525 to 0.555"
 
 
 def test_a_heavy_ball_is_set_aside() -> None:
     mass = np.array([5.125, 5.125, 5.30]) * OUNCE
-    (ball,) = lot_of(RULES, balls(mass=mass)).set_aside
+    (ball,) = set_aside(RULES, balls(mass=mass))
     assert (ball.ball, ball.reason) == (2, "5.300 oz, allowed 5.000 to 5.250 oz")
 
 
 def test_a_ball_that_misses_a_window_by_little_does_not_look_admitted() -> None:
     mass = np.array([5.125, 5.25004, 5.125]) * OUNCE
     e0 = np.array([0.474, 0.474, 0.47900002])
-    lot = lot_of(RULES, balls(mass=mass, restitution=e0))
-    assert [ball.reason for ball in lot.set_aside] == [
+    lot = set_aside(RULES, balls(mass=mass, restitution=e0))
+    assert [ball.reason for ball in lot] == [
         "5.25004 oz, allowed 5.00000 to 5.25000 oz",
         "e0 0.55500002 at 60 mph, allowed 0.525 to 0.555",
     ]
 
 
 def test_where_no_ball_is_admitted_every_shot_is_rejected_later() -> None:
-    lot = lot_of(RULES, balls(restitution=np.full(3, 0.5)))
-    assert lot.used.all()
-    assert len(lot.set_aside) == 3
+    lot = balls(restitution=np.full(3, 0.5))
+    assert admitted(RULES, lot).all()
+    assert len(set_aside(RULES, lot)) == 3
 
 
 @pytest.fixture(scope="module")

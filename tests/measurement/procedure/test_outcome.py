@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.one_laboratory import outcome_of
 from virtual_lab import catalog
 from virtual_lab.lab.true_metric import Visits, results_of_curves
-from virtual_lab.measurement.procedure import Procedure, Sought, outcome_of
+from virtual_lab.measurement.procedure import Procedure, Sought
 from virtual_lab.streams import Streams
 
 BESR = catalog.load("procedures", "ncaa-besr", Procedure).spec
@@ -36,7 +37,7 @@ def test_a_cubic_without_noise_is_read_at_its_very_top(
     x = PLACES - top
     metric = 0.7 - curvature / 2 * x**2 + skew * x**3
     outcome = outcome_of(RULES, PLACES, ALL, metric)
-    assert outcome.reason == ""
+    assert outcome.reasons[0] == ""
     assert outcome.place == pytest.approx(top, abs=1e-8)
     assert outcome.weights.sum() == pytest.approx(1, abs=1e-10)
     assert outcome.weights @ metric == pytest.approx(0.7, abs=1e-12)
@@ -72,7 +73,7 @@ def test_of_ten_fresh_hits_the_last_six_are_the_result() -> None:
     # an invalid shot among them begins them again
     valid[PLACES.size + 5] = False
     again = outcome_of(BBCOR, place, valid, metric)
-    assert again.reason == "4 of 6 consecutive hits at the best place"
+    assert again.reasons[0] == "4 of 6 consecutive hits at the best place"
     assert again.weights[PLACES.size :] == pytest.approx([0.0] * 6 + [0.25] * 4)
 
 
@@ -80,10 +81,12 @@ def test_two_places_are_no_scan() -> None:
     """And one hit is no test: no weights, and a sentence."""
     two = PLACES < 5.7 * INCH
     outcome = outcome_of(RULES, PLACES[two], ALL[two], parabola(PLACES[two]))
-    assert outcome.reason == "6 valid hits at 2 places, 3 make a scan"
+    assert outcome.reasons[0] == "6 valid hits at 2 places, 3 make a scan"
     assert np.isnan(outcome.weights).all()
     assert not outcome.used.any()
-    assert outcome_of(RULES, PLACES[:1], ALL[:1], PLACES[:1]).reason.startswith("fewer than two")
+    assert (
+        outcome_of(RULES, PLACES[:1], ALL[:1], PLACES[:1]).reasons[0].startswith("fewer than two")
+    )
 
 
 @pytest.mark.parametrize(("sigma", "curvature"), [(0.004, 30.0), (0.002, 30.0), (0.004, 60.0)])

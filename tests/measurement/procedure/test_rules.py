@@ -7,24 +7,26 @@ from math import inf, nan
 import numpy as np
 import pytest
 
+from tests.one_laboratory import outcome_of
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import (
-    Finding,
     Judgement,
     Procedure,
+    Reason,
     Verdict,
     aimed_place,
     judge,
-    not_met,
-    outcome_of,
+    sentences_of,
     to_set,
-    verdict,
+    unmet_rules,
+    verdicts_of,
 )
+from virtual_lab.measurement.procedure.rules import Eligibility
 from virtual_lab.measurement.reduction.gates import GateReadings, Passages
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.rate import RateFit
-from virtual_lab.measurement.reduction.shot_algebra import ShotResults
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotResults
 
 RULES = catalog.load("procedures", "astm-f1881", Procedure).spec
 MPH, OUNCE = 0.44704, 0.028349523125
@@ -154,54 +156,72 @@ def test_a_shot_that_missed_the_bat_is_rejected_not_raised() -> None:
     assert re.match(r"recoil known to .*, allowed 0\.30%", missed)
 
 
-HEAVY = Finding("length less weight 3.07 (in, oz), allowed up to 3", met=False)
-WIDE_ENOUGH = Finding("barrel 2.496 in across, the ring passes 2.610 in", met=True)
+LIGHT = "length less weight 3.10 (in, oz), allowed up to 3"
+ABOVE = "BPF 1.3000 is above the limit 1.200"
 
 
-@pytest.mark.parametrize(
-    ("value", "found", "unmet"),
-    [
-        (1.2, [WIDE_ENOUGH], ()),
-        (np.nextafter(1.2, 2), [WIDE_ENOUGH], ("BPF 1.2000 is above the limit 1.200",)),
-        (0.5, [HEAVY, WIDE_ENOUGH], (HEAVY.sentence,)),
-        (1.3, [HEAVY], (HEAVY.sentence, "BPF 1.3000 is above the limit 1.200")),
-        (None, [], ()),
-    ],
-)
-def test_each_rule_not_met_is_named(
-    value: float | None, found: list[Finding], unmet: tuple[str, ...]
-) -> None:
-    """Limit 1.2 of the shipped procedure: at the limit is within it."""
-    assert not_met(RULES, found, value) == unmet
+def bats(*ounces: float) -> BatProperties:
+    """Return bats of 34 in by their weights."""
+    one = np.ones((len(ounces), 1, 1))
+    weight = OUNCE * np.reshape(ounces, one.shape)
+    return BatProperties(
+        mass=weight, length=34 * 0.0254 * one, z_cm=one, inertia_cm=one, barrel_radius=one
+    )
+
+
+def unmet(rules: Procedure, bat: BatProperties, *values: float) -> list[tuple[str, ...]]:
+    """Return the sentences on each laboratory."""
+    found = list(unmet_rules(rules, bat, np.array(values)))
+    return [sentences_of(found, Verdict.FAIL, i) for i in range(len(values))]
+
+
+def test_each_rule_not_met_is_named() -> None:
+    """Limits of 1.2 and of 3 (in, oz), side by side: at a limit is within it, NaN is no value."""
+    rules = replace(RULES, eligibility=Eligibility(length_less_weight=3.0))
+    values = (1.2, np.nextafter(1.2, 2), 0.5, 1.3, nan)
+    bat = bats(31.0, 31.0, 30.9, 30.9, 31.0)
+    above = ABOVE.replace("1.3", "1.2")
+    assert unmet(rules, bat, *values) == [(), (above,), (LIGHT,), (LIGHT, ABOVE), ()]
 
 
 def test_a_limit_not_met_is_said_in_the_unit_of_print() -> None:
     slow = catalog.load("procedures", "asa", Procedure).spec
-    (said,) = not_met(slow, [], slow.metric_limit + 0.1 * MPH)
+    ((said,),) = unmet(slow, bats(31.0), slow.metric_limit + 0.1 * MPH)
     printed = slow.metric_limit / MPH
     assert said == f"v_f {printed + 0.1:.2f} mph is above the limit {printed:.1f} mph"
 
 
-def test_verdict() -> None:
-    assert verdict(RULES, sound=True, met=True) is Verdict.PASS
-    assert verdict(RULES, sound=True, met=False) is Verdict.FAIL
-    assert verdict(RULES, sound=False, met=True) is Verdict.INVALID
-    assert verdict(RULES, sound=False, met=False) is Verdict.INVALID
+def test_verdict_and_reasons_come_from_one_table() -> None:
+    """INVALID before FAIL, and of a laboratory only what leads to its own verdict."""
+
+    def reason(verdict: Verdict, *where: int) -> Reason:
+        mask = np.isin(np.arange(4), where)
+        return Reason(verdict, mask, lambda i: f"{verdict.value} of {i}")
+
+    table = [
+        reason(Verdict.FAIL, 1, 2),
+        reason(Verdict.INVALID, 2, 3),
+        reason(Verdict.INVALID, 3),
+    ]
+    assert [each.value for each in verdicts_of(RULES, table, 4)] == [
+        "PASS", "FAIL", "INVALID", "INVALID"
+    ]  # fmt: skip
+    said = [sentences_of(table, each, i) for i, each in enumerate(verdicts_of(RULES, table, 4))]
+    assert said == [(), ("FAIL of 1",), ("INVALID of 2",), ("INVALID of 3",) * 2]
 
 
 def test_without_a_limit_a_bat_is_measured_or_fails_by_another_rule() -> None:
     """The paper's own proposal sets none."""
-    free = replace(RULES, limit=None)
-    assert not_met(free, [], 1.9) == ()
-    assert verdict(free, sound=True, met=True) is Verdict.MEASURED
-    assert verdict(free, sound=True, met=False) is Verdict.FAIL
+    free = replace(RULES, limit=None, eligibility=Eligibility(length_less_weight=3.0))
+    found = list(unmet_rules(free, bats(31.0, 30.9), np.array([1.9, 1.9])))
+    assert verdicts_of(free, found, 2) == (Verdict.MEASURED, Verdict.FAIL)
 
 
 @pytest.mark.parametrize(("hits", "said"), [(5, "5 valid hits of 6"), (6, ""), (7, "")])
 def test_fewer_hits_than_asked_for_are_no_test(hits: int, said: str) -> None:
     """Six of the shipped procedure; what there is still weighs the same."""
     outcome = outcome_of(RULES, np.full(hits, 0.16), np.ones(hits, dtype=bool), np.ones(hits))
-    assert outcome.reason == said
+    assert outcome.reasons[0] == said
     assert outcome.weights == pytest.approx(1 / hits)
 
 

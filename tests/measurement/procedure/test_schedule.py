@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.one_laboratory import next_places, outcome_of
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.procedure import Procedure, next_places, outcome_of, to_set
+from virtual_lab.measurement.procedure import Procedure, to_set
 from virtual_lab.measurement.procedure.rules import Scan
 from virtual_lab.measurement.procedure.scan_kernel import fresh_hits
 from virtual_lab.measurement.procedure.schedule import scan_rules
@@ -63,9 +64,9 @@ def test_a_scan_brackets_the_greatest_place(
     assert test.place.min() >= scan.low - 2.5e-4 - 1e-9
     assert test.place.max() <= scan.high + 2.5e-4 + 1e-9
     assert test.place.size <= procedure.attempts
-    if test.outcome.reason:
+    if test.outcome.reasons[0]:
         assert not scan.low + scan.fine_step < top < scan.high - scan.fine_step
-        assert test.outcome.reason.startswith("no maximum between")
+        assert test.outcome.reasons[0].startswith("no maximum between")
     else:
         # half a fine step to the nearest place, where the curve leans, and half a setting
         assert abs(test.outcome.place - top) < scan.fine_step + 2.5e-4
@@ -76,7 +77,7 @@ def test_a_scan_brackets_the_greatest_place(
 @pytest.mark.parametrize("procedure", [BBCOR, BESR], ids=lambda rules: rules.name)
 def test_a_curve_that_only_rises_has_no_maximum(procedure: Procedure, rising: float) -> None:
     test = Test(procedure, lambda z: 0.4 + rising * z)
-    assert test.outcome.reason.startswith("no maximum between 0.0762 and 0.2286 m")
+    assert test.outcome.reasons[0].startswith("no maximum between 0.0762 and 0.2286 m")
     assert test.place.size <= procedure.attempts
 
 
@@ -108,7 +109,7 @@ def test_a_place_no_ball_comes_back_from_is_given_up() -> None:
 
     test = Test(BBCOR, metric)
     assert int((test.place < 4.2 * INCH).sum()) == 4
-    assert test.outcome.reason == ""
+    assert test.outcome.reasons[0] == ""
     assert test.outcome.place == pytest.approx(6.5 * INCH, abs=2.5e-4)
 
 
@@ -116,7 +117,7 @@ def test_nothing_comes_back_from_anywhere() -> None:
     """Seven coarse places of two balls each, and no more is asked for."""
     test = Test(BBCOR, lambda z: np.full(z.shape, np.nan))
     assert test.place.size == 14
-    assert test.outcome.reason == "fewer than two hits were valid"
+    assert test.outcome.reasons[0] == "fewer than two hits were valid"
 
 
 def test_the_final_hits_are_fresh_ones() -> None:
@@ -135,7 +136,7 @@ def test_a_walk_of_many_fine_steps_arrives() -> None:
     )
     rules = replace(BBCOR, scan=scan, attempts=1000)
     test = Test(rules, lambda z: curve(z, 0.124, 0.03, 0.2))
-    assert test.outcome.reason == ""
+    assert test.outcome.reasons[0] == ""
     assert test.outcome.place == pytest.approx(0.124, abs=2e-3)
 
 
@@ -149,7 +150,7 @@ def test_a_better_place_at_the_rim_of_the_fit_is_walked_to() -> None:
 
     test = Test(BESR, metric)
     best = 7 * INCH
-    assert test.outcome.reason == ""
+    assert test.outcome.reasons[0] == ""
     assert abs(test.outcome.place - best) < BESR.scan.fine_step
     for offset in (-2, -1, 0, 1, 2):
         at = best + offset * BESR.scan.fine_step

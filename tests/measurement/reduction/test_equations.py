@@ -17,8 +17,9 @@ import pytest
 
 from tests.conftest import Play
 from tests.measurement.reduction.planted import plant, reduce_arrays
+from tests.one_laboratory import reduce_session
 from virtual_lab.measurement.reduction import kinematics, shot_algebra
-from virtual_lab.measurement.session_reduction import SessionReduction, reduce_session
+from virtual_lab.measurement.session_reduction import Reduction
 from virtual_lab.simulation.rig import Reality
 
 ASTM, BESR, PROPOSED = "astm-f1881", "ncaa-besr", "proposed"
@@ -62,14 +63,15 @@ class Numbers(NamedTuple):
     place: float  # at which the procedure aims [m]
 
     @classmethod
-    def of(cls, reduced: SessionReduction) -> "Numbers":
+    def of(cls, reduced: Reduction) -> "Numbers":
         """Return the means over the hits of a result."""
-        used, weights = reduced.outcome.used, reduced.outcome.weights
+        outcome = reduced.outcome
+        used, weights = outcome.used, outcome.weights
         means = (
             float(values[used] @ weights[used])
             for values in (reduced.shot_metric, reduced.shots.asked_recoil_factor)
         )
-        return cls(*means, place=reduced.preparation.percussion)
+        return cls(*means, place=float(reduced.preparation.percussion[0]))
 
 
 def test_every_equation_is_tested() -> None:
@@ -88,13 +90,13 @@ def test_a_mistake_in_any_equation_shows(
     """The metric of the same records leaves the truth by more than a thousandth, else by 1e-9."""
     tested = played(reality=Reality.IDEAL, procedure=procedure)
     session, true = tested.certification.session, tested.sealed.measurand["metric"]
-    right = Numbers.of(reduce_session(session))
+    right = Numbers.of(reduce_session(session)[0])
     assert right.metric == pytest.approx(true, rel=1e-9)
     for name in USED | PRINTED:
         equation = getattr(kinematics, name)
         with monkeypatch.context() as patch:
             plant(patch, name, lambda *given, equation=equation: 0.9 * equation(*given))
-            wrong = Numbers.of(reduce_session(session))
+            wrong = Numbers.of(reduce_session(session)[0])
         if name in PRINTED:
             shown = [each._asdict()[PRINTED[name]] for each in (right, wrong)]
             moves = procedure != ASTM or name == "centre_of_percussion"
@@ -110,9 +112,9 @@ def test_compiled_and_on_arrays_the_equations_give_the_same(
 ) -> None:
     """All results of the shots of a real laboratory."""
     session = played(procedure=procedure).certification.session
-    compiled = reduce_session(session).shots
+    compiled = reduce_session(session)[0].shots
     monkeypatch.setattr(shot_algebra, "compiled_reduction", lambda: reduce_arrays)
-    arrays = reduce_session(session).shots
+    arrays = reduce_session(session)[0].shots
     for name in (*kinematics.RESULTS, *kinematics.DETAILS):
         expected = getattr(arrays, name)
         assert getattr(compiled, name) == pytest.approx(expected, rel=1e-14, nan_ok=True), name

@@ -18,18 +18,22 @@ from virtual_lab.bench.day.entries import record_of
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.procedure import Judgement, Procedure, next_places, outcome_of, to_set
+from virtual_lab.measurement.procedure import Judgement, Procedure, to_set
 from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
 
 if TYPE_CHECKING:  # the reduction takes a second to load, too long for the first page
     from virtual_lab.measurement.certification import Certification
+    from virtual_lab.measurement.reduction.observations import ImpactReadings
     from virtual_lab.measurement.reduction.shot_algebra import ShotResults
-    from virtual_lab.measurement.session_reduction import Preparation, SessionReduction
+    from virtual_lab.measurement.session_reduction import Preparation, Reduction
+    from virtual_lab.records.block import SessionBlock
 
 UNDECIDED = "undecided"
-UNTOUCHED_BY_DECISIONS = frozenset({"session", "rules", "preparation", "by_rules", "missing"})
+UNTOUCHED_BY_DECISIONS = frozenset(
+    {"session", "block", "rules", "preparation", "readings", "by_rules", "reasons", "missing"}
+)
 STAGES = {"hit-wall": "balls", "aim-paper": "impact"}  # stage of the records of each action
 
 
@@ -112,6 +116,13 @@ class Desk:
         return session_of(self.day)
 
     @cached_property
+    def block(self) -> SessionBlock:
+        """The current records as a block of one."""
+        from virtual_lab.records.block import SessionBlock
+
+        return SessionBlock.of(self.session)
+
+    @cached_property
     def rules(self) -> Entry[Procedure]:
         return read(self.day.morning.procedure_text, "procedure.toml", Procedure)
 
@@ -120,43 +131,40 @@ class Desk:
         """Reduction of bat and balls. Raises `InputError` with the name of a missing record."""
         from virtual_lab.measurement.session_reduction import prepare
 
-        return prepare(self.session)
+        return prepare(self.block)
 
     @cached_property
-    def by_rules(self) -> SessionReduction:
+    def readings(self) -> ImpactReadings:
+        """Readings of the hits so far. Raises `InputError` with the name of a missing record."""
+        from virtual_lab.measurement.session_reduction import observe_hits
+
+        return observe_hits(self.block, self.preparation)
+
+    @cached_property
+    def by_rules(self) -> Reduction:
         """Reduction of the hits so far; the rules decide about each hit.
 
         Raises `InputError` with the name of a missing record.
         """
-        from virtual_lab.measurement.session_reduction import reduce_hits
+        from virtual_lab.measurement.session_reduction import reduce_shots
 
-        return reduce_hits(self.session, self.preparation)
+        return reduce_shots(self.block, self.preparation, self.readings)
 
     @cached_property
-    def reduced(self) -> SessionReduction:
+    def reduced(self) -> Reduction:
         """Reduction of the hits so far; the trainee decides which hits are valid.
 
         Raises `InputError` with the name of a missing record.
         """
-        by_rules = self.by_rules
-        judgement = self._chosen(by_rules.shots)
-        return replace(
-            by_rules,
-            judgement=judgement,
-            outcome=outcome_of(
-                by_rules.procedure,
-                by_rules.readings.place,
-                judgement.valid,
-                by_rules.shot_metric,
-                by_rules.sought,
-            ),
-        )
+        judgement = self._chosen(self.by_rules.shots)
+        return self.by_rules.judged(lambda *_: judgement, self.readings)
 
     @cached_property
     def certification(self) -> Certification:
         from virtual_lab.measurement.certification import evaluate
 
-        return evaluate(self.session, self.reduced)
+        found = evaluate(self.block, self.reduced, self.readings)
+        return found.row(0, lambda _: self.session)
 
     @property
     def result(self) -> tuple[float, float] | None:
@@ -180,10 +188,10 @@ class Desk:
             if entered.get(name, "") != ""
         ]
 
-    @property
+    @cached_property
     def reasons(self) -> tuple[str, ...]:
         """For each hit, the reason why the rules reject it; an empty text if they accept it."""
-        return self.by_rules.judgement.reasons if self.day.fired else ()
+        return self.by_rules.judgement(self.readings).reasons if self.day.fired else ()
 
     @property
     def hits(self) -> list[HitResult]:
@@ -193,7 +201,7 @@ class Desk:
             shots, reduction = self.by_rules.shots, self.by_rules
             rows = np.stack(
                 [
-                    reduction.readings.place,
+                    reduction.place,
                     shots.speed,
                     shots.collision_efficiency,
                     reduction.shot_metric,
@@ -236,19 +244,8 @@ class Desk:
         """
         from virtual_lab.measurement.reduction.observations import along_of
 
-        rules, place = self.rules.spec, self.preparation.percussion
-        if not self.day.fired:
-            nothing = np.zeros(0)
-            positions = next_places(rules, place, nothing, nothing.astype(bool), nothing)
-        else:
-            reduction = self.reduced
-            positions = next_places(
-                rules,
-                place,
-                reduction.readings.place,
-                reduction.judgement.valid,
-                reduction.sought.value,
-            )
+        following = self.reduced.next_shots if self.day.fired else self.preparation.first_shots
+        positions = following().place
         return (
             float(to_set(positions[:1] - along_of(self.session), exact=False)[0])
             if positions.size
@@ -284,7 +281,7 @@ class Desk:
     @property
     def next_ball(self) -> int:
         """Number of the next ball, from 0. The admitted balls take turns."""
-        used = self.preparation.lot.used.copy()
+        used = self.preparation.used[0, 0].copy()
         used[list(self.day.retired)] = False
         balls = np.flatnonzero(used if used.any() else ~used)
         return int(balls[len(self.day.fired) % balls.size])

@@ -175,7 +175,7 @@ def _lowest(desk: Desk) -> bool:
 def _can_spare(desk: Desk) -> bool:
     """Return whether enough attempts are left if the last hit is rejected."""
     attempts_left = desk.rules.spec.attempts - len(desk.day.fired)
-    return attempts_left >= desk.rules.spec.valid_hits - int(desk.reduced.judgement.valid.sum())
+    return attempts_left >= desk.rules.spec.valid_hits - int(desk.reduced.valid.sum())
 
 
 def _end(look: Look, habits: Habits) -> Iterator[Action]:

@@ -331,8 +331,8 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
     since = shots_before_repair(desk)
     if len(fired) == since or desk.missing:
         return
-    reduction, last = desk.by_rules, fired[-1]
-    missed = ~reduction.readings.flights.raw.complete[since:]
+    shots, readings, last = desk.by_rules.shots, desk.readings, fired[-1]
+    missed = ~readings.flights.raw.complete[since:]
     yield _row("gate-misses", last, float(missed.sum()), 0.0, 0.0, missed.size, high=0.0)
     record = desk.session.records["impact"]["gates"]
     if isinstance(record, GateRecord | BoardRecord):
@@ -343,13 +343,13 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
         for step in ("wait-pressure", "wait-rest")
     }
     nominal, tolerance = desk.rules.spec.ball_speed, desk.rules.spec.windows.speed_tolerance
-    speeds = reduction.shots.speed[waited["wait-pressure"]]
+    speeds = shots.speed[waited["wait-pressure"]]
     speeds = speeds[np.isfinite(speeds)]
     if speeds.size:
         fault, middle = "cannon-slow", float(np.median(speeds))
         u, least = _scatter(fault) * tolerance, nominal - _beyond(fault) * tolerance
         yield _row(fault, last, middle, nominal, u, low=least)
-    recoil, rate_limit = reduction.readings.recoil, desk.rules.spec.windows.rate_before
+    recoil, rate_limit = readings.recoil, desk.rules.spec.windows.rate_before
     if recoil is not None and rate_limit and waited["wait-rest"]:
         turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / tau
         rate = float(np.median(np.abs(recoil.before[waited["wait-rest"]]))) / turn

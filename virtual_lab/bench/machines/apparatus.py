@@ -28,11 +28,9 @@ from virtual_lab.bench.machines.firing import Firing, alter_instrument, specimen
 from virtual_lab.bench.machines.sketching import sketch_of
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest, Laboratory, TestDay
-from virtual_lab.measurement.session_reduction import BlockReduction
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import decimals
 from virtual_lab.records import REFERENCE_MASS, MassReadings, Record
-from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import entry_of_constant
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.faults.fault import instrument_of, other_sheet
@@ -123,22 +121,22 @@ class Apparatus:
         Raises `InputError` with the name of a missing record.
         """
         day, machines = desk.day, self.at(desk.day)
-        laboratory, sessions = machines.laboratory, SessionBlock.of(desk.session)
+        laboratory = machines.laboratory
         wall = machines.firing.wall(day.times("hit-wall") - 1)
-        balls = replace(machines.firing.balls(day), used=desk.preparation.lot.used)
+        balls = replace(machines.firing.balls(day), used=desk.preparation.used[0, 0])
         plans, rounds = zip(*self.shots(day), strict=True)
         test_day = TestDay(
             laboratory=replace(laboratory, specimen=replace(laboratory.specimen, balls=balls)),
-            sessions=sessions,
+            sessions=desk.block,
             bench=machines._bench(laboratory),
             wall=wall,
-            preparation=desk.preparation.block,
+            preparation=desk.preparation,
             plans=plans,
             rounds=rounds,
-            reduced=BlockReduction.alone(desk.reduced),
-            readings=desk.reduced.readings,
+            reduced=desk.reduced,
+            readings=desk.readings,
         )
-        return test_day.finished(sessions).of(0)
+        return test_day.finished(desk.block).of(0)
 
     @property
     def _table(self) -> Consequences:

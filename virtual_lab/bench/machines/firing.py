@@ -104,7 +104,7 @@ class Firing:
             shot=len(day.fired),
             ball=day.ball,
             place=day.place,
-            turn_rate=Desk(day).preparation.turn_rate if swung else 0.0,
+            turn_rate=float(Desk(day).preparation.turn_rate[0]) if swung else 0.0,
             ready=day.ready - {"clear-scrap"},
             scrap=day.scrap,
             shift=day.shift,

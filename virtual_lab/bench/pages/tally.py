@@ -88,9 +88,7 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
         printed_column("Ball", np.array([ball + 1.0 for ball, _ in desk.day.fired]), ".0f"),
         printed_column(f"Position set [{length}]", log.place / metre, place),
         printed_column(
-            f"Position corrected by the aim paper [{length}]",
-            reduction.readings.place / metre,
-            place,
+            f"Position corrected by the aim paper [{length}]", reduction.place / metre, place
         ),
         printed_column(f"Speed [{speed}]", reduction.shots.speed / metre_a_second, ".2f"),
         PrintedColumn("Gates, incoming", incoming, words=True),
@@ -98,7 +96,7 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
         printed_column("Blocking time, first gate / last gate", chords, ".4f"),
         printed_column("e_A by rebound", reduction.shots.rebound_efficiency, ".4f"),
     ]
-    if turning := reduction.readings.recoil:
+    if turning := desk.readings.recoil:
         turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / (2 * np.pi)
         columns += [
             printed_column("e_A by recoil", reduction.shots.recoil_efficiency, ".4f"),
@@ -210,7 +208,7 @@ def residual_chart(desk: Desk, shot: int) -> str:
         return ""
     from virtual_lab.measurement.reduction.recoil import RECOIL, project, turn_and_rings
 
-    readings = desk.by_rules.readings
+    readings = desk.readings
     fit = readings.recoil
     if fit is None or not np.isfinite(fit.span[shot - 1]):
         return ""

@@ -108,7 +108,7 @@ def _scatter(day: Desk, corrected: Desk) -> float:
     """
     first, second = (desk.reduced for desk in (day, corrected))
     weights = first.outcome.weights - second.outcome.weights
-    metric = first.shot_metric[first.judgement.valid]
+    metric = first.shot_metric[first.valid]
     if metric.size < 2 or not np.isfinite(weights).all():
         return 0.0
     return float(np.std(metric, ddof=1)) * sqrt(float(np.sum(weights**2)))

@@ -78,7 +78,7 @@ def anomaly_of(desk: Desk, shot: int) -> str:
     for row in _edges(desk, shot):
         if not row.within:
             return row.why
-    turning = None if desk.missing else desk.by_rules.readings.recoil
+    turning = None if desk.missing else desk.readings.recoil
     if turning is not None:
         rough = turning.residual[shot] - float(np.median(turning.residual))
         if rough > detectable()["encoder-slip"].beyond:
@@ -173,7 +173,7 @@ def _edges(desk: Desk, shot: int) -> list[CheckRow]:
 
 
 def _rest_evidence(desk: Desk, shot: int) -> Evidence:
-    turning, allowed = desk.by_rules.readings.recoil, desk.rules.spec.windows.rate_before
+    turning, allowed = desk.readings.recoil, desk.rules.spec.windows.rate_before
     if turning is None or allowed is None:
         return None, "without an encoder no record shows whether the bat moved"
     turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / tau

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import numpy as np
+
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk, EnteredResult
 from virtual_lab.bench.day.protocol import omitted_steps, steps_due
@@ -15,7 +17,7 @@ from virtual_lab.bench.scoring.deviations import (
     JUSTIFIED,
     Deviation,
 )
-from virtual_lab.measurement.procedure import not_met, verdict
+from virtual_lab.measurement.procedure import sentences_of, unmet_rules, verdicts_of
 
 MENDABLE = 0.6  # score of a justified INVALID if the fault could have been repaired
 
@@ -55,9 +57,9 @@ def right_verdict(
     if spoilt and abs(value - truth) > 2 * u:
         return RightVerdict("INVALID", "a fault made the result wrong by more than its U", truth)
     rules = desk.rules.spec
-    unmet = not_met(rules, desk.certification.findings, truth)
-    word = verdict(rules, sound=True, met=not unmet).value
-    return RightVerdict(word, "; ".join(unmet), truth)
+    unmet = tuple(unmet_rules(rules, desk.preparation.bat, np.array([truth])))
+    (verdict,) = verdicts_of(rules, unmet, 1)
+    return RightVerdict(verdict.value, "; ".join(sentences_of(unmet, verdict, 0)), truth)
 
 
 def result_score(day: ScoredResult) -> tuple[float, str]:

@@ -13,8 +13,11 @@ import numpy as np
 
 from virtual_lab.measurement.camera.filmed import CameraResults, filmed, frames_u
 from virtual_lab.measurement.camera.windows import Sightings, sight
+from virtual_lab.measurement.model import MeasurementModel
+from virtual_lab.measurement.procedure import HitWeights
 from virtual_lab.measurement.reduction.flights import FlightModel
 from virtual_lab.measurement.reduction.gates import GateReadings, heights_moved
+from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import (
     SetResults,
     ball_masses,
@@ -22,10 +25,11 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     drag_of,
     of_ball,
 )
-from virtual_lab.measurement.session_reduction import SessionReduction, best_values, constants_known
+from virtual_lab.measurement.session_reduction import Reduction, best_values, constants_known
 from virtual_lab.records import ClipRecord, TrackRecord
-from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, Variants, mean_of_hits, scatter
+from virtual_lab.records.block import SessionBlock
+from virtual_lab.uncertainty.budget import Budget, Variants, means_of_hits
+from virtual_lab.uncertainty.scatter import Scatter
 from virtual_lab.units import Array
 
 COMPARED: Mapping[str, str] = {  # name in a certificate: field of the shots that is averaged
@@ -67,29 +71,33 @@ class CameraComparison:
 
 
 @constants_known()
-def compare_camera(session: Session, reduced: SessionReduction) -> CameraComparison | None:
-    """Camera results of a session, None without a camera.
+def compare_camera(
+    block: SessionBlock, reduced: Reduction, readings: ImpactReadings, outcome: HitWeights
+) -> CameraComparison | None:
+    """Camera results of one laboratory, None without a camera.
 
     Raises
     ------
     InputError
         The camera's record or its calibration cannot be used.
     """
-    record, gates = session.records["impact"].get("camera"), reduced.readings.flights
+    record, gates = block.impact.get("camera"), readings.flights
     # the gates give a ball's height, from which its distance from the camera follows
     if not isinstance(record, ClipRecord | TrackRecord) or not isinstance(gates, GateReadings):
         return None
-    best, variants = best_values(reduced.constants), Variants.of(reduced.constants)
+    variants, model = Variants.of(reduced.constants), reduced.single_model(readings)
+    best = {name: values[0, 0, 0] for name, values in best_values(reduced.constants).items()}
+    columns = {name: values[0] for name, values in variants.columns.items()}
     seen = sight(record, best, "impact")
-    by_gates, by_video, camera = _by_both(reduced, seen, best, gates.corrected)
-    moved = _by_both(reduced, seen, variants.columns, gates.corrected)
-    risen = _by_both(reduced, seen, best, heights_moved(gates))
+    by_gates, by_video, camera = _by_both(model, seen, best, gates.corrected)
+    moved = _by_both(model, seen, columns, gates.corrected)
+    risen = _by_both(model, seen, best, heights_moved(gates))
     both = np.isfinite(by_video.rebound_efficiency) & np.isfinite(by_gates.rebound_efficiency)
-    used, weights = reduced.outcome.used & both, reduced.outcome.weights
+    used, weights = outcome.used & both, outcome.weights
     compared: dict[str, ComparedQuantity] = {}
     if used.any() and np.isfinite(weights[used]).all():
         share = weights[used] / weights[used].sum()
-        place = np.round(reduced.readings.place, 6)[used]
+        place = np.round(readings.place, 6)[used]
         for name, field in COMPARED.items():
             of_gates, of_video = (getattr(each, field)[:, used] for each in moved[:2])
             compared[name] = _compared(variants, of_gates, of_video, share, place)
@@ -106,7 +114,7 @@ def compare_camera(session: Session, reduced: SessionReduction) -> CameraCompari
     return CameraComparison(
         quantities=compared,
         hits=int(used.sum()),
-        missed=int((reduced.outcome.used & ~both).sum()),
+        missed=int((outcome.used & ~both).sum()),
         filmed=camera,
         shots=by_video,
         u=u,
@@ -114,11 +122,10 @@ def compare_camera(session: Session, reduced: SessionReduction) -> CameraCompari
 
 
 def _by_both(
-    reduced: SessionReduction, seen: Sightings, x: Mapping[str, Array], by_gates: FlightModel
+    model: MeasurementModel, seen: Sightings, x: Mapping[str, Array], by_gates: FlightModel
 ) -> tuple[SetResults, SetResults, CameraResults]:
     """Results of the shots by gates and by video, and the camera's own, (..., shot)."""
     bat = bat_properties(x)
-    model = reduced.model
     gates = model.shots(x, bat, by_gates)
     drag = drag_of(x, of_ball(ball_masses(x, model.balls), model.readings.ball))
     found = filmed(x, "impact", seen, drag, by_gates(x, drag))
@@ -148,11 +155,13 @@ def _compared(
 
     def mixed(of_gates: float, of_video: float) -> Budget:
         # noise that differs from shot to shot (frames, heights) is part of the scatter of the hits
-        return mean_of_hits(variants, of_gates * gates + of_video * video, weights, places)
+        hits, share = (of_gates * gates + of_video * video)[None], weights[None]
+        return means_of_hits(variants, hits, share, places[None], share).row(0)
 
-    own, other = (variants.components(hits @ weights).effect[0] for hits in (gates, video))
+    own, other = (variants.components((hits @ weights)[None]).effect[0] for hits in (gates, video))
     apart, off = video - gates, other - own
-    noise = scatter(apart[0], weights, places, variants.effects(apart)).contribution ** 2
+    effects = variants.effects(apart)[None]
+    noise = Scatter.seen(apart[:1], weights[None], places[None], effects).u[0] ** 2
     total = float(off @ off) + noise
     share = float(np.clip((noise / 2 - own @ off) / total, 0.0, 1.0)) if total else 0.5
     return ComparedQuantity(

@@ -11,7 +11,7 @@ import numpy as np
 from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import Answer, Pairs, Raised, pairs
-from virtual_lab.measurement.procedure import lot_of
+from virtual_lab.measurement.procedure import set_aside
 from virtual_lab.measurement.reduction.air import DENSITY
 from virtual_lab.measurement.reduction.observations import (
     counted_releases,
@@ -335,8 +335,8 @@ def lot_rules(evidence: Evidence) -> Iterator[Raised]:
 
 def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str:
     """Return a sentence on the first ball that is wrong."""
-    lot = lot_of(evidence.procedure, evidence.measured_balls.select((laboratory, 0)))
-    each = next(one for one in lot.set_aside if bad[one.ball])
+    unfit = set_aside(evidence.procedure, evidence.measured_balls.select((laboratory, 0)))
+    each = next(one for one in unfit if bad[one.ball])
     if fired[each.ball]:
         return f"ball {each.ball + 1}, which the rules do not admit, was fired: {each.reason}"
     return f"ball {each.ball + 1} of the lot has {each.reason}: worn, or of another kind"

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.measurement.model import MeasurementModel
-from virtual_lab.measurement.procedure import BlockOutcome, Procedure, worst_misfit
-from virtual_lab.measurement.reduction.flights import numbered
+from virtual_lab.measurement.procedure import HitWeights, Procedure, worst_misfit
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls, ShotResults
-from virtual_lab.measurement.session_reduction import BlockReduction, best_values
+from virtual_lab.measurement.session_reduction import Reduction, best_values
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.uncertainty.budget import Budgets, Components, Variants
 from virtual_lab.units import Array, Mask
@@ -26,9 +25,9 @@ class Evidence:
     """Records, constants and results of a block; shots as fired, (shot,)."""
 
     block: SessionBlock
-    reduced: BlockReduction
+    reduced: Reduction
     readings: ImpactReadings
-    outcome: BlockOutcome
+    outcome: HitWeights
     metric: Budgets  # budgets of the results
     some: Mask  # mask of the laboratories with a result, (laboratory,)
     variants: Variants  # constants, each shifted up and down by its u
@@ -51,7 +50,7 @@ class Evidence:
 
     @property
     def shots(self) -> ShotResults:
-        return self.reduced.results
+        return self.reduced.shots
 
     @cached_property
     def best(self) -> dict[str, Array]:
@@ -119,11 +118,4 @@ class Evidence:
     @cached_property
     def model(self) -> MeasurementModel:
         """The results of all the shots as functions of the constants, (laboratory, 1, shot)."""
-        preparation = self.reduced.preparation
-        every = numbered(self.owner, np.ones(self.owner.size, dtype=bool), self.laboratories)
-        return MeasurementModel(
-            rules=self.procedure,
-            balls=preparation.balls,
-            used=preparation.used,
-            readings=self.readings.select(every[:, None]),
-        )
+        return self.reduced.model(self.readings)

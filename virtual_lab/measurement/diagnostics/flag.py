@@ -12,7 +12,7 @@ printed forms for one laboratory.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr
 
-from virtual_lab.uncertainty.budget import Component, Components, combined, types_a
+from virtual_lab.uncertainty.budget import Components, combined, types_a
 from virtual_lab.units import Array, Mask
 
 REMARKED = 5e-4  # chance of a difference as large in a sound laboratory, below which it is flagged
@@ -52,7 +52,7 @@ class Raised:
         """True where no verdict on the bat is possible, (laboratory,)."""
         return self.where & self.invalidates
 
-    def of(self, laboratory: int) -> Flag | None:
+    def row(self, laboratory: int) -> Flag | None:
         """Return the flag of one laboratory."""
         if not self.where[laboratory]:
             return None
@@ -109,7 +109,7 @@ class Pairs:
             harmful=float(self.harmful[laboratory]),
         )
 
-    def of(self, laboratory: int) -> Flag | None:
+    def row(self, laboratory: int) -> Flag | None:
         """Return the flag it raises in one laboratory."""
         if not self.where[laboratory]:
             return None
@@ -169,17 +169,11 @@ def pairs(
     )
 
 
-def chance(value: float, components: Sequence[Component], *, least: float) -> tuple[float, float]:
+def chances(value: Array, components: Components, *, least: Array | float) -> tuple[Array, Array]:
     """Return the uncertainty of a `value` that should be 0, and the chance of a larger one.
 
-    `least` is a lower bound of the standard uncertainty.
+    The arrays are (laboratory,). `least` is a lower bound of the standard uncertainty.
     """
-    u, likely = chances(np.array([value]), Components.listed(components), least=least)
-    return float(u[0]), float(likely[0])
-
-
-def chances(value: Array, components: Components, *, least: Array | float) -> tuple[Array, Array]:
-    """Return the standard uncertainty and the chance of each laboratory, see `chance`."""
     floor = types_a("scatter", np.zeros(value.shape), np.broadcast_to(least, value.shape))
     budget = combined(value, components + floor)
     likely = 2 * stdtr(np.minimum(budget.dof, 1e9), -np.abs(value) / budget.u)

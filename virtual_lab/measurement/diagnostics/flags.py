@@ -70,30 +70,23 @@ OF_READINGS: Mapping[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checked:
-    """Findings of the checks of one session."""
-
-    flags: tuple[Flag, ...]  # at most one flag per check: the most serious one
-    pairs: tuple[Discrepancy, ...]  # the differences compared with their uncertainties
-    left_out: tuple[str, ...]  # checks of readings that the records do not hold
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BlockChecked:
     """Findings of the checks of a block."""
 
     answers: tuple[tuple[Answer, ...], ...]  # answers of each check, in the order of the test day
-    left_out: tuple[str, ...]
+    left_out: tuple[str, ...]  # checks of readings that the records do not hold
 
-    def of(self, laboratory: int) -> Checked:
-        """Return the findings in one laboratory."""
-        flags, differences = [], []
+    def flags(self, laboratory: int) -> Iterator[Flag]:
+        """Yield the flags in one laboratory, at most one per check: the most serious one."""
         for own in self.answers:
-            raised = [flag for each in own if (flag := each.of(laboratory))]
+            raised = [flag for each in own if (flag := each.row(laboratory))]
             if raised:
-                flags.append(max(raised, key=lambda flag: flag.invalidates))
-            found = (each.difference(laboratory) for each in own if isinstance(each, Pairs))
-            differences += [each for each in found if each]
-        return Checked(flags=tuple(flags), pairs=tuple(differences), left_out=self.left_out)
+                yield max(raised, key=lambda flag: flag.invalidates)
+
+    def pairs(self, laboratory: int) -> Iterator[Discrepancy]:
+        """Yield the differences in one laboratory that were compared with their uncertainties."""
+        for each in (one for own in self.answers for one in own if isinstance(one, Pairs)):
+            if found := each.difference(laboratory):
+                yield found
 
     @property
     def voids(self) -> Mapping[str, Mask]:
@@ -114,11 +107,11 @@ class BlockChecked:
         }
 
 
-def check(evidence: Evidence) -> BlockChecked:
+def check(evidence: Evidence) -> Checked:
     """Return the findings of all checks in the sessions of a block."""
     kinds: set[type[Record]] = {type(record) for record in evidence.block.impact.values()}
     unweighed = REFERENCE_MASS not in evidence.block.records["bench"]
-    return BlockChecked(
+    return Checked(
         answers=tuple(tuple(one(evidence)) for one in CHECKS.values()),
         left_out=tuple(
             name

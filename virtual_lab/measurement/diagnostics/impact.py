@@ -220,12 +220,10 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
         moved = replace(model, readings=replace(model.readings, **{which: turned}))
         return moved(evidence.best)["metric"]
 
-    every = numbered(
-        evidence.owner, np.ones(evidence.owner.size, dtype=bool), evidence.laboratories
-    )
+    shots = evidence.reduced.shot_numbers
     found = np.empty(evidence.owner.size)
     change = (metric(1 + step) - metric(1 - step)) / (2 * step * fit.rate)
-    found[every[every >= 0]] = change[:, 0][every >= 0]
+    found[shots[shots >= 0]] = change[:, 0][shots >= 0]
     return found
 
 
@@ -264,7 +262,7 @@ def _moved_apart(evidence: Evidence, both: Mask) -> tuple[NDArray[np.intp], Arra
     hits = numbered(evidence.owner, both, evidence.laboratories)
     if np.isin(hits[hits >= 0], evidence.hits).all():
         return evidence.hits, evidence.apart
-    model = replace(evidence.model, readings=evidence.readings.select(hits[:, None]))
+    model = evidence.reduced.model(evidence.readings, hits)
     columns = evidence.variants.columns
     found = model.shots(columns, bat_properties(columns))
     return hits, found.recoil_efficiency - found.rebound_efficiency

@@ -7,7 +7,7 @@ from virtual_lab.measurement.procedure.choice import (
     variances_within,
     with_choice,
 )
-from virtual_lab.measurement.procedure.eligibility import Finding, eligible, findings
+from virtual_lab.measurement.procedure.eligibility import Finding, findings
 from virtual_lab.measurement.procedure.judge import (
     Acceptance,
     Judgement,
@@ -15,23 +15,22 @@ from virtual_lab.measurement.procedure.judge import (
     judge,
     worst_misfit,
 )
-from virtual_lab.measurement.procedure.lot import Lot, SetAside, admitted, lot_of
+from virtual_lab.measurement.procedure.lot import SetAside, admitted, set_aside
 from virtual_lab.measurement.procedure.metric import Curve, Sought, metric_of, sought_of
 from virtual_lab.measurement.procedure.outcome import (
-    BlockOutcome,
     HitWeights,
+    Reason,
     Verdict,
     curve_of,
-    not_met,
-    outcome_of,
     outcomes_of,
-    verdict,
+    sentences_of,
+    unmet_rules,
+    verdicts_of,
 )
 from virtual_lab.measurement.procedure.rules import Procedure, Windows
 from virtual_lab.measurement.procedure.schedule import (
     NextShots,
     aimed_place,
-    next_places,
     next_shots,
     to_set,
 )
@@ -39,14 +38,13 @@ from virtual_lab.measurement.procedure.schedule import (
 __all__ = [
     "CHOICE",
     "Acceptance",
-    "BlockOutcome",
     "Curve",
     "Finding",
     "HitWeights",
     "Judgement",
-    "Lot",
     "NextShots",
     "Procedure",
+    "Reason",
     "SetAside",
     "Shortfalls",
     "Sought",
@@ -56,21 +54,19 @@ __all__ = [
     "admitted",
     "aimed_place",
     "curve_of",
-    "eligible",
     "findings",
     "judge",
-    "lot_of",
     "metric_of",
-    "next_places",
     "next_shots",
-    "not_met",
-    "outcome_of",
     "outcomes_of",
+    "sentences_of",
+    "set_aside",
     "shortfalls",
     "sought_of",
     "to_set",
+    "unmet_rules",
     "variances_within",
-    "verdict",
+    "verdicts_of",
     "with_choice",
     "worst_misfit",
 ]

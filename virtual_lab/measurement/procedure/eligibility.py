@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,63 +24,58 @@ class Finding:
     met: bool
 
 
+class BatRule(NamedTuple):
+    """A rule for bats, and which of a block meet it."""
+
+    met: Mask  # (laboratory,)
+    sentence: Callable[[int], str]  # sentence for a laboratory
+
+
 def findings(procedure: Procedure, bat: BatProperties) -> tuple[Finding, ...]:
-    """Return the findings of the eligibility rules for a measured bat."""
-    exempt = procedure.eligibility.exempt if procedure.eligibility else None
-    found = [Finding(said(), bool(met)) for met, said in _rules(procedure, bat)]
-    if exempt is None:
-        return tuple(found)
-    return tuple(
-        each if each.met else replace(each, sentence=f"{each.sentence} ({exempt} are exempt)")
-        for each in found
-    )
+    """Return the findings of the eligibility rules for one measured bat."""
+    return tuple(Finding(rule.sentence(0), bool(rule.met[0])) for rule in bat_rules(procedure, bat))
 
 
-def eligible(procedure: Procedure, bat: BatProperties) -> Mask:
-    """Return whether bats meet all the rules, of the shape of their properties."""
-    met = np.ones(np.shape(bat.length), dtype=bool)
-    for each, _ in _rules(procedure, bat):
-        met = met & each
-    return met
-
-
-def _rules(
-    procedure: Procedure, bat: BatProperties
-) -> Iterator[tuple[Mask | bool, Callable[[], str]]]:
-    """Yield whether each rule is met, and a function that returns the sentence for one bat."""
+def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
+    """Yield the eligibility rules, each with the bats that meet it."""
     rules = procedure.eligibility
     if rules is None:
         return
-    length, mass = bat.length, bat.mass
+    exempt = f" ({rules.exempt} are exempt)" if rules.exempt else ""
+
+    def rule(met: Mask, sentence: Callable[[int], str]) -> BatRule:
+        return BatRule(met, lambda i: sentence(i) if met[i] else sentence(i) + exempt)
+
+    length, mass = np.ravel(bat.length), np.ravel(bat.mass)
     if rules.length_less_weight is not None:
         less, most = np.round(length / INCH - mass / OUNCE, 2), rules.length_less_weight
-        yield (
+        yield rule(
             less <= most,
-            lambda: f"length less weight {less:.2f} (in, oz), allowed up to {most:g}",
+            lambda i: f"length less weight {less[i]:.2f} (in, oz), allowed up to {most:g}",
         )
     if rules.barrel_diameter is not None:
-        wide, ring = 2 * bat.barrel_radius, rules.barrel_diameter
-        yield (
+        wide, ring = 2 * np.ravel(bat.barrel_radius), rules.barrel_diameter
+        yield rule(
             wide <= ring,
-            lambda: beyond(
+            lambda i: beyond(
                 "barrel {0:.{d}f} in across, the ring passes {2:.{d}f} in",
-                float(wide) / INCH,
+                float(wide[i]) / INCH,
                 -inf,
                 ring / INCH,
                 3,
             ),
         )
     if rules.inertia_lengths:
-        lever = length - procedure.pivot_from_knob - bat.z_cm
-        inertia = np.asarray(parallel_axis(bat.inertia_cm, mass, lever))
+        lever = length - procedure.pivot_from_knob - np.ravel(bat.z_cm)
+        inertia = np.asarray(parallel_axis(np.ravel(bat.inertia_cm), mass, lever))
         floor = np.interp(length, rules.inertia_lengths, rules.inertia_floors)
-        yield (
+        yield rule(
             inertia >= floor,
-            lambda: beyond(
+            lambda i: beyond(
                 "moment of inertia {0:.{d}f} oz in² about the pivot, at least {1:.{d}f} for "
-                f"{length / INCH:.1f} in",
-                float(inertia) / OZ_IN2,
-                float(floor) / OZ_IN2,
+                f"{length[i] / INCH:.1f} in",
+                float(inertia[i]) / OZ_IN2,
+                float(floor[i]) / OZ_IN2,
                 inf,
                 0,
             ),

@@ -20,30 +20,25 @@ class SetAside:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Lot:
-    """The balls as measured against the rules.
-
-    If none is admissible, all are `used`, and every shot is then rejected.
-    """
-
-    used: Mask  # (ball,)
-    set_aside: tuple[SetAside, ...]
-
-
 def admitted(procedure: Procedure, balls: MeasuredBalls) -> Mask:
-    """Return a mask of the balls that define the lot, (..., ball): all where none is admissible."""
+    """Return a mask of the balls that define the lot, (..., ball).
+
+    If none is admissible, all define it, and every shot is then rejected.
+    """
     light, e0 = _misfits(procedure, balls)
     fit = ~(light | e0)
     return np.asarray(fit | ~fit.any(axis=-1, keepdims=True))
 
 
-def lot_of(procedure: Procedure, balls: MeasuredBalls) -> Lot:
-    """Return the lot, judged by the windows of mass and e0, at the procedure's speed for e0."""
+def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...]:
+    """Return the balls of a lot, (ball,), outside the windows of mass and e0.
+
+    e0 is that at the procedure's speed for it.
+    """
     windows = procedure.windows
     of_mass, of_e0 = _misfits(procedure, balls)
     e0 = _restitution(procedure, balls)
-    set_aside = []
+    found = []
     for ball in np.flatnonzero(of_mass | of_e0):
         if of_mass[ball]:
             low, high = windows.ball_mass_low / OUNCE, windows.ball_mass_high / OUNCE
@@ -54,8 +49,8 @@ def lot_of(procedure: Procedure, balls: MeasuredBalls) -> Lot:
             at = f"at {windows.ball_restitution_speed / MPH:.4g} mph"
             text = f"e0 {{0:.{{d}}f}} {at}, allowed {{1:.3f}} to {{2:.3f}}"
             reason = beyond(text, e0[ball], low, high, 4)
-        set_aside.append(SetAside(int(ball), reason))
-    return Lot(admitted(procedure, balls), tuple(set_aside))
+        found.append(SetAside(int(ball), reason))
+    return tuple(found)
 
 
 def _restitution(procedure: Procedure, balls: MeasuredBalls) -> Array:

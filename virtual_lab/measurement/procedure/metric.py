@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
+from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.measurement.procedure.rules import BallCorrection, Game, Procedure
 from virtual_lab.measurement.reduction.kinematics import (
     bat_performance_factor,
@@ -72,11 +73,14 @@ def metric_of(
     return metric
 
 
-class Sought(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Sought(AlignedArrays):
     """The quantity that a scan maximises, and its derivative with respect to the metric."""
 
     value: Array
     gain: Array
+
+    aligned: ClassVar = EVERY_FIELD
 
 
 def sought_of(procedure: Procedure, metric: Array, place: Array, bat: BatProperties) -> Sought:

@@ -8,7 +8,7 @@ as v_f, has its maximum there, the hits also shift the position and therefore th
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,11 +17,12 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from virtual_lab.measurement.procedure.eligibility import Finding
+from virtual_lab.measurement.procedure.eligibility import bat_rules
 from virtual_lab.measurement.procedure.metric import Sought
 from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Scan
 from virtual_lab.measurement.procedure.schedule import in_turn_of, scan_rules
 from virtual_lab.measurement.reduction.flights import numbered
+from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.units import Array, Mask
 
@@ -42,61 +43,28 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HitWeights:
-    """Weights and effects of the hits."""
+    """Weights of the hits of a block, with impact positions and reasons for no result."""
 
-    weights: Array  # (shot,), with the sum 1; NaN without a result
-    effects: (
-        Array  # (shot,), of the result per unit of a hit's metric: weights and the place's part
-    )
-    place: float  # impact position of the result, from the tip [m]
-    reason: str  # reason why the test gives no result, or empty
+    weights: Array  # (shot,), with the sum 1 in a laboratory; NaN without a result
+    # derivative of the result with respect to a hit's metric: its weight, and the effect of the
+    # impact position that it shifts, (shot,)
+    effects: Array
+    place: Array  # impact position of the result, from the tip, (laboratory,) [m]
+    reasons: tuple[str, ...]  # reason why a test gives no result, or empty, (laboratory,)
 
     @property
     def used(self) -> Mask:
-        """Shots that contribute to the result, (shot,)."""
+        """Shots that contribute to a result, (shot,)."""
         return np.asarray(self.weights != 0) & np.isfinite(self.weights)
 
-
-def outcome_of(
-    procedure: Procedure,
-    place: Array,
-    valid: Mask,
-    metric: Array,
-    sought: Sought | None = None,
-) -> HitWeights:
-    """Return the weights of the hits.
-
-    Parameters
-    ----------
-    procedure
-        Its counts and its scan.
-    place, valid, metric
-        Of the shots in the order they were fired, (shot,).
-    sought
-        The quantity that a scan maximises, for the same shots; None: the metric.
-    """
-    looked = sought or Sought(metric, np.ones_like(metric))
-    alone = np.zeros(len(place), dtype=np.intp)
-    block = outcomes_of(procedure, 1, alone, place, valid, metric, looked)
-    return block.of(0, np.ones(len(place), dtype=bool))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BlockOutcome:
-    """Weights and effects of the hits of a block, as `HitWeights` of each laboratory."""
-
-    weights: Array  # (shot,)
-    effects: Array  # (shot,)
-    place: Array  # (laboratory,)
-    reasons: tuple[str, ...]  # (laboratory,)
-
-    def of(self, laboratory: int, shots: Mask) -> HitWeights:
+    def row(self, laboratory: int, shots: Mask) -> HitWeights:
         """Return the weights of one laboratory, whose shots are marked in `shots`, (shot,)."""
+        one = slice(laboratory, laboratory + 1)
         return HitWeights(
             weights=self.weights[shots],
             effects=self.effects[shots],
-            place=float(self.place[laboratory]),
-            reason=self.reasons[laboratory],
+            place=self.place[one],
+            reasons=self.reasons[one],
         )
 
 
@@ -108,10 +76,19 @@ def outcomes_of(
     valid: Mask,
     metric: Array,
     sought: Sought,
-) -> BlockOutcome:
-    """Return the weights of the hits of a block, computed as in `outcome_of` per laboratory.
+) -> HitWeights:
+    """Return the weights of the hits of a block.
 
-    `owner` is the laboratory of each shot, (shot,); the other arrays are those of `outcome_of`.
+    Parameters
+    ----------
+    procedure
+        Its counts and its scan.
+    laboratories
+        Number of laboratories.
+    owner, place, valid, metric
+        Laboratory and values of each shot, those of a laboratory as they were fired, (shot,).
+    sought
+        The quantity that a scan maximises, for the same shots.
     """
     if procedure.scan is not None:
         shots = ScanShots(owner, place, valid, metric, sought)
@@ -120,7 +97,7 @@ def outcomes_of(
     enough = hits >= 2
     many = np.where(enough, hits, np.nan)
     weights = np.where(enough[owner], valid / many[owner], np.nan)
-    return BlockOutcome(
+    return HitWeights(
         weights=weights,
         effects=weights,
         place=np.bincount(owner, np.where(valid, place, 0.0), laboratories) / many,
@@ -145,9 +122,7 @@ class ScanShots(NamedTuple):
     sought: Sought
 
 
-def _of_scans(
-    procedure: Procedure, scan: Scan, laboratories: int, shots: ScanShots
-) -> BlockOutcome:
+def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanShots) -> HitWeights:
     from virtual_lab.measurement.procedure.scan_kernel import Scanned, scans_of_block
 
     found = Scanned(
@@ -176,9 +151,9 @@ def _of_scans(
         many = np.where(some, found.result, np.nan)
         weights = np.where(some[shots.owner], used / many[shots.owner], np.nan)
         place = np.bincount(shots.owner, np.where(used, shots.place, 0.0), laboratories) / many
-        return BlockOutcome(weights=weights, effects=weights, place=place, reasons=reasons)
+        return HitWeights(weights=weights, effects=weights, place=place, reasons=reasons)
     weights, effects, place = _tops_of_curves(scan, laboratories, shots, used)
-    return BlockOutcome(weights=weights, effects=effects, place=place, reasons=reasons)
+    return HitWeights(weights=weights, effects=effects, place=place, reasons=reasons)
 
 
 def _of_scan(procedure: Procedure, scan: Scan, found: Scanned, one: int, some: bool) -> str:
@@ -212,8 +187,9 @@ def _tops_of_curves(
     powers = np.arange(4)
     rows = unit[..., None] ** powers * some[..., None]
     solved = np.linalg.pinv(rows * (powers <= _degrees(place, some)[:, None])[:, None])
+    sought = shots.sought
     value, gain, metric = (
-        np.where(some, each[hits], 0.0) for each in (*shots.sought, shots.metric)
+        np.where(some, each[hits], 0.0) for each in (sought.value, sought.gain, shots.metric)
     )
     fitted = np.einsum("lph,lh->lp", solved, value)
     low = np.min(unit, axis=1, where=some, initial=np.inf)
@@ -270,25 +246,49 @@ def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> P
     return Polynomial.fit(place[used], metric[used], degree)
 
 
-def not_met(procedure: Procedure, found: Iterable[Finding], value: float | None) -> tuple[str, ...]:
-    """Return the rules that a bat does not meet, each with value and limit.
+class Reason(NamedTuple):
+    """A reason for a verdict INVALID or FAIL, in the laboratories of a block."""
 
-    `found` are the findings of its eligibility. `value` is the metric in SI, None if unknown; a
-    value equal to the limit meets the rule.
+    verdict: Verdict
+    where: Mask  # laboratories to which it applies, (laboratory,)
+    sentence: Callable[[int], str]  # sentence for a laboratory to which it applies
+
+
+def unmet_rules(procedure: Procedure, bat: BatProperties, value: Array) -> Iterator[Reason]:
+    """Yield a reason to fail for each rule of the procedure.
+
+    `bat` are the measured bats. `value` is the metric, (laboratory,), NaN if unknown; a value equal
+    to the limit meets the rule.
     """
-    rules = [finding.sentence for finding in found if not finding.met]
-    limit = procedure.metric_limit
-    if limit is not None and value is not None and value > limit:
-        metric = METRICS[procedure.metric]
-        own, most = metric.limit(value, more=1), metric.limit(limit)
-        rules.append(f"{metric.symbol} {own} is above the limit {most}")
-    return tuple(rules)
+    for rule in bat_rules(procedure, bat):
+        yield Reason(Verdict.FAIL, ~rule.met, rule.sentence)
+    limit, metric = procedure.metric_limit, METRICS[procedure.metric]
+    if limit is not None:
+        yield Reason(
+            Verdict.FAIL,
+            value > limit,
+            lambda i: (
+                f"{metric.symbol} {metric.limit(float(value[i]), more=1)} is above the limit "
+                f"{metric.limit(limit)}"
+            ),
+        )
 
 
-def verdict(procedure: Procedure, *, sound: bool, met: bool) -> Verdict:
-    """Return INVALID for an invalid test, FAIL if the bat does not meet every rule, else PASS."""
-    if not sound:
-        return Verdict.INVALID
-    if not met:
-        return Verdict.FAIL
-    return Verdict.MEASURED if procedure.metric_limit is None else Verdict.PASS
+def verdicts_of(
+    procedure: Procedure, reasons: Iterable[Reason], laboratories: int
+) -> tuple[Verdict, ...]:
+    """Return the verdicts: INVALID or FAIL where there is a reason, INVALID before FAIL."""
+    sound = Verdict.MEASURED if procedure.metric_limit is None else Verdict.PASS
+    found = np.full(laboratories, sound, dtype=object)
+    for reason in sorted(reasons, key=lambda each: each.verdict is Verdict.INVALID):
+        found[reason.where] = reason.verdict
+    return tuple(found)
+
+
+def sentences_of(reasons: Iterable[Reason], verdict: Verdict, laboratory: int) -> tuple[str, ...]:
+    """Return the sentences on one laboratory that lead to its verdict."""
+    return tuple(
+        each.sentence(laboratory)
+        for each in reasons
+        if each.verdict is verdict and each.where[laboratory]
+    )

@@ -34,24 +34,6 @@ def to_set(places: Array, *, exact: bool) -> Array:
     return places if exact else np.round(places / SETTING_STEP) * SETTING_STEP
 
 
-def next_places(
-    procedure: Procedure, percussion: float, place: Array, valid: Mask, sought: Array
-) -> Array:
-    """Return the impact positions of the next shots [m], none if the test is complete.
-
-    Parameters
-    ----------
-    procedure
-        Its counts and its scan.
-    percussion
-        Centre of percussion of the bat as measured [m].
-    place, valid, sought
-        Of the shots fired so far, in order, (shot,).
-    """
-    alone = np.zeros(place.size, dtype=np.intp)
-    return next_shots(procedure, np.array([percussion]), alone, place, valid, sought).place
-
-
 class NextShots(NamedTuple):
     """The next shots of a block, sorted by laboratory, (shot,)."""
 
@@ -67,7 +49,7 @@ def next_shots(
     valid: Mask,
     sought: Array,
 ) -> NextShots:
-    """Return the next shots of a block, those of `next_places` for each laboratory.
+    """Return the next shots of a block; none for a laboratory whose test is complete.
 
     Parameters
     ----------

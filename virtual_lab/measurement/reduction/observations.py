@@ -56,9 +56,9 @@ READ_WITH = (  # property, channel, instrument
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallReadings(AlignedArrays):
-    """Readings of the balls on the scale and at the wall, of one laboratory or of a block.
+    """Readings of the balls on the scale and at the wall, with leading axes (laboratory, 1).
 
-    A block has leading axes (laboratory, 1). A hit that was not seen in both directions does not
+    A hit that was not seen in both directions does not
     count, and its ball is negative.
     """
 
@@ -68,18 +68,6 @@ class BallReadings(AlignedArrays):
     flights: FlightReadings
 
     aligned: ClassVar = EVERY_FIELD
-
-    def of(self, laboratory: int) -> BallReadings:
-        """Return the readings of one laboratory of a block, with its measured hits alone."""
-        here, first = np.array(laboratory), np.array(0)
-        ball = self.ball[laboratory, 0]
-        hits = ball >= 0
-        return BallReadings(
-            mass=self.mass[laboratory, 0],
-            ball=ball[hits],
-            nominal_speed=self.nominal_speed[laboratory, 0][hits],
-            flights=self.flights.part(here).part(first).part(hits),
-        )
 
     @property
     def share(self) -> Array:

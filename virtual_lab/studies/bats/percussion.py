@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -19,20 +19,22 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, by_the_book
 from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.procedure import aimed_place
-from virtual_lab.measurement.reduction.observations import along_of
-from virtual_lab.measurement.reduction.shot_algebra import SetResults, bat_properties
-from virtual_lab.measurement.session_reduction import SessionReduction, reduce_session
+from virtual_lab.measurement.reduction.observations import ImpactReadings, along_of
+from virtual_lab.measurement.reduction.shot_algebra import bat_properties
+from virtual_lab.measurement.session_reduction import Reduction, reduce_block
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.parameters import Seed
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.sheets import AnyBat, Instruments, entry_name
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion_chart import draw_percussion
-from virtual_lab.uncertainty.budget import combine, propagate, scatter
+from virtual_lab.uncertainty.budget import HITS, Variants, combined, types_a
+from virtual_lab.uncertainty.scatter import Scatter
 from virtual_lab.units import INCH, Array
 
 READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
@@ -143,8 +145,8 @@ class _Stand:
 
     def fire(
         self, place: float, shots: int, number: int, **bearing: float
-    ) -> tuple[SessionReduction, Array, Array]:
-        """Return the reduced shots at a place [m], their true e_A and time of contact."""
+    ) -> tuple[tuple[Reduction, ImpactReadings], Array, Array]:
+        """Return the shots at a place [m], reduced, their true e_A and time of contact."""
         laboratory, stage = self.laboratory, Stage.IMPACT
         plan = ShotPlan(
             slot=1_000_000 + number * shots + np.arange(shots),  # numbers above those of the test
@@ -154,7 +156,8 @@ class _Stand:
         )
         station = other_sheet(laboratory.stations[stage], "pivot", **bearing)
         play = station.play(plan, laboratory.specimen, laboratory.draws)
-        reduced = reduce_session(with_records(self.session, stage, [play]))
+        block = SessionBlock.of(with_records(self.session, stage, [play]))
+        reduced = reduce_block(block)
         return reduced, play.truth["collision_efficiency"], play.truth["contact_time"]
 
 
@@ -224,7 +227,7 @@ def percussion(
 
 def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> PlaceReadings:
     """Return the model's values at a place, with the laboratories' readings there."""
-    reduced, true, lasted = still.fire(place, shots, 0)
+    (reduced, _), true, lasted = still.fire(place, shots, 0)
     laboratory = still.laboratory
     body, ball = laboratory.specimen.bat.body, laboratory.specimen.balls.mean_ball()
     beam = beam_of(body)
@@ -235,7 +238,7 @@ def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> PlaceRea
     reaction = impulse * (1 - (axis - place) / percussed)
     smooth = still.counting_finely()
     as_installed, plain, loose = (
-        smooth.fire(place, 2, 0, **bearing)[0].shots.recoil_efficiency[0]
+        smooth.fire(place, 2, 0, **bearing)[0][0].shots.recoil_efficiency[0]
         for bearing in ({}, {"friction": 0.09}, {"clearance": 0.2e-3})  # rolling, plain, loose [m]
     )
 
@@ -282,17 +285,17 @@ def _ring(still: _Stand, place: float) -> float:
 
 def _read(stand: _Stand, place: float, shots: int, number: int) -> _Read:
     """Return errors and stated u of the means of a laboratory's shots at a place."""
-    reduced, true, _ = stand.fire(place, shots, number)
+    (reduced, readings), true, _ = stand.fire(place, shots, number)
     off = {name: getattr(reduced.shots, field) - true for name, field in READINGS.items()}
     seen = {name: error[np.isfinite(error)] for name, error in off.items()}
     return _Read(
         seen=seen["rebound"].size / shots,
         error={name: float(error.mean()) if error.size else np.nan for name, error in seen.items()},
-        u={name: _stated(reduced, field, off[name]) for name, field in READINGS.items()},
+        u={name: _stated(reduced, readings, field, off[name]) for name, field in READINGS.items()},
     )
 
 
-def _stated(reduced: SessionReduction, field: str, error: Array) -> float:
+def _stated(reduced: Reduction, readings: ImpactReadings, field: str, error: Array) -> float:
     """Return the standard uncertainty of the mean of the shots seen; NaN below two.
 
     It has the contributions of the constants and the scatter of the readings about the true e_A of
@@ -303,15 +306,14 @@ def _stated(reduced: SessionReduction, field: str, error: Array) -> float:
     if many < 2:
         return np.nan
 
-    def mean(shots: SetResults) -> Array:
-        return cast("Array", getattr(shots, field)[..., seen].mean(axis=-1))
-
-    def mean_field(x: Mapping[str, Array]) -> dict[str, Array]:
-        return {field: mean(reduced.model.shots(x, bat_properties(x)))}
-
-    parts = propagate(mean_field, reduced.constants)[field]
-    own = scatter(error[seen], np.full(many, 1 / many), np.zeros(many))
-    return combine(float(error[seen].mean()), [*parts, own]).u
+    variants = Variants.of(reduced.constants)
+    columns = variants.columns
+    shots = reduced.model(readings).shots(columns, bat_properties(columns))
+    parts = variants.components(getattr(shots, field)[..., seen].mean(axis=-1))
+    hits, weights = error[None, seen], np.full((1, many), 1 / many)
+    own = Scatter.seen(hits, weights, np.zeros((1, many)), np.zeros((1, 0, many)))
+    mean = hits.mean(axis=1)
+    return float(combined(mean, parts + types_a(HITS, mean, own.u, own.dof)).u[0])
 
 
 def _root_mean_square(values: list[float]) -> float | None:
