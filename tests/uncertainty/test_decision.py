@@ -1,4 +1,4 @@
-"""Risks of decisions against JCGM 106, another code's numbers, and counted items."""
+"""Risks of decisions against JCGM 106, another program's numbers, and counted items."""
 
 from math import inf, nan
 
@@ -10,7 +10,7 @@ import virtual_lab as vl
 
 RESISTORS = vl.Input(1500, 0.12)
 LIMITS = {"lower": 1499.8, "upper": 1500.2}
-# suncal 1.7.1 (risk.PFA, PFR) and scipy's dblquad, by g = h U: joint risks
+# joint risks by g = h U, from suncal 1.7.1 (risk.PFA, PFR) and scipy's dblquad
 TABLE = {
     0.0: (0.0189422067, 0.0372078002, 5e-9),
     1.0: (0.00047, 0.24767, 5e-6),
@@ -22,7 +22,7 @@ TABLE = {
 
 
 def test_specific_risk() -> None:
-    """JCGM 106 8.3.3: Zener diode, V ≤ -5.40 V, -5.47 ± .05: Φ(1.4) = .92; a bat by one limit."""
+    """JCGM 106 8.3.3: Zener diode, V ≤ -5.40 V, -5.47 ± .05: Φ(1.4) = .92; a bat with one limit."""
     assert vl.conformity(-5.47, 0.05, upper=-5.40) == pytest.approx(0.9192, abs=5e-5)
     assert vl.conformity(1.140, 0.0074, upper=1.15) == pytest.approx(0.912, abs=5e-4)
     assert vl.conformity(1.140, 0.0074, upper=1.15, dof=14.2) == pytest.approx(0.901, abs=5e-4)
@@ -49,7 +49,7 @@ def test_global_risks(h: float) -> None:
     ],
 )
 def test_global_risks_are_those_of_counted_items(prior: vl.Input) -> None:
-    """All four by a million items of each prior; one limit; each with its definition."""
+    """A million items of each prior give all four risks; the text has the definitions."""
     from virtual_lab.uncertainty.inputs import source_of
 
     rng, source = np.random.default_rng(4), source_of("prior", prior)
@@ -68,7 +68,7 @@ def test_global_risks_are_those_of_counted_items(prior: vl.Input) -> None:
 
 
 def test_guard_bands() -> None:
-    """By w = r U; by a specific risk of 5 %, 1.645 u; by a joint risk, which then holds."""
+    """The band follows w = r U, a specific risk of 5 % (1.645 u), or a joint risk, which holds."""
     assert vl.guard_band(0.04, **LIMITS, r=1) == pytest.approx((0.08, 1499.88, 1500.12))
     w, low, high = vl.guard_band(0.0074, upper=1.15, target=0.05)
     assert (w, low) == (pytest.approx(1.644854 * 0.0074), -inf)
@@ -79,7 +79,7 @@ def test_guard_bands() -> None:
         w, *_ = vl.guard_band(0.04, **LIMITS, target=target, prior=RESISTORS)
         found = vl.risk(RESISTORS, 0.04, **LIMITS, guard=w)
         assert found.consumer == pytest.approx(target, abs=1e-9)
-    assert w == pytest.approx(0.02, abs=2e-5)  # g = U/4 has a joint risk of .00988
+    assert w == pytest.approx(0.02, abs=2e-5)  # joint risk .00988 at g = U/4
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A user's own model: GUM's examples, other libraries, exact cases, and input that cannot be."""
+"""A user's model: the GUM's examples, other libraries, exact cases, and wrong input."""
 
 from math import inf, sqrt
 
@@ -22,8 +22,8 @@ BOTH = pytest.mark.parametrize("method", ["first-order", "second-order"])
 def test_gum_h1_end_gauge() -> None:
     """JCGM 100 H.1.7: u 32 nm, ν 16, and 34 nm with the terms of second order.
 
-    These are 50 000 623 · (.5774e-6 · .4062 and 1.1547e-6 · .02887) = 11.72 and 1.667 nm; the
-    11.7 and 1.7 printed there.
+    These are 50 000 623 · (.5774e-6 · .4062 and 1.1547e-6 · .02887) = 11.72 and 1.667 nm, which
+    is printed there as 11.7 and 1.7.
     """
     first = vl.propagate(models.end_gauge, models.END_GAUGE)
     assert (first.value, round(first.u), int(first.dof)) == (50_000_838, 32, 16)
@@ -38,7 +38,7 @@ def test_gum_h1_end_gauge() -> None:
 
 
 def test_gum_h2_readings_taken_together() -> None:
-    """JCGM 100 table H.4, and GTC to 12 digits; u(X) is .296 without the GUM's own rounding."""
+    """JCGM 100 table H.4, and GTC to 12 digits; u(X) is .296 without the GUM's rounding."""
     found = vl.propagate(models.circuit, {("v", "i", "phi"): models.CIRCUIT})
     printed = {"R": (127.732, 0.071), "X": (219.847, 0.296), "Z": (254.260, 0.236)}
     for name, (value, u) in printed.items():
@@ -56,7 +56,7 @@ def test_gum_h2_readings_taken_together() -> None:
 
 
 def test_gum_h3_line() -> None:
-    """JCGM 100 H.3: eleven residuals of one scatter with 9 degrees of freedom, as one input."""
+    """JCGM 100 H.3: eleven residuals with one scatter of 9 dof are one input."""
     t, b = models.THERMOMETER.T
     line = np.polyfit(t - 20, b, 1)
     s = sqrt(np.sum((b - np.polyval(line, t - 20)) ** 2) / 9)
@@ -79,10 +79,10 @@ def test_gum_h3_line() -> None:
 
 
 def test_eleven_inputs_against_other_libraries() -> None:
-    """Value, u and ν by GTC and `uncertainties`, whose derivatives are exact; ours span ± u.
+    """GTC and `uncertainties` give value, u and ν with exact derivatives; ours span ± u.
 
-    The difference, f''' u²/6, is (.003/.5)² of u here, by 1/e0. With a
-    correlation u by `uncertainties`.
+    The difference, f''' u²/6, is (.003/.5)² of u here, by 1/e0. The u with a correlation is that of
+    `uncertainties`.
     """
     found = vl.propagate(models.bpf, models.BPF)
     read = vl.propagate(models.bpf, models.BPF).budget.set_index("component")
@@ -121,7 +121,7 @@ TERMS = st.lists(
 @settings(max_examples=30)
 @given(terms=TERMS, r=st.floats(-0.99, 0.99), scale=st.sampled_from([1e-6, 1e3]))
 def test_a_linear_model_is_exact(terms: list, r: float, scale: float, method: str) -> None:
-    """u² = Σ c² u² + 2 r c c' u u', whatever the laws; other units and order give the same."""
+    """u² = Σ c² u² + 2 r c c' u u' for all laws; other units and order give the same."""
 
     def stated(by: float) -> dict[str, vl.Input]:
         return {
@@ -146,7 +146,7 @@ def test_a_linear_model_is_exact(terms: list, r: float, scale: float, method: st
 
 
 def test_second_order_of_exact_cases() -> None:
-    """Squares: E = x² + u², Var = 4 x² u² + (κ - 1) u⁴; a product: u² u'² more; a cube's 36 …."""
+    """Squares: E = x² + u², Var = 4 x² u² + (κ - 1) u⁴; a product adds u² u'², a cube 36 u⁴."""
     for law, kurtosis in (("normal", 3), ("uniform", 1.8), ("triangular", 2.4), ("arcsine", 1.5)):
         inputs = {"x": vl.Input(0.5, 0.3, distribution=law)}
         found = vl.propagate(lambda x: x**2, inputs, method="second-order")
@@ -155,7 +155,7 @@ def test_second_order_of_exact_cases() -> None:
     two = {"a": vl.Input(2, 0.1), "b": vl.Input(-3, 0.2)}
     found = vl.propagate(lambda a, b: a * b, two, method="second-order")
     assert found.u**2 == pytest.approx(0.09 + 0.16 + 4e-4)
-    # bound by r, normal: E = a b + r u u', Var = … + 2 r a b u u' + u² u'² (1 + r²)
+    # normal inputs with correlation r: E = a b + r u u', Var = … + 2 r a b u u' + u² u'² (1 + r²)
     found = vl.propagate(
         lambda a, b: a * b, two, correlations={("a", "b"): 0.6}, method="second-order"
     )
@@ -166,13 +166,13 @@ def test_second_order_of_exact_cases() -> None:
     found = vl.propagate(lambda a, b: a * b**2, two, method="second-order")
     terms = 81 * 0.01, 4 * 4 * 9 * 0.04, 6 * 9 * 4e-4, 2 * 4 * 0.0016
     assert found.u**2 == pytest.approx(sum(terms))
-    # bound inputs are taken as normal: each is a sum of independent ones
+    # correlated inputs, which are taken as normal: each is a sum of independent ones
     bound = {name: vl.Input(0, 0.1, distribution="uniform") for name in "ab"}
     found = vl.propagate(
         lambda a, b: a**2 + b**2, bound, correlations={("a", "b"): 0.5}, method="second-order"
     )
     assert found.u**2 == pytest.approx(4e-4 * (1 + 0.5**2))
-    # x³ at 1: 9 u² + 18 u⁴ + 18 u⁴, the u⁶ left out
+    # x³ at 1: 9 u² + 18 u⁴ + 18 u⁴, without the u⁶
     found = vl.propagate(lambda x: x**3, {"x": vl.Input(1, 0.1)}, method="second-order")
     assert found.u**2 == pytest.approx(9e-2 + 36e-4)
 
@@ -191,7 +191,7 @@ def test_supplement_1_where_the_first_order_is_silent() -> None:
 
 
 def test_errors_shared_by_groups_nested_and_crossed() -> None:
-    """Six hits, two days of three: a mean has u_day²/2, of nested balls Σ (n/6)² u_ball²."""
+    """Six hits on two days: the mean has u_day²/2, and Σ (n/6)² u_ball² for nested balls."""
     hits = np.array([1.0, 2.0, 3.0, 2.0, 2.0, 2.0])
     day, ball = [1, 1, 1, 2, 2, 2], [1, 1, 2, 1, 1, 2]
 
@@ -207,14 +207,14 @@ def test_errors_shared_by_groups_nested_and_crossed() -> None:
     assert found.value == 2.0
     squares = 0.09 / 6, 0.04 / 2, 0.01 * (2 * (2 / 6) ** 2 + 2 * (1 / 6) ** 2)
     assert found.u**2 == pytest.approx(sum(squares))
-    # one scatter of four degrees of freedom behind both days, not eight
+    # common scatter of both days with four dof, not eight
     assert found.dof == pytest.approx(4 * (sum(squares) / squares[1]) ** 2)
     limits = vl.propagate(mean, inputs | {"day": vl.Input(low=-0.1, high=0.3, by=day)})
     assert limits.value == pytest.approx(2.1)
     assert limits.u**2 == pytest.approx(squares[0] + 0.04 / 3 / 2 + squares[2])
     crossed = vl.propagate(mean, inputs | {"ball": vl.Input(u=0.1, by=np.array(ball))})
     assert crossed.u**2 == pytest.approx(sum(squares[:2]) + 0.01 * (4**2 + 2**2) / 36)
-    # a difference of two hits of a day does not know the day
+    # difference of two hits on one day, which is free of the day's error
     apart = vl.propagate(
         lambda hit, day, ball: (hit + day + ball)[..., 0] - (hit + day + ball)[..., 1], inputs
     )
@@ -261,7 +261,7 @@ def test_a_function_of_numbers_is_called_row_by_row() -> None:
     assert found.u == pytest.approx(sqrt(0.25 + 0.16))
     assert "row by row" in found.text
     assert "row by row" not in vl.propagate(lambda x, y: x * y, inputs).text
-    # a mean over the rows is no mean over anything: each row alone gives the number itself
+    # model with a mean over its rows: each row is called alone, where that mean is the number
     mixed = vl.propagate(lambda x, y: x - np.mean(x) + y, inputs)
     assert "row by row" in mixed.text
     assert mixed.u == pytest.approx(0.2)
@@ -286,7 +286,7 @@ def changes(a, b):
 
 
 class Changing:
-    """A sum that changes with the number of its calls, from a call on."""
+    """A sum that changes with the number of its calls, after `since` calls."""
 
     def __init__(self, since: int = 0, named: bool = False) -> None:
         self.calls, self.since, self.named = 0, since, named
@@ -377,7 +377,7 @@ def test_wrong_input_is_one_line(case: str) -> None:
 @pytest.mark.parametrize("method", ["first-order", "monte-carlo"])
 @pytest.mark.parametrize("row_by_row", [False, True])
 def test_a_model_that_gives_two_results_is_refused(method: str, row_by_row: bool) -> None:
-    """It draws numbers, counts its calls, or changes once it was tried."""
+    """The model draws numbers, counts its calls, or changes after the trial."""
     rng = np.random.default_rng(1)
     models = {"draws": lambda a, b: a * b + rng.normal(), "counts": Changing()}
     for model in models.values():
@@ -392,7 +392,7 @@ def test_a_model_that_gives_two_results_is_refused(method: str, row_by_row: bool
 
 
 def test_outputs_in_another_order_are_the_same() -> None:
-    """A mapping that was filled otherwise for each row."""
+    """The mapping has another order for each row."""
     turned = iter(range(10**9))
 
     def model(a, b):
@@ -414,7 +414,7 @@ def test_u_of_nothing_is_said() -> None:
 @pytest.mark.parametrize("method", ["first-order", "second-order", "monte-carlo"])
 @pytest.mark.parametrize("rule", ["stein", "7.9"])
 def test_a_u_that_is_rounding_is_zero(method: str, rule: str) -> None:
-    """Two digits of a u of 1e-16 would take draws without end."""
+    """Two digits of a u of 1e-16 would take endless draws."""
     found = vl.propagate(lambda a, b: 0.95 + 3e-16 * (a + b), GOOD, method=method, rule=rule)
     assert found.u == 0
     assert found.value == pytest.approx(0.95)
