@@ -1,11 +1,11 @@
-"""Speeds and restitutions at the first contact of fresh clips, held against their truth.
+"""Speeds and restitutions at the first contact of new clips, compared with their truth.
 
 python -m tests.video.follow.light_study [--seeds 40] [--from 0] [KIND ...]
 
 Kinds: a ball in hard side light, in soft and in flat light before a camera level to 5 degrees
-(`lit_ball`); a phone's H.264 from a stand, level, pitched by up to 5 degrees, or also turned to a
-side by so much, and from a shaking hand; a calibrated camera whose lens blur is not known. Each
-clip is another throw. A clip is right where both speeds lie within 2 u of the truth.
+(`lit_ball`); a phone's H.264 from a stand (level, pitched by up to 5 degrees, or also turned to a
+side by so much) and from a shaking hand; a calibrated camera with unknown lens blur. Each clip has
+its own throw. A clip is right if both speeds lie within 2 u of the truth.
 """
 
 import argparse
@@ -31,13 +31,13 @@ from virtual_lab.video.follow.following import FollowedClip, follow
 from virtual_lab.video.follow.known import ClipKnowledge
 from virtual_lab.video.follow.known import known_of as known_of_camera
 
-SURE = 0.005  # relative u of gravity's ruler at which the median error is judged
+SURE = 0.005  # largest relative u of gravity's ruler for the median error
 PHONES = ("level", "pitched", "shaken", "calibrated", "turned")
-SIZE = (640, 360)  # of a phone's picture [pixels]
+SIZE = (640, 360)  # size of a phone's picture [pixels]
 
 
 def known_of(throw: Throw, ruler: str | None = None) -> ClipKnowledge:
-    """Return what a person says: the ball to .2 mm, the rate, a stand, no rolling shutter."""
+    """Return a person's knowledge: the ball to 0.2 mm, the rate, a stand, no rolling shutter."""
     return ClipKnowledge(
         rate=throw.fps, ball=DIAMETER, ball_u=2e-4, stands=True, readout=0.0, ruler=ruler
     )
@@ -48,18 +48,18 @@ def clip_of(throw: Throw, made: Filmed) -> Clip:
 
 
 def thrown(kind: str, seed: int) -> Scene:
-    """Return a throw across the picture with one bounce or more, before a random wall."""
+    """Return a throw across the picture with at least one bounce, before a random wall."""
     draw = np.random.default_rng([seed, 77, PHONES.index(kind)])
     diameter = draw.uniform(0.04, 0.08)
-    radius, focal = draw.uniform(8, 15), draw.uniform(0.75, 1.0) * SIZE[0]  # pixels
+    radius, focal = draw.uniform(8, 15), draw.uniform(0.75, 1.0) * SIZE[0]  # in pixels
     unit = diameter / 2 / radius
     wide, high = np.multiply(SIZE, unit)
     fps = float(draw.choice([60, 120]))
     drop = draw.uniform(0.5, 0.75) * high
     restitution = draw.uniform(0.55, 0.85)
-    time = np.sqrt(2 * drop / GRAVITY) * (1 + 2 * restitution)  # until the second bounce [s]
+    time = np.sqrt(2 * drop / GRAVITY) * (1 + 2 * restitution)  # time until the second bounce [s]
     pitch = {"level": 0.5, "pitched": 5.0, "shaken": 0.5, "turned": 5.0}.get(kind, 0.0)
-    density = draw.uniform(250, 900)  # kg/m³
+    density = draw.uniform(250, 900)  # density [kg/m³]
     colours = ((0.05, 0.72, 0.07), (0.06, 0.07, 0.55), (0.72, 0.74, 0.74), (0.1, 0.35, 0.8))
     ball = Ball(
         diameter=diameter,
@@ -109,7 +109,7 @@ def thrown(kind: str, seed: int) -> Scene:
 
 
 def follow_phone(made: Made) -> FollowedClip:
-    """Follow a clip by what its owner says: rate, ball and global shutter; or a calibration."""
+    """Follow a clip with its owner's knowledge (rate, ball, global shutter), or a calibration."""
     scene, truth = made.scene, made.truth
     if scene.name == "calibrated":
         calibration = ClipCalibration(
@@ -140,7 +140,7 @@ def speeds_of(found: FollowedClip) -> tuple[Estimate, Estimate]:
 def followed(kind: str, seed: int) -> tuple[FollowedClip, tuple[float, float], float]:
     """Return a followed clip, and the true speeds and restitution of its first contact.
 
-    A later contact that was found without the first one is left out.
+    If the first contact is not found, the clip is returned without contacts.
     """
     if kind in LIGHTS:
         throw = Throw(light=kind, seed=seed)
@@ -156,7 +156,7 @@ def followed(kind: str, seed: int) -> tuple[FollowedClip, tuple[float, float], f
 
 
 def clips(first: int, seeds: int, kinds: list[str]) -> Iterator[dict[str, Any]]:
-    """Yield a row per clip."""
+    """Yield one row per clip."""
     for seed in range(first, first + seeds):
         for kind in kinds:
             found, speeds, restitution = followed(kind, seed)
@@ -173,7 +173,7 @@ def clips(first: int, seeds: int, kinds: list[str]) -> Iterator[dict[str, Any]]:
 
 
 def summary(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    """Return a row per kind."""
+    """Return one row per kind."""
     table, lines = pd.DataFrame(rows), []
     for kind, some in table.groupby("kind", sort=False):
         seen, silent = some.dropna(subset="v_in z"), some["flags"] == ""
@@ -200,7 +200,7 @@ def summary(rows: list[dict[str, Any]]) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Print a line per clip, then a column per kind."""
+    """Print one line per clip, then one column per kind."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("kinds", nargs="*", choices=[*LIGHTS, *PHONES], default=[*LIGHTS, *PHONES])
     parser.add_argument("--seeds", type=int, default=40)

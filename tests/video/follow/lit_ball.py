@@ -1,7 +1,8 @@
-"""A shaded ball thrown before a wall, filmed by a renderer that shares nothing with the others.
+"""A shaded ball thrown before a wall, filmed by a renderer that shares no code with the others.
 
-Pinhole, Lambert's law, small steps of Newton's law with drag, sRGB and JPEG: neither the program's
-flights, projection and disc nor the scenery of the other tests. Metres, seconds; up is positive.
+It uses a pinhole, Lambert's law, small steps of Newton's law with drag, sRGB and JPEG. It uses
+neither the package's flights, projection and disc nor the scenery of the other tests. Units are
+metres and seconds; up is positive.
 """
 
 from dataclasses import dataclass
@@ -12,12 +13,12 @@ from numpy.typing import NDArray
 
 LIGHTS = ("side", "soft", "flat")
 DIAMETER = 0.073
-STEP = 2e-4  # s, of the flight
+STEP = 2e-4  # step of the flight [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Throw:
-    """One clip; what is not said is drawn by light and seed."""
+    """One clip; other properties are drawn from light and seed."""
 
     light: str
     seed: int
@@ -25,23 +26,23 @@ class Throw:
     columns: int = 640
     count: int = 130
     fps: float = 120.0
-    radius: float = 11.0  # pixels
-    tilt: float = 5.0  # degrees that the camera may look up or down by
+    radius: float = 11.0  # radius of the ball [pixels]
+    tilt: float = 5.0  # largest angle of the camera up or down [degrees]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Filmed:
-    """Pictures and truth."""
+    """Pictures of a clip, and their truth."""
 
     frames: NDArray[np.uint8]  # (frame, row, column)
     gravity: float
-    metres_per_pixel: float  # in the middle of the picture
-    speeds: tuple[float, float]  # before and after the first bounce
+    metres_per_pixel: float  # scale in the middle of the picture
+    speeds: tuple[float, float]  # speeds before and after the first bounce
     restitution: float
 
 
 def film(throw: Throw) -> Filmed:
-    """Return a clip."""
+    """Film a throw, and return the clip."""
     draw = np.random.default_rng([throw.seed, LIGHTS.index(throw.light)])
     gravity = draw.uniform(9.79, 9.83)
     mass, drag = draw.uniform(0.06, 0.16), draw.uniform(0.42, 0.52)
@@ -80,7 +81,7 @@ def film(throw: Throw) -> Filmed:
 def _pictures(
     throw: Throw, ways: NDArray[np.float64], draw: np.random.Generator
 ) -> NDArray[np.uint8]:
-    """Return pictures of places (frame, moment, 2), as sRGB codes it and JPEG keeps it."""
+    """Return pictures of a ball at positions (frame, moment, 2), coded as sRGB and JPEG."""
     pitch, roll = np.radians(draw.uniform(-1, 1, 2) * [throw.tilt, 3.0])
     focal = draw.uniform(1.1, 1.5) * throw.columns
     far = focal * DIAMETER / 2 / throw.radius
@@ -94,7 +95,7 @@ def _pictures(
         cover = np.zeros_like(picture)
         shine = np.zeros_like(picture)
         for x, y in way:
-            # the camera turned by its pitch about the horizontal, then by its roll
+            # camera turned by its pitch about the horizontal, then by its roll
             up, away = y * np.cos(pitch), far + y * np.sin(pitch)
             right, up = x * np.cos(roll) - up * np.sin(roll), x * np.sin(roll) + up * np.cos(roll)
             column = (throw.columns - 1) / 2 + focal * right / away
@@ -111,8 +112,8 @@ def _pictures(
 
 
 def _light(kind: str, draw: np.random.Generator) -> tuple[NDArray[np.float64], float, float, float]:
-    """Return the direction to the light, and what comes from it, from its half, and from all."""
-    turn = draw.uniform(-40, 220)  # degrees about the view: from a side, or above it
+    """Return the direction to the light, and the shares of hard, half-space and even light."""
+    turn = draw.uniform(-40, 220)  # angle about the view [degrees]: from a side, or from above
     rise = draw.uniform(0, 25) if kind == "side" else draw.uniform(10, 50)  # toward the camera
     along = np.cos(np.radians(rise))
     toward = np.array(
@@ -136,7 +137,7 @@ def _add(
     albedo: float,
     fine: int = 5,
 ) -> None:
-    """Add a sphere's share of each pixel, and its light, five samples a pixel each way."""
+    """Add a sphere's share of each pixel and its light, with `fine` samples in each direction."""
     rows, columns = cover.shape
     left, top = int(np.floor(column - radius)) - 1, int(np.floor(row - radius)) - 1
     side = int(2 * radius) + 4
@@ -159,7 +160,7 @@ def _add(
 
 
 def _wall(throw: Throw, draw: np.random.Generator) -> NDArray[np.float64]:
-    """Return a wall with some pattern, darker than the ball's bright side."""
+    """Return a wall with a pattern, darker than the ball's bright side."""
     level = draw.uniform(0.02, 0.12)
     pattern = cv2.GaussianBlur(draw.normal(0, 1, (throw.rows, throw.columns)), (0, 0), 4)
     wall = level * (1 + 0.25 * pattern / pattern.std())

@@ -1,11 +1,11 @@
-"""Clips as phones write them, over many seeds, held against their truth.
+"""Clips as phones write them, for many seeds, compared with their truth.
 
 python -m tests.video.follow.study [--seeds 20] [--from 0] [--as-named] [NAME ...]
 
-Every scene is filmed with other seeds and stored in H.264 of random quality (with `--as-named` by
-the codec that the scene names), and followed as `virtual-lab track` does. A clip counts against
-the tracker by what a person sees and it misses, by a contact that is none, by a figure more than
-5 u off without a flag that says why, and by places that it leaves out.
+Every scene is filmed with other seeds, stored in H.264 of random quality (with `--as-named`, by the
+codec that the scene names), and followed as by `virtual-lab track`. Faults of the tracker are
+missed flights that a person sees, false contacts, results wrong by more than 5 u without a flag
+that gives the reason, and missing positions.
 """
 
 import argparse
@@ -24,35 +24,35 @@ from tests.video.scenery.scenes import SCENES, UNSEEN
 from virtual_lab.video.follow.following import FollowedClip
 
 NO_FLIGHT = {"carried", "pendulum", "rolling", "empty"}
-SEEN = 8  # readable frames of a flight that nobody overlooks
-READ = 6  # of one that should be read
-MUCH = 0.5  # of a flight's readable frames: it was found
-FAR = 5.0  # u
-BESIDE = 0.8  # frames off a contact; one where frames were left out may lie in any of them
-HARMLESS = {"READOUT_UNKNOWN", "REPEATED_FRAMES", "LOST_FRAMES"}  # excuse no wrong figure
+SEEN = 8  # readable frames of a flight that must be found
+READ = 6  # readable frames of a flight whose positions count
+MUCH = 0.5  # share of a flight's readable frames that counts as found
+FAR = 5.0  # largest error of a result [u]
+BESIDE = 0.8  # tolerance of a contact [frames]; a lost frame may contain one
+HARMLESS = {"READOUT_UNKNOWN", "REPEATED_FRAMES", "LOST_FRAMES"}  # no excuse for a wrong result
 
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """One clip against its truth."""
+    """Faults of one clip, by its truth."""
 
-    kind: str  # of motion, "" where it is the right one
-    missed: tuple[str, ...]  # flights
-    false: tuple[str, ...]  # contacts
+    kind: str  # wrong motion that was reported, "" if it is right
+    missed: tuple[str, ...]  # missed flights
+    false: tuple[str, ...]  # false contacts
     placed: int
     readable: int
-    far: float  # greatest error [u]
-    what: str  # of it
+    far: float  # largest error [u]
+    what: str  # result with the largest error
     flags: tuple[str, ...]
 
     @property
     def few(self) -> bool:
-        """Whether places were left out."""
+        """Whether more than 10 % of the positions are missing."""
         return self.placed < 0.9 * self.readable
 
     @property
     def wrong(self) -> bool:
-        """Whether a figure is far off without a word."""
+        """Whether a result is wrong by more than FAR without a flag."""
         return self.far > FAR and not set(self.flags) - HARMLESS
 
 
@@ -63,7 +63,7 @@ def phone_of(scene: Scene, seed: int) -> Scene:
 
 
 def score_of(made: Made, found: FollowedClip) -> Score:
-    """Return what a followed clip is worth; of several balls that one which was followed."""
+    """Return the score of a followed clip; of several balls, the one with most positions counts."""
     flown = bool(found.flights)
     motion = "" if flown == (made.scene.name not in NO_FLIGHT) else "flights" if flown else "none"
     if not made.truths:
@@ -115,7 +115,7 @@ def score_of(made: Made, found: FollowedClip) -> Score:
 
 
 def _placed(truth: BallTruth, found: FollowedClip) -> tuple[int, int, tuple[str, ...]]:
-    """Return readable frames that were placed, all of them, and the flights that were missed."""
+    """Return the number of located readable frames, that of all, and the missed flights."""
     frames, missed, placed, readable = truth.frames, [], 0, 0
     ways = [way.frames[_on(truth, way)] for way in found.ways]
     for flight in truth.flights:
@@ -131,7 +131,7 @@ def _placed(truth: BallTruth, found: FollowedClip) -> tuple[int, int, tuple[str,
 
 
 def _on(truth: BallTruth, way) -> np.ndarray:
-    """Return which places of a flight lie on the ball; the still frame may lie a little off."""
+    """Return a mask of a flight's positions on the ball, up to 2 px of still-frame offset."""
     frames = truth.frames
     off = way.xy - np.stack([frames.x, frames.y], axis=1)[way.frames]
     known = np.isfinite(off).all(axis=1)
@@ -142,7 +142,7 @@ def _on(truth: BallTruth, way) -> np.ndarray:
 
 
 def row_of(name: str, scores: Sequence[Score]) -> dict[str, object]:
-    """Return a scene's line of the table."""
+    """Return the table's row of a scene."""
     placed, readable = (sum(getattr(s, key) for s in scores) for key in ("placed", "readable"))
     return {
         "scene": name,
@@ -158,7 +158,7 @@ def row_of(name: str, scores: Sequence[Score]) -> dict[str, object]:
 
 
 def main() -> None:
-    """Print what is wrong clip by clip, then a line a scene."""
+    """Print the faults of each clip, then one row per scene."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*")
     parser.add_argument("--seeds", type=int, default=20)

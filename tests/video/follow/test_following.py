@@ -1,6 +1,6 @@
-"""Made-up twins of users' clips through the whole following: what is found, and what is not.
+"""Synthetic twins of users' clips through the complete tracker.
 
-All twins, with other seeds: python -m tests.video.follow.study.
+For all twins with other seeds: python -m tests.video.follow.study.
 """
 
 from collections.abc import Callable
@@ -26,12 +26,12 @@ from virtual_lab.video.follow.known import FILE, ClipKnowledge
 from virtual_lab.video.follow.searching import FlightsFound
 
 Get = Callable[[str], tuple[Made, FollowedClip]]
-SHORTER = {"carried": 45, "empty": 25, "pendulum": 75}  # exposures
+SHORTER = {"carried": 45, "empty": 25, "pendulum": 75}  # number of exposures
 
 
 @pytest.fixture(scope="module")
 def followed(tmp_path_factory: pytest.TempPathFactory) -> Get:
-    """Return what films a scene and follows it, once."""
+    """Return a function that films and follows a scene, once."""
     done: dict[str, tuple[Made, FollowedClip]] = {}
 
     def get(name: str) -> tuple[Made, FollowedClip]:
@@ -65,7 +65,7 @@ def test_what_does_not_fly_has_no_flight_and_a_reason(name: str, followed: Get) 
 
 
 def left_out(name: str, seed: int, crf: int, folder: Path) -> tuple[Made, FollowedClip]:
-    """Return a phone's file (H.264 with B-frames) that lacks frames, and what follows it well."""
+    """Follow a phone's H.264 that lacks frames, and require its flights and contacts."""
     scene = (SCENES | UNSEEN)[name]
     scene = replace(scene, codec="H264", crf=crf, seed=scene.seed + 100 * seed)
     made, found = run(scene, folder)
@@ -77,9 +77,9 @@ def left_out(name: str, seed: int, crf: int, folder: Path) -> tuple[Made, Follow
 
 
 def test_thinned_frames_are_found_by_the_motion(tmp_path: Path) -> None:
-    """Thirty a second thinned to 25 under even time stamps: what is left out is found.
+    """Frames at 30 per second are thinned to 25 with even time stamps; the gaps are found.
 
-    A file's own 25 a second do not agree with gravity and the ball's size, which give the thirty.
+    If 25 per second is only the file's rate, gravity and the ball's size give the true rate of 30.
     """
     made, found = left_out("thinned", 38, 29, tmp_path)
     assert set(found.flags) == {"LOST_FRAMES", "READOUT_UNKNOWN"}
@@ -115,7 +115,7 @@ def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
     ("seed", "crf"), [(729, 29), pytest.param(720, 30, marks=pytest.mark.long)]
 )
 def test_a_hand_s_drift_that_a_codec_nearly_hides(seed: int, crf: int, tmp_path: Path) -> None:
-    """H.264 leaves little of a plain wall: a shift far off fits it nearly as well."""
+    """H.264 leaves so little of a plain wall that a wrong shift fits nearly as well."""
     scene = UNSEEN["into-a-corner"]
     made, found = run(replace(scene, codec="H264", crf=crf, seed=scene.seed + 100 * seed), tmp_path)
     assert found.watched.still.drifts
@@ -128,9 +128,9 @@ def test_a_hand_s_drift_that_a_codec_nearly_hides(seed: int, crf: int, tmp_path:
             assert abs(each.restitution.value - true.restitution) < 5 * each.restitution.u
 
 
-@pytest.mark.long  # the drift alone: tests/video/find
+@pytest.mark.long  # drift alone: tests/video/find
 def test_a_phone_that_turns_in_the_hand(tmp_path: Path) -> None:
-    """A degree and a half over the clip: shifted alone, flights lie 2 px off."""
+    """The phone turns by 1.5 degrees; a shift alone would leave flights wrong by 2 px."""
     scene = UNSEEN["rolled"]
     made, found = run(replace(scene, seed=scene.seed + 300), tmp_path)
     assert set(found.flags) == {"READOUT_UNKNOWN"}
@@ -143,7 +143,7 @@ def test_a_phone_that_turns_in_the_hand(tmp_path: Path) -> None:
 
 
 def test_a_camera_that_turns_after_the_ball(tmp_path: Path) -> None:
-    """By more than a picture's width: the last samples hardly show what the first ones do."""
+    """The camera turns by more than a picture's width, so that the last samples hardly overlap."""
     made, found = run(replace(UNSEEN["turned-after"], codec="H264", crf=24), tmp_path)
     assert np.abs(_drift_off(made, found)).max() < 1.0
     require_flights(made.truth, found)
@@ -152,7 +152,7 @@ def test_a_camera_that_turns_after_the_ball(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("leap", [0, 6])
 def test_a_background_that_leaps_is_said(leap: int) -> None:
-    """A camera that is knocked while the ball flies."""
+    """The camera is knocked while the ball flies."""
     noise, late = np.random.default_rng(9), np.arange(60)
     wall = cv2.GaussianBlur(noise.uniform(0, 255, (240, 420)), (0, 0), 2.0)
     way = np.stack([30 + 5.6 * late, 200 - 7.5 * late + 0.125 * late**2], axis=1)
@@ -168,7 +168,7 @@ def test_a_background_that_leaps_is_said(leap: int) -> None:
 
 
 def _thrown(shift: float = 0.0) -> NDArray[np.uint8]:
-    """Return pictures of a ball before a plain wall with a shelf, the last so far [px] aside."""
+    """Return pictures of a ball before a wall with squares that drifts by `shift` [px] in all."""
     noise, late = np.random.default_rng(8), np.arange(60)
     way = np.stack([30 + 5.6 * late, 200 - 7.5 * late + 0.125 * late**2], axis=1)
     wall = np.full((240, 420), 60.0)
@@ -188,19 +188,19 @@ KNOWN = ClipKnowledge(rate=60.0, ball=0.0953, ball_u=1e-3, stands=True, readout=
 
 
 def test_a_frame_stored_three_times_among_doubled_ones_costs_no_flight() -> None:
-    """A hundred and twenty a second, of which every second is a copy, and one a copy of that."""
+    """Of 120 frames per second, every second is a copy, and one is a copy of a copy."""
     late = np.insert(np.repeat(np.arange(60), 2), 61, 30)
     found = follow(_clip(_thrown()[late]), replace(KNOWN, rate=120.0))
     (flight,) = found.flights
     assert flight.places >= 55
     assert found.fit is not None
-    assert found.fit.spread < 0.3  # taken for time, the copy leaves a kink of half a step
+    assert found.fit.spread < 0.3  # spread without the kink of a copy
     assert "REPEATED_FRAMES" in found.flags
 
 
 @pytest.mark.parametrize("first", [0, 1])
 def test_rows_of_two_moments_are_followed_with_a_flag(first: int) -> None:
-    """Sixty fields a second woven into thirty frames, whichever field is the first."""
+    """Sixty fields per second are interlaced in thirty frames; either field may be the first."""
     frames = _thrown()
     woven = frames[::2].copy()
     woven[:, 1 - first :: 2] = frames[1::2, 1 - first :: 2]
@@ -212,21 +212,21 @@ def test_rows_of_two_moments_are_followed_with_a_flag(first: int) -> None:
         (flight.first_frame, flight.speed_in),
         (flight.last_frame, flight.speed_out),
     ):
-        late = 2 * frame + 0.5  # of `_thrown`, between the fields
+        late = 2 * frame + 0.5  # time in frames of `_thrown`, between the fields
         true = np.hypot(5.6, 0.25 * late - 7.5) * 60 * STANDARD_GRAVITY / (0.25 * 60**2)
         assert speed.value == pytest.approx(true, abs=speed.u)
         assert speed.u < 0.1 * true
 
 
 def test_a_few_edges_show_that_the_camera_stands() -> None:
-    """To a hundredth of a pixel a frame: a hand's 2 % of the picture a second are 8 pixels."""
+    """The drift is below 0.01 px per frame; the assumed hand's drift would be 8 px per second."""
     found = follow(_clip(_thrown()), replace(KNOWN, stands=False))
     assert found.watched.still.unseen_drift(1 / 60) < 0.01
     assert "DRIFT_UNSEEN" not in found.flags
 
 
 def _clip(frames: NDArray[np.uint8]) -> Clip:
-    """Return a stack of frames as a clip of 60 a second."""
+    """Return a stack of frames as a clip with 60 frames per second."""
     late = np.arange(len(frames))
     return cast(
         "Clip",
@@ -245,7 +245,7 @@ def _clip(frames: NDArray[np.uint8]) -> Clip:
 
 
 def _drift_off(made: Made, found: FollowedClip) -> NDArray[np.float64]:
-    """Return how far each blob's drift is off, from that of the first picture, (blob, 2) [px]."""
+    """Return the error of each blob's drift, relative to the first picture, (blob, 2) [px]."""
     seen = found.watched.found
     drift = np.stack([seen["picture_x"] - seen["x"], seen["picture_y"] - seen["y"]], axis=1)
     return drift - (made.drift - made.drift[0])[seen["frame"]]
@@ -264,7 +264,7 @@ def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
     for one, other in zip(by_hand.contacts, stands.contacts, strict=True):
         assert one.restitution is not None
         assert other.restitution is not None
-        # 2 % of 320 pixels a second, on both velocities along the floor's normal
+        # drift of 2 % of 320 pixels per second, on both velocities along the floor's normal
         fast = by_hand.flights[one.before].speed_out.value * 450 / 2.0
         more = 0.02 * 320 * (1 + other.restitution.value) / fast
         assert one.restitution.value == other.restitution.value
@@ -281,7 +281,7 @@ def test_a_ball_that_leaves_the_picture_and_comes_back_flies_once(tmp_path: Path
 
 
 def test_a_wrong_frame_rate_is_refused_with_the_right_one(followed: Get) -> None:
-    """Four times the rate is sixteen times g."""
+    """A rate four times too high would give sixteen times g."""
     _, found = followed("thrown-on-wall")
     with pytest.raises(InputError, match=r"would fall with 1[4-7]\d.* --fps (29|30|31)"):
         follow_blobs(found.clip, found.watched, replace(found.known, rate=120.0))
@@ -295,10 +295,10 @@ def test_a_clean_parabola_is_a_flight_whatever_ball_it_is_said_to_be(followed: G
 
 
 def test_a_shutter_that_rolls_is_found(followed: Get) -> None:
-    """And its readout is no longer called unknown."""
+    """The readout is no longer flagged as unknown."""
     made, found = followed("rolling-shutter")
     assert found.flags == ("ROLLING_SHUTTER",)
-    assert "about 0.75 of a frame" in " ".join(found.warnings)  # 25 ms at 30 a second
+    assert "about 0.75 of a frame" in " ".join(found.warnings)  # 25 ms of 33 ms
     require_contacts(made.truth, found)
 
 

@@ -1,4 +1,4 @@
-"""Flights out of blobs of known ways: a toss, low hops, a ball in two colours, repeats."""
+"""Flights from blobs of known motion: a toss, low hops, a two-coloured ball, repeats."""
 
 import numpy as np
 import pytest
@@ -11,12 +11,12 @@ from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
 Array = NDArray[np.float64]
-RADIUS = 15.0  # px
-PULL = 0.285  # px/frame²
+RADIUS = 15.0  # radius of the ball [px]
+PULL = 0.285  # gravity [px/frame²]
 
 
 def blobs_of(xy: Array, colour: Array | float = 100.0, noise: float = 0.2) -> Blobs:
-    """Return a clean blob a frame at some places, (frame, 2) [px]."""
+    """Return one clean blob per frame at these positions, (frame, 2) [px]."""
     found = np.zeros(len(xy), BLOB)
     found["frame"] = np.arange(len(xy))
     found["x"], found["y"] = (xy + np.random.default_rng(5).normal(0, noise, xy.shape)).T
@@ -28,7 +28,7 @@ def blobs_of(xy: Array, colour: Array | float = 100.0, noise: float = 0.2) -> Bl
 
 
 def flights_in(found: Blobs, fall: float = PULL / RADIUS) -> list[Piece]:
-    """Return the flights, of a camera with a global shutter; g is known after the first round."""
+    """Return the flights for a global shutter; the first round gives g to the second."""
     time = np.arange(found["frame"].max() + 1.0)
     scene = FlightScene(
         found=found,
@@ -45,7 +45,7 @@ def flights_in(found: Blobs, fall: float = PULL / RADIUS) -> list[Piece]:
 
 
 def hops(speeds: list[float]) -> tuple[Array, list[NDArray[np.intp]]]:
-    """Return the way of a ball that leaves the floor with such speeds [px/frame], and its hops."""
+    """Return a ball's path with these speeds off the floor [px/frame], and each hop's frames."""
     ends = np.cumsum([0.4, *(2 * each / PULL for each in speeds)])
     t = np.arange(int(ends[-1]))
     y = np.full(len(t), 400.0)
@@ -59,8 +59,8 @@ def hops(speeds: list[float]) -> tuple[Array, list[NDArray[np.intp]]]:
 
 
 def test_a_toss_that_a_hand_leads_and_catches() -> None:
-    """The velocity hardly changes where the hand lets go: one cut leaves no parabola."""
-    rise = np.cumsum(np.linspace(0, 9.5, 26))  # the hand: faster and faster, 9.5 px/frame at last
+    """The velocity hardly changes at release, so that a single cut leaves no parabola."""
+    rise = np.cumsum(np.linspace(0, 9.5, 26))  # hand, up to 9.5 px/frame
     late = np.arange(1, 67)
     flown = rise[-1] + 9.5 * late - PULL * late**2 / 2
     caught = flown[-1] - 6.0 * np.arange(1, 15)
@@ -71,10 +71,10 @@ def test_a_toss_that_a_hand_leads_and_catches() -> None:
 
 
 def test_a_shadow_that_a_low_sun_moves_across_the_ground_is_no_ball() -> None:
-    """It has a parabola of its own; its last piece is too short to show which way it bends."""
+    """The shadow moves on a parabola; its last piece is too short to show the direction of bend."""
     way, (_, _, last) = hops([9.0, 8.0, 7.0])
     way = way[: last[9]]
-    ball = blobs_of(way, noise=0.3)[12:]  # in a hand until then
+    ball = blobs_of(way, noise=0.3)[12:]  # blobs after the ball leaves the hand
     shadow = blobs_of(np.stack([700 - 0.6 * (400 - way[:, 1]), np.full(len(way), 420.0)], axis=1))
     shadow["radius"] = shadow["length"] = 6.0
     shadow["colour"] = 60.0
@@ -85,14 +85,14 @@ def test_a_shadow_that_a_low_sun_moves_across_the_ground_is_no_ball() -> None:
 
 
 def test_leaves_that_sail_down_slowly_are_not_the_ball_that_falls_among_them() -> None:
-    """There are more of them, all alike; over so many frames gravity would show."""
+    """The leaves are more and move alike; over so many frames, gravity would show."""
     late = np.arange(16.0)
     ball = blobs_of(np.stack([300 + 8 * late, 100 + PULL * late**2], axis=1))
     leaves = [
         blobs_of(np.stack([x + 6 * late, y + 5 * late + 0.02 * late**2], axis=1))
         for x, y in ((40.0, 60.0), (60.0, 300.0), (500.0, 40.0))
     ]
-    leaves.append(leaves[0][:7].copy())  # too short to show that it does not fall
+    leaves.append(leaves[0][:7].copy())  # leaf that is too short to show that it does not fall
     for k, leaf in enumerate(leaves):
         leaf["frame"] += 18 * k
         leaf["radius"] = leaf["length"] = 12.0
@@ -103,7 +103,7 @@ def test_leaves_that_sail_down_slowly_are_not_the_ball_that_falls_among_them() -
 
 
 def test_another_ball_that_goes_on_where_one_ends_is_not_the_same() -> None:
-    """It has another colour and size; a ball in two colours that turns keeps its size."""
+    """Another ball has other colour and size; a two-coloured ball that turns keeps its size."""
     way, whole = hops([9.0, 8.0, 7.0, 6.0])
     found = blobs_of(way)
     late = found["frame"] >= whole[2][0]
@@ -118,7 +118,7 @@ def test_another_ball_that_goes_on_where_one_ends_is_not_the_same() -> None:
 @pytest.mark.parametrize("drawn", [0.0, 3.0])
 @pytest.mark.parametrize("across", [1.0, 0.1])
 def test_hops_lower_than_the_ball(across: float, drawn: float) -> None:
-    """What is struck draws the last picture before it out of shape, by so many pixels."""
+    """The struck surface displaces the last blob before it by `drawn` pixels."""
     way, whole = hops([6.0, 4.2, 2.9, 2.1])
     way[:, 0] *= across
     way[[each[-1] for each in whole], 1] -= drawn
@@ -129,7 +129,7 @@ def test_hops_lower_than_the_ball(across: float, drawn: float) -> None:
 
 
 def test_dark_patches_of_a_ball_are_one_at_a_time() -> None:
-    """Three that fall alike say no more than one does: the ball's own flights have more places."""
+    """Three patches with equal motion count as one; the ball's own flights have more positions."""
     way, (one, two, three) = hops([3.0, 2.9, 2.8])
     ball, found = blobs_of(way), []
     for k, off in enumerate(((-5.0, 0.0), (4.0, -5.0), (4.0, 6.0))):
@@ -158,7 +158,7 @@ def test_rest_before_a_fall_is_no_part_of_the_flight() -> None:
 
 @pytest.mark.parametrize("after", [1 / 30, 1 / 24])
 def test_a_phone_that_films_on_more_slowly(after: float) -> None:
-    """In the dark phones go from 30 to 24 a second: time stamps that say so are believed."""
+    """Phones change from 30 to 24 frames per second in the dark; time stamps show it."""
     rounded = np.random.default_rng(1).uniform(-4e-4, 4e-4, 80)
     times = np.cumsum([*np.full(30, 1 / 30), *np.full(50, after)]) + rounded
     assert uneven(times) == (after != 1 / 30)
@@ -166,7 +166,7 @@ def test_a_phone_that_films_on_more_slowly(after: float) -> None:
 
 
 def test_a_hand_that_goes_with_the_ball_does_not_begin_a_flight() -> None:
-    """It is on the way, but what is seen is longer than the ball and its blur."""
+    """The hand is on the ball's path, but its blob is longer than the ball and its blur."""
     t = np.arange(30.0)
     found = blobs_of(np.stack([300 + 4 * t, 400 - 6 * t + PULL * t**2 / 2], axis=1))
     found["length"][:3] *= 1.9
@@ -177,10 +177,10 @@ def test_a_hand_that_goes_with_the_ball_does_not_begin_a_flight() -> None:
 
 @pytest.mark.parametrize("angle", [0.6, 0.8, 1.0, 1.2])
 def test_a_pendulum_that_starts_slowly_does_not_fly(angle: float) -> None:
-    """Each quarter of its swing is nearly a parabola, whose acceleration points to the side."""
-    length, pull = 300.0, 1.1  # px, px/frame²
+    """Each quarter of its swing is nearly a parabola, but the acceleration points to the side."""
+    length, pull = 300.0, 1.1  # length [px], gravity [px/frame²]
     turns, rate = [angle], 0.0
-    for _ in range(79):  # the angle's equation by small steps
+    for _ in range(79):  # small steps of the equation of motion
         for _ in range(100):
             rate -= pull / length * np.sin(turns[-1]) / 100
             turns[-1] += rate / 100

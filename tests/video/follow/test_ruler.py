@@ -1,4 +1,4 @@
-"""The ruler of a phone's clip: gravity or the ball's size, the one checked by the other.
+"""The ruler of a phone's clip: gravity or the ball's size, each checked by the other.
 
 36 scenes at full size: python -m tests.video.follow.light_study.
 """
@@ -17,14 +17,14 @@ from virtual_lab.video.follow.following import FollowedClip, follow, follow_blob
 from virtual_lab.video.show.track_text import track_document, track_text
 
 SMALL = {"rows": 240, "columns": 320, "count": 58, "fps": 60.0, "radius": 8.0}
-SEED = 5  # the camera looks up or down by some 4 degrees in two of three lights
+SEED = 5  # seed by which the camera is tilted by about 4 degrees in two of three lights
 
 Seen = Callable[[str], tuple[Filmed, FollowedClip]]
 
 
 @pytest.fixture(scope="module")
 def seen() -> Seen:
-    """Return what films a ball in a light and follows it, once."""
+    """Return a function that films and follows a ball in a light, once."""
 
     @cache
     def get(light: str) -> tuple[Filmed, FollowedClip]:
@@ -36,13 +36,13 @@ def seen() -> Seen:
 
 
 def again(found: FollowedClip, **changed: object) -> FollowedClip:
-    """Return the same clip followed by a person who knows something else of it."""
+    """Return the clip followed again with other knowledge."""
     return follow_blobs(found.clip, found.watched, replace(found.known, **changed))
 
 
 @pytest.mark.parametrize("light", LIGHTS)
 def test_speeds_are_right_in_any_light(light: str, seen: Seen) -> None:
-    """By the ball's size those of side light are 25 % too high."""
+    """By the ball's size, the speeds in side light would be 25 % too high."""
     made, found = seen(light)
     assert found.scale is not None
     assert found.scale.source == "gravity"
@@ -69,7 +69,7 @@ def test_the_u_of_the_ball_s_size_covers_its_shade(light: str, seen: Seen) -> No
 
 
 def test_each_ruler_checks_the_other(seen: Seen) -> None:
-    """The text names the ruler, its u, and how far the other is off in u of both."""
+    """The text names the ruler, its u, and the deviation of the other ruler in combined u."""
     _, found = seen("flat")
     (check,) = found.checks
     assert found.scale is not None
@@ -86,7 +86,7 @@ def test_each_ruler_checks_the_other(seen: Seen) -> None:
 
 
 def test_a_rolled_camera_is_said_and_moves_no_speed(seen: Seen) -> None:
-    """All places turned by 8 degrees about the picture's middle: gravity's direction is fitted."""
+    """All positions are turned by 8 degrees about the middle; gravity's direction is fitted."""
     _, found = seen("flat")
     turn, rows, columns = np.radians(8), *found.clip.shape
     blobs, straight = found.watched.found.copy(), track_document(found)["scale"]["roll_deg"]
@@ -125,7 +125,7 @@ def test_g_is_not_measured_by_itself(seen: Seen) -> None:
     assert "m/s²" not in track_text(alone)
     for one, other in zip(speeds_of(alone), speeds_of(found), strict=True):
         assert one.value == pytest.approx(other.value, rel=2e-3)
-    # speeds go as the square root of lengths by it: all of g's u, and none of the ball's
+    # speeds are proportional to g: they have all of its u, and none of the ball's
     moon = again(found, ball=None, ruler="gravity", gravity=1.62, gravity_u=0.0)
     for one, other in zip(speeds_of(moon), speeds_of(alone), strict=True):
         assert one.value == pytest.approx(other.value * 1.62 / found.known.gravity, rel=1e-6)
@@ -146,7 +146,7 @@ def test_a_length_in_the_picture_comes_before_both(seen: Seen) -> None:
 
 
 def test_a_rate_that_makes_g_absurd_is_refused_with_the_one_that_fits(seen: Seen) -> None:
-    """Ten times the frames a second are a hundred times g: 981 m/s²."""
+    """A rate ten times too high gives a hundred times g: 981 m/s²."""
     _, found = seen("flat")
     with pytest.raises(InputError, match=r"ball would fall with 9\d\d.*--fps (59|60|61)\b"):
         again(found, rate=600.0)
@@ -165,14 +165,14 @@ def test_gravity_that_no_flight_shows_is_no_ruler(seen: Seen) -> None:
 
 
 def test_gravity_s_u_has_what_no_flight_shows(seen: Seen) -> None:
-    """That g is 9.78 to 9.83 over the Earth, a tilt of 2.5 degrees, and air that bears the ball.
+    """It includes g from 9.78 to 9.83 over the Earth, a tilt of 2.5 degrees, and buoyancy.
 
-    A ball of diameter d that loses k v² to drag has k d = 3/4 C_d ρ/ρ_b.
+    For a ball of diameter d with drag k v², k d = 3/4 C_d ρ/ρ_b.
     """
     _, found = seen("flat")
     assert found.scale is not None
     assert found.fit is not None
-    density = found.fit.drag * 2 * SMALL["radius"] / (0.75 * 0.45)  # air's over the ball's
+    density = found.fit.drag * 2 * SMALL["radius"] / (0.75 * 0.45)  # air over ball
     known = [0.025 / 9.81 / 3**0.5, 1 / np.cos(np.radians(2.5)) - 1, 1.5 * density / 3**0.5]
     least = float(np.linalg.norm(known))
     assert found.scale.rest_u == pytest.approx(least, rel=0.012)
@@ -195,7 +195,7 @@ def test_of_two_rulers_the_surer_one_is_used(seen: Seen) -> None:
 
 
 def test_gravity_stays_the_ruler_where_lost_frames_are_mended(seen: Seen) -> None:
-    """Each lost frame is counted by the motion itself: the fit leaves no doubt of it."""
+    """The motion gives the number of lost frames, without doubt left by the fit."""
     made, found = seen("flat")
     assert found.scale is not None
     assert found.scale.source == "gravity"
@@ -210,7 +210,7 @@ def test_gravity_stays_the_ruler_where_lost_frames_are_mended(seen: Seen) -> Non
 
 
 def test_a_rate_that_nobody_gives_is_the_one_that_makes_g_right(seen: Seen) -> None:
-    """Sixty pictures a second in a file that plays them at 15: by the ball's size and gravity."""
+    """A file plays 60 frames per second at 15; the ball's size and gravity give the rate."""
     made, found = seen("flat")
     slow = again(found, rate=15.0, rate_of="file")
     assert "RATE_FITTED" in slow.flags
@@ -219,20 +219,20 @@ def test_a_rate_that_nobody_gives_is_the_one_that_makes_g_right(seen: Seen) -> N
     assert abs(said["value"] - 60.0) < 2 * said["u"] < 4.0
     for speed, true in zip(speeds_of(slow), made.speeds, strict=True):
         assert abs(speed.value - true) < 2 * speed.u < 0.1 * true
-    assert slow.checks == ()  # gravity gave the rate: it is no ruler beside it
+    assert slow.checks == ()  # checks without gravity, which gave the rate
     right = again(found, rate_of="file")
     assert right.known.rate == 60.0
     assert right.scale == found.scale
 
 
 def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(seen: Seen) -> None:
-    """Two u of a degree instead of five; air of 1.2 kg/m³ bears a ball of 730 by .25 %."""
+    """Two u of level are 1 degree instead of 5; buoyancy is 0.25 % for 730 kg/m³ in 1.2 kg/m³."""
     _, found = seen("flat")
     density = 1.2 / 730.0
-    slowing = 0.75 * 0.45 * density / 0.073  # of speed² [1/m], a sphere's
+    slowing = 0.75 * 0.45 * density / 0.073  # drag constant of a sphere [1/m]
     known = again(found, level_u=np.radians(0.5), drag=(slowing, 0.0), gravity_u=0.0)
     assert known.scale is not None
-    # the ball's size in the picture is only known to some per cent
+    # tolerance of the ball's size in the picture, which is known to some per cent
     least = np.hypot(1 / np.cos(np.radians(0.5)) - 1, 1.5 * density / 3**0.5)
     assert known.scale.rest_u == pytest.approx(least, rel=0.05)
     tilted = again(found, level_u=np.radians(5), drag=(slowing, 0.0), gravity_u=0.0)
@@ -244,7 +244,7 @@ def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(seen: Seen
 
 
 def test_the_u_of_the_diameter_is_u_of_the_ball_s_size(seen: Seen) -> None:
-    """Of 73 mm ± 7 mm: added in squares."""
+    """For 73 mm ± 7 mm, the u of the diameter is added in squares."""
     _, found = seen("flat")
     sharp, unsure = (again(found, ruler="ball", ball_u=u).scale for u in (0.0, 0.007))
     added = np.sqrt(unsure.relative_u**2 - sharp.relative_u**2)

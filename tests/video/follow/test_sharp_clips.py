@@ -1,4 +1,4 @@
-"""Clips of known truth through the whole tracker; what must not give a number gives none."""
+"""Clips of known truth through the complete tracker; doubtful clips give no number."""
 
 import re
 from collections.abc import Callable, Iterable
@@ -25,14 +25,14 @@ from virtual_lab.video.show.track_text import track_document, track_text
 
 RATE = 5000.0
 SCALE = 1e-3
-UNIT = SCALE * RATE  # m/s of a pixel a frame
+UNIT = SCALE * RATE  # pixel per frame [m/s]
 KNOWN = ClipCalibration(
     metres_per_pixel=SCALE, frames_per_second=RATE, exposure_s=0.1 / RATE, lens_blur_px=0.7
 )
 
 
 class Hit:
-    """What a clip of one hit says."""
+    """Results of a clip with one hit."""
 
     def __init__(self, found: FollowedClip) -> None:
         self.clip, self.document = found, track_document(found)
@@ -58,7 +58,7 @@ Flown = Callable[[Film], tuple[SharpBall, Hit]]
 
 
 def track_hit(path: Path, known: ClipCalibration) -> FollowedClip:
-    """Return a ball followed through a clip of a calibrated camera that stands still."""
+    """Follow a ball through a clip of a calibrated camera that stands still."""
     clip = open_clip(path, known)
     return follow(clip, known_of(clip, known))
 
@@ -71,7 +71,7 @@ def hit(path: Path, known: ClipCalibration) -> tuple[SharpBall, Hit]:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
-    """Return what films a ball and tracks it, once."""
+    """Return a function that films and tracks a ball, once."""
 
     @cache
     def get(film: Film) -> tuple[SharpBall, Hit]:
@@ -82,7 +82,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
 
 
 def require(film: Film, found: Hit) -> None:
-    """Both speeds are right to their own uncertainty, which is small."""
+    """Require that both speeds are right within 4 u, and that their u are small."""
     assert found.speed_out is not None
     assert found.restitution is not None
     into = np.hypot(*film.velocity_in) * UNIT
@@ -126,7 +126,7 @@ def test_speeds_are_right_to_their_uncertainty(scene: str, flown: Flown) -> None
     assert set(np.flatnonzero(inside)) <= set(tracked.frames.tolist())
     located, true = tracked.located, places[:, tracked.frames]
     pulls = [(located.x - true[0]) / located.x_u, (located.y - true[1]) / located.y_u]
-    # of some 80 degrees of freedom
+    # bounds for about 80 degrees of freedom
     assert 0.5 < np.mean(np.square(pulls)[:, located.flags == 0]) < 2.0
 
 
@@ -156,8 +156,8 @@ def test_a_floor_takes_the_vertical_part(tmp_path: Path) -> None:
 
 
 def test_drag_is_taken_from_the_calibration(tmp_path: Path) -> None:
-    """With dv/dx = -κv, v at the contact is e^(-κx) of that x before: told by an exact flight."""
-    drag = 0.5  # 1/m, much: 8 % over the way, 2 % of the speed if it were left out
+    """By an exact flight with dv/dx = -κv, v at the contact is e^(-κx) times v at distance x."""
+    drag = 0.5  # drag [1/m]: 8 % over the path, 2 % of the speed if it were left out
     film = Film()
     into, out = np.hypot(*film.velocity_in) * UNIT, np.hypot(*film.velocity_out) * UNIT
 
@@ -178,7 +178,7 @@ def test_drag_is_taken_from_the_calibration(tmp_path: Path) -> None:
 
 
 def test_a_lost_frame_is_seen_and_mended(tmp_path: Path) -> None:
-    """One lost frame of 19 unnoticed is 7 % of the speed; two are lost after the contact."""
+    """One lost frame of 19 would change the speed by 7 %; two more are lost after the contact."""
     film = Film()
     frames = list(film.frames())
     _, found = run(frames[:8] + frames[9:27] + frames[29:], tmp_path)
@@ -211,7 +211,7 @@ def stamped(at: Path, times: NDArray[np.float64]) -> ClipCalibration:
 
 
 def test_frames_of_the_contact_are_left_out(tmp_path: Path) -> None:
-    """The ball stays on the bat for three frames, so near its ways that hulls count them in."""
+    """The ball stays on the bat for three frames, so near its paths that hulls include them."""
     film = Film(
         velocity_in=(5.0, 0.4), velocity_out=(-2.5, 0.3), contact=(150.0, 100.0), before=20.0,
         count=45, bat=True,
@@ -243,7 +243,7 @@ def test_a_ball_that_flies_by_has_one_speed(tmp_path: Path) -> None:
 
 
 def test_a_ball_that_leaves_faster_than_it_came_has_no_restitution(tmp_path: Path) -> None:
-    """Nothing at rest gives back more than it takes; the speeds stay, they are right."""
+    """A body at rest gives back less than it takes; the speeds, which are right, are kept."""
     film = Film(velocity_out=(-11.2, 1.7), contact=(250.0, 100.0))
     _, found = run(film.frames(), tmp_path)
     assert found.flags == ("ABOVE_ONE",)
@@ -263,7 +263,7 @@ def test_a_ball_that_leaves_faster_than_it_came_has_no_restitution(tmp_path: Pat
 
 
 def test_flights_that_do_not_meet_have_no_contact(tmp_path: Path) -> None:
-    """The ball flies out from 45 pixels before the place it flew in to, as another one would."""
+    """The ball flies out from a point 45 pixels before that of its arrival, like another ball."""
     one = Film()
     other = replace(one, contact=(one.contact[0] - 45, one.contact[1]), seed=2)
     cut = int(one.before) + 1
@@ -285,7 +285,7 @@ def test_the_balls_diameter_sets_the_scale(tmp_path: Path) -> None:
     assert tracked.plane.metres_per_pixel == pytest.approx(SCALE, rel=3e-3)
     assert abs(found.speed_in.value - np.hypot(*film.velocity_in) * UNIT) < 2 * found.speed_in.u
     assert found.restitution is not None
-    assert found.restitution.u < 1e-3  # the scale is in neither
+    assert found.restitution.u < 1e-3  # u without a part of the scale
 
 
 @pytest.mark.parametrize("bat", [False, True])
@@ -309,7 +309,7 @@ def test_without_a_ball_there_is_no_flight(bat: bool, tmp_path: Path) -> None:
 def test_a_ball_that_is_not_located_sharply(
     key: str, value: float | None, words: str, tmp_path: Path
 ) -> None:
-    """It has another size, or the calibration lacks a key, which is named."""
+    """The ball has another size, or the calibration lacks a key, which is named."""
     np.save(tmp_path / "clip.npy", np.stack(list(Film().frames())))
     found = track_hit(tmp_path / "clip.npy", replace(KNOWN, **{key: value}))
     assert found.sharp is None
@@ -327,7 +327,7 @@ def test_a_ball_that_is_not_located_sharply(
 def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
     sense: float, turn: tuple[float, float, float], flown: Flown, tmp_path: Path
 ) -> None:
-    """A camera 1 m off, of a pixel a millimetre: Y down the picture, or up as on a rig."""
+    """A camera 1 m away with 1 mm per pixel has Y down the picture, or up as on a rig."""
     film = SCENES["steep"]
     rows, columns = next(iter(film.frames())).shape
     camera = CameraModel(
@@ -349,7 +349,7 @@ def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
     assert seen.angle_out.value == pytest.approx(flat.angle_out.value, abs=1e-6)
     true = np.arctan2(-film.velocity_in[1], film.velocity_in[0])
     assert seen.angle_in.value == pytest.approx(true, abs=5 * seen.angle_in.u)
-    # half a degree off the plane, v_z reads as X/Z v_z along the picture
+    # effect of half a degree off the plane: v_z reads as X/Z v_z along the picture
     places = np.stack(film.places())[:, tracked.frames]
     into = tracked.frames < film.before
     off = (places[:, into].mean(axis=1) - [120.0, 80.0]) / 1000.0

@@ -1,4 +1,4 @@
-"""Straight flights through places whose errors are drawn: right, and as uncertain as they say."""
+"""Straight flights through noisy positions: right within their stated uncertainties."""
 
 import numpy as np
 import pytest
@@ -12,14 +12,14 @@ from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 
 Array = NDArray[np.float64]
-NOISE = 0.003  # pixels
+NOISE = 0.003  # noise of positions [pixels]
 CLIPS = 150
 
 
 def fit(
     places: Array, u: float, pattern_u: float = 0.0, pull: tuple[float, float] = (0, 0), drag=0.0
 ) -> Fit:
-    """Fit a flight through a place a frame [pixels] whose u are known, and so are g and drag."""
+    """Fit a flight through one position per frame [pixels] with known u, gravity and drag."""
     count = len(places)
     t = np.arange(float(count))
     scene = FlightScene(
@@ -46,7 +46,7 @@ def fit(
 
 
 def speed(places: Array, u: float, pattern_u: float = 0.0) -> Estimate:
-    """Return the speed at the last place [pixels/frame]."""
+    """Return the speed at the last position [pixels/frame]."""
     last = len(places) - 1
     return estimate_of(
         lambda some: float(np.hypot(*some.at(0, last)[0, 2:])), fit(places, u, pattern_u)
@@ -54,7 +54,7 @@ def speed(places: Array, u: float, pattern_u: float = 0.0) -> Estimate:
 
 
 def turning(rng: np.random.Generator, angle: Array, rms: float) -> Array:
-    """Return the apparent shift of a turning ball: some harmonics of its angle, (frame, 2)."""
+    """Return the apparent shift of a turning ball, (frame, 2): harmonics of its angle."""
     order = np.arange(1, 7)
     weights = rng.standard_normal((2, 2, order.size)) / np.sqrt(order)
     weights *= rms / np.sqrt((weights**2).sum(axis=(1, 2), keepdims=True) / 2)
@@ -68,7 +68,7 @@ def turning(rng: np.random.Generator, angle: Array, rms: float) -> Array:
     [(0.0, 0), *((pattern, spin) for pattern in (0.01, 0.08) for spin in (0, 300, 1500))],
 )
 def test_a_turning_pattern_is_covered(frames: int, spin_rpm: float, pattern: float) -> None:
-    """The 95 % interval holds at least 95 % of clips, by a binomial bound of 1e-4."""
+    """The 95 % interval covers at least 95 % of the clips, by a binomial bound of 1e-4."""
     rng = np.random.default_rng([frames, int(spin_rpm), int(1000 * pattern)])
     t = np.arange(frames)
     inside = 0
@@ -82,7 +82,7 @@ def test_a_turning_pattern_is_covered(frames: int, spin_rpm: float, pattern: flo
 
 
 def test_noise_alone_has_the_textbooks_uncertainty() -> None:
-    """σ_v = σ √(12 / (N (N² - 1))) / dt of a straight line."""
+    """A straight line has σ_v = σ √(12 / (N (N² - 1))) / dt."""
     frames = 20
     t = np.arange(frames)
     rng = np.random.default_rng(4)
@@ -92,8 +92,8 @@ def test_noise_alone_has_the_textbooks_uncertainty() -> None:
 
 
 def test_gravity_and_drag_are_taken_out() -> None:
-    """Against an integration in small steps, gravity and drag together as small as they are."""
-    gravity, drag = np.array([0.0, 0.02]), 1e-4  # pixels and frames
+    """The oracle is an integration in small steps with the same small gravity and drag."""
+    gravity, drag = np.array([0.0, 0.02]), 1e-4  # gravity and drag in pixels and frames
     steps, count = 1000, 40
     place, velocity, told = np.array([100.0, 300.0]), np.array([20.0, -1.0]), []
     for k in range(steps * (count - 1) + 1):
@@ -116,9 +116,10 @@ def test_scatter_that_nobody_claimed_widens_the_interval() -> None:
 
 
 def test_three_frames_know_their_own_scatter_badly() -> None:
-    """Places that scatter 30 times as claimed: two degrees of freedom, of a t of 4.3, not 1.96.
+    """Positions scatter 30 times more than claimed: t with two dof has 4.3, not 1.96.
 
-    600 clips: the 95 % interval holds by a binomial bound of 1e-4; u by the root of t holds 89 %.
+    For 600 clips, the 95 % interval passes a binomial bound of 1e-4; u by
+    the root of t covers 89 %.
     """
     t, rng, clips = np.arange(3), np.random.default_rng(1), 600
     inside = 0

@@ -1,4 +1,4 @@
-"""Speeds of a hit out of places of known flights: their u's by closed forms and by repetition."""
+"""Speeds of a hit from positions of known flights: their u by closed forms and by repetition."""
 
 import re
 from collections.abc import Callable
@@ -25,14 +25,14 @@ from virtual_lab.video.locate.located import Located
 Array = NDArray[np.float64]
 
 RATE = 5000.0
-SCALE = 1e-3  # m of a pixel
-INTO, OUT = np.array([46.5, 5.5]), np.array([-31.0, 8.5])  # m/s
+SCALE = 1e-3  # metres per pixel
+INTO, OUT = np.array([46.5, 5.5]), np.array([-31.0, 8.5])  # velocities [m/s]
 SIZE = (240, 400)  # rows, columns
 KNOWN = ClipCalibration(metres_per_pixel=SCALE, frames_per_second=RATE)
 
 
 def flown(t: Array, into: Array = INTO, out: Array = OUT) -> Array:
-    """Return where a ball is that is struck at the origin at 0 s, (frame, 2) [m]."""
+    """Return the positions of a ball that is struck at the origin at 0 s, (frame, 2) [m]."""
     return np.where(t[:, None] < 0, np.outer(t, into), np.outer(t, out))
 
 
@@ -45,7 +45,7 @@ def told(
     exposure: float = 0.0,
     radius: Array | None = None,
 ) -> FollowedClip:
-    """Measure places [m] at times [s], those before and after 0 s as two flights."""
+    """Measure positions [m] at times [s]; those before and after 0 s are two flights."""
     count, numbers = len(t), np.arange(len(t))
     pixels = places / SCALE + np.array([SIZE[1] - 1, SIZE[0] - 1]) / 2
     clip: Any = SimpleNamespace(
@@ -94,7 +94,7 @@ def told(
 
 
 def frames(before: int, after: int, late: float = 0.5) -> Array:
-    """Return times of frames about a contact at 0 s, the first after it so late [frames]."""
+    """Return the times of frames; the first one is `late` frames after a contact at 0 s."""
     return (np.arange(-before, after) + late) / RATE
 
 
@@ -104,10 +104,10 @@ def repeated(draw: Callable[[np.random.Generator], FollowedClip], clips: int = 2
 
 @pytest.mark.long
 def test_u_of_a_hit_by_repetition() -> None:
-    """30 frames before the contact and 5 after it: errors over u, of time, speeds and restitution.
+    """Errors of time, speeds and restitution over u, for 30 frames before the contact and 5 after.
 
-    Of 200 clips an rms of 1 scatters by 5 %; the few places of the flight out know their own
-    scatter badly, so u may be larger.
+    The rms of 200 clips scatters by 5 % about 1. The few positions of the outbound flight give a
+    uncertain scatter, so that u may be larger.
     """
     t, noise = frames(30, 5), 3e-5
 
@@ -130,10 +130,10 @@ def test_u_of_a_hit_by_repetition() -> None:
 
 
 def test_u_of_angle_and_place_are_the_textbooks() -> None:
-    """Of N = 20 places a flight, known to σ: σ_v = σ √(12/N(N² - 1))/dt of a line's slope.
+    """For N = 20 positions with σ, the slope of a line has σ_v = σ √(12/N(N² - 1))/dt.
 
-    At its far end, half a frame on, σ² (1/N + 12 (N/2)²/N(N² - 1)); the contact's place is the
-    mean of two such ends. Each angle's u is σ_v over the flight's own speed.
+    At its end, half a frame further, a line has σ² (1/N + 12 (N/2)²/N(N² - 1)); the position of the
+    contact is the mean of two such ends. The u of each angle is σ_v over the flight's speed.
     """
     t, noise, count = frames(20, 20), 3e-5, 20
     found = told(t, flown(t), u=noise)
@@ -141,7 +141,7 @@ def test_u_of_angle_and_place_are_the_textbooks() -> None:
     for flight, velocity in zip(found.flights, (INTO, OUT), strict=True):
         assert flight.angle_in.u == pytest.approx(slope / np.hypot(*velocity), rel=1e-3)
     end = np.hypot(noise / np.sqrt(count), slope / RATE * count / 2)
-    # and by a little more, as the time of the contact is not known either
+    # allowance for the time of the contact, which is not known either
     assert found.contacts[0].metres_u == pytest.approx(end / np.sqrt(2), rel=0.03)
     change = np.hypot(*(OUT - INTO))
     assert found.contacts[0].time.u == pytest.approx(end * np.sqrt(2) / change, rel=1e-3)
@@ -160,13 +160,13 @@ def test_a_clock_s_u_is_every_speed_s_and_no_restitution_s() -> None:
 
 
 def test_one_drag_takes_from_both_speeds() -> None:
-    """Half of each way is flown before and after: e errs by u(κ) (s_in + s_out), not by √."""
+    """Half of each path lies before the other: e errs by u(κ) (s_in + s_out), without a root."""
     known = ClipCalibration(metres_per_pixel=SCALE, frames_per_second=RATE, drag_per_m_u=0.02)
     t = frames(20, 20)
     found = told(t, flown(t), known=known)
     restitution = found.contacts[0].restitution
     assert restitution is not None
-    ways = [10 / RATE * np.hypot(*each) for each in (INTO, OUT)]  # to the middle of each flight
+    ways = [10 / RATE * np.hypot(*each) for each in (INTO, OUT)]  # paths to each middle
     assert restitution.u == pytest.approx(restitution.value * 0.02 * sum(ways), rel=0.02)
     speeds = found.flights[0].speed_out, found.flights[1].speed_in
     for speed, way in zip(speeds, ways, strict=True):
@@ -175,7 +175,7 @@ def test_one_drag_takes_from_both_speeds() -> None:
 
 @pytest.mark.parametrize("late", [0.1, 0.5, 0.9])
 def test_a_frame_exposed_during_the_contact_is_of_no_flight(late: float) -> None:
-    """Places are means over .9 of a frame, and known so badly that no line denies one."""
+    """Positions are means over 0.9 of a frame, and so uncertain that no line rejects one."""
     t, exposure = frames(20, 20, late), 0.9 / RATE
     moments = exposure * (np.arange(200) + 0.5 - 100) / 200
     places = np.mean([flown(t + moment) for moment in moments], axis=0)
@@ -189,7 +189,7 @@ def test_a_frame_exposed_during_the_contact_is_of_no_flight(late: float) -> None
 
 @pytest.mark.parametrize(("off_up", "kind"), [(0, "floor"), (32, "floor"), (38, "struck")])
 def test_a_floor_s_change_of_velocity_is_upward_to_35_degrees(off_up: float, kind: str) -> None:
-    """Off a floor the restitution is that of the vertical parts, else of the speeds."""
+    """Off a floor, the restitution is that of the vertical parts; otherwise that of the speeds."""
     known = ClipCalibration(
         metres_per_pixel=SCALE, frames_per_second=RATE, gravity_mps2=(0.0, 9.81)
     )
@@ -208,7 +208,7 @@ def test_a_floor_s_change_of_velocity_is_upward_to_35_degrees(off_up: float, kin
 
 @pytest.mark.parametrize("right", [0.1, -0.1])
 def test_what_a_ball_that_comes_nearer_reads_off(right: float) -> None:
-    """At w m/s nearer from Z its picture grows by w/Z a second, its place by as much outward."""
+    """At w m/s toward the camera at Z, picture and position grow by w/Z per second."""
     t, rate, true = frames(40, 0), 2.0, 20.0
     middle = t - t.mean()
     nearer = 1 / (1 - rate * middle)

@@ -1,4 +1,4 @@
-"""Speeds of flights out of blobs of known ways: their u covers what they are off by."""
+"""Speeds of flights from blobs of known motion: the u covers their errors."""
 
 from types import SimpleNamespace
 from typing import Any, cast
@@ -17,11 +17,11 @@ from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 
 RATE = 240.0
-BALL = 0.073  # m
+BALL = 0.073  # diameter [m]
 
 
 def followed(found: Blobs, readout: float | None = 0.0) -> FollowedClip:
-    """Return flights and contacts of blobs that a camera on a stand saw."""
+    """Return flights and contacts of blobs, as from a camera on a stand."""
     count = int(found["frame"].max()) + 1
     clip = SimpleNamespace(
         count=count,
@@ -44,7 +44,7 @@ def followed(found: Blobs, readout: float | None = 0.0) -> FollowedClip:
 @pytest.mark.parametrize("noise", [0.3, 0.5])
 @pytest.mark.parametrize("before", [0, 5, 11, 15])
 def test_a_ball_rolls_over_a_table_s_edge(before: int, noise: float) -> None:
-    """Places before the edge bend the way by less than shows at once: u covers what they do."""
+    """Positions before the edge bend the path too little to be rejected; u covers their effect."""
     late = np.arange(-before, 86.0)
     fallen = np.where(late > 0, 0.07 * late**2 / 2, 0.0)
     found = blobs_of(np.stack([200 + 0.85 * late, 100 + fallen], axis=1), noise=noise)
@@ -57,7 +57,7 @@ def test_a_ball_rolls_over_a_table_s_edge(before: int, noise: float) -> None:
 
 @pytest.mark.parametrize("before", [0, 3, 5, 8])
 def test_a_ball_rests_before_it_is_let_go(before: int) -> None:
-    """In slow motion some rest lies as near to the flight's way as an outline may be off."""
+    """In slow motion, rest before release lies on the path within an outline's error."""
     late = np.arange(-before, 140.0)
     fallen = np.where(late > 0, 0.04 * late**2 / 2, 0.0)
     found = blobs_of(np.stack([200 + 0 * late, 60 + fallen], axis=1), noise=0.02)
@@ -68,7 +68,7 @@ def test_a_ball_rests_before_it_is_let_go(before: int) -> None:
 
 @pytest.mark.parametrize("readout", [0.0, 0.5, 1.0])
 def test_the_u_of_gravity_covers_a_readout_that_nobody_knows(readout: float) -> None:
-    """Rows that are read later show a falling ball later: its acceleration looks larger."""
+    """Rows read later show a falling ball later, which increases its apparent acceleration."""
     seen = np.arange(80.0)
     late, y = seen, np.zeros(80)
     for _ in range(20):
@@ -83,7 +83,7 @@ def test_the_u_of_gravity_covers_a_readout_that_nobody_knows(readout: float) -> 
 
 @pytest.mark.parametrize("along", [2.0, -2.0])
 def test_a_ball_that_turns_back_along_the_floor_too_met_two_things(along: float) -> None:
-    """A wall and a floor between two pictures: not one normal, so no restitution."""
+    """A wall and a floor between two pictures have no common normal: there is no restitution."""
     late = np.arange(-50, 50) + 0.5
     x = np.where(late < 0, 3.0, along) * late
     y = np.where(late < 0, 8.0, -6.0) * late + 0.07 * late**2 / 2
@@ -114,7 +114,7 @@ def test_a_flight_that_scatters_more_than_the_others_knows_less_of_itself() -> N
 
 
 def test_a_ball_that_moves_most_of_the_time_without_flying_is_flagged() -> None:
-    """It rolls for 100 frames before it falls off a table, or for 8."""
+    """The ball rolls for 100 frames, or for 8, before it falls off a table."""
     for before, flagged in ((100, True), (8, False)):
         late = np.arange(-before, 86.0)
         fallen = np.where(late > 0, 0.07 * late**2 / 2, 0.0)

@@ -1,4 +1,4 @@
-"""Twins of users' clips, followed and held against their truth."""
+"""Twins of users' clips, followed and compared with their truth."""
 
 from pathlib import Path
 
@@ -31,7 +31,7 @@ def run(scene: Scene, folder: Path) -> tuple[Made, FollowedClip]:
 
 
 def require_flights(truth: BallTruth, found: FollowedClip, least: float = 0.8) -> None:
-    """Require every flight of eight readable frames, and so much of it; nothing where none is."""
+    """Require the flights of at least eight readable frames, and no positions off the ball."""
     frames = truth.frames
     for flight in truth.flights:
         if flight.places < 8:
@@ -51,7 +51,7 @@ def require_flights(truth: BallTruth, found: FollowedClip, least: float = 0.8) -
 
 
 def require_contacts(truth: BallTruth, found: FollowedClip) -> None:
-    """Require that each contact is a true one, its frame to 0.2, its restitution to 2.5 u."""
+    """Require that each contact is true, its frame within 0.25, its restitution within 2.5 u."""
     for contact in found.contacts:
         true = min(truth.contacts, key=lambda each: abs(each.frame - contact.frame))
         assert abs(true.frame - contact.frame) < 0.25
