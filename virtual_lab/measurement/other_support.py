@@ -33,10 +33,11 @@ def other_support(
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # the lot's mean ball, from the recoil factor with the support named by the rules
     ball = shots.ball_mass * shots.lot_recoil_factor / shots.recoil_factor
-    axis = bat.length - procedure.pivot_from_knob
-    recoil = np.asarray(
-        recoil_factor(ball, inverse_effective_mass(which == "free", bat, axis, shots.place))
+    axis, place = bat.length - procedure.pivot_from_knob, shots.place
+    inverse_M_eff = inverse_effective_mass(
+        which == "free", bat.mass, bat.inertia_cm, bat.z_cm, axis, place
     )
+    recoil = np.asarray(recoil_factor(ball, inverse_M_eff))
     restitution = np.asarray(restitution_from_efficiency(shots.lot_collision_efficiency, recoil))
     factor = np.asarray(bat_performance_factor(restitution, shots.lot_ball_restitution))
     used = outcome.used

@@ -13,13 +13,12 @@ __all__ = ["plant", "reduce_arrays"]
 
 
 def reduce_arrays(
-    settings: Any, sets: np.ndarray, balls: Any, ball: np.ndarray, shots: Any, results: Any
+    settings: Any, sets: Any, balls: Any, ball: np.ndarray, shots: Any, results: Any
 ) -> None:
     """Do what `kinematics.reduce_sets` does, with `kinematics.reduced` on whole arrays."""
     of_ball = tuple(np.take_along_axis(each, ball, axis=-1) for each in balls)
-    constants = sets.view(np.recarray)[..., None]
     for arrays, values in zip(
-        results, kinematics.reduced(settings, constants, of_ball, shots), strict=True
+        results, kinematics.reduced(settings, sets, of_ball, shots), strict=True
     ):
         for array, value in zip(arrays, values, strict=True):
             if array.size:

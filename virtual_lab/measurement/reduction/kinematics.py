@@ -25,7 +25,6 @@ CONSTANTS = (  # names of the constants of `reduced`
     *("mass", "length", "z_cm", "inertia_cm", "turn_rate", "pivot_from_knob", "aim", "encoder"),
     *("lot_mass", "lot_restitution", "speed", "slope", "place_slope", "slope_error"),
 )
-SET = np.dtype([(name, np.float64) for name in CONSTANTS], align=True)
 # names of the results of `reduced`: those needed for every set of constants, and the others
 RESULTS = (
     *("place", "lot_ball_restitution", "lot_recoil_factor", "asked_recoil_factor"),
@@ -185,19 +184,17 @@ def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floa
     return np.where(e > e0, sprung, e * standard / e0)
 
 
-def inverse_effective_mass(free: bool, bat: Any, axis: Floats, place: Floats) -> Floats:
-    """Return 1/M_eff [1/kg] of a bat struck at `place`, free or on its axis. Eqs. (8), (9).
-
-    `bat` has the fields `mass`, `z_cm` and `inertia_cm`. Positions are those from the tip [m].
-    """
+def inverse_effective_mass(
+    free: bool, M: Floats, I_cm: Floats, z_cm: Floats, axis: Floats, z: Floats
+) -> Floats:
+    """Return 1/M_eff [1/kg] of a bat struck at `z` [m], free or on its axis. Eqs. (8), (9)."""
     if free:
-        return inverse_mass_free(bat.mass, bat.inertia_cm, place - bat.z_cm)
-    I_p = parallel_axis(bat.inertia_cm, bat.mass, axis - bat.z_cm)
-    return inverse_mass_pivoted(I_p, axis - place)
+        return inverse_mass_free(M, I_cm, z - z_cm)
+    return inverse_mass_pivoted(parallel_axis(I_cm, M, axis - z_cm), axis - z)
 
 
 def reduced(
-    settings: Any, x: Any, ball: Any, shot: Any
+    settings: Any, constants: Any, ball: Any, shot: Any
 ) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
     """Return the `RESULTS` and the `DETAILS` of a shot, from numbers or arrays that broadcast.
 
@@ -208,12 +205,12 @@ def reduced(
         whether r is that of a free bat. Then the distance of the axis from the knob that the
         procedure requires [m], the nominal speed of the ball, and the speed at which balls are
         judged [m/s].
-    x
-        The `CONSTANTS`, as fields: those of the bat; its nominal angular rate [rad/s]; the
-        distances of the rig's axis from the knob and of the line of fire from its nominal line [m];
-        the angle of a count times the rate of the clock [rad]; mass [kg] and e0 of the lot's mean
-        ball; the speed to which the e0 of balls refers [m/s]; the slopes of e0 over speed [s/m] and
-        of e_A along the barrel [1/m], and the error of e_A caused by the latter.
+    constants
+        The `CONSTANTS`: those of the bat; its nominal angular rate [rad/s]; the distances of the
+        rig's axis from the knob and of the line of fire from its nominal line [m]; the angle of a
+        count times the rate of the clock [rad]; mass [kg] and e0 of the lot's mean ball; the speed
+        to which the e0 of balls refers [m/s]; the slopes of e0 over speed [s/m] and of e_A along
+        the barrel [1/m], and the error of e_A caused by the latter.
     ball
         Mass [kg] and e0 of the ball.
     shot
@@ -222,41 +219,43 @@ def reduced(
         swing [rad/s], rate of the recoil [counts/s].
     """
     at_aim, by_recoil, free, pivot_from_knob, ball_speed, window_speed = settings
+    M, length, z_cm, I_cm, turn_rate, rig_pivot, aim, encoder = constants[:8]
+    lot_m, lot_mean_e0, mean_speed, slope, place_slope, slope_error = constants[8:]
     v_in, v_out, sine_square, aimed, along, cosine, swing_rate, counts = shot
     m, mean_e0 = ball
     # the line of fire passes the axis at the distance `abreast`; a bat that is not square to it
     # is struck farther out
-    axis = x.length - x.pivot_from_knob
-    struck = struck_place(aimed, x.aim, along)
+    axis = length - rig_pivot
+    struck = struck_place(aimed, aim, along)
     abreast = axis - struck
     b = abreast / cosine
-    v_ball, v_bat, omega = v_in * cosine, b * swing_rate, x.encoder * counts
+    v_ball, v_bat, omega = v_in * cosine, b * swing_rate, encoder * counts
     # e_A by Eq. (2), from the rebound of the ball and from the recoil of a bat that was at rest
     v_f = square_rebound(v_in, v_out, cosine)
     by_ball = head_on_efficiency(collision_efficiency(v_ball, v_bat, v_f), sine_square)
-    I_p = parallel_axis(x.inertia_cm, x.mass, axis - x.z_cm)
+    I_p = parallel_axis(I_cm, M, axis - z_cm)
     v_f = rebound_speed_from_recoil(I_p, omega, m, b, v_in)
     by_bat = head_on_efficiency(collision_efficiency(v_in, 0.0, v_f), sine_square)
     seen = by_bat if by_recoil else by_ball
-    e_A = efficiency_at_aim(seen, struck - aimed, x.place_slope, x.slope_error)
+    e_A = efficiency_at_aim(seen, struck - aimed, place_slope, slope_error)
     place = aimed if at_aim else struck
     # r by Eqs. (7) to (9), about the axis that the procedure requires: e_A hardly depends on the
     # axis, so a misplaced axis changes only the angular momentum above
-    axis = x.length - pivot_from_knob
-    inverse_M_eff = inverse_effective_mass(free, x, axis, place)
-    r, lot_r = recoil_factor(m, inverse_M_eff), recoil_factor(x.lot_mass, inverse_M_eff)
-    asked_r = recoil_factor(x.lot_mass, inverse_effective_mass(free, x, axis, aimed))
+    axis = length - pivot_from_knob
+    inverse_M_eff = inverse_effective_mass(free, M, I_cm, z_cm, axis, place)
+    r, lot_r = recoil_factor(m, inverse_M_eff), recoil_factor(lot_m, inverse_M_eff)
+    asked_r = recoil_factor(lot_m, inverse_effective_mass(free, M, I_cm, z_cm, axis, aimed))
     # e by Eq. (6) and BPF by Eq. (5), with e0 at the relative speed
     e = restitution_from_efficiency(e_A, r)
     v_rel = v_ball + v_bat
-    e0 = restitution_at_speed(mean_e0, x.slope, v_rel - x.speed)
+    e0 = restitution_at_speed(mean_e0, slope, v_rel - mean_speed)
     factor = bat_performance_factor(e, e0)
     # e and e_A of the lot's mean ball at the nominal relative speed
-    nominal = ball_speed + x.turn_rate * (axis - aimed)
-    lot_e0 = restitution_at_speed(x.lot_restitution, x.slope, nominal - x.speed)
+    nominal = ball_speed + turn_rate * (axis - aimed)
+    lot_e0 = restitution_at_speed(lot_mean_e0, slope, nominal - mean_speed)
     lot_e = factor * lot_e0
     lot_e_A = efficiency_from_restitution(lot_e, lot_r)
-    window_e0 = restitution_at_speed(mean_e0, x.slope, window_speed - x.speed)
+    window_e0 = restitution_at_speed(mean_e0, slope, window_speed - mean_speed)
     place = place + abreast - b
     return (
         (place, lot_e0, lot_r, asked_r, factor, lot_e, lot_e_A, by_ball, by_bat),
@@ -272,7 +271,7 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
     settings
         Those of `reduced`.
     sets
-        Constants with the fields of `SET`, (block, set).
+        Constants in the order of `reduced`, each (block, set, 1).
     balls
         Masses [kg] and e0 of the balls, each (block, set, ball).
     ball
@@ -283,8 +282,14 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
         Arrays for the `RESULTS`, and those for the `DETAILS`, empty if not needed.
     """
     (masses, restitutions), (results, details) = balls, results
-    for n in range(sets.shape[0]):
-        for k in range(sets.shape[1]):
+    for n in range(ball.shape[0]):
+        for k in range(ball.shape[1]):
+            row = (n, k, 0)
+            constants = (
+                *(sets[0][row], sets[1][row], sets[2][row], sets[3][row], sets[4][row]),
+                *(sets[5][row], sets[6][row], sets[7][row], sets[8][row], sets[9][row]),
+                *(sets[10][row], sets[11][row], sets[12][row], sets[13][row]),
+            )
             for i in range(ball.shape[2]):
                 at, hit = (n, k, i), (n, k, ball[n, k, i])
                 shot = (
@@ -292,7 +297,7 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
                     *(shots[4][at], shots[5][at], shots[6][at], shots[7][at]),
                 )
                 of_ball = masses[hit], restitutions[hit]
-                found, more = reduced(settings, sets[n, k], of_ball, shot)
+                found, more = reduced(settings, constants, of_ball, shot)
                 for field in range(len(results)):
                     results[field][at] = found[field]
                 if details[0].size:
@@ -310,7 +315,7 @@ def compiled_reduction() -> Any:
         if isinstance(value, FunctionType) and value.__module__ == __name__:
             register_jitable(value)
     number, index = (np.broadcast_to(np.zeros(1, kind), (2, 2, 2)) for kind in (float, np.int64))
-    settings, sets = (True,) * 3 + (0.0,) * 3, np.empty((1, 1), SET)
+    settings, sets = (True,) * 3 + (0.0,) * 3, (number,) * len(CONSTANTS)
     filled = tuple((np.empty((1, 1, 1)),) * len(names) for names in (RESULTS, DETAILS))
     types = map(typeof, (settings, sets, (number,) * 2, index, (number,) * 8, filled))
     return njit(tuple(types), cache=True, error_model="numpy")(reduce_sets)

@@ -21,7 +21,6 @@ from virtual_lab.measurement.reduction.kinematics import (
     CONSTANTS,
     DETAILS,
     RESULTS,
-    SET,
     compiled_reduction,
     parallel_axis,
 )
@@ -315,9 +314,6 @@ def shot_results(
     def wide(each: Any, many: int) -> NDArray[Any]:
         return np.broadcast_to(each, (*shape, many)).reshape(*block, many)
 
-    sets = np.empty((*shape, 1), SET)
-    for name in CONSTANTS:
-        sets[name] = constants[name]
     names = [each.name for each in fields(kind)]
     found = {
         name: np.empty((*block, number) if name in names else (0, 0, 0))
@@ -328,7 +324,7 @@ def shot_results(
             *(PLACE_SLOPE in x, asked.reads == "recoil", asked.recoil == "free"),
             *(asked.pivot_from_knob, asked.ball_speed, asked.window_speed),
         ),
-        sets.reshape(block),
+        tuple(wide(constants[name], 1) for name in CONSTANTS),
         tuple(wide(each, balls.mass.shape[-1]) for each in (balls.mass, balls.restitution)),
         wide(readings.ball, number),
         tuple(wide(each, number) for each in shots),
@@ -346,7 +342,8 @@ def _mean_of(values: Array, used: Mask) -> Array:
 
     The sum is that of the balls one after another, whatever the layout of the array.
     """
-    total = np.cumsum(np.where(used, values, 0.0), axis=-1)[..., -1:]
+    kept = np.where(used, values, 0.0)
+    total = sum(kept[..., ball, None] for ball in range(kept.shape[-1]))
     with np.errstate(invalid="ignore"):
         return np.asarray(total / np.sum(used, axis=-1, keepdims=True))
 
@@ -370,9 +367,8 @@ def drag_of(x: Constants, mass: Array) -> Array:
 
 def _turn(x: Constants, encoder: str) -> Array:
     """Return the angle of one count of an encoder [rad]."""
-    return np.asarray(
-        2 * np.pi / (x[f"impact.{encoder}.scale"] * x[f"impact.{encoder}.counts_per_turn"])
-    )
+    scale, counts = x[f"impact.{encoder}.scale"], x[f"impact.{encoder}.counts_per_turn"]
+    return np.asarray(2 * np.pi / (scale * counts))
 
 
 def _sine_square(x: Constants, bat: BatProperties, flights: Flights) -> Array:
