@@ -1,4 +1,4 @@
-"""A batch of scenes keeps its tolerance all over the bat, and no scene depends on its neighbours."""
+"""A batch keeps its tolerance all over the bat, and no scene depends on its neighbours."""
 
 from __future__ import annotations
 

@@ -250,7 +250,7 @@ def test_modes_over_a_spring_are_orthonormal_and_hold_its_energy(stiffness: floa
 
 
 def test_a_pivot_spring_runs_from_free_to_rigid() -> None:
-    """Frequencies differ from a pinned bat's by 1/k, and from a free one's by k (except the bounce)."""
+    """The gap to a pinned bat's frequencies is proportional to 1/k, that to a free bat's to k."""
     rigid = modes_of(BAT, Pinned(0.7), 4).angular_frequencies[1:]
     free = modes_of(BAT, Free(), 4).angular_frequencies[2:]
 
