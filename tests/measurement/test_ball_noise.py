@@ -1,10 +1,11 @@
-"""The noise of the wall hits in a result: once, with its sign, by closed forms and by play.
+"""The noise of the wall hits in a result: counted once, with its sign.
 
-A small world of its own: a bat that gives every ball BPF times its e0, hits at the bat and at
-the wall, gates that time them in vacuum. With w_b the sum of the weights of the hits by ball b,
-s the relative standard deviation of a ball's mean e0 and N balls, the wall's part of a result's
-relative variance is s² Σ w_b² for the BPF, and s² (Σ w_b² - 1/N) for what goes with the lot's
-mean e0: the result of ball b is divided by its own e0 and multiplied by the mean of all.
+The oracle is a small model of its own: a bat that gives every ball BPF times its e0, hits at the
+bat and at the wall, and gates in vacuum. With w_b the sum of the weights of the hits by ball b, s
+the relative standard deviation of a ball's mean e0 and N balls, the wall contributes to the
+relative variance s² Σ w_b² for the BPF, and s² (Σ w_b² - 1/N) for results in proportion to the
+lot's mean e0, because the result of ball b is divided by its own e0 and multiplied by the mean of
+all.
 """
 
 from dataclasses import dataclass
@@ -34,7 +35,11 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 BALLS, WALL_HITS, SPEED, MASS = 12, 4, 26.8224, 0.145
 BPF, FAR, NEAR = 1.05, 0.55, 0.25
-AXIS, PLACE, INERTIA_P = 0.75, 0.16, 0.20  # from the tip, and about the axis
+AXIS, PLACE, INERTIA_P = (
+    0.75,
+    0.16,
+    0.20,
+)  # from the tip, and about the axis
 RECOIL = MASS * (AXIS - PLACE) ** 2 / INERTIA_P
 STANDARD = 0.5
 MEAN_E0 = 0.55
@@ -42,7 +47,7 @@ SIX = np.full(6, 1 / 6)
 
 
 def gates(stage: str, speed_out: np.ndarray, speed_in: np.ndarray | float = SPEED) -> GateReadings:
-    """Return the records of two gates for balls in at `speed_in`, back at `speed_out`."""
+    """Return the records of two gates for balls with `speed_in` and `speed_out`."""
     shots, way = speed_out.size, FAR - NEAR
     into = np.stack([np.zeros(shots), np.broadcast_to(way / speed_in, shots)], axis=1)
     back = np.stack([1 + FAR / speed_out, 1 + NEAR / speed_out], axis=1)
@@ -91,7 +96,7 @@ ASKED = ReductionSettings(
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """One laboratory's results: errors and budgets by name."""
+    """Errors and budgets of one laboratory's results, by name."""
 
     error: dict[str, float]
     budget: dict[str, Budget]
@@ -100,7 +105,7 @@ class Result:
 def play(
     rng: np.random.Generator, ball: np.ndarray, weights: np.ndarray, wall: float, hit: float
 ) -> Result:
-    """Return a laboratory's results: the ball of each hit, scatter of e0 at the wall and of e."""
+    """Return a laboratory's results; e0 scatters by `wall` at the wall, and e by `hit`."""
     e0 = MEAN_E0 + 0.001 * rng.standard_normal(BALLS)
     struck = np.repeat(np.arange(BALLS), WALL_HITS)
     seen = e0[struck] + wall * rng.standard_normal(struck.size)
@@ -152,9 +157,9 @@ def play(
 
 
 def test_e0_lies_on_the_line_through_the_speeds_at_which_the_wall_was_hit() -> None:
-    """Not through those asked for: the cannon is 2 m/s slow at one of them and 1 m/s fast at one.
+    """The cannon is 2 m/s slow at one nominal speed and 1 m/s fast at the other.
 
-    e0 of a ball is a line over the speed, .6 less .002 a m/s and its own; any speed lies on it.
+    The e0 of a ball is linear in speed, 0.6 less 0.002 per m/s plus its own constant.
     """
     struck, nominal = np.tile(np.arange(BALLS), 4), np.repeat([27.0, 61.0], 2 * BALLS)
     speed = nominal + np.where(nominal < 30, 1.0, -2.0)
@@ -177,7 +182,7 @@ def test_e0_lies_on_the_line_through_the_speeds_at_which_the_wall_was_hit() -> N
 
 
 def held(results: list[Result], name: str) -> int:
-    """Return how many 95 % intervals held the truth."""
+    """Return the number of 95 % intervals that contain the truth."""
     return sum(
         low <= budget.value - each.error[name] <= high
         for each in results
@@ -198,9 +203,9 @@ SCHEMES = {
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_the_walls_part_is_the_closed_form(scheme: str) -> None:
-    """Of one laboratory: the balls' line, squared, with s as the laboratory found it.
+    """The balls' component of the budget, squared, with s as the laboratory measured it.
 
-    The balls' own e0 differ by 0.2 % from their mean, which the closed form leaves out: 2 %.
+    The e0 of the balls differs by 0.2 % from the mean, which the closed form neglects: 2 %.
     """
     ball, weights = SCHEMES[scheme]
     budgets = play(np.random.default_rng(3), ball, weights, 0.001, 0.002).budget
@@ -213,7 +218,7 @@ def test_the_walls_part_is_the_closed_form(scheme: str) -> None:
     assert lines["BPF"].dof == BALLS * (WALL_HITS - 1)
     assert len(lines["BPF"].parts) == BALLS
     lot = s**2 * (square - 1 / BALLS)
-    slope = BPF * MEAN_E0 / (1 + RECOIL)  # of e_A over the logarithm of the lot's e
+    slope = BPF * MEAN_E0 / (1 + RECOIL)  # slope of e_A over the logarithm of the lot's e
     expected = {
         "BPF": BPF**2 * s**2 * square,
         "e": (BPF * MEAN_E0) ** 2 * lot,
@@ -226,9 +231,10 @@ def test_the_walls_part_is_the_closed_form(scheme: str) -> None:
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_played_results_scatter_as_the_closed_form_says(scheme: str) -> None:
-    """200 laboratories whose wall alone scatters: variances within 3.5 √(2/200) of the forms.
+    """In 200 laboratories only the wall scatters: variances agree to 3.5 √(2/200).
 
-    So is that of the balls' line of all five, the trampoline's by propagation alone.
+    The same holds for the balls' component of all five results; for the trampoline there is no
+    closed form.
     """
     ball, weights = SCHEMES[scheme]
     rng = np.random.default_rng(5)
@@ -255,9 +261,9 @@ def test_played_results_scatter_as_the_closed_form_says(scheme: str) -> None:
     ("scheme", "hit"), [("one ball", 0.002), ("one ball", 0.01), ("six balls", 0.01)]
 )
 def test_intervals_hold(scheme: str, hit: float) -> None:
-    """300 laboratories, wall scatter 0.01: as many hold as 95 % give, but for 1 in 1000 a side.
+    """300 laboratories, wall scatter 0.01; the count is within 0.1 % limits of the binomial law.
 
-    One ball for all six hits held 64 % when its noise was counted as the lot's.
+    For one ball in all six hits it was 64 % when its noise was treated as that of the lot.
     """
     ball, weights = SCHEMES[scheme]
     rng = np.random.default_rng(7)

@@ -1,4 +1,4 @@
-"""One test carried to a range of swing laws, against a test judged by each of them."""
+"""One test evaluated for a range of swing laws, against a test judged by each law."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from virtual_lab.records.session import Session
 
 
 def with_exponent(session: Session, exponent: float) -> Session:
-    """Return a session whose rules are those of another exponent."""
+    """Return a session whose rules have another exponent."""
     old = "exponent = { value = 0.3,"
     assert old in session.procedure_text
     text = session.procedure_text.replace(old, f"exponent = {{ value = {exponent},")
@@ -19,7 +19,7 @@ def with_exponent(session: Session, exponent: float) -> Session:
 
 
 def test_each_exponent_is_what_its_own_rules_would_give() -> None:
-    """From the same records: value, place and u of the certificate that those rules would make."""
+    """Value, position and u equal those of a certificate from the same records."""
     tested = by_the_book(opened("ea70", procedure="proposed", seed=4)).of(0)
     results = tested.certification.swings
     assert [result.exponent for result in results] == [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]
@@ -30,7 +30,7 @@ def test_each_exponent_is_what_its_own_rules_would_give() -> None:
         assert result.budget.u == pytest.approx(own.metric.u, rel=1e-9)
         assert result.place == pytest.approx(own.outcome.place, rel=1e-12)
     speeds = [result.budget.value for result in results]
-    assert speeds == sorted(speeds)  # lighter than the reference: it gains with n
+    assert speeds == sorted(speeds)  # gain of a light bat with n
 
 
 def test_rules_that_name_none_give_none() -> None:

@@ -1,4 +1,4 @@
-"""Thresholds of the reduction and its checks, each tried just within and just beyond."""
+"""Thresholds of the reduction and its checks, just within and just beyond each."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -17,13 +17,13 @@ from virtual_lab.measurement.reduction.shot_algebra import BatProperties, Measur
 from virtual_lab.measurement.session_reduction import prepare
 from virtual_lab.simulation.rig import Reality
 
-LENGTH, RADIUS = 0.86, 0.0325  # m
+LENGTH, RADIUS = 0.86, 0.0325  # length and radius of the bat [m]
 
 
 def shape(
     *, density: float = 311.0, balance: float = 0.33, gyration: float = 0.27
 ) -> SimpleNamespace:
-    """Return a bat of a density over its barrel [kg/m³], the others by its length."""
+    """Return a bat of a given density [kg/m³]; balance and gyration are shares of its length."""
     mass = density * pi * RADIUS**2 * LENGTH
     bat = BatProperties(
         mass=np.full((1, 1, 1), mass),
@@ -51,7 +51,7 @@ def flags_of(answers: Iterable[Raised]) -> list[Flag]:
             {"density": 0.401 / (pi * RADIUS**2 * LENGTH)},
             {"density": 0.399 / (pi * RADIUS**2 * LENGTH)},
         ),
-        ({"density": 6999.0}, {"density": 7015.0}),  # of 20 kg
+        ({"density": 6999.0}, {"density": 7015.0}),  # density of a bat of 20 kg
     ],
 )
 def test_a_bat_of_no_likely_shape_is_remarked(
@@ -70,7 +70,7 @@ def test_a_density_of_no_material_makes_a_test_invalid(density: float, impossibl
 
 @pytest.mark.parametrize(("off", "refused"), [(4.9e-3, False), (5.1e-3, True), (-5.1e-3, True)])
 def test_an_axis_of_another_rig_is_refused(off: float, refused: bool) -> None:
-    """The rules ask for 6 in; what the rig's axis is off by is known to tenths of a millimetre."""
+    """The rules require 6 in; the axis of a rig deviates by tenths of a millimetre."""
     session = certified(seed=7, reality=Reality.IDEAL).certification.session
     known = dict(session.calibration)
     key = "impact.pivot.from_knob"
@@ -85,7 +85,7 @@ def test_an_axis_of_another_rig_is_refused(off: float, refused: bool) -> None:
 
 @pytest.mark.parametrize(("bad", "flagged"), [(1, False), (2, True)])
 def test_more_shots_off_their_flight_than_scraps_explain(bad: int, flagged: bool) -> None:
-    """A tenth of ten shots, and two of them."""
+    """One of ten shots, and two of ten."""
     seen = SimpleNamespace(
         off_flight=np.arange(10) < bad,
         owner=np.zeros(10, dtype=int),
@@ -108,7 +108,7 @@ def test_more_shots_off_their_flight_than_scraps_explain(bad: int, flagged: bool
 def test_a_ball_far_outside_the_windows_or_fired_all_the_same_is_told(
     e0: float, fired: bool, said: str
 ) -> None:
-    """The window is .525 to .555 at 60 mph; 5e-3 beyond it no sound ball lies."""
+    """The window is .525 to .555 at 60 mph; no sound ball is more than 5e-3 outside."""
     procedure = certified(seed=7, reality=Reality.IDEAL).certification.procedure
     at = procedure.windows.ball_restitution_speed
     balls = MeasuredBalls(

@@ -1,4 +1,4 @@
-"""Gates and camera on the same hits: they agree when both are right, and tell when one is not."""
+"""Gates and camera on the same hits: they agree if both are right, and disagree otherwise."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ LABORATORIES = 10
 
 
 def filmed(seed: int, *, faults: tuple[str, ...] = (), reality: Reality = Reality.REAL):
-    """Return a test at the filmed cannon, its camera tracking by itself."""
+    """Return a test at the filmed cannon, whose camera tracks the ball itself."""
     return certify(
         "r161",
         procedure="bbcor",
@@ -52,18 +52,18 @@ def comparisons(certifications: list[Certification]) -> list[CameraComparison]:
 
 @pytest.mark.parametrize("name", COMPARED)
 def test_sound_gates_and_camera_agree(name: str, comparisons: list[CameraComparison]) -> None:
-    """Scores of the difference: mean within 4/√n of 0, χ² of n within 4 of its deviations."""
+    """Scores of the difference: mean within 4/√n of 0, and χ² of n within 4 of its deviations."""
     told = [each.quantities[name] for each in comparisons]
     scores = np.array([each.difference.value / each.difference.u for each in told])
     n = len(scores)
     assert abs(scores.mean()) < 4 / np.sqrt(n)
     assert abs(np.sum(scores**2) - n) < 4 * np.sqrt(2 * n)
-    assert sum(each.agree for each in told) >= n - 3  # binomial, 5 %: P(4 or more) = 0.001
+    assert sum(each.agree for each in told) >= n - 3  # binomial law, 5 %: P(4 or more) = 0.001
 
 
 @pytest.mark.parametrize("name", COMPARED)
 def test_joined_is_between_and_no_less_sure(name: str, comparisons: list[CameraComparison]) -> None:
-    """A share from 0 to 1, and by what sets them apart no wider than either."""
+    """The share is from 0 to 1, and the constants contribute no more u than in either method."""
     for each in comparisons:
         told = each.quantities[name]
         assert 0 <= told.share <= 1
@@ -74,15 +74,16 @@ def test_joined_is_between_and_no_less_sure(name: str, comparisons: list[CameraC
 
 
 def test_an_ideal_day_gives_the_same_twice() -> None:
-    """No errors, no noise: gates and video to 1e-5 of e_A, whatever the geometry."""
+    """Without errors and noise, gates and video agree in e_A to 1e-5, for any geometry."""
     told = camera_of(1, reality=Reality.IDEAL).quantities["collision_efficiency"]
     assert told.video.value == pytest.approx(told.gates.value, abs=1e-5)
 
 
 def test_speeds_of_every_shot(certifications: list[Certification]) -> None:
-    """Median speeds in by camera over those by gates: scatter as plane, height and base allow.
+    """The ratio of median speeds scatters as plane, height and base of the gates allow.
 
-    1 mm and .2 mm in 2 m, 1e-4 of the lens: 5.2e-4; the boards' .2 mm each in .6 m or so.
+    The camera contributes 1 mm and 0.2 mm in 2 m and 1e-4 of the lens, 5.2e-4 together; the boards
+    0.2 mm each in about 0.6 m.
     """
     ratios = []
     for each in certifications:
@@ -102,9 +103,9 @@ def test_speeds_of_every_shot(certifications: list[Certification]) -> None:
 def test_each_shot_scatters_with_its_heights_as_it_says(
     certifications: list[Certification],
 ) -> None:
-    """Heights with noise of 20 µm, ten times: χ² of what moves, within 5 of its deviations.
+    """Noise of 20 µm in the heights, ten times: χ² of the changes within 5 of its deviations.
 
-    Three errors stand behind each shot's quantities, so a shot's ten count as ten.
+    Each shot has three independent errors, so its ten repetitions count as ten.
     """
     certification, sigma, times = certifications[0], 2e-5, 10
     block, measured = certification.block, certification.readings
@@ -146,9 +147,9 @@ def test_each_shot_scatters_with_its_heights_as_it_says(
 def test_a_camera_at_another_scale_shows_in_the_restitution(
     certifications: list[Certification],
 ) -> None:
-    """An entered frame rate 2 % off spoils both speeds alike: e_A keeps, e0 at the speed does not.
+    """A frame rate 2 % off changes both speeds alike, so e_A is unchanged, but not e0 at the speed.
 
-    The two then disagree in BPF by the slope of e0, and agree in the ratio.
+    Gates and camera then disagree in BPF by the slope of e0, and agree in the speed ratio.
     """
     done = certifications[3]
     session = done.session
@@ -164,9 +165,9 @@ def test_a_camera_at_another_scale_shows_in_the_restitution(
 
 
 def test_a_moved_gate_is_told_by_the_camera(certifications: list[Certification]) -> None:
-    """One board 1 mm off after its survey: gates read wrong, the camera does not, and they differ.
+    """One board has moved by 1 mm after its survey, so gates and camera disagree in speed.
 
-    Over six laboratories the mean score of the difference in the speeds is far from 0.
+    The ratio of the speeds changes alike in six laboratories.
     """
 
     def ratio(certification: Certification) -> float:
@@ -176,14 +177,14 @@ def test_a_moved_gate_is_told_by_the_camera(certifications: list[Certification])
 
     off = [ratio(filmed(seed, faults=("gate-moved",)).certification) for seed in range(6)]
     sound = [ratio(each) for each in certifications[:6]]
-    # the same laboratories: what differs is the fault alone, 1 mm in a base of some 0.4 to 0.9 m
+    # change due to the fault alone, in the same laboratories: 1 mm in a base of 0.4 to 0.9 m
     change = np.array(off) - np.array(sound)
     assert np.abs(change).min() > 5e-4
     assert np.ptp(change) < 0.1 * np.abs(change).mean()
 
 
 def test_the_certificate_tells_both(certifications: list[Certification]) -> None:
-    """Document, text and readings of a filmed test; nothing of the sort where no camera was."""
+    """Document, text and shot table of a filmed test state the video results."""
     certification = certifications[3]
     document = certificate(certification)
     camera = document.second_witness
@@ -220,9 +221,10 @@ def test_the_certificate_tells_both(certifications: list[Certification]) -> None
 
 @pytest.mark.parametrize("name", COMPARED)
 def test_joined_is_of_least_variance(name: str, comparisons: list[CameraComparison]) -> None:
-    """Over a grid of shares: constants add with their signs, each method has its own noise.
+    """The oracle is a grid of shares: constants add with their signs, noise is independent.
 
-    Noise is half of the difference's variance for each; what the hits scatter by is in both.
+    The noise of each method is half of the difference's variance; the scatter of the hits is common
+    to both.
     """
 
     def constants(budget: Budget) -> dict[str, float]:

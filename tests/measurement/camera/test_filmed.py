@@ -1,4 +1,4 @@
-"""Flights from a camera's places and windows, against the flights that were filmed."""
+"""Flights from positions and windows of a camera, against the true flights."""
 
 from dataclasses import replace
 
@@ -17,18 +17,18 @@ from virtual_lab.simulation.instruments.camera.shots import Course
 from virtual_lab.streams import Quiet, Streams
 
 STAGE = "impact"
-OVER = 0.15  # m, place from the tip that the camera's Y = 0 is
+OVER = 0.15  # distance of the camera's Y = 0 from the tip [m]
 
 
 def constants(camera) -> dict[str, np.ndarray]:
-    """Return the camera's constants as a reduction names them."""
+    """Return the camera's constants under the names of the reduction."""
     known = {f"{STAGE}.camera.{key}": each.value for key, each in camera.calibration().items()}
     known |= {f"{STAGE}.camera.over": OVER, "ball.radius": 0.0365, "hall.gravity": 9.80665}
     return {name: np.array(value) for name, value in known.items()}
 
 
 def timed(course: Course) -> Flights:
-    """Return what perfect gates would say of a course."""
+    """Return the flights that ideal gates would measure of a course."""
     passage = course.passage
     return Flights(
         speed_in=passage.speed_in,
@@ -51,10 +51,10 @@ def measured(camera, course: Course, seen: Sightings, **changed: np.ndarray) -> 
 
 @pytest.mark.parametrize("name", ["camera-overhead", "camera-backlit"])
 def test_a_camera_without_errors_gives_back_the_flights(name: str) -> None:
-    """Drag, gravity, slopes, a tilted lens with distortion: speeds to 1e-5, places to 2 µm.
+    """Drag, gravity, slopes, tilted and distorted lens: speeds to 1e-5, positions to 2 µm.
 
-    What is left is the lens that bends a sphere's outline, taken to the first order, some 1e-3 px,
-    and of a ball that rises or falls on its way back 0.011 of its slope squared (1e-4 at 0.1).
+    The remaining error is the first-order treatment of the lens that deforms a sphere's outline,
+    about 1e-3 px, and for a sloped rebound 0.011 of its slope squared (1e-4 at 0.1).
     """
     spec = spec_of(name, frames_in=40, frames_out=40).ideal()
     camera, course = camera_of(spec, Quiet()), course_of()
@@ -67,9 +67,9 @@ def test_a_camera_without_errors_gives_back_the_flights(name: str) -> None:
 
 
 def test_windows_of_a_plain_ball_give_back_the_flights() -> None:
-    """Pixels without noise, the bat in the picture: 1e-4 of the speeds, by twelve frames and more.
+    """Noiseless pixels with the bat in view: speeds to 1e-4 from twelve frames and more.
 
-    A hundredth of a pixel over twelve frames at 13 m/s would be 1e-3.
+    An error of 0.01 px over twelve frames at 13 m/s would be 1e-3.
     """
     spec = spec_of("camera-overhead", frames_in=20, frames_out=40).ideal()
     spec = replace(spec, ball=replace(spec.ball, seam_contrast=0.0))
@@ -83,9 +83,9 @@ def test_windows_of_a_plain_ball_give_back_the_flights() -> None:
 
 
 def test_speeds_of_a_stitched_ball_at_1500_rpm() -> None:
-    """62.6 m/s at 5 kHz, full noise, scale, depth and drag given: speeds in and out to 1e-4.
+    """62.6 m/s at 5 kHz, full noise, known scale, depth and drag: both speeds to 1e-4.
 
-    And as surely as it says: no score above 4.
+    No error exceeds 4 u.
     """
     spec = spec_of("camera-overhead", frames_in=60, frames_out=60, empty_frames=32)
     known = replace(
@@ -106,9 +106,9 @@ def test_speeds_of_a_stitched_ball_at_1500_rpm() -> None:
 
 
 def test_speeds_scatter_as_they_say() -> None:
-    """150 noisy batches of three: χ² of (found - true)/u of speeds, place, angle, p > 1e-3.
+    """χ² of (measured - true)/u of speeds, position and angle, over 150 batches of three; p > 1e-3.
 
-    Level rebounds: what the method loses by a slope (test above) is none of the frames' scatter.
+    Rebounds are level, because the error due to a slope (test above) is no scatter of the frames.
     """
     spec = spec_of("camera-overhead", frames_in=30, frames_out=30)
     spec = replace(spec, clock=replace(spec.clock, jitter=0.0))
@@ -133,7 +133,7 @@ def test_speeds_scatter_as_they_say() -> None:
 
 
 def test_uncertainty_of_a_line_in_closed_form() -> None:
-    """σ_v = σ √(12/(N (N² - 1)))/dt for N even frames of one σ (video.py's textbook line)."""
+    """The oracle is σ_v = σ √(12/(N (N² - 1)))/dt for N equidistant frames of equal σ."""
     frames, dt, sigma = 24, 2e-4, 0.02
     spec = spec_of("camera-overhead").ideal()
     camera = camera_of(spec, Quiet())
@@ -159,11 +159,11 @@ def test_uncertainty_of_a_line_in_closed_form() -> None:
         met=np.array([(frames - 1) / 2 * dt]),
     )
     u = frames_u(x, STAGE, seen, found)
-    # the camera hangs a few milliradians askew
+    # tolerance: the camera is tilted by a few milliradians
     assert u["speed_in"][0] == pytest.approx(by_hand, rel=2e-5)
     assert u["speed_out"][0] == pytest.approx(by_hand, rel=2e-5)
     assert u["place"][0] == pytest.approx(scale * sigma / np.sqrt(frames), rel=2e-5)
-    # an error alike in all frames leaves the slope, one that drifts with them does not
+    # errors that drift from frame to frame: they change the slope, constant ones do not
     slow = frames_u(x, STAGE, replace(seen, pattern_u=np.full_like(times, sigma)), found)
     assert slow["speed_in"][0] > 2 * by_hand
 
@@ -171,19 +171,19 @@ def test_uncertainty_of_a_line_in_closed_form() -> None:
 @pytest.mark.parametrize(
     ("name", "step", "effect"),
     [
-        ("clock", 1.001, 1e-3),  # a fast clock: more of its seconds pass
-        ("focal", None, -1e-3),  # a longer lens: less way a pixel
-        ("place_z", None, 1e-3),  # a higher camera: more way a pixel
+        ("clock", 1.001, 1e-3),  # fast clock: counts more seconds
+        ("focal", None, -1e-3),  # longer lens: less distance per pixel
+        ("place_z", None, 1e-3),  # higher camera: more distance per pixel
     ],
 )
 def test_what_a_wrong_constant_does(name: str, step: float | None, effect: float) -> None:
-    """0.1 % of each: 0.1 % of both speeds, to a hundredth of it, and of e_A nothing."""
+    """An error of 0.1 % in a constant changes both speeds by 0.1 %, and e_A not at all."""
     spec = spec_of("camera-overhead", frames_in=30, frames_out=30).ideal()
     camera, course = camera_of(spec, Quiet()), course_of()
     seen = seen_by(camera, course, RecordDetail.SUMMED)
     value = step or float(constants(camera)[f"{STAGE}.camera.{name}"]) * 1.001
     sound = measured(camera, course, seen).flights
-    # as columns, as a budget calls it
+    # columns of constants, as in a budget
     column = np.array([[float(constants(camera)[f"{STAGE}.camera.{name}"])], [value]])
     both = measured(camera, course, seen, **{name: column}).flights
     assert both.speed_in.shape == (2, SHOTS)
@@ -195,7 +195,7 @@ def test_what_a_wrong_constant_does(name: str, step: float | None, effect: float
 
 
 def test_a_rebound_the_gates_missed_gives_none() -> None:
-    """Without its height the ball's distance is not known: NaN, and the way in stands."""
+    """Without its height the distance of the ball is unknown: NaN; the speed in is unaffected."""
     spec = spec_of("camera-overhead").ideal()
     camera, course = camera_of(spec, Quiet()), course_of()
     seen = seen_by(camera, course, RecordDetail.SUMMED)
@@ -206,7 +206,7 @@ def test_a_rebound_the_gates_missed_gives_none() -> None:
 
 
 def test_bad_windows_are_named() -> None:
-    """Pixels or background that are missing, windows outside the frame."""
+    """Missing pixels, a missing background and windows outside the frame are errors."""
     camera, course = camera_of(spec_of("camera-overhead"), Quiet()), course_of()
     record, _ = camera.watch(course, Quiet(), "clip", np.arange(3))
     assert isinstance(record, ClipRecord)

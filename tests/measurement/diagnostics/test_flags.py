@@ -1,4 +1,4 @@
-"""The checks: quiet on sound days, and each of them can speak."""
+"""The checks raise no flag on sound days, and each of them detects its fault."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from virtual_lab.uncertainty.estimate import Estimate
 @pytest.mark.parametrize("reality", [Reality.IDEAL, Reality.NOISE_FREE])
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor", "ncaa-besr"])
 def test_a_laboratory_without_noise_is_never_flagged(procedure: str, reality: Reality) -> None:
-    """Nothing scatters there, so that rounding alone must not look like a difference."""
+    """Without scatter, rounding alone must not count as a difference."""
     found = certified("r161", procedure=procedure, seed=0, reality=reality).certification
     assert found.flags == ()
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor", "proposed", "ncaa-besr"])
 def test_sound_days_are_quiet(procedure: str) -> None:
-    """Of 5 sound days none is flagged: 95 % likely at the 1 % a day that is allowed."""
+    """None of 5 sound days is flagged, which has 95 % probability at the allowed 1 % per day."""
     for seed in range(300, 305):
         assert certified("r161", procedure=procedure, seed=seed).certification.flags == ()
 
 
 def test_chance_is_students() -> None:
-    """Against SciPy's own t: one scatter, nothing below it."""
+    """The oracle is scipy's t for one component of scatter and no lower limit."""
     for value, dof in ((2.0, 5.0), (3.3, 40.0), (-4.0, 11.0)):
         scatter = types_a("scatter", np.zeros(1), np.ones(1), dof)
         u, likely = chances(np.array([value]), scatter, least=1e-9)
@@ -52,7 +52,7 @@ def test_chance_is_students() -> None:
         assert likely == pytest.approx(2 * stats.t.sf(abs(value), dof), rel=1e-6)
 
 
-SPOKEN = {  # fault: check that speaks, by the ASTM procedure
+SPOKEN = {  # check that responds to each fault, by the ASTM procedure
     "balance-from-knob": "bat-shape",
     "pendulum-wide": "pendulum-swing",
     "ball-worn-out": "lot-rules",
@@ -67,7 +67,7 @@ SPOKEN = {  # fault: check that speaks, by the ASTM procedure
 
 @pytest.mark.parametrize("fault", SPOKEN)
 def test_each_check_speaks(fault: str) -> None:
-    """On one day each, chosen so that it does; how often it does is the table of the faults."""
+    """One day per fault, chosen so that its check responds; the table of faults has the rates."""
     found = certified("r161", procedure="astm-f1881", seed=13, faults=(fault,)).certification
     assert SPOKEN[fault] in [flag.name for flag in found.flags]
 
@@ -90,7 +90,7 @@ def test_a_flag_stands_on_every_certificate() -> None:
 
 
 def test_a_softball_bat_under_a_baseball_procedure_is_flagged() -> None:
-    """As the session says it, without truth."""
+    """The flag uses only what the session says, not the truth."""
     found = certified("softball-34", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
     (flag,) = found.certification.flags
     assert flag.name == "sports"
@@ -111,7 +111,7 @@ def test_a_bat_of_the_same_sport_is_not() -> None:
 
 
 def test_a_check_standard_is_no_bat_that_passed() -> None:
-    """The cylinder meets the rules' numbers, and no bat has passed by it."""
+    """The cylinder meets the limits of the rules, but the certificate says that no bat passed."""
     found = certified("check-cylinder", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
     assert found.certification.verdict.value == "PASS"
     assert [flag.name for flag in found.certification.flags] == ["check-standard"]
@@ -121,7 +121,7 @@ def test_a_check_standard_is_no_bat_that_passed() -> None:
 
 
 def changed(session: Session, stage: str, channel: str, **fields: object) -> Session:
-    """Return a session one of whose records reads otherwise."""
+    """Return a session with changed fields in one record."""
     records = {name: dict(each) for name, each in session.records.items()}
     records[stage][channel] = replace(records[stage][channel], **fields)
     return replace(session, records=records)
@@ -133,7 +133,7 @@ def sound() -> Session:
 
 
 def test_gates_of_a_single_beam_are_no_fault(sound: Session) -> None:
-    """Each ball crosses the beam off its centre by its own few millimetres: chords, not edges."""
+    """Each ball crosses the beam some millimetres off its centre, so it shows a chord."""
     radius, rng = 36.5e-3, np.random.default_rng(5)
     seen = sound
     for stage in ("balls", "impact"):
@@ -153,7 +153,7 @@ def test_an_encoder_that_trembles_at_rest_too_is_no_fault(sound: Session) -> Non
 
 
 def test_gates_and_encoder_on_separate_triggers_decide_nothing(sound: Session) -> None:
-    """Five milliseconds late, the blow lies within what is fitted: no shot counts."""
+    """Five milliseconds late, the impact is inside the fitted part, so no shot is valid."""
     record = sound.records["impact"]["encoder"]
     found = certify_session(changed(sound, "impact", "encoder", times=record.times + 5e-3))
     assert found.verdict.value == "INVALID"
@@ -166,7 +166,7 @@ def test_gates_and_encoder_on_separate_triggers_decide_nothing(sound: Session) -
 
 
 def pair(value: float, u: float, **given: float) -> Pairs:
-    """Return the pair of a block of one."""
+    """Return the comparison of a block of one laboratory."""
     known = types_a("scatter", np.zeros(1), np.array([u]))
     return pairs("of-two", lambda _: "said", np.array([value]), known, **given)
 
@@ -175,7 +175,7 @@ def pair(value: float, u: float, **given: float) -> Pairs:
 def test_a_pair_is_remarked_on_below_5e_4_and_contradicts_below_1e_5(
     chance_of: float, raised: bool | None
 ) -> None:
-    """The normal deviate that is exceeded either way with this chance, in units of u."""
+    """The difference is the two-sided normal quantile of the p-value, in units of u."""
     apart = float(stats.norm.isf(chance_of / 2))
     for value in (0.2 * apart, -0.2 * apart):
         found = pair(value, 0.2, least=1e-9)
@@ -187,22 +187,22 @@ def test_a_pair_is_remarked_on_below_5e_4_and_contradicts_below_1e_5(
 
 
 def test_a_difference_that_hardly_moves_the_result_is_no_more_than_a_remark() -> None:
-    """20 of its own u, and .02 u of the result: a twentieth of a u counts as noise."""
+    """The difference is 20 u of its own; a change of the result by u/20 counts as noise."""
     given = {"value": 20.0, "u": 1.0, "least": 1e-9}
     harmless = pair(moves=0.001, **given).row(0)
     assert harmless is not None
     assert not harmless.invalidates
-    # of normal noise of hypot(1, 0.05 / 0.01) of its u, 20 is 3.92 standard deviations
+    # score with normal noise of hypot(1, 0.05 / 0.01) u: 20 is 3.92 standard deviations
     bad = pair(moves=0.01, **given)
     assert bad.harmful == pytest.approx(2 * stats.norm.sf(20 / 26**0.5))
     assert not bad.voids.any()
-    worse = pair(moves=0.0125, **given)  # 20 / hypot(1, 4) = 4.85
+    worse = pair(moves=0.0125, **given)  # score 20 / hypot(1, 4) = 4.85
     assert worse.voids.all()
     assert pair(moves=0.0, **given).harmful == 1.0
 
 
 def test_the_worst_of_several_is_less_surprising() -> None:
-    """Of 6 the chance is 1 - (1 - p)^6."""
+    """The p-value of the worst of six is 1 - (1 - p)^6."""
     given = {"value": 3.0, "u": 1.0, "least": 1e-9}
     one, six = pair(**given), pair(among=6, **given)
     assert six.likely == pytest.approx(1 - (1 - one.likely) ** 6)
@@ -212,7 +212,7 @@ def test_the_worst_of_several_is_less_surprising() -> None:
 def test_recoil_and_rebound_on_both_sides_of_each_limit(
     sound: Session, factor: float, raised: bool | None
 ) -> None:
-    """An encoder that shows less than its certificate says: by .4, 1.0 and 1.6 %."""
+    """The encoder reads less than its certificate states, by 0.4, 1.0 and 1.6 %."""
     key = "impact.encoder.scale"
     scale = replace(sound.calibration[key], value=factor * sound.calibration[key].value)
     found = certify_session(replace(sound, calibration={**sound.calibration, key: scale}))
@@ -227,7 +227,7 @@ def test_recoil_and_rebound_on_both_sides_of_each_limit(
 def test_one_rebound_is_a_comparison_where_the_aim_marks_show_the_scatter(
     sound: Session, left: int
 ) -> None:
-    """All others taken out of the records: with an encoder 5 % off no verdict stands."""
+    """All other rebounds are removed; the aim marks give the scatter. The encoder is 5 % off."""
     times = sound.records["impact"]["gates"].times.copy()
     back = np.flatnonzero(np.isfinite(times[:, 1]).all(axis=(1, 2)))
     times[back[left:], 1] = np.nan
@@ -253,7 +253,7 @@ def test_a_contradiction_stands_on_every_certificate(sound: Session) -> None:
 
 
 def test_a_slow_slip_that_hides_in_the_residual_decides_nothing(sound: Session) -> None:
-    """Two counts lost over 20 ms in every shot: within 1.5 of counting, 4 u of the result."""
+    """Two counts lost over 20 ms keep the residual below its limit, yet move the result by 4 u."""
     record = sound.records["impact"]["encoder"]
     lost = np.round(2 * np.clip((record.times - 0.04) / 0.02, 0, 1))
     found = certify_session(changed(sound, "impact", "encoder", counts=record.counts - lost))
@@ -265,7 +265,7 @@ def test_a_slow_slip_that_hides_in_the_residual_decides_nothing(sound: Session) 
 
 
 def test_an_encoder_record_filed_for_two_shots_decides_nothing(sound: Session) -> None:
-    """The rates would scatter too little; a bat that two balls missed stands alike, and is none."""
+    """The rates would scatter too little. Two equal records of a bat at rest are no repetition."""
     counts = sound.records["impact"]["encoder"].counts.copy()
     counts[[0, 1]] = 17.0
     still = certify_session(changed(sound, "impact", "encoder", counts=counts))
@@ -278,7 +278,7 @@ def test_an_encoder_record_filed_for_two_shots_decides_nothing(sound: Session) -
 
 
 def filed(session: Session, stage: str, of: int, shots: list[int]) -> Session:
-    """Return a session in which the gates' record of one shot stands for others too."""
+    """Return a session in which the gate record of one shot replaces those of others."""
     times = session.records[stage]["gates"].times.copy()
     times[shots] = times[of]
     return changed(session, stage, "gates", times=times)
@@ -286,7 +286,7 @@ def filed(session: Session, stage: str, of: int, shots: list[int]) -> Session:
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
 def test_a_record_of_the_gates_filed_for_two_shots_decides_nothing(procedure: str) -> None:
-    """At the wall or at the bat, where the ball or the encoder tells that these were two shots."""
+    """At the wall or at the bat; the ball or the encoder shows that these were two shots."""
     session = certified("r161", procedure=procedure, seed=300).certification.session
     for stage in ("balls", "impact"):
         log, gates = session.records[stage]["log"], session.records[stage]["gates"]
@@ -306,7 +306,7 @@ def test_a_record_of_the_gates_filed_for_two_shots_decides_nothing(procedure: st
 
 
 def test_a_ball_that_came_in_alike_once_is_chance(sound: Session) -> None:
-    """Without a rebound six edges a microsecond wide tell a shot, and no more."""
+    """Without a rebound, six edges in steps of a microsecond may repeat once, but not twice."""
     times = sound.records["impact"]["gates"].times.copy()
     times[:, 1] = np.nan
     flown = changed(sound, "impact", "gates", times=times)
@@ -318,9 +318,9 @@ def test_a_ball_that_came_in_alike_once_is_chance(sound: Session) -> None:
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
 def test_a_passage_of_the_pendulum_lost_or_counted_twice_decides_nothing(procedure: str) -> None:
-    """In every release: of ten swings nine are left, one twice as long, their mean 10/9 of it.
+    """Of ten swings nine remain, one twice as long, so their mean is 10/9 of the true one.
 
-    Counted twice in the midst of one: eleven are left, two of them halves, their mean 10/11.
+    With a passage counted twice eleven swings remain, two of them halves; their mean is 10/11.
     """
     session = certified("r161", procedure=procedure, seed=300).certification.session
     record = session.records["bench"]["pendulum"]
@@ -342,9 +342,9 @@ def test_a_passage_of_the_pendulum_lost_or_counted_twice_decides_nothing(procedu
 def test_air_as_it_was_read_is_compared_with_air_as_it_was_stated(
     sound: Session, off: float, raised: bool
 ) -> None:
-    """On both sides of the remarks, 3.48 u: of the climate as it was read, u .0022 kg/m³.
+    """Deviations on both sides of the limit, 3.48 u; the measured density has u .0022 kg/m³.
 
-    By hand: 22 °C, 45 %, 1 013.25 hPa are 1.1911 kg/m³ (CIPM-2007). It hardly moves a result.
+    By hand: 22 °C, 45 % and 1013.25 hPa give 1.1911 kg/m³ (CIPM-2007). The result barely changes.
     """
     key, logger = "hall.air.density", "bench.climate."
     shown = {"temperature": 295.15, "humidity": 0.45, "pressure": 101_325.0}
@@ -368,9 +368,9 @@ def test_air_as_it_was_read_is_compared_with_air_as_it_was_stated(
 def test_a_scale_that_drifts_is_told_by_the_reference_mass(
     sound: Session, sigmas: float, raised: bool | None
 ) -> None:
-    """Five readings before and after, of standard deviation .1 g, on a scale of steps of .1 g.
+    """Five readings before and after, standard deviation 0.1 g, resolution 0.1 g.
 
-    Both add to u by hand: 2 (.1²/5 + .1²/12).
+    By hand the variance is 2 (.1²/5 + .1²/12).
     """
     scatter = 0.1e-3 * np.array([-2, -1, 0, 1, 2]) / np.sqrt(10 / 4)
     u = np.sqrt(2 * 0.1e-3**2 / 5 + 2 * 0.1e-3**2 / 12)
@@ -412,7 +412,7 @@ def test_a_reference_mass_is_weighed_before_and_after_and_more_than_once(
 def test_hits_at_the_wall_that_are_not_seen_are_counted(
     sound: Session, way: int, lost: int
 ) -> None:
-    """Of 48, on the way in or back: the wall sends every ball back."""
+    """The wall returns every ball, so a missing passage is a fault in either direction; 48 hits."""
     times = sound.records["balls"]["gates"].times.copy()
     assert len(times) == 48
     times[1 : 2 * lost : 2, way, 0] = np.nan
@@ -422,7 +422,7 @@ def test_hits_at_the_wall_that_are_not_seen_are_counted(
 
 
 def with_a_gap(session: Session, releases: list[int], passage: int, by: float) -> Session:
-    """Return a session in which swings before a passage last longer by a share of themselves."""
+    """Return a session in which the swings before `passage` are longer by the share `by`."""
     times = session.records["bench"]["pendulum"].times.copy()
     gap = times[releases, passage] - times[releases, passage - 1]
     times[releases, passage:] += by * gap[:, None]
@@ -436,7 +436,7 @@ def with_a_gap(session: Session, releases: list[int], passage: int, by: float) -
 def test_a_release_with_a_passage_lost_or_counted_twice_is_left_out_and_named(
     procedure: str, releases: list[int], passage: int, by: float, shown: str
 ) -> None:
-    """The result is that of the other releases, to a fifth of u; it was 7 u off, unflagged."""
+    """The result is that of the other releases, to u/5; with this release it is 7 u off."""
     session = certified("r161", procedure=procedure, seed=300).certification.session
     untouched = certify_session(session).metric
     found = certify_session(with_a_gap(session, releases, passage, by))
@@ -452,7 +452,7 @@ def test_a_release_with_a_passage_lost_or_counted_twice_is_left_out_and_named(
 
 
 def test_releases_too_few_to_tell_which_are_right_decide_nothing(sound: Session) -> None:
-    """Three of five, and one of two."""
+    """Three of five releases are wrong, or one of two."""
     record = sound.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
     two = replace(
@@ -466,7 +466,7 @@ def test_releases_too_few_to_tell_which_are_right_decide_nothing(sound: Session)
 
 
 def test_a_release_far_from_the_others_is_judged_by_their_scatter(sound: Session) -> None:
-    """A last passage .1 s late moves BBCOR by half of its u, and no scatter hides it."""
+    """A last passage 0.1 s late moves BBCOR by u/2, and far exceeds the scatter of the others."""
     found = certify_session(with_a_gap(sound, [1], 10, 0.07))
     (flag,) = [each for each in found.flags if each.name == "pendulum-even"]
     assert flag.invalidates
@@ -475,9 +475,9 @@ def test_a_release_far_from_the_others_is_judged_by_their_scatter(sound: Session
 
 @pytest.mark.parametrize("releases", [4, 5, 8])
 def test_the_worst_release_is_as_rarely_far_off_as_chance_says(releases: int) -> None:
-    """Of 40 000 laboratories with normal scatter, to four standard deviations of a count.
+    """40 000 laboratories with normal scatter; counts agree to four standard deviations.
 
-    Also to be INVALID, where each difference would move the result by as many u as it has.
+    The same holds for INVALID, if each difference changes the result by as many u.
     """
     apart = np.random.default_rng(20261126).normal(3.0, 0.1, (40_000, releases))
     found = _worst_release(apart, np.full(len(apart), 10.0 * releases))
@@ -489,7 +489,7 @@ def test_the_worst_release_is_as_rarely_far_off_as_chance_says(releases: int) ->
 
 
 def test_marks_off_the_aim_decide_nothing_where_the_result_hangs_on_them() -> None:
-    """Half an inch along the bat: 7.7 u of bbcor's result, once a remark that left it standing."""
+    """Half an inch along the bat is 7.7 u of the bbcor result."""
     found = certified("r161", procedure="bbcor", seed=12, faults=("aim-along",)).certification
     assert "by the flag aim" in found.reasons
 
@@ -511,7 +511,7 @@ def test_what_a_recorder_that_sums_up_cannot_show_is_said() -> None:
 
 
 def test_a_bat_of_an_impossible_density_decides_nothing(sound: Session) -> None:
-    """31 oz typed as grams: lighter than balsa."""
+    """Ounces were entered as grams, so the bat is lighter than balsa."""
     mass = sound.records["bench"]["bat-mass"]
     light = certify_session(changed(sound, "bench", "bat-mass", readings=mass.readings * 0.0353))
     assert "by the flag bat-shape" in light.reasons
@@ -520,7 +520,7 @@ def test_a_bat_of_an_impossible_density_decides_nothing(sound: Session) -> None:
 
 
 def test_an_uncertainty_that_cannot_decide_gives_no_verdict(sound: Session) -> None:
-    """Asked of each: just below the largest u, and just above it."""
+    """The u of the result is just below or just above the largest permitted u."""
     at = certify_session(sound).metric
     assert at is not None
     for factor, verdict in ((1.01, "PASS"), (0.99, "INVALID")):
@@ -534,7 +534,7 @@ def test_an_uncertainty_that_cannot_decide_gives_no_verdict(sound: Session) -> N
 
 
 def with_survey(session: Session, **off: float) -> Session:
-    """Return a session whose survey of the gates at the bat says more by `off` [m]."""
+    """Return a session whose surveyed gate distances at the bat are larger by `off` [m]."""
     known = dict(session.calibration)
     for name, more in off.items():
         key = f"impact.gates.{name}"
@@ -548,7 +548,7 @@ def with_survey(session: Session, **off: float) -> Session:
 def test_a_board_surveyed_too_far_out_stands_off_the_flight_outwards(
     board: int, off: float, said: float
 ) -> None:
-    """Three boards at even steps, nothing else wrong: the ends move the middle by half."""
+    """Three equidistant boards; an error at either end shifts the middle board by half of it."""
     ideal = certified("r161", procedure="bbcor", seed=0, reality=Reality.IDEAL).certification
     (flag,) = certify_session(with_survey(ideal.session, **{f"distance_{board}": off})).flags
     shown = flag.sentence.split(" mm")[0].rpartition(" ")[2]
@@ -558,7 +558,7 @@ def test_a_board_surveyed_too_far_out_stands_off_the_flight_outwards(
 
 
 def counted_from_another_beam(session: Session, boards: list[int], beams: int) -> Session:
-    """Return a session in which beams of boards stand so many places further up."""
+    """Return a session in which the beams of some boards are shifted up by `beams`."""
     times = session.records["impact"]["gates"].times.copy()
     for board in boards:
         times[:, :, board] = np.roll(times[:, :, board], beams, axis=2)
@@ -577,10 +577,10 @@ def counted_from_another_beam(session: Session, boards: list[int], beams: int) -
 def test_beams_counted_from_the_next_one_leave_no_verdict(
     boards: list[int], said: dict[str, float]
 ) -> None:
-    """Beams 8 mm apart at 0.50, 0.35 and 0.20 m, nothing else wrong.
+    """Beams are 8 mm apart on boards at 0.50, 0.35 and 0.20 m.
 
-    The middle board shows all of it and half of that of another; a line by least squares weighs
-    them -.83, .33 and 1.5 at the target, where the marks show the truth.
+    The middle board shows its own shift fully, and that of another board by half. A least-squares
+    line weighs the boards by -.83, .33 and 1.5 at the target, where the marks show the truth.
     """
     ideal = certified("r161", procedure="bbcor", seed=0, reality=Reality.IDEAL).certification
     found = certify_session(counted_from_another_beam(ideal.session, boards, 1))
@@ -593,7 +593,7 @@ def test_beams_counted_from_the_next_one_leave_no_verdict(
 
 @pytest.mark.parametrize("procedure", ["bbcor", "ncaa-besr"])
 def test_a_board_that_counts_its_beams_from_above_leaves_no_verdict(procedure: str) -> None:
-    """Where balls pass its middle their mean is right, and only their differences are reversed."""
+    """For balls near the middle of the board the mean height is right; only differences reverse."""
     session = certified("r161", procedure=procedure, seed=3).certification.session
     times = session.records["impact"]["gates"].times.copy()
     times[:, :, 0] = times[:, :, 0, ::-1]
@@ -605,7 +605,7 @@ def test_a_board_that_counts_its_beams_from_above_leaves_no_verdict(procedure: s
 
 @pytest.mark.parametrize("procedure", ["bbcor", "ncaa-besr"])
 def test_a_board_that_is_late_on_the_way_back_leaves_no_verdict(procedure: str) -> None:
-    """A millisecond, at any of the three: up to 80 u, and the way in shows nothing of it."""
+    """One millisecond at any board moves the result by up to 80 u; the flight in shows nothing."""
     session = certified("r161", procedure=procedure, seed=3).certification.session
     for board in range(3):
         times = session.records["impact"]["gates"].times.copy()
@@ -619,7 +619,7 @@ def test_a_board_that_is_late_on_the_way_back_leaves_no_verdict(procedure: str) 
 
 @pytest.mark.parametrize("side", [0.9, 1.1])
 def test_a_trend_of_the_lot_is_judged_as_a_regression_is(side: float) -> None:
-    """Four balls leave two degrees of freedom: SciPy's p on both sides of the false alarms."""
+    """Four balls leave two degrees of freedom; scipy's p-value is just above or below the limit."""
     e0, scatter = 0.54 + 0 * np.arange(4.0), np.array([1.0, -1.5, 0.0, 0.5]) * 1e-4
 
     def lot(slope: float) -> np.ndarray:
@@ -649,9 +649,9 @@ def test_a_trend_of_the_lot_is_judged_as_a_regression_is(side: float) -> None:
 def test_chords_are_of_balls_at_the_speed_they_have_at_the_gate(
     sound: Session, size: float, flagged: bool
 ) -> None:
-    """In air ten times as thick a ball is 3 % faster at the far gate than at the bat.
+    """With ten times the drag, a ball is 3 % faster at the far gate than at the bat.
 
-    Its edges by hand: radius over its own speed there, before and after the passage.
+    By hand: the edges are the passage ± radius over the local speed.
     """
     known, radius = dict(sound.calibration), sound.calibration["ball.radius"].value
     key = "hall.air.drag_coefficient"
@@ -668,7 +668,7 @@ def test_chords_are_of_balls_at_the_speed_they_have_at_the_gate(
         for way, sign in ((0, -1), (1, 1)):
             lasted = np.abs(times[:, way, 1] - times[:, way, 0])[:, None]
             ends = np.exp(sign * kappa * place)
-            speed = np.abs(ends[:, :1] - ends[:, 1:]) / (kappa * lasted)  # at the target
+            speed = np.abs(ends[:, :1] - ends[:, 1:]) / (kappa * lasted)  # speed at the target
             half[:, way] = size * radius / (speed / ends)
         edges = np.stack([times - half, times + half], axis=-1)
         seen = changed(seen, stage, "gates", times=edges)
@@ -676,10 +676,10 @@ def test_chords_are_of_balls_at_the_speed_they_have_at_the_gate(
 
 
 def through_thick_beams(session: Session, thickness: float) -> Session:
-    """Return a session of beams so thick along the flight [m], which its calibration states not.
+    """Return a session whose beams are `thickness` [m] thick, which the calibration does not state.
 
-    By the distances of the first gate and the last and the mean of their edges: about a beam a
-    ball's speed is that of its way between the gates, to a hundredth.
+    The speed at a beam is taken as the mean speed between the first gate and the last, which is
+    right to 1 %.
     """
     for stage in ("balls", "impact"):
         times = session.records[stage]["gates"].times
@@ -696,7 +696,7 @@ def through_thick_beams(session: Session, thickness: float) -> Session:
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
 def test_balls_look_no_larger_in_beams_whose_thickness_is_stated(procedure: str) -> None:
-    """3 mm are 4 % of a ball; stated as 3 mm no flag is left, and no number is another one."""
+    """3 mm are 4 % of a ball. Once stated, no flag remains, and the metric is unchanged."""
     session = certified("r161", procedure=procedure, seed=300).certification.session
     thick = through_thick_beams(session, 3e-3)
     wide = certify_session(thick)
@@ -710,7 +710,7 @@ def test_balls_look_no_larger_in_beams_whose_thickness_is_stated(procedure: str)
 
 
 def test_a_sentence_tells_the_size_of_what_is_wrong() -> None:
-    """The nearest board knocked by 1 mm: half of it shows at the board between."""
+    """The nearest board has moved by 1 mm, so the middle board is off the flight by half of it."""
     found = certified("r161", procedure="bbcor", seed=12, faults=("gate-moved",)).certification
     (said,) = [flag.sentence for flag in found.flags if flag.name == "boards-in-line"]
     shown = float(said.split(" mm")[0].rpartition(" ")[2])

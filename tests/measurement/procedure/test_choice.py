@@ -1,4 +1,4 @@
-"""The place a scan chooses: what its fresh hits lack on average, and what remains uncertain."""
+"""The choice of the best position of a scan: mean shortfall of its fresh hits, and its u."""
 
 from math import sqrt
 
@@ -16,7 +16,7 @@ from virtual_lab.uncertainty.scatter import Scatter
 BBCOR = catalog.load("procedures", "bbcor", Procedure).spec
 INCH = 0.0254
 PLACES = np.repeat(np.arange(4.5, 7.1, 0.5) * INCH, 6)
-SCATTER, RUNS = 0.0037, 1000  # of e from hit to hit, as in r161's tests
+SCATTER, RUNS = 0.0037, 1000  # scatter of e of r161 from hit to hit; number of scans
 
 
 def curve(place: np.ndarray, top: float) -> np.ndarray:
@@ -24,12 +24,12 @@ def curve(place: np.ndarray, top: float) -> np.ndarray:
 
 
 def of_one(place: np.ndarray, metric: np.ndarray) -> Shortfalls:
-    """Return the shortfall of one laboratory's scan, all of whose hits are valid."""
+    """Return the shortfall of one laboratory's scan, in which all hits are valid."""
     return shortfalls(BBCOR, 1, np.zeros(place.size, int), place, place > 0, metric)
 
 
 def test_the_shortfall_is_the_mean_of_a_truncated_normal() -> None:
-    """Three places of like scatter, one neighbour 1.2 u behind and one 3 u: by quadrature."""
+    """The oracle is a quadrature over the neighbours of the best position, 1.2 u and 3 u lower."""
     hits = np.tile([1.0, -1.0], 3) * 1e-3
     place = np.repeat([5.0, 5.5, 6.0], 6) * INCH
     variance = 6 / 5 * 1e-6
@@ -50,7 +50,7 @@ def test_the_shortfall_is_the_mean_of_a_truncated_normal() -> None:
 
 
 def test_the_result_is_raised_by_the_mean() -> None:
-    """And the rest, √(rms² - mean²), is one line; nothing lost leaves the budget alone."""
+    """√(rms² - mean²) is one component; without a shortfall the budget is unchanged."""
     lost = Shortfalls(mean=np.array([3e-4, 0.0]), rms=np.array([5e-4, 0.0]))
     budgets = combined(np.array([0.5, 0.5]), types_a("other", np.full(2, 0.5), np.zeros(2)))
     block = with_choice(budgets, lost)
@@ -63,9 +63,10 @@ def test_the_result_is_raised_by_the_mean() -> None:
 
 
 def test_both_sides_are_missed_alike() -> None:
-    """1000 scans of a parabola with its top anywhere: 2.5 % a side, but for 1 in 1000.
+    """1000 scans of a parabola with a random peak: 2.5 % per side, within 0.1 % limits.
 
-    Uncorrected the truth lay above the interval in 4.5 % of 3000 and below in 1.3 %.
+    Without the correction, of 3000 scans the truth was above the interval in 4.5 % and below in 1.3
+    %.
     """
     rng = np.random.default_rng(5)
     above = below = 0

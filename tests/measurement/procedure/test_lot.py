@@ -1,4 +1,4 @@
-"""Balls that the rules do not admit: named, not fired, and no part of the lot's mean."""
+"""Balls outside the limits of the rules are named, not fired, and not part of the lot's mean."""
 
 from dataclasses import replace
 from typing import Any
@@ -20,7 +20,7 @@ RULES = catalog.load("procedures", "astm-f1881", Procedure).spec
 
 
 def balls(**changed: Any) -> MeasuredBalls:
-    """Three good balls, measured at 136 mph; e0 falls by 0.001 a mph."""
+    """Return three good balls, measured at 136 mph; their e0 falls by 0.001 per mph."""
     good = {
         "mass": np.full(3, 5.125 * OUNCE),
         "restitution": np.full(3, 0.474),
@@ -31,7 +31,7 @@ def balls(**changed: Any) -> MeasuredBalls:
 
 
 def test_e0_is_judged_at_the_speed_of_the_rules() -> None:
-    """0.474 at 136 mph is 0.55 at 60 mph, within 0.525 to 0.555; 0.48 is 0.556."""
+    """An e0 of 0.474 at 136 mph is 0.55 at 60 mph, allowed 0.525 to 0.555; 0.48 is 0.556."""
     assert set_aside(RULES, balls()) == ()
     lot = balls(restitution=np.array([0.474, 0.480, 0.474]))
     assert admitted(RULES, lot).tolist() == [True, False, True]
@@ -64,7 +64,7 @@ def test_where_no_ball_is_admitted_every_shot_is_rejected_later() -> None:
 
 @pytest.fixture(scope="module")
 def lively() -> Laboratory:
-    """Return a laboratory whose balls 3 and 7 are livelier than the rules admit."""
+    """Return a laboratory in which the e0 of balls 3 and 7 is above the limit."""
     laboratory = opened("r161", procedure="astm-f1881", seed=5)
     lot = laboratory.specimen.balls
     e0 = np.where(np.isin(np.arange(12), [3, 7]), 0.5585, np.minimum(lot.restitution, 0.552))
@@ -81,7 +81,7 @@ def test_they_are_not_fired_and_the_certificate_says_so(lively: Laboratory) -> N
     assert [each.ball for each in document.ball.set_aside] == [3, 7]
     assert "ball 4 set aside: e0 0.55" in certificate_text(document)
     assert not [flag for flag in found.flags if flag.name == "lot-rules"]
-    # the lot's e0, measured and true, is the mean of the other ten
+    # e0 of the lot, measured and true: the mean of the other ten balls
     e0, true = found.quantities["ball_restitution"], tested.sealed
     kept = np.delete(true.balls.restitution, [3, 7]).mean()
     assert true.measurand["ball_restitution"] == pytest.approx(kept, abs=1e-4)

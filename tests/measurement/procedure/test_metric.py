@@ -1,4 +1,4 @@
-"""Metrics by hand: one curve through every metric, correction and swing."""
+"""Metrics by hand: one curve evaluated by every metric, correction and swing law."""
 
 from dataclasses import replace
 from math import sqrt
@@ -20,7 +20,7 @@ F1881, ASA, BESR, MODIFIED, BBCOR, PROPOSED = (
     catalog.load("procedures", name, Procedure).spec
     for name in ("astm-f1881", "asa", "ncaa-besr", "ncaa-modified", "bbcor", "proposed")
 )
-# the paper's R161: 34 in, 31 oz, balance at 11.3 in from the tip, 2539 oz in² about it
+# R161 of the paper: 34 in, 31 oz, balance point 11.3 in from the tip, 2539 oz in² about it
 BAT = BatProperties(
     mass=np.array(31 * OUNCE),
     length=np.array(34 * INCH),
@@ -31,7 +31,7 @@ BAT = BatProperties(
 
 
 def curve(e_A: float, r: float, e0: float, place: float = 6 * INCH) -> Curve:
-    """Return a curve of one place, e by Eq. (6) written out."""
+    """Return a curve with one position, its e by Eq. (6) written out."""
     numbers = [place, e_A, r, e_A * (1 + r) + r, e0]
     return Curve(**dict(zip(Curve.__dataclass_fields__, map(np.atleast_1d, numbers), strict=True)))
 
@@ -46,7 +46,7 @@ def test_each_metric_of_one_collision() -> None:
     assert of(BBCOR, at) == pytest.approx(0.5, rel=1e-14)
     assert of(F1881, at) == pytest.approx(1.0, rel=1e-14)
     assert of(BESR, at) == pytest.approx(0.7, rel=1e-14)
-    # Eq. (3) with the test's own speeds: 0.2 x 70 + 1.2 x 66 mph, 6 in from the tip
+    # Eq. (3) with the speeds of the test: 0.2 x 70 + 1.2 x 66 mph, 6 in from the tip
     assert of(MODIFIED, at) / MPH == pytest.approx(14 + 79.2, rel=1e-12)
 
 
@@ -55,13 +55,13 @@ def test_the_ncaa_limit_is_97_miles_an_hour() -> None:
     at = curve(0.228, 0.22, 0.5)
     assert of(BESR, at) == pytest.approx(0.728, rel=1e-12)
     assert of(MODIFIED, at) / MPH == pytest.approx(97.008, rel=1e-12)
-    # and from that speed back: BESR = (v_f + (v_p - v_b)/2)/(v_p + v_b)
+    # BESR from that speed: (v_f + (v_p - v_b)/2)/(v_p + v_b)
     back = (97 + (70 - 66) / 2) / 136
     assert back == pytest.approx(0.728, abs=5e-4)
 
 
 def test_away_from_six_inches_the_bat_is_slower_or_faster() -> None:
-    """About an axis 6 in from the knob of a 34 in bat: 66 mph x (28 - z)/22."""
+    """The axis is 6 in from the knob of a 34 in bat, so the speed is 66 mph x (28 - z)/22."""
     for z in (3, 6, 9):
         pitch, swing = field_speeds(BESR, np.array([z * INCH]), BAT)
         assert pitch / MPH == pytest.approx(70, rel=1e-12)
@@ -69,10 +69,10 @@ def test_away_from_six_inches_the_bat_is_slower_or_faster() -> None:
 
 
 def test_standard_game_conditions() -> None:
-    """A bat of the reference inertia turns at 45 rad/s: 27 in from its axis that is 69.03 mph."""
+    """A bat of the reference inertia turns at 45 rad/s, which is 69.03 mph 27 in from the axis."""
     game = PROPOSED.game
     assert game is not None
-    about = 2539 + 31 * (33 - 11.3) ** 2  # oz in², by hand
+    about = 2539 + 31 * (33 - 11.3) ** 2  # inertia by hand [oz in²]
     own = replace(game, reference_inertia=about * OZ_IN2)
     pitch, swing = field_speeds(replace(PROPOSED, game=own), np.array([6 * INCH]), BAT)
     assert pitch / MPH == pytest.approx(90, rel=1e-12)
@@ -82,7 +82,7 @@ def test_standard_game_conditions() -> None:
 
 
 def test_a_softball_swing_goes_with_the_fourth_root_of_the_mass() -> None:
-    """60 mph wherever it is struck with 30 oz, at 31 oz (30/31)^¼ of it; pitch 10 mph."""
+    """60 mph at any position with 30 oz, (30/31)^¼ of it with 31 oz; the pitch is 10 mph."""
     for z in (4 * INCH, 8 * INCH):
         pitch, swing = field_speeds(ASA, np.array([z]), BAT)
         assert pitch / MPH == pytest.approx(10, rel=1e-12)
@@ -93,13 +93,13 @@ def test_a_softball_swing_goes_with_the_fourth_root_of_the_mass() -> None:
 
 
 def corrected(method: str, e: float, e0: float, *, standard: float = 0.5, **known) -> float:
-    """Return e as it would be with the standard ball, r of no matter."""
+    """Return e corrected to the standard ball; r does not matter."""
     rules = replace(BBCOR, correction=BallCorrection(method=method, standard=standard))
     return of(rules, curve((e - 0.25) / 1.25, 0.25, e0), **known)
 
 
 def test_balls_a_hundredth_off_the_standard() -> None:
-    """At e 0.50, from e0 0.49 to 0.50: by ratio +0.0102, by the shell's stiffness +0.0097."""
+    """For e 0.50 and e0 0.49: +0.0102 by the ratio, +0.0097 by the stiffness of the shell."""
     assert corrected("none", 0.5, 0.49) == pytest.approx(0.5, rel=1e-12)
     assert corrected("ratio", 0.5, 0.49) - 0.5 == pytest.approx(0.5 / 49, rel=1e-12)
     assert corrected("ratio", 0.5, 0.49) - 0.5 == pytest.approx(0.0102, abs=5e-5)
@@ -114,7 +114,7 @@ def test_balls_a_hundredth_off_the_standard() -> None:
     ("e0", "bpf"), [(0.45, 1.222), (0.50, 1.173), (0.525, 1.153), (0.55, 1.135)]
 )
 def test_a_shell_seven_times_stiffer_than_the_ball(e0: float, bpf: float) -> None:
-    """e² = (7 e0² + 1)/8: BPF of four balls, and each ball found from each other one."""
+    """e² = (7 e0² + 1)/8: BPF of four balls, and e of each ball computed from each other ball."""
     e = sqrt((7 * e0**2 + 1) / 8)
     assert e / e0 == pytest.approx(bpf, abs=6e-4)
     for other in (0.45, 0.50, 0.525, 0.55):
@@ -123,14 +123,14 @@ def test_a_shell_seven_times_stiffer_than_the_ball(e0: float, bpf: float) -> Non
 
 
 def test_without_a_spring_e_goes_with_e0() -> None:
-    """A rigid shell has e = e0 less its bending: there the two corrections are one."""
+    """A rigid shell has e = e0 less its bending loss, so the trampoline correction is the ratio."""
     assert restitution_of_standard_ball(0.45, 0.50, 0.48) == pytest.approx(0.45 * 0.96, rel=1e-12)
     both = restitution_of_standard_ball(np.array([0.499999, 0.500001]), 0.5, 0.48)
-    assert both == pytest.approx(0.48, abs=5e-6)  # no step where one takes over from the other
+    assert both == pytest.approx(0.48, abs=5e-6)  # continuity of the two formulas
 
 
 def test_the_peak_of_a_curve_with_a_known_one() -> None:
-    """A sine's top between two places, h⁴ off; an end where the curve only falls."""
+    """A sine's maximum lies between two points, with an error of h⁴; a line's is at its end."""
     places = np.linspace(0.08, 0.22, 41)
     wave = np.sin((places - 0.0713) * 20)
     top = 0.0713 + np.pi / 40

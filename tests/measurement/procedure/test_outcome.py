@@ -1,4 +1,4 @@
-"""The weights of a scan's hits: exact on low polynomials, and how far noise lifts a top."""
+"""The weights of a scan's hits: exact for cubics; and the bias of a peak due to noise."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def parabola(place: np.ndarray, curvature: float = 30.0) -> np.ndarray:
 def test_a_cubic_without_noise_is_read_at_its_very_top(
     top: float, curvature: float, skew: float
 ) -> None:
-    """F = 0.7 - c x²/2 + s x³: the maximum is 0.7 at x = 0, and the weights add to 1."""
+    """The maximum of 0.7 - c x²/2 + s x³ is 0.7 at x = 0, and the weights add up to 1."""
     x = PLACES - top
     metric = 0.7 - curvature / 2 * x**2 + skew * x**3
     outcome = outcome_of(RULES, PLACES, ALL, metric)
@@ -41,14 +41,14 @@ def test_a_cubic_without_noise_is_read_at_its_very_top(
     assert outcome.place == pytest.approx(top, abs=1e-8)
     assert outcome.weights.sum() == pytest.approx(1, abs=1e-10)
     assert outcome.weights @ metric == pytest.approx(0.7, abs=1e-12)
-    # the weights read any other cubic at that place too, such as the places themselves
+    # weights evaluate any cubic at that position, such as the cube of the position
     assert outcome.weights @ PLACES**3 == pytest.approx(top**3, rel=1e-7)
     alone = Visits(np.zeros(PLACES.size, int), PLACES, ALL)
     assert results_of_curves(RULES, 1, alone, metric, metric) == pytest.approx(0.7, abs=1e-10)
 
 
 def test_invalid_and_surplus_hits_have_no_weight() -> None:
-    """A seventh hit at a place and a wild invalid one change nothing."""
+    """A seventh hit at a position and an invalid outlier change nothing."""
     place = np.concatenate([PLACES, [6 * INCH, 6 * INCH]])
     valid = np.concatenate([ALL, [True, False]])
     metric = np.concatenate([parabola(PLACES), [5.0, 9.0]])
@@ -60,7 +60,7 @@ def test_invalid_and_surplus_hits_have_no_weight() -> None:
 
 
 def test_of_ten_fresh_hits_the_last_six_are_the_result() -> None:
-    """A bench or another laboratory may go on; by bbcor the consecutive ones that end the test."""
+    """A laboratory may continue; by bbcor the last consecutive hits are the result."""
     best = 6 * INCH
     place = np.concatenate([PLACES, np.full(10, best)])
     metric = np.concatenate([parabola(PLACES), np.arange(10.0)])
@@ -70,7 +70,7 @@ def test_of_ten_fresh_hits_the_last_six_are_the_result() -> None:
     assert outcome.weights[PLACES.size :] == pytest.approx([0.0] * 4 + [1 / 6] * 6)
     assert outcome.weights @ metric == pytest.approx(6.5)
     assert outcome.place == pytest.approx(best)
-    # an invalid shot among them begins them again
+    # invalid shot among them: the consecutive hits begin again
     valid[PLACES.size + 5] = False
     again = outcome_of(BBCOR, place, valid, metric)
     assert again.reasons[0] == "4 of 6 consecutive hits at the best place"
@@ -78,7 +78,7 @@ def test_of_ten_fresh_hits_the_last_six_are_the_result() -> None:
 
 
 def test_two_places_are_no_scan() -> None:
-    """And one hit is no test: no weights, and a sentence."""
+    """Two positions, or one hit, give no weights but a reason."""
     two = PLACES < 5.7 * INCH
     outcome = outcome_of(RULES, PLACES[two], ALL[two], parabola(PLACES[two]))
     assert outcome.reasons[0] == "6 valid hits at 2 places, 3 make a scan"
@@ -91,10 +91,10 @@ def test_two_places_are_no_scan() -> None:
 
 @pytest.mark.parametrize(("sigma", "curvature"), [(0.004, 30.0), (0.002, 30.0), (0.004, 60.0)])
 def test_noise_lifts_a_fitted_top_as_predicted(sigma: float, curvature: float) -> None:
-    """2000 scans: the mean excess is ½ Var(slope)/|curvature|, its own error 1/√2000 of a scatter.
+    """The mean excess of 2000 scans is ½ Var(slope)/|curvature|, within 4 standard errors.
 
-    The slope of a cubic through n hits at x = -1, -½, 0, ½, 1 half widths, six each, has at 0
-    the variance σ²/(6 · 0.72…): worked here by the normal equations.
+    The oracle is the variance of a cubic's slope at 0, from the normal equations, with six hits at
+    each of x = -1, -½, 0, ½, 1.
     """
     noise = sigma * Streams(11).normal("noise", (RUNS, PLACES.size))
     exact = parabola(PLACES, curvature)
@@ -108,18 +108,18 @@ def test_noise_lifts_a_fitted_top_as_predicted(sigma: float, curvature: float) -
     slope_variance = sigma**2 * np.linalg.inv(design.T @ design)[1, 1]
     by_hand = slope_variance / 2 / (curvature * INCH**2)
     error = found.std() / np.sqrt(RUNS)
-    assert by_hand > 3 * error  # else the test would say nothing
+    assert by_hand > 3 * error  # bias large enough to be tested
     assert abs(found.mean() - by_hand) < 4 * error + 0.15 * by_hand  # third order: σ²
 
 
 def speed_of(besr: np.ndarray, place: np.ndarray) -> Sought:
-    """v_f of 70 mph against a bat that turns at 28 in: Eq. (3) with e_A = BESR - 1/2 [mph]."""
+    """Return v_f [mph] of a 70 mph pitch by Eq. (3), with e_A = BESR - 1/2 and its gain."""
     bat = 66 * (28 - place / INCH) / 22
     return Sought(value=(besr - 0.5) * 70 + (besr + 0.5) * bat, gain=70 + bat)
 
 
 def test_besr_is_read_where_the_speed_is_greatest() -> None:
-    """A BESR that rises toward the handle is read where v_f, not itself, has its top."""
+    """A BESR that rises toward the handle is read at the maximum of v_f, not at its own."""
     besr = 0.7 + 0.4 * (PLACES - TOP) - 15 * (PLACES - TOP) ** 2
     fine = np.linspace(5 * INCH, 7 * INCH, 200_001)
     exact = 0.7 + 0.4 * (fine - TOP) - 15 * (fine - TOP) ** 2
@@ -131,7 +131,7 @@ def test_besr_is_read_where_the_speed_is_greatest() -> None:
 
 
 def test_effects_are_those_of_moving_each_hit() -> None:
-    """By central differences: a hit moves the result, and also the place it is read at."""
+    """The oracle is central differences: a hit changes the result, and where it is read."""
     noise = 0.002 * Streams(12).normal("noise", PLACES.size)
     besr = 0.7 + 0.4 * (PLACES - TOP) - 15 * (PLACES - TOP) ** 2 + noise
 

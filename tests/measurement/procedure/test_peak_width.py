@@ -1,4 +1,4 @@
-"""The width of a scan's curve: closed forms, Monte Carlo, and what is open at an end."""
+"""The width of a scan's curve: closed forms, Monte Carlo, and curves cut off at an end."""
 
 from dataclasses import replace
 
@@ -17,14 +17,14 @@ from virtual_lab.streams import Streams
 
 RULES = catalog.load("procedures", "bbcor", Procedure).spec
 INCH = 0.0254
-# two hits an inch, six at the fine places about the best one, and the six fresh ones
+# positions of the hits: two per inch, six at the fine positions near the best one, six fresh ones
 PLACES = np.repeat([3, 4, 5, 5.5, 6, 6.5, 7, 8, 9], [2, 2, 2, 6, 12, 6, 2, 2, 2]) * INCH
 ALL = np.ones(PLACES.size, dtype=bool)
 RUNS = 1000
 
 
 def skewed(curvature: float, skew: float, top: float) -> np.ndarray:
-    """Return 0.5 - c x²/2 + s x³ about `top`, x in inches."""
+    """Return 0.5 - c x²/2 + s x³ about `top`, with x in inches."""
     x = (PLACES - top) / INCH
     return 0.5 - curvature / 2 * x**2 + skew * x**3
 
@@ -37,7 +37,7 @@ def skewed(curvature: float, skew: float, top: float) -> np.ndarray:
 def test_a_curve_without_noise_gives_its_own_crossings(
     top: float, curvature: float, skew: float
 ) -> None:
-    """-0.01 = -c x²/2 + s x³ has one root on either side of 0 nearest to it."""
+    """The ends are the roots of -0.01 = -c x²/2 + s x³ nearest to 0 on either side."""
     found = width_of(RULES, PLACES, ALL, skewed(curvature, skew, top))
     assert found is not None
     roots = np.roots([skew, -curvature / 2, 0, 0.01])
@@ -59,10 +59,10 @@ def test_hits_that_do_not_count_say_nothing() -> None:
 
 @pytest.mark.parametrize("flanks", [1.0, 3.0])
 def test_the_scatter_of_many_scans_is_the_stated_uncertainty(flanks: float) -> None:
-    """1000 scans, hits at the flanks scattering alike and three times as much.
+    """1000 scans; the hits at the flanks scatter equally or three times as much.
 
-    HC3 errs on the large side where few hits lie far out, as the two at a coarse place do, which
-    makes up for how loosely so few tell their scatter: u is up to a half too large here.
+    HC3 overestimates where few hits are far out, like the two at a coarse position, which
+    compensates for their poorly known scatter. So u is up to a half too large here.
     """
     sigma = 0.002 * np.where(abs(PLACES - 6 * INCH) > 0.75 * INCH, flanks, 1.0)
     noise = sigma * Streams(5).normal("noise", (RUNS, PLACES.size))
@@ -112,7 +112,7 @@ def test_a_drop_of_nothing_or_of_a_speed_is_refused() -> None:
 
 
 def test_the_interval_holds_the_true_width_in_most_laboratories() -> None:
-    """Of 24 intervals of 95 % at least 19 hold it with probability 0.999."""
+    """At least 19 of 24 intervals at 95 % contain it, with probability 0.999."""
     held = 0
     for tested in RoundRobin.of("r161", "bbcor").run(24, 70_000):
         width = tested.certification.width

@@ -1,4 +1,4 @@
-"""The rule book at its edges: every window, the verdict, and the place to aim at."""
+"""The rules at their limits: every window, the verdict, and the aim."""
 
 import re
 from dataclasses import fields, replace
@@ -37,12 +37,12 @@ GOOD = {
     "recoil_rate": 14.0,
     "restitution": 0.52,
 }
-AIMED = 0.15  # m
+AIMED = 0.15  # aimed position [m]
 COUNTS = {"rate": 22_000.0, "rate_u": 2.0, "before": 0.0}
 
 
 def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
-    """Return a batch: a good shot a change, with that change made."""
+    """Return a batch with one good shot per change, with that change applied."""
     n = len(changes)
 
     def column(name: str, good: float) -> np.ndarray:
@@ -83,12 +83,12 @@ def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
 
 
 def reason(**change: float) -> str:
-    """Return why a shot with one change does not count."""
+    """Return the reason why a shot with one change is not valid."""
     return judge(RULES, *shots(change), AIMED, 0.0).reasons[0]
 
 
 def test_a_good_shot_counts() -> None:
-    """Middle of every window of data/procedures/astm-f1881.toml."""
+    """The shot is in the middle of every window of data/procedures/astm-f1881.toml."""
     judgement = judge(RULES, *shots({}, {}), AIMED, 0.0)
     assert judgement == Judgement(reasons=("", ""))
     assert judgement.valid.tolist() == [True, True]
@@ -108,7 +108,7 @@ def test_a_good_shot_counts() -> None:
         ({"ball_mass": 5.251 * OUNCE}, "ball of 5.251 oz, allowed 5.000 to 5.250 oz"),
         ({"window_ball_restitution": 0.5249}, "ball of e0 0.5249, allowed 0.525 to 0.555"),
         ({"window_ball_restitution": 0.5551}, "ball of e0 0.5551, allowed 0.525 to 0.555"),
-        # 79 counts/s at 22 000 counts/s for 14 rad/s are 0.0503 rad/s
+        # rate of 79 counts/s at 22 000 counts/s per 14 rad/s: 0.0503 rad/s
         ({"before": 79.0}, "bat turned at 0.0503 rad/s before the hit, allowed 0.0500"),
         ({"before": -157.2}, "bat turned at 0.100 rad/s before the hit, allowed 0.050"),
         ({"rate_u": 88.0}, "recoil known to 0.40%, allowed 0.30%"),
@@ -116,7 +116,7 @@ def test_a_good_shot_counts() -> None:
     ],
 )
 def test_each_window_rejects_with_its_sentence(change: dict[str, float], sentence: str) -> None:
-    """One quantity outside, in the units of its rule; numbers of the shipped procedure."""
+    """One quantity is outside its window of the shipped procedure, and in the unit of its rule."""
     assert reason(**change).startswith(sentence)
 
 
@@ -131,9 +131,9 @@ def test_each_window_rejects_with_its_sentence(change: dict[str, float], sentenc
         {"ball_mass": RULES.windows.ball_mass_high},
         {"window_ball_restitution": RULES.windows.ball_restitution_low},
         {"window_ball_restitution": RULES.windows.ball_restitution_high},
-        {"before": 78.0},  # 0.0496 rad/s
-        {"before": nan},  # a recorder that starts at contact tells nothing
-        {"rate_u": 66.0},  # 0.3 % of 22 000
+        {"before": 78.0},  # rate of 0.0496 rad/s
+        {"before": nan},  # recorder that starts at contact: no rate before
+        {"rate_u": 66.0},  # limit of 0.3 % of 22 000
     ],
 )
 def test_at_the_edge_a_shot_counts(change: dict[str, float]) -> None:
@@ -142,7 +142,7 @@ def test_at_the_edge_a_shot_counts(change: dict[str, float]) -> None:
 
 
 def test_the_first_window_missed_is_named() -> None:
-    """Too fast and too heavy: the order of the rules decides, for each shot by itself."""
+    """A ball is too fast and too heavy; the order of the rules decides, shot by shot."""
     fast_and_heavy = {"speed": 65 * MPH, "ball_mass": 6 * OUNCE}
     reasons = judge(RULES, *shots({}, fast_and_heavy, {"ball_mass": 6 * OUNCE}), AIMED, 0.0).reasons
     assert reasons[0] == ""
@@ -151,7 +151,7 @@ def test_the_first_window_missed_is_named() -> None:
 
 
 def test_a_shot_that_missed_the_bat_is_rejected_not_raised() -> None:
-    """No recoil at all (0 counts/s, 0 rad/s): a sentence, no warning of a division by zero."""
+    """A recoil of 0 counts/s gives a reason, and no warning of a division by zero."""
     missed = reason(rate=0.0, recoil_rate=0.0, rate_u=1.0)
     assert re.match(r"recoil known to .*, allowed 0\.30%", missed)
 
@@ -176,7 +176,7 @@ def unmet(rules: Procedure, bat: BatProperties, *values: float) -> list[tuple[st
 
 
 def test_each_rule_not_met_is_named() -> None:
-    """Limits of 1.2 and of 3 (in, oz), side by side: at a limit is within it, NaN is no value."""
+    """The limit of the shipped procedure is 1.2; a value at the limit is within it."""
     rules = replace(RULES, eligibility=Eligibility(length_less_weight=3.0))
     values = (1.2, np.nextafter(1.2, 2), 0.5, 1.3, nan)
     bat = bats(31.0, 31.0, 30.9, 30.9, 31.0)
@@ -211,7 +211,7 @@ def test_verdict_and_reasons_come_from_one_table() -> None:
 
 
 def test_without_a_limit_a_bat_is_measured_or_fails_by_another_rule() -> None:
-    """The paper's own proposal sets none."""
+    """The paper's own proposal sets no limit."""
     free = replace(RULES, limit=None, eligibility=Eligibility(length_less_weight=3.0))
     found = list(unmet_rules(free, bats(31.0, 30.9), np.array([1.9, 1.9])))
     assert verdicts_of(free, found, 2) == (Verdict.MEASURED, Verdict.FAIL)
@@ -219,7 +219,7 @@ def test_without_a_limit_a_bat_is_measured_or_fails_by_another_rule() -> None:
 
 @pytest.mark.parametrize(("hits", "said"), [(5, "5 valid hits of 6"), (6, ""), (7, "")])
 def test_fewer_hits_than_asked_for_are_no_test(hits: int, said: str) -> None:
-    """Six of the shipped procedure; what there is still weighs the same."""
+    """The shipped procedure requires six; the weights are equal in any case."""
     outcome = outcome_of(RULES, np.full(hits, 0.16), np.ones(hits, dtype=bool), np.ones(hits))
     assert outcome.reasons[0] == said
     assert outcome.weights == pytest.approx(1 / hits)
@@ -230,18 +230,18 @@ BAT["inertia_cm"] = 2539 * OUNCE * 0.0254**2
 
 
 def test_aimed_place_of_the_papers_bat() -> None:
-    """Z = z_cm - I/(M d), d = 34 - 6 - 11.3 = 16.7 in: 11.3 - 2539/(31 x 16.7) = 6.3956 in."""
+    """Aim z_cm - I/(M d), d = 34 - 6 - 11.3 = 16.7 in: 11.3 - 2539/(31 x 16.7) = 6.3956 in."""
     by_hand = (11.3 - 2539 / (31 * 16.7)) * 0.0254
     exact = aimed_place(BAT, 6 * 0.0254)
     assert exact == pytest.approx(by_hand, rel=1e-12)
-    # struck there, the bat's far end at the pivot stays: l = I_p/(M d) from the pivot
+    # centre of percussion: I_p/(M d) from the pivot, where a hit leaves the pivot at rest
     d = 16.7 * 0.0254
     length = (BAT["inertia_cm"] + BAT["mass"] * d**2) / (BAT["mass"] * d)
     assert exact == pytest.approx(28 * 0.0254 - length, rel=1e-12)
 
 
 def test_aimed_place_is_set_in_half_millimetres() -> None:
-    """6.3956 in is 162.45 mm: the operator sets 162.5 mm."""
+    """6.3956 in is 162.45 mm, so the operator sets 162.5 mm."""
     place = np.array([aimed_place(BAT, 6 * 0.0254)])
     assert to_set(place, exact=False) == pytest.approx(0.1625, abs=1e-12)
     assert to_set(place, exact=True) is place

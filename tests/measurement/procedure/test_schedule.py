@@ -1,4 +1,4 @@
-"""Scans of exact curves: they close in on the greatest place, ask for nothing else, and end."""
+"""Scans of exact curves converge to the maximum, need no other shots, and end."""
 
 from dataclasses import replace
 
@@ -23,13 +23,13 @@ INCH = 0.0254
 
 
 def curve(place: np.ndarray, top: float, left: float, right: float) -> np.ndarray:
-    """Return a unimodal curve: two half parabolas of their own width about `top` [m]."""
+    """Return a unimodal curve of two half parabolas with different widths about `top` [m]."""
     off = place - top
     return 0.5 - (off / np.where(off < 0, left, right)) ** 2
 
 
 class Test:
-    """A test played with `metric` for hits: every round is what the rules asked for."""
+    """A test that gets its hits from `metric`; every round has the shots that the rules require."""
 
     __test__ = False
 
@@ -57,7 +57,7 @@ widths = st.floats(2 * INCH, 12 * INCH)
 def test_a_scan_brackets_the_greatest_place(
     top: float, left: float, right: float, procedure: Procedure, exact: bool
 ) -> None:
-    """The result is within a fine step of the true maximum, or it is said that there is none."""
+    """The result is within a fine step of the true maximum, or the reason says there is none."""
     scan = procedure.scan
     assert scan is not None
     test = Test(procedure, lambda z: curve(z, top, left, right), exact=exact)
@@ -68,7 +68,7 @@ def test_a_scan_brackets_the_greatest_place(
         assert not scan.low + scan.fine_step < top < scan.high - scan.fine_step
         assert test.outcome.reasons[0].startswith("no maximum between")
     else:
-        # half a fine step to the nearest place, where the curve leans, and half a setting
+        # tolerance: a fine step, as the curve is asymmetric, and half a setting
         assert abs(test.outcome.place - top) < scan.fine_step + 2.5e-4
     assert test.outcome.weights.sum() == pytest.approx(1, abs=1e-9)
 
@@ -82,7 +82,7 @@ def test_a_curve_that_only_rises_has_no_maximum(procedure: Procedure, rising: fl
 
 
 def test_hits_that_do_not_count_are_fired_again() -> None:
-    """Every third shot bad: all places have their six in the end, and the same result."""
+    """With every third shot invalid, each position gets six hits, and the result is the same."""
 
     def metric(place: np.ndarray) -> np.ndarray:
         return curve(place, 0.15, 0.2, 0.2)
@@ -114,14 +114,14 @@ def test_a_place_no_ball_comes_back_from_is_given_up() -> None:
 
 
 def test_nothing_comes_back_from_anywhere() -> None:
-    """Seven coarse places of two balls each, and no more is asked for."""
+    """It fires two balls at each of seven coarse positions, and no more."""
     test = Test(BBCOR, lambda z: np.full(z.shape, np.nan))
     assert test.place.size == 14
     assert test.outcome.reasons[0] == "fewer than two hits were valid"
 
 
 def test_the_final_hits_are_fresh_ones() -> None:
-    """The scan's own hits at the best place chose it, so they are no part of the result."""
+    """The earlier hits at the best position chose it, so they are no part of the result."""
     test = Test(BBCOR, lambda z: curve(z, 0.15, 0.2, 0.2))
     used = np.flatnonzero(test.outcome.used)
     assert used.tolist() == list(range(test.place.size - 6, test.place.size))
@@ -130,7 +130,7 @@ def test_the_final_hits_are_fresh_ones() -> None:
 
 
 def test_a_walk_of_many_fine_steps_arrives() -> None:
-    """A coarse step of 25 fine ones and three coarse places: the walk is as long as it must be."""
+    """A coarse step is 25 fine ones; the walk is as long as necessary."""
     scan = replace(
         BBCOR.scan, low=0.05, high=0.15, coarse_step=0.05, fine_step=0.002, fit_half_width=0.004
     )
@@ -141,7 +141,7 @@ def test_a_walk_of_many_fine_steps_arrives() -> None:
 
 
 def test_a_better_place_at_the_rim_of_the_fit_is_walked_to() -> None:
-    """A dip beside the coarse best hides a higher place two steps on, which the fit then visits."""
+    """A dip beside the best coarse position hides a higher one two steps away."""
     bump = {12: 0.50, 13: 0.48, 14: 0.52, 15: 0.47, 16: 0.46}
 
     def metric(place: np.ndarray) -> np.ndarray:
@@ -189,7 +189,7 @@ def test_more_coarse_hits_than_a_place_takes_are_refused() -> None:
 
 
 def test_an_invalid_shot_begins_consecutive_hits_again() -> None:
-    """Six in a row at the best place: after four hits and a miss six more are asked for."""
+    """After four of six consecutive hits and an invalid one, six more are required."""
     rules = catalog.load("procedures", "bbcor", Procedure).spec
     assert rules.scan is not None
     assert rules.scan.consecutive

@@ -1,4 +1,4 @@
-"""Windows of boards and of a swung bat, each at its edge; and what a bat must be to be hit."""
+"""Windows of boards and of a swung bat at their limits, and the rules of eligibility."""
 
 from dataclasses import fields, replace
 from math import nan, radians, tan
@@ -20,7 +20,7 @@ BESR, BBCOR, F1881 = (
 )
 MPH, OUNCE, INCH = 0.44704, 0.028349523125, 0.0254
 OZ_IN2 = OUNCE * INCH**2
-TURN = 66 * MPH / (22 * INCH)  # rad/s of a 34 in bat on an axis 6 in from the knob
+TURN = 66 * MPH / (22 * INCH)  # angular rate of a 34 in bat on an axis 6 in from the knob [rad/s]
 GOOD = {
     "speed": 70 * MPH,
     "rebound_speed": 94 * MPH,
@@ -46,7 +46,7 @@ def why(
     rest: float = nan,
     **change: float,
 ) -> str:
-    """Return why a shot at `procedure` does not count; `misfit` in seconds, `angle` in degrees."""
+    """Return why a shot at `procedure` is not valid; `misfit` in seconds, `angle` in degrees."""
     good = GOOD | ({} if procedure is BESR else {"speed": procedure.ball_speed}) | change
     results = {each.name: np.ones(1) for each in fields(ShotResults)}
     results |= {name: np.array([value]) for name, value in good.items()}
@@ -91,7 +91,7 @@ def test_good_shots_count() -> None:
     assert why(BBCOR) == ""
 
 
-LATE = 0.3e-3 / (70 * MPH)  # s, 0.3 mm of flight on the way in
+LATE = 0.3e-3 / (70 * MPH)  # time of 0.3 mm of flight in [s]
 
 
 @pytest.mark.parametrize(
@@ -124,17 +124,17 @@ LATE = 0.3e-3 / (70 * MPH)  # s, 0.3 mm of flight on the way in
     ],
 )
 def test_each_window_rejects_with_its_sentence(change: dict, sentence: str) -> None:
-    """One quantity outside the windows of data/procedures/ncaa-besr.toml."""
+    """One quantity is outside the windows of data/procedures/ncaa-besr.toml."""
     assert why(**change).startswith(sentence)
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"place": 3 * INCH - 0.4e-3},  # as near as an operator sets it
+        {"place": 3 * INCH - 0.4e-3},  # deviation within half a setting
         {"place": 9 * INCH + 0.4e-3},
         {"misfit": (LATE * 0.999, LATE * 0.999 * 70 / 94)},
-        {"misfit": (nan, nan)},  # gates that sum up themselves tell no misfit
+        {"misfit": (nan, nan)},  # summed records: no misfit
         {"rebound_slope": tan(radians(11.999))},
         {"rebound_slope": nan},
         {"swing_rate": TURN * 66.999 / 66},
@@ -147,7 +147,7 @@ def test_at_the_edge_a_shot_counts(change: dict) -> None:
 
 
 def test_recoil_and_rebound_must_agree_where_that_is_asked() -> None:
-    """A hundredth allowed: 0.0101 apart is too much, and a rebound not seen is no disagreement."""
+    """The limit is 0.01; a rebound that was not seen is no disagreement."""
     strict = replace(F1881, windows=replace(F1881.windows, agreement=0.01))
     shot = {"place": 0.15, "rebound_speed": 7.0, "recoil_rate": 14.0, "recoil": True}
     said = why(strict, recoil_efficiency=0.2, rebound_efficiency=0.2101, **shot)
@@ -157,7 +157,7 @@ def test_recoil_and_rebound_must_agree_where_that_is_asked() -> None:
 
 
 def test_a_turn_that_no_fit_follows_does_not_count() -> None:
-    """Counting leaves 0.4 here, noise at rest 0.3, together 0.5: up to 0.75 is allowed."""
+    """Counting leaves 0.4 and noise at rest 0.3, together 0.5, so up to 0.75 is allowed."""
     struck = {"place": 0.15, "rebound_speed": 7.0, "recoil_rate": 14.0, "recoil": True}
     for asked in ({"procedure": F1881, **struck}, {}):
         said = why(**asked, residual=0.751, rest=0.3)
@@ -174,7 +174,7 @@ def test_a_turn_that_no_fit_follows_does_not_count() -> None:
 def bat(
     *, length: float = 34, weight: float = 31, barrel: float = 2.6, inertia: float = 10_000
 ) -> BatProperties:
-    """Return a bat by its inches, ounces, oz in² about the pivot; balance 23 in from the knob."""
+    """Return a bat from inches, ounces and oz in² about the pivot; balance 23 in from the knob."""
     return BatProperties(
         mass=np.array(weight * OUNCE),
         length=np.array(length * INCH),
@@ -188,13 +188,13 @@ def bat(
     ("change", "missed"),
     [
         ({}, None),
-        ({"weight": 31.0}, None),  # 34 less 31 is 3, no tolerance
+        ({"weight": 31.0}, None),  # difference of 34 and 31: exactly 3
         ({"weight": 30.98}, 0),
         ({"barrel": 2.609}, None),
         ({"barrel": 2.611}, 1),
-        ({"inertia": 9531}, None),  # the floor of 34 in is 9530 oz in²
+        ({"inertia": 9531}, None),  # floor at 34 in: 9530 oz in²
         ({"inertia": 9529}, 2),
-        # halfway between two lengths the floor is halfway: (8538 + 9530)/2 = 9034
+        # floor halfway between two lengths: (8538 + 9530)/2 = 9034
         ({"length": 33.5, "inertia": 9035}, None),
         ({"length": 33.5, "inertia": 9033}, 2),
     ],

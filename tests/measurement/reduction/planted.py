@@ -26,7 +26,7 @@ def reduce_arrays(
 
 
 def plant(monkeypatch: pytest.MonkeyPatch, name: str, wrong: Callable[..., Any]) -> None:
-    """Replace an equation of `kinematics` wherever it was imported; nothing is compiled."""
+    """Replace an equation of `kinematics` in every module that imports it; nothing is compiled."""
     right = getattr(kinematics, name)
     for module in list(sys.modules.values()):
         if module.__name__.startswith("virtual_lab") and vars(module).get(name) is right:

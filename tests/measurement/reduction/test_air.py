@@ -1,4 +1,4 @@
-"""The density of the hall's air as it was measured, and where it goes."""
+"""The measured density of the hall's air, and its use in the reduction."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ LABORATORIES = 1000
 
 
 def with_climate(session: Session, **changes: float) -> Session:
-    """Return a session whose record of the climate was changed; without changes it has none."""
+    """Return a session with a changed climate record, or without one if there are no changes."""
     bench = dict(session.records["bench"])
     record = bench.pop("climate")
     if changes:
@@ -35,13 +35,13 @@ def with_climate(session: Session, **changes: float) -> Session:
 def test_the_measured_density_scatters_about_the_true_one_as_its_u_says() -> None:
     """1000 halls: mean of (measured - true) / u within 4 / √1000 of 0, its rms 0.85 to 1.1.
 
-    The u of a drift between start and end is on the safe side where nothing drifted.
+    The u of a drift between start and end is too large where nothing drifted.
     """
     setup = lab.TestSetup.of("r161", procedure="astm-f1881", seed=1, detail=RecordDetail.SUMMED)
     laboratory = lab.Laboratory.open(replace(setup, number=np.arange(LABORATORIES)))
     known = measured_density(test_day.TestDay.begin(laboratory).weigh().sessions)
     true = laboratory.stations[Stage.IMPACT].true_constants["air.density"]
-    assert np.std(true) == pytest.approx(0.02, rel=0.1)  # as drawn by the sheet
+    assert np.std(true) == pytest.approx(0.02, rel=0.1)  # standard deviation of the sheet
     score = (known.value - true) / known.u
     assert abs(score.mean()) < 4 / np.sqrt(LABORATORIES)
     assert 0.85 < np.sqrt(np.mean(score**2)) < 1.1
@@ -49,7 +49,7 @@ def test_the_measured_density_scatters_about_the_true_one_as_its_u_says() -> Non
 
 
 def test_the_density_is_that_of_the_readings_where_there_are_any() -> None:
-    """At 20 °C, 50 %, 1013.25 hPa it is 1.1993 kg/m³; a constant beside it counts for nothing."""
+    """At 20 °C, 50 % and 1013.25 hPa it is 1.1993 kg/m³; a stated density is then ignored."""
     session = certified().certification.session
     none = {f"bench.climate.{name}": 0.0 for name in ("temperature", "humidity", "pressure")}
     calibration = dict(session.calibration)

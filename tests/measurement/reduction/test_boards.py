@@ -1,4 +1,4 @@
-"""Board records reduced, against a ball flown by an integrator past beams that are points."""
+"""The reduction of board records, against a numerically integrated flight past point beams."""
 
 from dataclasses import replace
 from functools import cache
@@ -22,12 +22,12 @@ from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoa
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Quiet, Streams
 
-FIRST = np.zeros(1, dtype=int)  # the first shot alone
-DISTANCES = (0.50, 0.35, 0.20)  # m
+FIRST = np.zeros(1, dtype=int)  # index of the first shot
+DISTANCES = (0.50, 0.35, 0.20)  # distances of the boards [m]
 LOWEST, PITCH, BEAMS, RADIUS, GRAVITY = -0.150, 0.008, 34, 0.0366, 9.80665
-DRAG = 0.00697  # 1/m, a baseball's
-CONTACT, LEAVING = 0.02, 0.0207  # s
-WINDOW = 0.3e-3  # m, the edge_misfit of data/procedures/bbcor.toml
+DRAG = 0.00697  # drag rate of a baseball [1/m]
+CONTACT, LEAVING = 0.02, 0.0207  # times of contact and of its end [s]
+WINDOW = 0.3e-3  # edge_misfit of data/procedures/bbcor.toml [m]
 KNOWN = {
     **{f"impact.gates.distance_{i}": np.array(d) for i, d in enumerate(DISTANCES)},
     **{f"impact.gates.height_{i}": np.array(0.0) for i in range(3)},
@@ -37,15 +37,16 @@ KNOWN = {
 
 
 def nominal_boards() -> LightBoardSpec:
-    """Return the boards of the catalog where they nominally stand, by a clock that runs true."""
+    """Return the boards of the catalog at their nominal positions, with an exact clock."""
     spec = catalog.load("instruments", "light-boards", LightBoardSpec).spec
     return replace(spec, distances=DISTANCES, heights=(), clock_fast=0.0)
 
 
 def flown(speed: float, height: float, slope: float, drag: float, way: int) -> np.ndarray:
-    """Return the edges of every beam, (board, beam, edge) [s] from contact; NaN: passes by.
+    """Return the edges of every beam, (board, beam, edge) [s] from contact; NaN: not broken.
 
-    `slope` is the height a metre of distance. The way in is flown backward from the target.
+    `slope` is the height per metre of distance. The flight in is integrated backward from the
+    target.
     """
 
     def motion(_: float, state: np.ndarray) -> list[float]:
@@ -108,14 +109,15 @@ FLIGHTS = [
 
 @pytest.mark.parametrize("flight", FLIGHTS)
 def test_speeds_offset_and_slope_of_a_flown_ball(flight: dict[str, float]) -> None:
-    """What is neglected: the bend of the flight over a ball's width and drag upon the rise.
+    """The reduction neglects the curvature over a ball's width and the effect of drag on the rise.
 
-    Gravity bends the flight by g (R/v)²/2 while the ball passes a beam, drag lifts what rises
-    by κ x of it, and its own length is √(1 + slope²) times the way out: bounds from these.
+    Gravity bends the flight by g (R/v)²/2 while the ball passes a beam, drag raises a rising ball
+    by κ x of the rise, and the path is √(1 + slope²) times the distance. The bounds follow from
+    these.
     """
     seen, found = reduced(record_of(**flight))
     back, slope = flight["speed_out"], abs(flight.get("slope_out", 0.0))
-    fall = GRAVITY * 0.5 / back**2  # slope that it gains by the far board
+    fall = GRAVITY * 0.5 / back**2  # slope gained by the far board
     bend = GRAVITY * (RADIUS / back) ** 2 / 2
     assert found.speed_in == pytest.approx(flight["speed_in"], rel=2e-6)
     assert found.speed_out == pytest.approx(
@@ -130,7 +132,7 @@ def test_speeds_offset_and_slope_of_a_flown_ball(flight: dict[str, float]) -> No
 
 @pytest.mark.parametrize("flight", FLIGHTS)
 def test_the_boards_write_the_edges_of_a_flown_ball(flight: dict[str, float]) -> None:
-    """The instrument's straight piece of flight at each board: off by its bend, in micrometres."""
+    """The instrument flies straight at each board; the error is the curvature, some micrometres."""
     spec = nominal_boards().ideal()
     assert (spec.distances, spec.lowest, spec.pitch) == (DISTANCES, LOWEST, PITCH)
     passage = Passage(
@@ -147,7 +149,7 @@ def test_the_boards_write_the_edges_of_a_flown_ball(flight: dict[str, float]) ->
     written = boards.watch(passage, np.array([CONTACT]), np.array([LEAVING]), Quiet(), "b", FIRST)
     flown_edges = record_of(**flight).times
     both = np.isfinite(written.times) & np.isfinite(flown_edges)
-    # a beam that the ball just grazes may be broken in one and not in the other
+    # grazed beams: may be broken in one record only
     assert (np.isfinite(written.times) != np.isfinite(flown_edges)).sum() <= 4
     assert both[0, 0].sum() > 3 * 8 * 2
     speeds = np.reshape([flight["speed_in"], flight["speed_out"]], (1, 2, 1, 1, 1))
@@ -158,7 +160,7 @@ def test_the_boards_write_the_edges_of_a_flown_ball(flight: dict[str, float]) ->
 
 
 def test_air_matters_at_the_boards() -> None:
-    """Reduced without air the speed is off by κ x, x about the boards' mean place."""
+    """Without drag the reduced speed is off by κ x, with x the mean distance of the boards."""
     _, found = reduced(record_of(60.8, 14.0), drag=0.0)
     assert found.speed_in / 60.8 - 1 == pytest.approx(DRAG * 0.35, rel=0.02)
 
@@ -173,7 +175,7 @@ GOOD = dict(FLIGHTS[1])
 
 
 def test_a_board_that_saw_nothing_is_done_without() -> None:
-    """Two boards left: speed and height still, and neither is off by more than before."""
+    """If one board saw nothing, speed and height are as accurate as before."""
     for board in range(3):
         _, found = reduced(changed(record_of(**GOOD), np.s_[0, :, board], np.nan))
         assert found.speed_in == pytest.approx(60.8, rel=5e-6)
@@ -190,7 +192,7 @@ def test_one_board_tells_no_speed() -> None:
 
 @pytest.mark.parametrize(("left", "seen"), [(4, True), (3, False), (0, False)])
 def test_fewer_than_four_beams_are_no_passage(left: int, seen: bool) -> None:
-    """A ball half off the curtain: the beams that are left are at one side of it."""
+    """Half of the ball passes outside the curtain, so the broken beams are on one side of it."""
     times = np.array(record_of(**GOOD).times)
     broken = np.flatnonzero(np.isfinite(times[0, 0, 0, :, 0]))
     times[0, 0, 0, broken[left:]] = np.nan
@@ -201,7 +203,7 @@ def test_fewer_than_four_beams_are_no_passage(left: int, seen: bool) -> None:
 
 
 def test_beams_that_missed_do_no_harm() -> None:
-    """Any two beams dead at each board: nothing changes but the noise."""
+    """Two adjacent beams of each board are dead; only the noise grows."""
     for dead in (15, 18, 20):
         _, found = reduced(changed(record_of(**GOOD), np.s_[0, :, :, dead : dead + 2], np.nan))
         assert found.speed_in == pytest.approx(60.8, rel=5e-6)
@@ -210,7 +212,7 @@ def test_beams_that_missed_do_no_harm() -> None:
 
 
 def test_a_ball_half_below_the_curtain_is_known_by_its_upper_beams() -> None:
-    """At 2.9 m/s level it falls 135 to 146 mm by the far board, whose lowest beam is at -150."""
+    """At 2.95 m/s it falls 135 to 146 mm by the far board, whose lowest beam is at -150 mm."""
     seen, found = reduced(record_of(60.8, 2.95))
     broken = np.isfinite(record_of(60.8, 2.95).times[0, 1, 0, :, 0])
     assert broken[0]
@@ -222,7 +224,7 @@ def test_a_ball_half_below_the_curtain_is_known_by_its_upper_beams() -> None:
 @pytest.mark.parametrize("beams", [1, 2, 4])
 @pytest.mark.parametrize("ahead", [0.01, 0.03, 0.10])
 def test_a_scrap_of_the_sabot_is_found_out_or_harmless(beams: int, ahead: float) -> None:
-    """Some beams of the far board broken early: past the window, or the speed as it was."""
+    """Some beams of the far board break early: the misfit is too large, or the speed is right."""
     record = record_of(**GOOD)
     for first in range(14, 24 - beams):
         struck = np.s_[0, 0, 0, first : first + beams, 0]
@@ -234,7 +236,7 @@ def test_a_scrap_of_the_sabot_is_found_out_or_harmless(beams: int, ahead: float)
 
 
 def test_a_doubled_edge_is_found_out() -> None:
-    """A beam that flickers: it clears 5 mm of flight late, at any one board and way."""
+    """A flickering beam clears 5 mm of flight late, at any one board and in either direction."""
     record = record_of(**GOOD)
     for way, speed in ((0, 60.8), (1, 14.0)):
         for board in range(3):
@@ -248,7 +250,7 @@ def test_a_doubled_edge_is_found_out() -> None:
 
 
 def test_a_shot_is_reduced_as_if_alone() -> None:
-    """A batch of odd ones: nothing seen, one board seen, all seen."""
+    """A batch of odd shots: no board, one board and all boards saw the ball."""
     records = [
         changed(record_of(**GOOD), np.s_[0], np.nan),
         changed(record_of(**GOOD), np.s_[0, :, 1:], np.nan),
@@ -265,7 +267,7 @@ def test_a_shot_is_reduced_as_if_alone() -> None:
 
 
 def test_ideal_boards_have_no_misfit() -> None:
-    """Straight flight without air or gravity: parabola and line are exact, the misfit nothing."""
+    """On a straight flight without air and gravity, parabola and line are exact."""
     spec = nominal_boards().ideal()
     boards = LightBoards.commission(spec, Quiet(), "b")
     straight = Passage(
@@ -289,11 +291,11 @@ def test_ideal_boards_have_no_misfit() -> None:
 
 @pytest.mark.parametrize("slope", [0.0, -0.25])
 def test_heights_scatter_as_they_say(slope: float) -> None:
-    """150 boards with noise against the same without: rms of the errors over that of their u.
+    """150 boards with noise against noiseless ones: rms of the errors over that of their u.
 
-    Edges and thresholds, level and half off the curtain by the far board, where a height is half
-    as well known. 150 draws of the thresholds: a standard error of 6 %; edges are told a little
-    too widely.
+    Edges and thresholds both scatter. A ball is level, or half outside the far board, where u is
+    twice as large. With 150 draws of the thresholds the standard error is 6 %; the stated u of the
+    edges is slightly too large.
     """
     exact = catalog.load("instruments", "light-boards", LightBoardSpec).spec.ideal()
     real = catalog.load("instruments", "light-boards", LightBoardSpec).spec
@@ -331,7 +333,7 @@ def test_heights_scatter_as_they_say(slope: float) -> None:
 
 @pytest.mark.parametrize("blind", [None, 0, 2])
 def test_moved_heights_have_the_covariance_of_a_line(blind: int | None) -> None:
-    """Offset and slopes: u² (XᵀX)⁻¹ of the gates that saw the ball, the ways independent."""
+    """Offset and slopes have u² (XᵀX)⁻¹ of the gates that saw the ball, in each direction."""
     sigma = {0: 2e-5, 1: 5e-5}
     seen, _ = reduced(record_of(**GOOD))
     heights_u = np.broadcast_to(np.reshape([sigma[0], sigma[1]], (1, 2, 1)), (1, 2, 3)).copy()
@@ -373,10 +375,10 @@ def test_boards_that_cannot_be_are_refused(change: dict, said: str) -> None:
 
 
 def test_the_misfit_is_the_scatter_of_the_edges_of_a_beam_without_bias() -> None:
-    """Middles and half chords of edges that scatter by σ scatter by σ/√2.
+    """Midpoints and half chords of edges that scatter by σ scatter by σ/√2.
 
-    A line and a parabola through n beams leave 2n - 5 degrees of freedom: 11 of 8 beams. 4 000
-    boards know the variance to 0.7 %; one degree more or less is 9 %.
+    A line and a parabola through n beams leave 2n - 5 degrees of freedom, 11 for 8 beams. 4000
+    boards give the variance to 0.7 %; one degree of freedom is 9 %.
     """
     sigma, rng = 2e-6, np.random.default_rng(20261125)
     middle = 0.03 + 1e-6 * np.arange(8)

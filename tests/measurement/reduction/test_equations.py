@@ -1,4 +1,4 @@
-"""Each equation stands once: a mistake in it reaches the metric of an ideal laboratory.
+"""Each equation has one implementation: a mistake in it changes the metric of an ideal test.
 
 A mistake is a factor of 0.9 on the result of the equation.
 """
@@ -23,7 +23,7 @@ from virtual_lab.measurement.session_reduction import Reduction
 from virtual_lab.simulation.rig import Reality
 
 ASTM, BESR, PROPOSED = "astm-f1881", "ncaa-besr", "proposed"
-USED: dict[str, tuple[str, ...]] = {  # the procedures whose metric hangs on the equation
+USED: dict[str, tuple[str, ...]] = {  # procedures whose metric depends on the equation
     "collision_efficiency": (ASTM, BESR, PROPOSED),
     "batted_speed": (PROPOSED,),
     "besr": (BESR,),
@@ -41,10 +41,10 @@ USED: dict[str, tuple[str, ...]] = {  # the procedures whose metric hangs on the
     "efficiency_at_aim": (ASTM, BESR, PROPOSED),
     "restitution_at_speed": (ASTM, BESR, PROPOSED),
 }
-# r of a free bat cancels in the metric, and a laboratory that aims elsewhere measures what is
-# there: these two reach another printed number
+# numbers that show the other two equations: r of a free bat cancels in the metric, and a
+# laboratory that aims elsewhere is right at its own position
 PRINTED = {"inverse_mass_free": "recoil_factor", "centre_of_percussion": "place"}
-# forms of equations above, and those of the studies alone
+# combinations of the equations above, and equations of the studies only
 OTHERS = {
     "recoil_factor_free",
     "recoil_factor_pivoted",
@@ -60,11 +60,11 @@ class Numbers(NamedTuple):
 
     metric: float
     recoil_factor: float
-    place: float  # at which the procedure aims [m]
+    place: float  # aimed position [m]
 
     @classmethod
     def of(cls, reduced: Reduction) -> "Numbers":
-        """Return the means over the hits of a result."""
+        """Return the weighted means over the hits of a result."""
         outcome = reduced.outcome
         used, weights = outcome.used, outcome.weights
         means = (
@@ -87,7 +87,7 @@ def test_every_equation_is_tested() -> None:
 def test_a_mistake_in_any_equation_shows(
     procedure: str, played: Play, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The metric of the same records leaves the truth by more than a thousandth, else by 1e-9."""
+    """The metric deviates by over 1e-3 if the procedure uses the equation, otherwise below 1e-9."""
     tested = played(reality=Reality.IDEAL, procedure=procedure)
     session, true = tested.certification.session, tested.sealed.measurand["metric"]
     right = Numbers.of(reduce_session(session)[0])
@@ -110,7 +110,7 @@ def test_a_mistake_in_any_equation_shows(
 def test_compiled_and_on_arrays_the_equations_give_the_same(
     procedure: str, played: Play, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All results of the shots of a real laboratory."""
+    """All results of all shots of a real laboratory agree."""
     session = played(procedure=procedure).certification.session
     compiled = reduce_session(session)[0].shots
     monkeypatch.setattr(shot_algebra, "compiled_reduction", lambda: reduce_arrays)
@@ -136,7 +136,7 @@ print(json.dumps([vl.__file__, found]))
 
 
 def printed(folder: Path, *procedures: str) -> dict[str, dict[str, tuple[float | None, float]]]:
-    """Return numbers and true values of ideal laboratories, by the package in a folder."""
+    """Return printed and true numbers of ideal laboratories, by the package in a folder."""
     command = [sys.executable, "-c", RUN, *procedures]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
     file, found = json.loads(done.stdout)
@@ -146,9 +146,9 @@ def printed(folder: Path, *procedures: str) -> dict[str, dict[str, tuple[float |
 
 @pytest.mark.long
 def test_a_mistake_in_any_compiled_equation_shows(tmp_path: Path) -> None:
-    """In a copy of the package, whose laboratories play and reduce their tests themselves."""
+    """The mistake is in a copy of the package, which plays and reduces its own tests."""
     package = Path(inspect.getfile(kinematics)).parents[2]
-    shutil.copytree(package, tmp_path / package.name)  # with the compiled code, which stays valid
+    shutil.copytree(package, tmp_path / package.name)  # copy with valid compiled code
     file = tmp_path / package.name / "measurement" / "reduction" / "kinematics.py"
     text = file.read_text("utf-8")
     place, _ = printed(tmp_path, ASTM)[ASTM]["place"]
@@ -164,7 +164,7 @@ def test_a_mistake_in_any_compiled_equation_shows(tmp_path: Path) -> None:
 
 
 def with_mistake(text: str, name: str) -> str:
-    """Return the text of a module with a factor of 0.9 on all that one of its functions returns."""
+    """Return the text of a module in which one function returns 0.9 times its result."""
     tree: Any = ast.parse(text)
     for function in tree.body:
         if isinstance(function, ast.FunctionDef) and function.name == name:

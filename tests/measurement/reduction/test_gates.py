@@ -1,4 +1,4 @@
-"""Gate records reduced, against a ball flown by a numerical integrator."""
+"""The reduction of gate records, against a numerically integrated flight."""
 
 import numpy as np
 import pytest
@@ -8,19 +8,19 @@ from virtual_lab.measurement.reduction.gates import GateReadings, flights, passa
 from virtual_lab.records import GateRecord
 from virtual_lab.uncertainty.estimate import Estimate
 
-FAR, NEAR, RADIUS = 0.60, 0.25, 0.0366  # m
+FAR, NEAR, RADIUS = 0.60, 0.25, 0.0366  # distances of the gates, radius of the ball [m]
 SURVEYED = {
     "impact.gates.distance_0": np.array(FAR),
     "impact.gates.distance_1": np.array(NEAR),
     "impact.gates.clock": np.array(1.0),
 }
-DRAG = 0.0345  # 1/m, five times a baseball's
+DRAG = 0.0345  # drag rate [1/m], five times that of a baseball
 
 
 def flown(speed: float, places: np.ndarray, *, drag: float, towards: bool) -> np.ndarray:
     """Return times from the target at which x = `places` is passed: dv/dt = -κ v |v|.
 
-    Toward the target the flight is integrated backward in time from the speed there.
+    The flight in is integrated backward in time from the speed at the target.
     """
 
     def motion(_: float, state: np.ndarray) -> list[float]:
@@ -49,7 +49,7 @@ def record_of(speed_in: float, speed_out: float, drag: float) -> GateRecord:
 @pytest.mark.parametrize("drag", [0.0, DRAG])
 @pytest.mark.parametrize(("speed_in", "speed_out"), [(26.8224, 7.0), (60.0, 14.0)])
 def test_speeds_of_a_flown_ball(speed_in: float, speed_out: float, drag: float) -> None:
-    """solve_ivp at 1e-12; the mean of two edges is the centre's passage but for (κR)²/6 ≈ 3e-7."""
+    """The oracle is solve_ivp; the mean of two edges is off the passage by (κR)²/6 ≈ 3e-7."""
     record = record_of(speed_in, speed_out, drag)
     seen = flights(SURVEYED, "impact", passages(record), np.array([drag]))
     assert seen.speed_in == pytest.approx(speed_in, rel=1e-6)
@@ -57,9 +57,9 @@ def test_speeds_of_a_flown_ball(speed_in: float, speed_out: float, drag: float) 
 
 
 def test_a_flight_through_thick_air_is_that_of_both_ways() -> None:
-    """κ x of 1.2 at the far gate, where a series in κ x would no longer do: a feather.
+    """With κ x = 1.2 at the far gate a series in κ x would not suffice.
 
-    Passages of a point, so that no radius blurs them.
+    The passages are those of a point, without a radius.
     """
     places, drag = np.array([FAR, NEAR]), 2.0
     ways = ((20, True), (15, False))
@@ -71,7 +71,7 @@ def test_a_flight_through_thick_air_is_that_of_both_ways() -> None:
 
 
 def test_air_matters() -> None:
-    """The same record reduced without air is off by κ x: the test above tests something."""
+    """Without drag the same record is off by κ x, so the test above is sensitive to air."""
     record = record_of(26.8224, 7.0, DRAG)
     still = flights(SURVEYED, "impact", passages(record), np.zeros(1)).speed_in
     middle = (FAR + NEAR) / 2
@@ -79,7 +79,7 @@ def test_air_matters() -> None:
 
 
 def test_a_ball_that_is_not_seen_gives_nan() -> None:
-    """One edge missing is a passage missing; the other way is not touched."""
+    """A missing edge is a missing passage; the other direction is unaffected."""
     times = np.array(record_of(26.8224, 7.0, 0.0).times)
     times[0, 1, 0, 1] = np.nan
     record = GateRecord(times=times)
@@ -91,15 +91,15 @@ def test_a_ball_that_is_not_seen_gives_nan() -> None:
 
 
 def test_three_gates_show_how_well_they_know_a_speed() -> None:
-    """Noise σ of each time, n = 3 gates: u(v) = v² σ/√Σ(d - d̄)², u(t) = σ √(1/n + d̄²/Σ(d - d̄)²).
+    """Noise σ per time, n = 3: u(v) = v² σ/√Σ(d - d̄)², u(t) = σ √(1/n + d̄²/Σ(d - d̄)²).
 
-    A gate 0.3 mm off its place moves all balls alike and is no part of it. 4 000 balls: 5 %.
+    A gate 0.3 mm off shifts all balls alike, so it is no part of this scatter. 4000 balls: 5 %.
     """
     places, sigma, speed, balls = np.array([0.5, 0.35, 0.2]), 2e-6, 30.0, 4000
     rng = np.random.default_rng(5)
     off = np.array([0.0, 3e-4, 0.0])
     ways = np.stack([0.1 - (places + off) / speed, 0.2 + (places + off) / speed])
-    noise = sigma * np.sqrt(2) * rng.standard_normal((balls, 2, 3, 2))  # of an edge, two a gate
+    noise = sigma * np.sqrt(2) * rng.standard_normal((balls, 2, 3, 2))  # edge noise, two per gate
     known = {f"impact.gates.distance_{k}": Estimate(value=d) for k, d in enumerate(places)}
     raw_u = GateReadings.of(GateRecord(times=ways[None, ..., None] + noise), known, "impact").raw_u
     width = np.sum((places - places.mean()) ** 2)

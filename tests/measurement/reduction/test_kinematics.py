@@ -62,7 +62,7 @@ def test_the_recoil_tells_the_rebound(
 ) -> None:
     r = k.recoil_factor_pivoted(m, I_p, b)
     v_f = k.efficiency_from_restitution(e, r) * v_ball
-    omega = m * b * (v_ball + v_f) / I_p  # angular momentum about the pivot
+    omega = m * b * (v_ball + v_f) / I_p  # rate from the angular momentum about the pivot
     assert k.rebound_speed_from_recoil(I_p, omega, m, b, v_ball) == pytest.approx(v_f, abs=1e-10)
 
 

@@ -1,4 +1,4 @@
-"""Records of another kind than a channel's are refused by their names."""
+"""Records of the wrong type are refused by name."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,8 +1,8 @@
-"""The recoil fit on encoder records built here: a turn, its slowing, three rings, counts.
+"""The recoil fit of synthetic encoder records: rotation, its deceleration, three rings, counts.
 
-Nothing of the rigs is used. The bearing slows the bat by dω/dt = -λω - qω², whose angle is
-ln(1 + q ω0 (1 - e^(-λt)) / λ) / q; rings start at the end of contact with the amplitudes, phases
-and decays drawn below; the encoder takes the floor of real counts at a random rest phase.
+The records use no code of the rigs. The bearing slows the bat by dω/dt = -λω - qω², so the angle is
+ln(1 + q ω0 (1 - e^(-λt)) / λ) / q. Rings begin at the end of contact with random amplitudes, phases
+and decays. The encoder gives the floor of real counts at a random rest phase.
 """
 
 from dataclasses import dataclass
@@ -17,21 +17,21 @@ from virtual_lab.measurement.reduction.recoil import RECOIL, fit_recoil
 from virtual_lab.records import EncoderRecord
 
 RECORDS, SHOTS = 300, 6
-COUNTS = 10_000  # a turn
+COUNTS = 10_000  # counts per turn
 
 
 @dataclass(frozen=True)
 class Made:
-    """A record and what went into it."""
+    """A record and its true values."""
 
     record: EncoderRecord
     contact: np.ndarray
-    rate: np.ndarray  # counts/s at the end of contact
+    rate: np.ndarray  # rate at the end of contact [counts/s]
     frequencies: tuple[float, ...]
 
 
 def make(seed: int, *, counts: int = COUNTS, whole: bool = True, rings: int = 3) -> Made:
-    """Make one session's record from a seed."""
+    """Make the record of one session from a seed."""
     rng = np.random.default_rng([20030601, seed])
     time = np.arange(1500) / 1e4
     contact = 0.022 + rng.uniform(-2e-4, 2e-4, SHOTS)
@@ -42,7 +42,7 @@ def make(seed: int, *, counts: int = COUNTS, whole: bool = True, rings: int = 3)
     frequencies = (rng.uniform(140, 180), rng.uniform(480, 620), rng.uniform(1000, 1300))[:rings]
     for frequency in frequencies:
         turn = tau * frequency
-        # the rate of the ring is of the order of the turn's own, as at a real pivot
+        # amplitude such that the rate of the ring is of the order of the bat's, as at a real pivot
         swing = rng.uniform(0.5, 1.5, (SHOTS, 1)) * rng.uniform(0.3, 1.0) * rate / turn
         decay = rng.uniform(0.002, 0.006) * turn
         angle = angle + swing * np.exp(-decay * since) * np.sin(turn * since)
@@ -57,21 +57,21 @@ def make(seed: int, *, counts: int = COUNTS, whole: bool = True, rings: int = 3)
 
 @lru_cache(maxsize=1)
 def fitted() -> list[tuple[Made, RateFit]]:
-    """Return the fixed-seed records and their fits."""
+    """Return records of fixed seeds and their fits."""
     made = [make(seed) for seed in range(RECORDS)]
     return [(one, fit_recoil(one.record, one.contact)) for one in made]
 
 
 def test_bias_is_below_the_stated_uncertainty() -> None:
-    """The mean error over a record's shots, below their u at 95 % of 300 records or more."""
+    """In at least 95 % of 300 records, the mean error over the shots is below their mean u."""
     below = [abs(np.mean(fit.rate - one.rate)) < np.mean(fit.rate_u) for one, fit in fitted()]
     assert np.mean(below) >= 0.95
 
 
 def test_stated_uncertainty_is_the_scatter() -> None:
-    """1800 shots: z has standard deviation 1 (to 20 %) and 90 % or more inside 2.
+    """1800 shots: z has standard deviation 1 (to 20 %), and at least 90 % are within 2.
 
-    Its mean is 0 but for the error of a cubic for the slowing, 1e-5 of the rate or 0.1 u.
+    Its mean is 0, but for the error of the cubic deceleration, 1e-5 of the rate or 0.1 u.
     """
     z = np.concatenate([(fit.rate - one.rate) / fit.rate_u for one, fit in fitted()])
     assert abs(z.mean()) < 0.2
@@ -81,13 +81,13 @@ def test_stated_uncertainty_is_the_scatter() -> None:
 
 
 def test_rates_are_recovered() -> None:
-    """Every one of 1800 within 0.1 % (a count in 150 ms of 20 rad/s is 0.02 %)."""
+    """All 1800 rates are within 0.1 % (one count in 150 ms at 20 rad/s is 0.02 %)."""
     for one, fit in fitted():
         assert fit.rate == pytest.approx(one.rate, rel=1e-3)
 
 
 def test_rings_are_found() -> None:
-    """Every ring within 2 Hz, none made up, at 95 % of the records; the lowest within 0.5 Hz."""
+    """In at least 95 % of the records all three rings are within 2 Hz, the lowest within 0.5 Hz."""
     right = []
     for one, fit in fitted():
         found = np.sort(fit.ring_frequency)
@@ -98,16 +98,16 @@ def test_rings_are_found() -> None:
 
 
 def test_residual_is_what_counting_leaves() -> None:
-    """The floor of a real number is uniform: rms 1/√12 = 0.289 counts, here within 15 %."""
+    """The floor of a real number has a uniform error: rms 1/√12 = 0.289 counts, here to 15 %."""
     residual = np.concatenate([fit.residual for _, fit in fitted()])
     assert residual.mean() == pytest.approx(12**-0.5, rel=0.15)
 
 
 def test_a_bat_at_rest_before_contact() -> None:
-    """Flat counts have a rate of 0; a bat that turned shows it to the resolution of 18 ms."""
+    """Constant counts have a rate of 0; a rotation is seen with the resolution of 18 ms."""
     one = make(1)
     assert fit_recoil(one.record, one.contact).before == pytest.approx(0, abs=1e-9)
-    drift = 500 * one.record.times  # counts, 500 counts/s
+    drift = 500 * one.record.times  # drift of 500 counts/s [counts]
     turning = EncoderRecord(counts=one.record.counts + np.floor(drift), times=one.record.times)
     before = fit_recoil(turning, one.contact).before
     assert before == pytest.approx(500, abs=20)
@@ -116,7 +116,7 @@ def test_a_bat_at_rest_before_contact() -> None:
 @pytest.mark.parametrize("signed", [False, True])
 @pytest.mark.parametrize("period", [2**10, 2**12, 2**16, 2**32, COUNTS])
 def test_a_counter_that_starts_again_is_read_on(period: int, signed: bool) -> None:
-    """By the definition of such a counter: its range begins at 0, or half of it lies below 0."""
+    """By definition the range of such a counter begins at 0, or half of it is below 0."""
     one = make(3)
     counts = one.record.counts
     top = period // 2 if signed else period
@@ -132,7 +132,7 @@ def test_a_counter_that_starts_again_is_read_on(period: int, signed: bool) -> No
 
 
 def test_a_counter_that_jumps_by_what_no_counter_starts_again_at_stays_as_it_is() -> None:
-    """By 300 counts, more than half the range of 9 bits, which all counts fit into."""
+    """The jump is 300 counts, more than half of the 9-bit range that holds all counts."""
     one = make(3, counts=300)
     jumped = one.record.counts + 300.0 * (one.record.times > 0.07)
     assert 300 < np.ptp(jumped) < 512
@@ -142,7 +142,7 @@ def test_a_counter_that_jumps_by_what_no_counter_starts_again_at_stays_as_it_is(
 
 
 def test_without_rings() -> None:
-    """A stiff bat: nothing rings, nothing is found, the rate is still right."""
+    """A stiff bat does not ring: no ring is found, and the rate is right."""
     one = make(2, rings=0)
     fit = fit_recoil(one.record, one.contact)
     assert len(fit.ring_frequency) == 0
@@ -151,7 +151,7 @@ def test_without_rings() -> None:
 
 @pytest.mark.parametrize("counts", [2_000, 40_000, 1_000_000])
 def test_other_encoders(counts: int) -> None:
-    """Coarser and finer ones; where counts vanish a cubic's own error of some 1e-5 is left."""
+    """Where the counts are very fine, the error of the cubic remains, about 1e-5."""
     for seed in range(20):
         one = make(seed, counts=counts)
         fit = fit_recoil(one.record, one.contact)
@@ -159,7 +159,7 @@ def test_other_encoders(counts: int) -> None:
 
 
 def test_real_valued_counts() -> None:
-    """An encoder without steps that sees the ring: some number within 1e-4, never a crash."""
+    """An encoder without steps resolves the ring; the rate is within 1e-4."""
     for seed in range(40):
         one = make(seed, whole=False)
         fit = fit_recoil(one.record, one.contact)
@@ -167,7 +167,7 @@ def test_real_valued_counts() -> None:
 
 
 def test_a_shot_the_gates_did_not_see() -> None:
-    """Its contact is unknown, so is its rate; the other shots do not suffer."""
+    """The rate of the shot is unknown; the other shots are unaffected."""
     one = make(3)
     contact = one.contact.copy()
     contact[2] = np.nan
@@ -178,7 +178,7 @@ def test_a_shot_the_gates_did_not_see() -> None:
 
 
 def test_a_record_that_ends_too_soon() -> None:
-    """The documented `ValueError`."""
+    """The fit raises the documented `ValueError`."""
     one = make(4)
     short = EncoderRecord(counts=one.record.counts[:, :300], times=one.record.times[:300])
     with pytest.raises(ValueError, match="too soon"):
@@ -186,7 +186,7 @@ def test_a_record_that_ends_too_soon() -> None:
 
 
 def test_a_bat_without_ring_shows_none() -> None:
-    """Whole counts of an even turn leave lines of their own, at the rate of the counts."""
+    """Whole counts of an even rotation have lines at the count rate, which are no rings."""
     for seed in range(20):
         one = make(seed, rings=0)
         fit = fit_recoil(one.record, one.contact)
@@ -195,23 +195,23 @@ def test_a_bat_without_ring_shows_none() -> None:
 
 
 def stopped(one: Made, at: float) -> EncoderRecord:
-    """Return the record of a bat that meets its stop at an angle [counts] and comes back slower."""
+    """Return the record of a bat that meets its stop at an angle [counts] and returns slower."""
     turned = one.record.counts - one.record.counts[:, :1]
     beyond = np.maximum(turned - at, 0)
     return EncoderRecord(counts=one.record.counts - np.round(1.3 * beyond), times=one.record.times)
 
 
 def farthest(one: Made) -> np.ndarray:
-    """Return how far each bat turns while it is recorded, (shot,) [counts]."""
+    """Return the angle of each bat at the end of the record, (shot,) [counts]."""
     return np.asarray(one.record.counts[:, -1] - one.record.counts[:, 0])
 
 
 @pytest.mark.parametrize("part", [0.6, 0.8, 0.97])
 def test_a_bat_that_meets_its_stop_is_fitted_until_then(part: float) -> None:
-    """The stop stands at a part of the way of the fastest bat: the others reach it later.
+    """The stop is at a share of the fastest bat's angle; the others reach it later.
 
-    The time until then is that part of the record after contact (22 ms), and 3 ms to settle are
-    not used; slowing makes it longer by less than 6 %.
+    The time until then is that share of the record after contact (22 ms), less 3 ms of settling.
+    The deceleration makes it longer by less than 6 %.
     """
     for seed in range(5):
         one = make(seed)
@@ -224,14 +224,14 @@ def test_a_bat_that_meets_its_stop_is_fitted_until_then(part: float) -> None:
 
 
 def test_the_whole_tail_is_fitted_where_no_bat_turns_back() -> None:
-    """1500 ticks of 0.1 ms; contact up to 22.2 ms, 3 ms to settle: a ring may hide the end."""
+    """1500 ticks of 0.1 ms, contact before 22.2 ms, 3 ms of settling; a ring may hide the end."""
     spans = np.array([fit.span[0] for _, fit in fitted()])
     assert spans.max() < 0.125
     assert spans.min() > 0.1245
 
 
 def test_one_odd_shot_does_not_shorten_the_others() -> None:
-    """A bat that was not hit, one that jumps back to where it was, one that counts down."""
+    """A bat that was missed, one that jumps back to its start, and one that counts down."""
     one = make(5)
     whole = fit_recoil(one.record, one.contact)
     counts = one.record.counts.copy()
@@ -247,14 +247,14 @@ def test_one_odd_shot_does_not_shorten_the_others() -> None:
 
 
 def test_a_stop_right_after_contact_leaves_no_shot() -> None:
-    """Too little is left to fit, and the whole record leaves too much."""
+    """The time before the stop is too short, and the whole record has a large misfit."""
     one = make(6)
     fit = fit_recoil(stopped(one, 0.2 * farthest(one).min()), one.contact)
     assert fit.misfit.min() > 1.5
 
 
 def test_counts_in_steps_of_four_are_no_misfit() -> None:
-    """A recorder that keeps whole lines of 4 counts: its counting leaves 4/√12, and no more."""
+    """A recorder that stores every fourth count has a counting residual of 4/√12."""
     for seed in range(10):
         one = make(seed)
         coarse = EncoderRecord(counts=4 * np.floor(one.record.counts / 4), times=one.record.times)
@@ -264,7 +264,7 @@ def test_counts_in_steps_of_four_are_no_misfit() -> None:
 
 
 def test_half_a_record_says_the_same() -> None:
-    """1800 shots: the difference over its u scatters by 1 (to 20 %), 90 % or more inside 2.
+    """1800 shots: the difference over its u scatters by 1 (to 20 %), at least 90 % within 2.
 
     By Gauss and Markov a least-squares fit of the whole is uncorrelated with its difference from
     any other unbiased fit, so u² = u_half² - u_whole².
@@ -276,7 +276,7 @@ def test_half_a_record_says_the_same() -> None:
 
 
 def test_u_of_the_halves_is_what_the_whole_has_less() -> None:
-    """Without rings, by the normal equations of a cubic: u² = u_half² - u_whole², over σ²."""
+    """Without rings, from the normal equations of a cubic: u² = u_half² - u_whole², over σ²."""
     one = make(2, rings=0)
     fit = fit_recoil(one.record, one.contact)
     assert len(fit.ring_frequency) == 0
@@ -292,7 +292,7 @@ def test_u_of_the_halves_is_what_the_whole_has_less() -> None:
 
 
 def test_a_slow_slip_shows_in_the_halves() -> None:
-    """Twenty counts lost over 50 ms late in one shot bend the whole, and not the first half."""
+    """Twenty counts lost over 50 ms late in a shot change the whole fit, but not the first half."""
     one = make(7)
     lost = 20 * np.clip((one.record.times - 0.09) / 0.05, 0, 1) * (np.arange(SHOTS) == 2)[:, None]
     slipped = EncoderRecord(counts=np.floor(one.record.counts - lost), times=one.record.times)

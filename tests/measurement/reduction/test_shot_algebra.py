@@ -1,4 +1,4 @@
-"""From readings to results: a bat swung numerically, and a collision worked by hand."""
+"""From readings to results: a numerically integrated pendulum and a collision by hand."""
 
 from math import isclose, pi, sin
 
@@ -27,7 +27,7 @@ from virtual_lab.records.origin import Supplied
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
 
-# A bat of round numbers on a stand of round numbers
+# Bat and stand of round numbers
 MASS, LENGTH, Z_CM, INERTIA_CM = 0.88, 0.86, 0.29, 0.0465
 PIVOT_FROM_KNOB, CLAMP_INERTIA, CLAMP_MOMENT, GRAVITY = 0.15, 2e-4, 1e-3, 9.81
 LEVER = LENGTH - PIVOT_FROM_KNOB - Z_CM
@@ -36,7 +36,7 @@ SWINGS, RELEASES = 10, 3
 
 
 def swing(release: float, damping: float) -> tuple[np.ndarray, float, float]:
-    """Integrate I θ'' = -moment g sin θ - damping; return same-way passages and amplitudes."""
+    """Integrate I θ'' = -moment g sin θ - damping; return one-way passages and amplitudes."""
     inertia = INERTIA_CM + MASS * LEVER**2 + CLAMP_INERTIA
     square = (MASS * LEVER + CLAMP_MOMENT) * GRAVITY / inertia
 
@@ -53,14 +53,14 @@ def swing(release: float, damping: float) -> tuple[np.ndarray, float, float]:
         atol=1e-13,
     )
     times, speeds = way.t_events[0][: SWINGS + 1], way.y_events[0][: SWINGS + 1, 1]
-    # energy of the passage: ω² = 4 Ω² sin²(θ/2)
+    # amplitudes from the energy at the passage: ω² = 4 Ω² sin²(θ/2)
     first, last = 2 * np.arcsin(speeds[[0, -1]] / 2 / square**0.5)
     return times, float(first), float(last)
 
 
 @pytest.fixture(scope="module")
 def bench() -> Session:
-    """Return a session whose bench read that bat through instruments with known errors."""
+    """Return a session whose bench measured that bat by instruments with known errors."""
     runs = [swing(0.2 + 0.01 * i, 2e-3) for i in range(RELEASES)]
     exact = {"scale.zero": ZERO, "scale.span": SPAN, "rule.offset": RULE, "stand.offset": STAND}
     exact |= {"scale.resolution": 0.0, "rule.resolution": 0.0, "stand.resolution": 0.0}
@@ -98,10 +98,10 @@ def _best(session: Session) -> dict[str, np.ndarray]:
 
 
 def test_inertia_from_an_integrated_pendulum(bench: Session) -> None:
-    """solve_ivp of the full equation at 0.2 rad.
+    """The oracle is solve_ivp of the full equation at 0.2 rad.
 
-    The reduction takes each swing at the amplitude of its middle, an error of second order in
-    the decay; the inertia about the centre of mass magnifies what is left 9 times, to 1e-6.
+    The reduction uses the amplitude at the middle of each swing, an error of second order in the
+    decay. The inertia about the centre of mass magnifies it 9 times, to 1e-6.
     """
     bat = bat_properties(_best(bench))
     assert isclose(bat.mass, MASS, rel_tol=1e-12)
@@ -115,7 +115,7 @@ def test_inertia_from_an_integrated_pendulum(bench: Session) -> None:
     "constant", ["pendulum.clock", "pendulum.amplitude_offset", "pendulum.pivot_from_knob"]
 )
 def test_every_correction_is_made(bench: Session, constant: str) -> None:
-    """Left out, each shifts the inertia by more than the bound above: it is really used."""
+    """Omitting a correction shifts the inertia by more than the tolerance above."""
     best = _best(bench)
     neutral = {"clock": 1.0, "amplitude_offset": 0.0, "pivot_from_knob": 0.1501}
     wrong = best | {f"bench.{constant}": np.array(neutral[constant.split(".")[1]])}
@@ -123,7 +123,7 @@ def test_every_correction_is_made(bench: Session, constant: str) -> None:
 
 
 def test_across_constant() -> None:
-    """Mean square of 3 and 4 mm is 12.5 mm²; √(2/n) of it is its u (variance of chi-square)."""
+    """The mean square of 3 and 4 mm is 12.5 mm², and its u is √(2/n) of it (chi-square)."""
     log = ShotLog(ball=np.zeros(1), nominal_speed=np.ones(1), place=np.ones(1))
     marks = AimMarks(along=np.zeros(2), across=np.array([3e-3, -4e-3]))
     block = SessionBlock(
@@ -230,12 +230,12 @@ def test_a_collision_by_hand() -> None:
     assert got.restitution[0] == pytest.approx(e_A * (1 + r) + r, rel=1e-11)
     assert got.bat_performance_factor[0] == pytest.approx((e_A * (1 + r) + r) / E0, rel=1e-11)
     assert got.rebound_efficiency[0] == pytest.approx(6.0 / V, rel=1e-12)
-    # restitution is also the ratio of relative speeds, by its definition
+    # restitution as the ratio of relative speeds, by its definition
     assert got.restitution[0] == pytest.approx((rebound + B * OMEGA) / V, rel=1e-11)
 
 
 def test_offset_across_the_bat() -> None:
-    """Head-on e_A from what a hit beside the axis shows: e cos² - sin² = seen, θ = asin(y/R)."""
+    """The head-on e satisfies e cos² - sin² = measured e_A, with θ = asin(y/R)."""
     y = 5e-3
     sine2 = (y / (R_BARREL + R_BALL)) ** 2
     seen = (I_P * OMEGA / (M * B) - V) / V
@@ -245,7 +245,7 @@ def test_offset_across_the_bat() -> None:
 
 
 def test_e_a_is_carried_to_the_place_asked_for() -> None:
-    """Struck 2 mm beside it, at the lever that has, where e_A grows by 0.5 a metre: less 0.001."""
+    """The hit is 2 mm off, with its own lever, and e_A has a slope of 0.5 per metre: 0.001 less."""
     along = {"impact.cannon.along": 2e-3}
     beside = worked(constants(**along))
     got = worked(constants(**along, **{"procedure.place_slope": 0.5}))
@@ -257,12 +257,12 @@ def test_e_a_is_carried_to_the_place_asked_for() -> None:
     error = worked(constants(**{"procedure.place_slope_error": 3e-4}))
     straight = worked(constants())
     assert straight.collision_efficiency[0] - error.collision_efficiency[0] == pytest.approx(3e-4)
-    # the check by the ball's rebound compares what was struck
+    # e_A for the check against the rebound: that of the struck position
     assert got.recoil_efficiency[0] == beside.recoil_efficiency[0]
 
 
 def test_e_is_that_of_the_place_struck_and_r_on_paper_that_of_the_place_asked_for() -> None:
-    """Eq. (6) and r = m b²/I, b 2 mm shorter where the ball struck; e_A as it was."""
+    """Eq. (6) and r = m b²/I with b 2 mm shorter at the struck position; e_A is unchanged."""
     got, recoil = worked(constants(**{"impact.cannon.along": 2e-3})), M * (B - 2e-3) ** 2 / I_P
     e_A = got.collision_efficiency[0]
     assert got.recoil_factor[0] == pytest.approx(recoil, rel=1e-11)
@@ -274,7 +274,7 @@ def test_e_is_that_of_the_place_struck_and_r_on_paper_that_of_the_place_asked_fo
 
 
 def test_a_fast_clock_cancels_in_nothing_but_ratios() -> None:
-    """A clock 1 % fast shows longer times: v and ω are both 1 % higher than shown, e_A stays."""
+    """A clock 1 % fast shows longer times: v and ω are 1 % higher than shown; e_A is unchanged."""
     plain, fast = worked(constants()), worked(constants(**{"impact.gates.clock": 1.01}))
     assert fast.speed[0] == pytest.approx(1.01 * V, rel=1e-12)
     assert fast.recoil_rate[0] == pytest.approx(1.01 * OMEGA, rel=1e-12)
@@ -282,7 +282,7 @@ def test_a_fast_clock_cancels_in_nothing_but_ratios() -> None:
 
 
 def test_e0_is_carried_to_the_shots_speed() -> None:
-    """e0 falls by 0.001 a mph, so at v it is E0 - slope (26.8224 - v)."""
+    """As e0 falls by 0.001 per mph, at v it is E0 - slope (26.8224 - v)."""
     slope = -0.001 / 0.44704
     got = worked(constants(**{"ball.restitution_slope": slope}))
     assert got.ball_restitution[0] == pytest.approx(E0 + slope * (V - 26.8224), rel=1e-12)
@@ -291,7 +291,7 @@ def test_e0_is_carried_to_the_shots_speed() -> None:
 
 
 def test_columns_of_constants_are_rows_of_results() -> None:
-    """(k, 1) in, (k, n) out, each row what that row's constants give alone."""
+    """Constants (k, 1) give results (k, n); each row is the result of its own constants alone."""
     x = constants()
     columns = {key: np.full((3, 1), value) for key, value in x.items()}
     columns["impact.encoder.scale"] = np.array([[1.0], [1.001], [0.999]])

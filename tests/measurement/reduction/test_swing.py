@@ -1,4 +1,4 @@
-"""Rates and angles of a swung bat, against turns written down in closed form."""
+"""Rates and angles of a swung bat, against rotations in closed form."""
 
 from math import pi, tau
 
@@ -8,9 +8,9 @@ import pytest
 from virtual_lab.measurement.reduction.swing import fit_swing
 from virtual_lab.records import EncoderRecord
 
-COUNTS = 10_000 / tau  # a radian
+COUNTS = 10_000 / tau  # counts per radian
 TIMES = np.arange(800) / 20e3
-EVEN, CONTACT = 41.0, 0.0298  # rad/s, s
+EVEN, CONTACT = 41.0, 0.0298  # rate [rad/s], contact [s]
 
 
 def turn(
@@ -39,7 +39,7 @@ def fitted(angles: np.ndarray, contact: np.ndarray, reach: float = 0.0, *, whole
 
 
 def test_an_even_turn_is_exact() -> None:
-    """To the last digits, at any time of contact; and droop is a parabola."""
+    """Exact for any time of contact, and for a parabolic angle."""
     for contact, droop in ((0.0298, 0.0), (0.0212, -0.2), (0.035, 5.0)):
         angles, rate = turn(contact=contact, angle=0.011, droop=droop)
         found = fitted(angles, np.array([contact]))
@@ -50,10 +50,10 @@ def test_an_even_turn_is_exact() -> None:
 
 @pytest.mark.parametrize("phase", np.arange(8) * pi / 4)
 def test_ripple_leaves_a_bias_below_its_fourth_derivative(phase: float) -> None:
-    """A cubic in the angle misses (2πf T)³/4! of the ripple in the rate at most (Taylor).
+    """A cubic angle misses at most (2πf T)³/4! of the ripple in the rate (Taylor).
 
-    The shipped drive: 0.1 % at 12 Hz over 30 ms, so 4.7e-4 of the rate at any phase; at half
-    the frequency an eighth of it.
+    The shipped drive has 0.1 % at 12 Hz over 30 ms, so 4.7e-4 of the rate at any phase. At half the
+    frequency it is an eighth of that.
     """
     for frequency in (12.0, 6.0):
         angles, rate = turn(ripple=1e-3, frequency=frequency, droop=-0.2, phase=phase)
@@ -64,7 +64,7 @@ def test_ripple_leaves_a_bias_below_its_fourth_derivative(phase: float) -> None:
 
 
 def test_the_bias_of_the_ripple_is_there() -> None:
-    """Else the bound above says nothing: at some phase it is more than a tenth of it."""
+    """Without this lower bound, the upper bound above would be no test."""
     biases = []
     for phase in np.arange(8) * pi / 4:
         angles, rate = turn(ripple=1e-3, phase=phase)
@@ -74,9 +74,9 @@ def test_the_bias_of_the_ripple_is_there() -> None:
 
 @pytest.mark.parametrize("angle", [-0.05, -0.02, 0.0, 0.01, 0.05])
 def test_a_bat_out_of_step_is_met_early_or_late(angle: float) -> None:
-    """The ball at 31.3 m/s meets it at lever θ before its nominal place, by so much sooner.
+    """The ball meets the bat at lever θ before its nominal position, and so much earlier.
 
-    Gates tell when the ball would be at the nominal place; the bat stood still by then.
+    Gates give the time at the nominal position; at that time the bat has already stopped.
     """
     speed, lever = 31.3, 0.56
     angles, rate = turn(contact=CONTACT - lever * angle / speed, angle=angle, droop=-0.2)
@@ -86,9 +86,9 @@ def test_a_bat_out_of_step_is_met_early_or_late(angle: float) -> None:
 
 
 def test_whole_counts_scatter_as_is_said() -> None:
-    """300 rates: what is said is 1/√12 of a count through Legendre's polynomials.
+    """The u of 300 rates is that of 1/√12 counts through Legendre polynomials.
 
-    √(Σ (2k + 1) P_k'(x)² / n) 2/T at x = 1 + 2 ms/T, and the rates found scatter about so.
+    It is √(Σ (2k + 1) P_k'(x)² / n) 2/T at x = 1 + 2 ms/T, and the rates scatter by it.
     """
     n = 300
     rates = np.linspace(36, 50, n)
@@ -100,12 +100,12 @@ def test_whole_counts_scatter_as_is_said() -> None:
     said = np.sqrt(1 / 12) * slope
     assert np.median(found.rate_u) == pytest.approx(said, rel=0.03)
     off = found.rate - rates * COUNTS
-    # roundings of an even turn are no white noise at any one rate, but are over many rates
+    # tolerance of 25 %: rounding is no white noise at one rate, only over many rates
     assert np.sqrt((off**2).mean()) == pytest.approx(said, rel=0.25)
 
 
 def test_a_ball_that_was_not_seen_has_no_rate() -> None:
-    """Nor one seen before there was anything to fit; the others are as if alone."""
+    """The same is true of a contact before the first samples; other shots are as if alone."""
     angles, rate = turn(angle=0.01)
     found = fitted(np.stack([angles] * 4), np.array([CONTACT, np.nan, 5e-4, CONTACT]))
     assert np.isnan(found.rate[1:3]).all()
@@ -122,7 +122,7 @@ def test_nothing_to_fit_at_all_is_said(contact: float, said: str) -> None:
 
 
 def test_u_of_half_against_whole_is_that_of_the_difference_of_their_weights() -> None:
-    """A record of a single count is a shot's weight of that sample, in both rates."""
+    """A record with a single count gives the weight of that sample in both rates."""
     before = int(np.searchsorted(TIMES, CONTACT - 1e-3))
     record = EncoderRecord(counts=np.eye(TIMES.size)[:before], times=TIMES)
     found = fit_swing(record, np.full(before, CONTACT), np.zeros(before))
@@ -131,10 +131,10 @@ def test_u_of_half_against_whole_is_that_of_the_difference_of_their_weights() ->
 
 
 def test_u_of_a_swing_is_its_scatter_and_so_is_that_of_its_halves() -> None:
-    """4 000 shots with white noise of a count: z of both has variance 1, to four of its √(2/4000).
+    """4000 shots with white noise: z of both has variance 1, within four times √(2/4000).
 
-    Divided by n, not by n less the cubic's 4, the variance of z would be 4/600 larger; so the
-    residual's own divisor is asked for to 1e-3: rms² n / (n - 4) is u² over the leverage.
+    With a divisor of n instead of n - 4 for a cubic, the variance of z would be larger by 4/600. So
+    rms² n / (n - 4) times the leverage is compared with u² directly.
     """
     rng = np.random.default_rng(20261125)
     angles, rate = turn()
@@ -157,7 +157,7 @@ def test_u_of_a_swing_is_its_scatter_and_so_is_that_of_its_halves() -> None:
 
 
 def test_a_jump_in_the_turn_shows() -> None:
-    """20 counts gained at once half way: the residual is far above counting's 1/√12."""
+    """20 counts gained at once raise the residual far above 1/√12."""
     angles, _ = turn()
     jumped = angles + 20 / COUNTS * (TIMES > CONTACT / 2)
     contact = np.array([CONTACT])
