@@ -74,7 +74,7 @@ class CameraComparison:
 def compare_camera(
     block: SessionBlock, reduced: Reduction, readings: ImpactReadings, outcome: HitWeights
 ) -> CameraComparison | None:
-    """Camera results of one laboratory, None without a camera.
+    """Return the camera results of one laboratory, None without a camera.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def compare_camera(
 def _by_both(
     model: MeasurementModel, seen: Sightings, x: Mapping[str, Array], by_gates: FlightModel
 ) -> tuple[SetResults, SetResults, CameraResults]:
-    """Results of the shots by gates and by video, and the camera's own, (..., shot)."""
+    """Return the results of the shots by gates, by video, and by the camera alone, (..., shot)."""
     bat = bat_properties(x)
     gates = model.shots(x, bat, by_gates)
     drag = drag_of(x, of_ball(ball_masses(x, model.balls), model.readings.ball))
@@ -133,7 +133,7 @@ def _by_both(
 
 
 def _per_shot(video: SetResults, camera: CameraResults) -> dict[str, Array]:
-    """Camera results of each shot by the names in `CameraComparison.u`."""
+    """Return the camera results of each shot by the names in `CameraComparison.u`."""
     return {
         "speed_in": camera.flights.speed_in,
         "speed_out": camera.flights.speed_out,
@@ -146,7 +146,7 @@ def _per_shot(video: SetResults, camera: CameraResults) -> dict[str, Array]:
 def _compared(
     variants: Variants, gates: Array, video: Array, weights: Array, places: Array
 ) -> ComparedQuantity:
-    """Quantity of hits (variant, hit) from gates and from video, combined, and their difference.
+    """Return a quantity of hits (variant, hit) from gates, from video, and combined.
 
     Combined they have the least uncertainty. Only errors that differ between the two methods
     matter: the constants, and half of the scatter of the differences for each method. The scatter

@@ -32,7 +32,7 @@ class CameraResults:
 
 
 def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flights) -> CameraResults:
-    """Flights of the balls of a stage from its camera.
+    """Return the flights of the balls of a stage from its camera.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def _u(seen: Sightings, parts: Array) -> Array:
 
 
 def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[Array, Array]:
-    """Centre of the ball in the rig's axes from its picture: X, Y (..., shot, frame) [m]."""
+    """Return X and Y of the ball's centre in the rig's axes, (..., shot, frame) [m]."""
 
     def of(names: str) -> list[Array]:
         return [np.asarray(x[f"{stage}.camera.{name}"])[..., None] for name in names.split()]
@@ -150,7 +150,7 @@ def _from_first(seen: Sightings) -> Array:
 
 
 def _line_weights(seen: Sightings, way: Mask) -> tuple[Array, Array, Array]:
-    """Weights of the frames in the slope and in the middle of a line, and the mean time.
+    """Return the weights of frames in slope and middle of a line, and their mean time.
 
     The shapes are (shot, frame), (shot, frame) and (shot,). NaN: no frame.
     """
@@ -165,7 +165,7 @@ def _line_weights(seen: Sightings, way: Mask) -> tuple[Array, Array, Array]:
 def _line(
     seen: Sightings, way: Mask, values: Array, at: Array | None = None
 ) -> tuple[Array, Array]:
-    """Slope of a weighted line, and the time of its zero or its value `at` a time."""
+    """Return the slope of a weighted line, and the time of its zero or its value `at` a time."""
     slopes, middles, moment = _line_weights(seen, way)
     used = np.where(middles > 0, values, 0.0)
     slope, middle = np.sum(slopes * used, axis=-1), np.sum(middles * used, axis=-1)

@@ -51,7 +51,7 @@ class Sightings:
 
 
 def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightings:
-    """Positions at which a camera saw the ball of each shot.
+    """Return the positions of the ball in the camera's frames, for each shot.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightin
 
 
 def _noise(of: Mapping[str, float]) -> Noise:
-    """Noise of a camera from its photon transfer measurement."""
+    """Return the noise of a camera from its photon transfer measurement."""
     gain = of["gain"]
     dark = of["read_noise"] ** 2 + of["dark_signal"] ** 2
     return Noise(
@@ -123,7 +123,7 @@ def _noise(of: Mapping[str, float]) -> Noise:
 
 
 def _start(seen: Regions, radius: float) -> Array:
-    """Approximate place of the ball in each window, frame pixels (window, 2)."""
+    """Return the approximate position of the ball in each window, frame pixels (window, 2)."""
     import cv2
 
     rows, columns = seen.pixels.shape[1:]
@@ -137,7 +137,7 @@ def _start(seen: Regions, radius: float) -> Array:
 
 
 def _blurs(times: Array, places: Array, out: Mask, exposure: float) -> Array:
-    """Motion of the ball in each exposure, of its way's median speed, as `places` [px]."""
+    """Return the ball's motion in each exposure at the median speed, shape of `places` [px]."""
     blurs = np.zeros(places.shape)
     for way in (~out, out):
         if way.sum() > 1:
@@ -147,7 +147,7 @@ def _blurs(times: Array, places: Array, out: Mask, exposure: float) -> Array:
 
 
 def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
-    """Frames in which the ball cannot touch the bat, and those after the contact."""
+    """Return masks of the frames without contact with the bat, and of those after it."""
     seen = np.isfinite(times + x)
     forth = np.where(seen, x, -np.inf)
     out = np.arange(times.shape[1]) > forth.argmax(axis=1)[:, None]
@@ -155,14 +155,14 @@ def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
 
 
 def _spread(free: Mask) -> NDArray[np.intp]:
-    """At most `SEARCH.most` of a shot's frames in free flight, evenly spread."""
+    """Return at most `SEARCH.most` frames of a shot in free flight, evenly spread."""
     some = np.flatnonzero(free)
     count = min(some.size, SEARCH.most)
     return np.asarray(some[np.linspace(0, some.size - 1, count).round().astype(int)], np.intp)
 
 
 def _ways(times: Array, places: Array, size: float) -> Sightings:
-    """Frames of both ways, without those in which the ball may touch the bat.
+    """Return the frames inbound and outbound, without those of a possible contact.
 
     `places` are x, y, u and pattern_u, (4, shot, frame).
     """

@@ -144,7 +144,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
 
 
 def lengths_of(model: CameraModel) -> Array:
-    """Lengths in the plane that half the picture's width and height show, (2,) [m]."""
+    """Return the lengths in the plane along half of width and height, (2,) [m]."""
     wide, high = model.image_size
     middle = np.array([(wide - 1) / 2, (high - 1) / 2])
     reach = np.array([[wide / 4, 0.0], [0.0, high / 4]])
@@ -155,7 +155,7 @@ def lengths_of(model: CameraModel) -> Array:
 def _looked_at(
     pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan
 ) -> tuple[dict[str, BoardView | None], tuple[int, int], str | None, float]:
-    """Corners of the board in each picture; width and height; name and blur of the plane view."""
+    """Return the board's corners per picture, the picture size, name and blur of the plane view."""
     looked: dict[str, BoardView | None] = {}
     plane, blur = None, np.nan
     size: tuple[int, int] | None = None
@@ -185,7 +185,7 @@ def _require_sound(solved: Solved) -> None:
 
 
 def _model(values: Array, size: tuple[int, int], plan: Plan) -> CameraModel:
-    """Camera by values as in `Solved`."""
+    """Return the camera with values as in `Solved`."""
     others: list[Any]
     fx, fy, cx, cy, *others = values.tolist()
     return CameraModel(
@@ -200,7 +200,7 @@ def _model(values: Array, size: tuple[int, int], plan: Plan) -> CameraModel:
 
 
 def _length_u(solved: Solved, size: tuple[int, int], plan: Plan) -> Array:
-    """Relative u of `lengths_of`, from the covariance of lens and pose."""
+    """Return the relative u of `lengths_of`, from the covariance of lens and pose."""
 
     def logs(values: Array) -> Array:
         return np.log(lengths_of(_model(values, size, plan)))
@@ -235,7 +235,7 @@ def _warnings(
 
 
 def _solve(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int) -> Solved:
-    """Lens and poses from a board's corners (corner, 3) [m] as they were seen in each view.
+    """Fit the lens and the poses to the corners (corner, 3) [m] of a board in each view.
 
     `size` is the pictures' width and height, `plane` the number of the plane view. Raises
     `InputError` where OpenCV finds no camera for them.
@@ -317,7 +317,7 @@ def _fit(
 
 
 def _axes(rotation: Array) -> Array:
-    """Axes as in the module's docstring: quarter turns of a board's, by the board's rotation."""
+    """Return the axes of the module's docstring: a board's axes in quarter turns."""
     facing = np.diag([1.0, np.sign(rotation[2, 2]), np.sign(rotation[2, 2])])
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turns = [facing @ np.linalg.matrix_power(quarter, n) for n in range(4)]

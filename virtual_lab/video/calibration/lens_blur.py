@@ -43,7 +43,7 @@ def lens_blur_of(picture: NDArray[Any], seen: BoardView, board: Board) -> float:
 def _beside_edges(
     picture: NDArray[Any], seen: BoardView, board: Board
 ) -> tuple[NDArray[np.intp], Array, Array, float]:
-    """Pixels near middle halves of edges: edge, distance from it, grey value; width of paper."""
+    """Return edge, distance and grey value of pixels near edges, and the width of the paper."""
     places = np.full((*board.shape[::-1], 2), np.nan)
     places.reshape(-1, 2)[seen.ids] = seen.places
     rows, columns = (places[:, :-1], places[:, 1:]), (places[:-1], places[1:])

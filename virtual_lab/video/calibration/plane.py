@@ -41,7 +41,7 @@ class Plane(PixelScale):
 
 
 def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
-    """Places of a ball in metres.
+    """Return the positions of a ball in the plane [m].
 
     The scale comes from the calibrated camera if there is one, else from metres_per_pixel if it is
     given, else from the ball's diameter.
@@ -94,7 +94,7 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
 
 
 def distance_of(camera: CameraModel) -> float:
-    """Distance of the camera from the ball's plane [m]."""
+    """Return the distance of the camera from the ball's plane [m]."""
     return abs(float(_pose(camera)[1][2]) - camera.plane_height_m)
 
 
@@ -104,18 +104,18 @@ def slopes_of(camera: CameraModel, places: Array) -> Array:
 
 
 def _pose(camera: CameraModel) -> tuple[Array, Array]:
-    """Rotation from the plane's axes to the camera's, and position of the camera [m]."""
+    """Return the rotation from the plane's axes to the camera's, and the camera's position [m]."""
     rotation = np.asarray(cv2.Rodrigues(np.array(camera.rotation))[0], np.float64)
     return rotation, -rotation.T @ np.array(camera.translation_m)
 
 
 def relative_u_of(camera: CameraModel) -> float:
-    """Relative u of lengths in the ball's plane: its height's share of the distance."""
+    """Return the relative u of lengths in the ball's plane, from the u of its height."""
     return float(np.hypot(camera.relative_scale_u, camera.plane_height_u_m / distance_of(camera)))
 
 
 def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Array:
-    """Places at which the rays of pixels meet the ball's plane, (n, 2) [m].
+    """Return the points where the rays of pixels meet the ball's plane, (n, 2) [m].
 
     The picture of a sphere is an ellipse. Its centre is farther from the optical axis than the
     picture of the sphere's centre, by the factor 1 / (1 - r²/Z²). This is corrected if the diameter

@@ -107,7 +107,7 @@ class ClipCalibration(Spec):
 def read_calibration(
     path: Path | None, keys: Mapping[str, Any] | None = None, needs_length: bool = True
 ) -> ClipCalibration:
-    """Calibration in a TOML file, None: of an unknown camera; `keys` replace the file's.
+    """Return the calibration in a TOML file, changed by `keys`; None: an unknown camera.
 
     A relative name of `timestamps` counts from its folder. Raises `InputError`, also where no
     length is known though one is needed.

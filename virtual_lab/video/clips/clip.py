@@ -56,11 +56,11 @@ class Clip:
         return len(self.times)
 
     def grey_samples(self, every: int = 1) -> Frame:
-        """Grey values of the samples, (sample, row, column), of some rows and columns."""
+        """Return the grey values of some rows and columns of the samples, (sample, row, column)."""
         return np.stack([grey_of(each) for each in self.samples[:, ::every, ::every]])
 
     def pictures(self) -> Iterator[Frame]:
-        """Every frame as it is stored, grey or in colour."""
+        """Return an iterator over every frame as it is stored, grey or in colour."""
         return (picture for _, picture in self.chosen(np.arange(self.count)))
 
     def chosen(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def numbers_in(
     table: pd.DataFrame, name: str, path: Path, most: float, otherwise: float | None = None
 ) -> Array:
-    """Numbers of up to `most` in a column, `otherwise` where there is none; needed where None.
+    """Return a column's numbers, at most `most`; `otherwise` replaces missing ones, None refuses.
 
     Raises `InputError` with the row: the header is in the first, empty ones are not counted.
     """

@@ -11,7 +11,7 @@ ENDS = {b"GIF8": b";", b"\x89PNG": b"IEND\xaeB`\x82"}  # last bytes of a file, b
 
 
 def is_cut_short(path: Path) -> bool:
-    """Whether a file ends before its last part does. False if its container states no lengths."""
+    """Return whether a file ends before its last part; False if it states no lengths."""
     size, at = path.stat().st_size, 0
     with path.open("rb") as file:
         head = file.read(16)
@@ -26,7 +26,7 @@ def is_cut_short(path: Path) -> bool:
 
 
 def _length_of_part(head: bytes) -> int:
-    """Length [bytes] of the part of a file that begins with `head`, 0 if it is not stated."""
+    """Return the length [bytes] of the file part that begins with `head`, 0 if not stated."""
     if head[:4] == b"RIFF":
         return 8 + int.from_bytes(head[4:8], "little")
     if head[:4] in (EBML, SEGMENT):

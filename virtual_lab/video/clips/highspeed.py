@@ -21,7 +21,7 @@ from virtual_lab.video.clips.source import Source, Stamped, Wanted, rate_of
 
 @contextmanager
 def _library_errors(path: Path, kind: str) -> Iterator[None]:
-    """Errors of a library as one `InputError`."""
+    """Raise the errors of a library as one `InputError`."""
     try:
         yield
     except Exception as fault:
@@ -90,7 +90,7 @@ def mraw(path: Path) -> Source:
 
 
 def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:
-    """Grey values; two of 12 bits lie in three bytes, the greater digits first."""
+    """Return grey values from packed data: two of 12 bits in three bytes, high bits first."""
     if bits != 12:
         return raw.view(f"<u{bits // 8}")
     one, two, three = raw.reshape(-1, 3).astype(np.uint16).T

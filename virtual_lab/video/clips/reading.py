@@ -29,7 +29,7 @@ LARGEST = 50e6  # largest number of pixels of a picture: a film of 8K has 33 mil
 
 
 def open_source(path: Path | Frame) -> Source:
-    """Frames of a clip; `InputError` where there is none that can be read.
+    """Return the source of a clip's frames. Raises `InputError` if none can be read.
 
     `path`: a file or a folder; or the frames, (frame, row, column) or with a last axis of colours,
     blue first as OpenCV has them.
@@ -54,7 +54,7 @@ def open_source(path: Path | Frame) -> Source:
 
 
 def _image_files(folder: Path) -> list[Path]:
-    """Images in a folder, image9 before image10, image-9 (before a trigger) before image0.
+    """Return the images in a folder by number: image-9 (before a trigger), image9, image10.
 
     A sign belongs to a number if a separator or nothing is before it (image_-9), or if another
     image has a digit or a plus in its place. Raises `InputError` if there are no images.
@@ -80,7 +80,7 @@ def _image_files(folder: Path) -> list[Path]:
 
 
 def _images(path: Path, files: list[Path]) -> Source:
-    """Frames of a TIFF stack, or of the images in a folder."""
+    """Return the source of a TIFF stack, or of the images in a folder."""
     import cv2
 
     if len(kinds := sorted({each.suffix.lower() for each in files})) > 1:
@@ -112,7 +112,7 @@ def _pages(file: Path, count: int, at_once: int) -> Iterator[Frame]:
 
 
 def _array(path: Path, load: Callable[[], Frame]) -> Source:
-    """Frames of an array."""
+    """Return the source of the frames in an array."""
     try:
         shape = load().shape
     except (ValueError, OSError, EOFError, OverflowError) as fault:
@@ -163,7 +163,7 @@ def _video(path: Path) -> Source:
 
 
 def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture, size: tuple[int, int]) -> bool:
-    """Whether OpenCV's own reader gives the same frames: it decodes only requested pictures."""
+    """Return whether OpenCV's own reader, which decodes only requested frames, gives the same."""
     import cv2
 
     if int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") != b"MJPG":
@@ -177,7 +177,7 @@ def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture, size: tuple[int, int]
 
 
 def _capture(path: Path) -> cv2.VideoCapture:
-    """Video opened; `InputError` where it cannot be."""
+    """Open a video. Raises `InputError` if this fails."""
     import cv2
 
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
@@ -222,7 +222,7 @@ def _require_sizes(path: Path) -> None:
 
 
 def grey_of(frame: Frame) -> Frame:
-    """Frame as grey of its own depth."""
+    """Return a frame as grey values of its own depth."""
     import cv2
 
     if frame.ndim == 2 or frame.shape[2] == 1:

@@ -58,7 +58,7 @@ class Source:
 
 
 def _size(frame: Frame, where: str) -> str:
-    """Size and depth of a frame; `InputError`: it cannot be used, or is too small for a ball."""
+    """Return size and depth of a frame. Raises `InputError` if unusable or too small for a ball."""
     colours = frame.shape[2:] in ((), (1,), (3,), (4,))
     if frame.dtype not in (np.uint8, np.uint16) or not colours or min(frame.shape[:2]) < 8:
         allowed = "expected 8 or 16 bits, grey, 3 colours or 4 channels, at least 8 x 8 pixels"
@@ -67,5 +67,5 @@ def _size(frame: Frame, where: str) -> str:
 
 
 def rate_of(said: float) -> float | None:
-    """Frame rate that a file states [1/s]; None if it is not plausible."""
+    """Return the frame rate that a file states [1/s], None if it is not plausible."""
     return said if 1 <= said <= 1e7 else None

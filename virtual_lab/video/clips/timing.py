@@ -91,7 +91,7 @@ def _own_times(source: Source, stamps: Array, rounding: float) -> tuple[Array, l
 
 
 def _are_rounded(stamps: Array) -> bool:
-    """Whether all time stamps [s] are whole milliseconds, as in MKV, WebM, FLV and some MP4."""
+    """Return whether all time stamps [s] are whole milliseconds, as in MKV, WebM and FLV."""
     count = stamps / MILLISECOND
     return bool((np.abs(np.rint(count) - count) < 1e-3).all())
 
@@ -121,7 +121,7 @@ def usual_step(times: Array) -> float:
 
 
 def uneven(times: Array) -> bool:
-    """Whether time stamps (frame,) [s] deviate from an even count by more than .3 of a step.
+    """Return whether time stamps (frame,) [s] deviate from an even count by more than .3 step.
 
     They do if a frame was left out, or if a phone films more slowly in the dark. Rounding to 1 ms
     does not cause it up to 240 frames per second. All clips that are even are within .1 of a step.

@@ -84,7 +84,7 @@ def fit_edge(
     oval: ArrayLike = 0.0,
     oval_u: float = RIM_FIT.oval_u,
 ) -> Located:
-    """Balls of a batch of regions by their outlines.
+    """Return the balls of a batch of regions from their outlines.
 
     `x_u` and `y_u` are noise alone; `pattern_u` is the u of x or y from the pattern.
 
@@ -199,7 +199,7 @@ class Equations(NamedTuple):
 
 
 def _equations(sums: Array, knots: int) -> Equations:
-    """Equations of the kernel's sums."""
+    """Return the equations from the kernel's sums."""
     count = len(AT)
     begin, end = np.s_[count : count + knots], np.s_[count + knots : -1]
     rest = np.r_[:count, -1]
@@ -241,12 +241,12 @@ def _solved(
 
 
 def _like(sectors: int) -> float:
-    """Correlation of a pattern from one sector to the next."""
+    """Return the correlation of a pattern from one sector to the next."""
     return exp(-2 * pi / sectors / TABLE.alike)
 
 
 def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
-    """Solution of a ring of blocks of which only neighbours meet, as `right`.
+    """Return the solution of a cyclic block-tridiagonal system, in the shape of `right`.
 
     `blocks` (block, n, n) are on the diagonal, `links` from each to the next, the last's to the
     first; `right` (block, n, m). Folded, 0, last, 1, …, neighbours are two places apart: a band.
@@ -269,7 +269,7 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
 
 @lru_cache
 def _folded(count: int, n: int) -> tuple[Places, tuple[Places, Places], tuple[Places, Places]]:
-    """Rows of each block of a folded ring; where in the band blocks and links stand."""
+    """Return the rows of each block of a folded ring, and their positions in the band."""
     step = np.minimum(2 * np.arange(count), 2 * count - 1 - 2 * np.arange(count))
     first = step[:, None] * n + np.arange(n)
     places = []
@@ -280,24 +280,24 @@ def _folded(count: int, n: int) -> tuple[Places, tuple[Places, Places], tuple[Pl
 
 
 def _next(values: NDArray[Any]) -> NDArray[Any]:
-    """Values of the sector after each one."""
+    """Return the values of the next sector."""
     return np.concatenate((values[1:], values[:1]))
 
 
 def _before(values: NDArray[Any]) -> NDArray[Any]:
-    """Values of the sector before each one."""
+    """Return the values of the previous sector."""
     return np.concatenate((values[-1:], values[:-1]))
 
 
 def _shifts(by_pattern: Array, stiffness: Array) -> Array:
-    """Variance of x, y and radius that a pattern causes, from their rows of the inverse."""
+    """Return the variance of x, y and radius from a pattern, by their rows of the inverse."""
     like = _like(len(by_pattern))
     along = (1 + like**2) * by_pattern - 2 * like * _next(by_pattern)
     return np.asarray(np.einsum("ska,kl,sla->a", by_pattern, stiffness, along) / (1 - like**2))
 
 
 def _brightness(region: Array, p: Array, noise: Noise) -> float:
-    """Root mean square of the ball's grey values over the black."""
+    """Return the root mean square of the ball's grey values above black."""
     row, col = np.ogrid[: region.shape[0], : region.shape[1]]
     ball = np.hypot(row - p[AT.y], col - p[AT.x]) < 0.9 * p[AT.radius]
     return max(1.0, sqrt(float(np.mean((region[ball] - noise.black) ** 2)))) if ball.any() else 1.0
@@ -311,7 +311,7 @@ def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> f
 
 
 def covered(view: View, p: Array, noise: Noise) -> float:
-    """Share of the rim's pixels that show only the background.
+    """Return the share of the rim's pixels that show only the background.
 
     A thing in front of the ball is part of the background, because it was there before the ball
     came: a bat, a cable, the sabot's catcher.
@@ -332,7 +332,7 @@ def covered(view: View, p: Array, noise: Noise) -> float:
 def _judged(
     p: Array, variances: Array, shifts: Array, tally: Array, sway: float, hidden: float
 ) -> tuple[list[float], int]:
-    """Values of `FITTED`, and flags where they are not to be trusted.
+    """Return the values of `FITTED`, and flags of those that cannot be trusted.
 
     Parameters
     ----------

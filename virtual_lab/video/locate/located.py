@@ -93,12 +93,12 @@ Parts = TypeVar("Parts", Located, Regions)
 
 
 def part_of(whole: Parts, which: NDArray[np.intp] | slice) -> Parts:
-    """Part of the regions."""
+    """Return some of the regions."""
     return replace(whole, **{each.name: getattr(whole, each.name)[which] for each in fields(whole)})
 
 
 def squares(start: Located, shape: tuple[int, int]) -> tuple[Array, tuple[int, int]]:
-    """Corners of square regions about the ball of each frame, (region, 2), and their shape.
+    """Return the corners of square regions about the balls, (region, 2), and their shape.
 
     A region that would leave the frame is moved back into it: the frame's edge cuts the ball.
     """
@@ -110,7 +110,7 @@ def squares(start: Located, shape: tuple[int, int]) -> tuple[Array, tuple[int, i
 
 
 def cut(picture: Frame, corners: Array, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Regions of a grey picture by their corners, (region, row, col)."""
+    """Return the regions of a grey picture at these corners, (region, row, col)."""
     left, top = corners.astype(int).T
     views = np.lib.stride_tricks.sliding_window_view(picture, shape)
     return np.asarray(views[top, left], np.float32)

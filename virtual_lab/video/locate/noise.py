@@ -48,13 +48,13 @@ class Noise:
         return tuple(map(float, (self.gain, self.read, self.black, self.prnu, self.full_scale)))
 
     def variance(self, mean: ArrayLike) -> Array:
-        """Variance of pixels of some mean grey values, same shape [DN^2]."""
+        """Return the variance of pixels with these mean grey values, same shape [DN^2]."""
         light = np.maximum(np.asarray(mean, float) - self.black, 0.0)
         return self.gain * light + (self.prnu * light) ** 2 + self.read
 
     @classmethod
     def measured(cls, frames: NDArray[np.generic], full_scale: float) -> Self:
-        """Noise of frames of a still scene, by the photon-transfer method.
+        """Return the noise of frames of a still scene, by the photon-transfer method.
 
         `frames` (frame, row, col) are two or more, without the ball; no light is a grey value of
         0. Differences of successive frames show the noise in time alone: `prnu` is 0. Motion
@@ -80,7 +80,7 @@ def _spread(change: Array) -> float:
 
 
 def _line(levels: Array, variances: Array) -> tuple[float, float]:
-    """Slope and intercept of variance over level, at least 0 and `ROUNDING`."""
+    """Return slope and intercept of variance over level, at least 0 and `ROUNDING`."""
     from scipy.optimize import nnls
 
     weights = 1 / variances  # the standard deviation of a variance is proportional to it

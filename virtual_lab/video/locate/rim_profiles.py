@@ -59,7 +59,7 @@ class Profiles(NamedTuple):
 
 
 def blurred_profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
-    """Tables for balls of about a radius that move by `blur` in an exposure [pixel]."""
+    """Return the tables for balls near a radius that move by `blur` in an exposure [pixel]."""
     depth = min(inside + blur, radius)
     deepest = min(float(_facing(np.array(depth), radius)), TABLE.deepest_knot)
     facings = np.linspace(0.0, deepest, max(3, 1 + round(deepest / TABLE.knot_spacing)))

@@ -32,7 +32,7 @@ SHARP = SharpSettings()
 
 
 def noise_of_clip(clip: Clip) -> Noise:
-    """Noise in time of a clip's pixels, from the frames sampled for its background."""
+    """Return the temporal noise of a clip's pixels, from the frames sampled for its background."""
     every = max(1, int(np.sqrt(clip.samples.size / SHARP.noise_sample_px)))
     return Noise.measured(clip.grey_samples(every), clip.full_scale)
 
@@ -40,7 +40,7 @@ def noise_of_clip(clip: Clip) -> Noise:
 def sharp_places(
     clip: Clip, seen: Regions, start: Located, *, lens: float, ball_radius: float | None = None
 ) -> Located:
-    """Places of the ball in regions of a clip, in pixels of the full frame.
+    """Return the positions of the ball in regions of a clip, in pixels of the full frame.
 
     `lens` is the standard deviation of its blur, `ball_radius` that of the ball where the clip's
     scale is known [pixel].
@@ -60,7 +60,7 @@ def place(
     middle: tuple[float, float],
     oval: tuple[float, float] = (0.0, RIM_FIT.oval_u),
 ) -> Located:
-    """Places of the ball in the full frame; `start` has them to about a pixel.
+    """Return the positions of the ball in the full frame; `start` has them to about a pixel.
 
     `lens` is the standard deviation of its blur [pixel], `middle` the pixel that the camera's axis
     meets. `oval` is k, a sphere at d from the middle having the outline
@@ -84,7 +84,7 @@ def place(
 
 
 def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Pixels that stand out of a picture less its background, 1, by Otsu's threshold."""
+    """Return a mask (1: set) of pixels brighter than the background, by Otsu's threshold."""
     import cv2
 
     grey = np.clip(255 * off / max(float(off.max()), 1.0), 0, 255).astype(np.uint8)
@@ -92,7 +92,7 @@ def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def on_the_limb(seen: Regions, start: Located) -> Located:
-    """Places from the lit limb, to a pixel or two; those of the start where there is none.
+    """Return the positions by the lit limb, to a pixel or two; without one, those of `start`.
 
     A lamp from the side lights a part of a ball alone: limb on one side of the light, on the other
     the line between light and shade. Of all circles of the ball's size, that on which most of the

@@ -27,7 +27,7 @@ PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 
 
 def course_of(found: FollowedClip) -> Places:
-    """Course of a ball: of its flights, else of all its pieces, else some frames to look at."""
+    """Return the course of a ball: its flights, else all its pieces, else some frames."""
     clip, sharp, ways = found.clip, found.sharp, found.ways or found.pieces
     known: dict[str, Any]
     if sharp:
@@ -80,13 +80,13 @@ def course_of(found: FollowedClip) -> Places:
 
 
 def course_rows(places: Places) -> list[dict[str, Any]]:
-    """Rows of track.csv, one per place that is known or flagged."""
+    """Return the rows of track.csv, one per position that is known or flagged."""
     shown = places[np.isfinite(places["x_px"]) | (places["flags"] != "")]
     return [dict(zip(WRITTEN, row, strict=True)) for row in shown[[*WRITTEN]].tolist()]
 
 
 def spots(places: Places) -> Array:
-    """Places in the still frame, (place, 2) [pixels]."""
+    """Return the positions in the still frame, (place, 2) [pixels]."""
     return np.stack([places["x_px"], places["y_px"]], axis=1)
 
 

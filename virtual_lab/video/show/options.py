@@ -22,7 +22,7 @@ Said = dict[str, Any]
 
 
 def said_of(asked: Mapping[str, Any]) -> Said:
-    """Quantities that options state; None and False state nothing.
+    """Return the quantities that options state; None and False state nothing.
 
     Raises `InputError` for a value of another type or form.
     """
@@ -39,7 +39,7 @@ def said_of(asked: Mapping[str, Any]) -> Said:
 
 
 def key_of(name: str) -> str:
-    """Option as the command line has it."""
+    """Return an option in the form of the command line."""
     return f"--{name.replace('_', '-')}"
 
 
@@ -67,7 +67,7 @@ def _ball(ball: str | Path) -> Said:
 
 
 def _ball_sheet(text: str) -> BallSpec | None:
-    """Sheet of a ball: a file, or the one catalog name that begins with `text`; None: a length."""
+    """Return the sheet of a ball: a file, or the catalog name that starts with `text`; or None."""
     if text.endswith(".toml") or ("balls", text) in texts_in_place():
         return load("balls", text, BallSpec).spec
     if re.match(r"\s*[-+.\d]", text):
@@ -77,7 +77,7 @@ def _ball_sheet(text: str) -> BallSpec | None:
 
 
 def _length_and_u(text: str, key: str, most: float) -> tuple[float, float | None]:
-    """Length of 1 mm to `most` and its u [m], None where there is none: `73mm±0.5mm`."""
+    """Return a length of 1 mm to `most` and its u [m] from `73mm±0.5mm`; None: no u."""
     size, sign, more = re.sub(r"\+/-|\+-", "±", text).partition("±")
     length = length_of(size, key, 1e-3, most)
     return length, length_of(more, key, 0.0, length / 2) if sign else None

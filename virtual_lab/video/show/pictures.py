@@ -72,7 +72,7 @@ class Pictures:
         }
 
     def _light(self) -> tuple[float, float]:
-        """Grey values that are shown black and white."""
+        """Return the grey values that are shown as black and as white."""
         samples = self.clip.samples
         if samples.ndim == 4 and samples.dtype == np.uint8:
             return 0.0, 255.0  # a colour clip keeps its brightness
@@ -99,7 +99,7 @@ class Pictures:
         cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 75])
 
     def _marked(self, k: int) -> Image:
-        """Frame of a place with its number and time, the ball's outline and earlier places."""
+        """Return a frame with its number and time, the ball's outline and earlier positions."""
         one, fine = self.places[k], 4  # number of bits for fractions of a pixel
         image = self.frames[int(one["frame"])].copy()
         # earlier places of the still frame are shifted by this picture's drift
@@ -121,7 +121,7 @@ class Pictures:
         return COLOURS[self.names.index(name) % len(COLOURS)] if name else NONE
 
     def strobe(self) -> Image:
-        """Picture that shows the ball at several of its places, as small as they are."""
+        """Return a picture that shows the ball at several positions, without the area around it."""
         # standing things, also a bat, are shown as they are at the first contact
         times = self.places["time_s"][self.sheet]
         time = self.contacts[0].time.value if self.contacts else times[0]
@@ -135,7 +135,7 @@ class Pictures:
         return whole[..., ::-1]
 
     def _still(self, k: int) -> Image:
-        """Picture moved back to the still frame."""
+        """Return a picture moved back to the still frame."""
         one = self.places[k]
         picture = self.frames[int(one["frame"])]
         drift = np.array([one["drift_x_px"], one["drift_y_px"], 0.0, 0.0]) * self.scale
@@ -205,12 +205,12 @@ class Pictures:
 
 
 def _spread(places: int, count: int) -> NDArray[np.intp]:
-    """Numbers of up to `count` of the places, spread evenly, in order."""
+    """Return the numbers of at most `count` positions, evenly spread, in order."""
     return np.unique(np.linspace(0, places - 1, min(count, places)).round()).astype(np.intp)
 
 
 def _shown(frame: Frame, size: tuple[int, int], black: float, white: float) -> Image:
-    """Frame in 8 bits and three colours, of a width and height."""
+    """Return a frame in 8 bits and three colours, with a given width and height."""
     way = cv2.INTER_AREA if size[0] < frame.shape[1] else cv2.INTER_LINEAR
     colours = frame if frame.ndim == 2 else np.ascontiguousarray(frame[..., :3])
     small = cv2.resize(colours, size, interpolation=way)

@@ -23,7 +23,7 @@ Row = dict[str, Any]
 
 
 def flight_rows(found: FollowedClip) -> list[Row]:
-    """Rows of the flights, each with the contact that ends it; quantities are estimates or None."""
+    """Return the rows of the flights, each with its final contact; values: estimates or None."""
     contacts = {each.before: each for each in found.contacts}
     return [
         {
@@ -46,7 +46,7 @@ def flight_rows(found: FollowedClip) -> list[Row]:
 
 
 def contact_rows(found: FollowedClip) -> list[Row]:
-    """Rows of the contacts; `frame` lies between stored ones."""
+    """Return the rows of the contacts; `frame` is a fractional number."""
     return [
         {"time_s": e.time.value, "frame": e.frame, "kind": e.kind, "restitution": e.restitution}
         for e in found.contacts
@@ -54,7 +54,7 @@ def contact_rows(found: FollowedClip) -> list[Row]:
 
 
 def in_columns(row: Mapping[str, Any]) -> Row:
-    """Row with the value and the standard uncertainty of an estimate in columns of their own."""
+    """Return a row with value and standard uncertainty of each estimate in separate columns."""
     cells: Row = {}
     for name, each in row.items():
         estimate = isinstance(each, Estimate)
@@ -79,7 +79,7 @@ def _cell(name: str, value: object) -> object:
 
 
 def _told(value: Any) -> Any:
-    """Value for JSON."""
+    """Return a value for JSON."""
     if isinstance(value, Estimate):
         return {"value": value.value, "u": value.u}
     if isinstance(value, Mapping):
@@ -140,7 +140,7 @@ def _scale(scale: PixelScale) -> Row:
 
 
 def _roll(found: FollowedClip) -> float | None:
-    """Angle of the fitted gravity off the picture's down, toward its right, None without [deg]."""
+    """Return the angle [deg] of fitted gravity from the picture's down to its right, or None."""
     rulers = (found.scale, *found.checks)
     if found.fit is None or not any(each and each.source == GRAVITY for each in rulers):
         return None
@@ -149,7 +149,7 @@ def _roll(found: FollowedClip) -> float | None:
 
 
 def _hit(found: FollowedClip) -> list[Flight | None]:
-    """Flights before and after one contact, or the only one."""
+    """Return the flights before and after one contact, or the only flight."""
     if len(found.contacts) == 1:
         return [found.flights[k] for k in (found.contacts[0].before, found.contacts[0].after)]
     alone = found.flights if found.sharp or len(found.flights) == 1 else []
@@ -161,7 +161,7 @@ def _degrees(angle: Estimate) -> Estimate:
 
 
 def motion_of(found: FollowedClip) -> str:
-    """Motion that a clip shows: flights or none."""
+    """Return the motion that a clip shows: flights or none."""
     return "flights" if found.flights else "none"
 
 
@@ -207,7 +207,7 @@ def track_text(found: FollowedClip) -> str:
 
 
 def _scale_said(found: FollowedClip, scale: PixelScale) -> str:
-    """Ruler that sets the scale, its u, and the deviation of the others."""
+    """Return a sentence on the ruler of the scale, its u, and the deviation of the others."""
     size = 1e3 * scale.metres_per_pixel
     said = (
         f"scale {with_uncertainty(size, size * scale.relative_u)} mm a pixel "
