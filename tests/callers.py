@@ -1,6 +1,6 @@
-"""Calls as users write them, for mypy to judge: it accepts the sound ones and no other.
+"""Calls as users write them, checked by mypy: it accepts the right ones and no other.
 
-Nothing here runs. A sound call with an error, and a wrong one without (its ``ignore`` is then
+Nothing here runs. An error in a right call, and a wrong call without one (its ``ignore`` is then
 unused), are both errors of `mypy`, which reads this file with the package.
 """
 
@@ -14,7 +14,7 @@ import virtual_lab as vl
 
 
 def sound(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> None:
-    """Names, paths, sheets, one or several, in every place that takes them."""
+    """Call with names, paths and sheets, one or several, wherever they are allowed."""
     bat, rules = vl.bat("r161"), vl.procedure(Path("mine.toml")).with_(valid_hits=9)
     gates = vl.instrument("pivot-gates").with_(tick="2 us")
     certificate = vl.certify(bat, procedure=rules, seed=7, instruments=[gates])
@@ -64,7 +64,7 @@ def sound(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]])
 
 
 def wrong() -> None:
-    """Names that do not exist, types and words that are not allowed: each is found."""
+    """Call with unknown names and with types and words that are not allowed; mypy rejects each."""
     vl.certify()  # type: ignore[call-arg]
     vl.certify(["r161", "ea70"])  # type: ignore[arg-type]
     vl.certify("r161", "bbcor")  # type: ignore[call-arg]

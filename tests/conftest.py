@@ -1,4 +1,4 @@
-"""What every test shares: examples drawn from fixed seeds, and laboratories played once."""
+"""Settings of all tests: examples from fixed seeds, and laboratories that are played once."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-# Our matrices are small: threads of the linear algebra only wait for one another on a busy
-# machine (the recoil fits took 20 times as long). Must stand before numpy is loaded.
+# Threads of the linear algebra: for our small matrices they only wait for one another on a busy
+# machine (the recoil fits took 20 times as long). The line must precede the import of numpy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 from hypothesis import settings
 
-if TYPE_CHECKING:  # the process that hands out the tests has no use for a laboratory
+if TYPE_CHECKING:  # types only: the process that distributes the tests needs no laboratory
     from virtual_lab import lab
     from virtual_lab.simulation.rig import Reality
 
@@ -26,7 +26,7 @@ PROCEDURE = "astm-f1881"
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Warm the kernels before the processes start, of which each would compile them all."""
+    """Compile the kernels before the worker processes start, as each would compile them all."""
     config = session.config
     if not hasattr(config, "workerinput") and config.getoption("numprocesses", 0):
         from tests.warming import warm_kernels
@@ -45,7 +45,7 @@ Play = Callable[..., "lab.BatTest"]
 
 @pytest.fixture(scope="session")
 def played() -> Play:
-    """Return a laboratory that plays each test once and remembers it."""
+    """Return a function that plays each test once and remembers it."""
     from tests.laboratories import certified
 
     def play(

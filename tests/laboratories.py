@@ -1,4 +1,4 @@
-"""Laboratories that many tests look at, each played once in a process: to be read, not changed."""
+"""Laboratories that many tests read, each played once per process; no test may change them."""
 
 from functools import cache
 from typing import Any
@@ -12,12 +12,12 @@ __all__ = ["certified", "certify", "opened"]
 
 
 def opened(bat: str, **choices: Any) -> lab.Laboratory:
-    """Return the laboratory of a setup, the choices those of `lab.TestSetup.of`."""
+    """Return the laboratory of a setup; `choices` are those of `lab.TestSetup.of`."""
     return lab.Laboratory.open(lab.TestSetup.of(bat, **choices))
 
 
 def certify(bat: str, progress: Progress = quiet, **choices: Any) -> lab.BatTest:
-    """Return the test of a setup, the choices those of `lab.TestSetup.of`."""
+    """Return the test of a setup; `choices` are those of `lab.TestSetup.of`."""
     return lab.certify_bat(lab.TestSetup.of(bat, **choices), progress)
 
 
@@ -29,7 +29,7 @@ def certified(
     reality: Reality = Reality.REAL,
     faults: tuple[str, ...] = (),
 ) -> lab.BatTest:
-    """Return a test as `lab.certify_bat` plays it, the same object to all who ask for it."""
+    """Return a test as `lab.certify_bat` plays it; equal arguments return the same object."""
     return _played(bat, procedure, seed, reality, faults)
 
 

@@ -28,7 +28,7 @@ class Outer(AlignedArrays):
     inner: Inner
     constants: Mapping[str, Inner]
     radar: Any
-    distances: Array  # (gate,), of the rig
+    distances: Array  # distances of the rig's gates, (gate,)
     offset: Array | float = 0.0
 
     aligned: ClassVar = ("time", "inner", "constants", "radar", "offset")
@@ -36,7 +36,7 @@ class Outer(AlignedArrays):
 
 @dataclass(frozen=True)
 class Radar:
-    """Readings of another package, which knows only `part`."""
+    """Readings of another package, with no method but `part`."""
 
     speed: Array
 
@@ -64,7 +64,7 @@ def test_a_selection_has_the_chosen_rows(rows: Any) -> None:
     assert found.time.tolist() == [[10, 11, 12], [20, 21, 22]]
     assert found.inner.count.tolist() == found.constants["k"].count.tolist() == [2, 3]
     assert found.radar.speed.tolist() == [0.5, 1.0]
-    assert found.distances.tolist() == [0, 1, 2]  # as many as shots, but not theirs
+    assert found.distances.tolist() == [0, 1, 2]  # array that has the length of the shots by chance
     assert found.offset == 0.0
 
 
@@ -90,7 +90,7 @@ def test_parts_are_joined_row_by_row() -> None:
 
 
 def lengths(value: Any, met: set[str]) -> set[int]:
-    """Return the numbers of rows of the declared fields, at any depth; classes go into `met`."""
+    """Return the numbers of rows of the declared fields, at any depth; add class names to `met`."""
     if isinstance(value, np.ndarray):
         return {len(value)}
     if isinstance(value, Mapping):
@@ -114,7 +114,7 @@ def used_kinds(base: type[AlignedArrays]) -> set[str]:
 def test_the_declared_fields_of_a_certification_have_one_length(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Seen at each selection in a block, and in its results."""
+    """The test checks each selection in a block, and the results of the block."""
     original, met = AlignedArrays.select, set[str]()
 
     def spied(self: AlignedArrays, rows: Any) -> AlignedArrays:

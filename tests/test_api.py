@@ -1,4 +1,4 @@
-"""What a Python user meets: names, sheets changed in a call, a sweep, one shape of results."""
+"""The Python interface: names, changed sheets, sweeps, and the common form of results."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def tested() -> vl.Certificate:
 
 
 def test_dir_help_and_completion_show_the_same_names() -> None:
-    """In a program of its own, in which nothing has been asked for yet."""
+    """A new interpreter, in which no name has been used yet, shows them all."""
     code = (
         "import virtual_lab as vl; print(*dir(vl));"
         "print([name for name in dir(vl) if not hasattr(vl, name)])"
@@ -55,7 +55,7 @@ def described(function: object) -> set[str]:
 
 
 def test_each_parameter_of_a_public_function_is_described() -> None:
-    """`instruments` apart: one wrapper adds it to many functions, and `certify` describes it."""
+    """A wrapper adds `instruments` to many functions; `certify` describes it."""
     functions = {name: getattr(vl, name) for name in dir(vl)}
     for name, function in functions.items():
         if inspect.isfunction(function):
@@ -74,11 +74,11 @@ def test_the_names_load_nothing_heavy() -> None:
     [
         ({}, "1"),
         ({"OPENBLAS_NUM_THREADS": "2"}, "2"),
-        ({"OMP_NUM_THREADS": "2"}, "None"),  # a choice for all that count threads
+        ({"OMP_NUM_THREADS": "2"}, "None"),  # setting for all libraries with threads
     ],
 )
 def test_linear_algebra_takes_one_thread_unless_told(chosen: dict[str, str], found: str) -> None:
-    """Threads as the system counts them, after a QR as large as that of a recoil fit."""
+    """The system counts the threads after a QR as large as that of a recoil fit."""
     code = """if True:
         import os, virtual_lab, numpy
         numpy.linalg.qr(numpy.ones((3000, 30)))
@@ -92,7 +92,7 @@ def test_linear_algebra_takes_one_thread_unless_told(chosen: dict[str, str], fou
 
 
 def test_without_a_writable_home_compiled_code_goes_to_a_private_folder(tmp_path: Path) -> None:
-    """The second program finds it again, in silence; a folder that others can write is not used."""
+    """A second program uses it without a message, unless others can write to the folder."""
     code = """if True:
         import os
         os.access = lambda *_: False  # as of an account without a home, program read-only
@@ -120,7 +120,7 @@ def test_without_a_writable_home_compiled_code_goes_to_a_private_folder(tmp_path
 
 
 def test_a_certificate_in_numbers(tested: vl.Certificate) -> None:
-    """As ``certificate.json`` has them; a drawn seed is not told."""
+    """They are those of ``certificate.json``; a seed that was drawn is not shown."""
     metric = tested.document["metric"]
     assert (tested.value, tested.u) == (metric["value"], metric["u"])
     assert tested.interval == tuple(metric["interval_95"])
@@ -143,7 +143,7 @@ def test_a_certificate_is_drawn(tested: vl.Certificate, tmp_path: Path) -> None:
 
 
 def test_a_scan_is_drawn_over_the_place_with_its_curve() -> None:
-    """The curve passes through the result at its place: the value is read from it."""
+    """The curve passes through the result, which is read from it."""
     scanned = vl.certify("r161", procedure="ncaa-besr", seed=7)
     axes = scanned.plot().axes[0]
     lines = {line.get_label(): line for line in axes.lines}
@@ -158,7 +158,7 @@ def test_a_scan_is_drawn_over_the_place_with_its_curve() -> None:
 
 
 def test_a_test_without_a_result_says_so(tmp_path: Path) -> None:
-    """In words where a number is asked for; in a table of many with its reason and NaN."""
+    """A request for a number raises an error; a sweep shows the reason and NaN."""
     rules = vl.procedure("astm-f1881").with_({"windows.speed_tolerance": "0.001 mph"})
     nothing = vl.certify("r161", procedure=rules, seed=2)
     for ask in (nothing.score, lambda: nothing.budget):
@@ -173,7 +173,7 @@ def test_a_test_without_a_result_says_so(tmp_path: Path) -> None:
 
 
 def test_a_sweep_tells_why_a_bat_fails() -> None:
-    """R161 lies on the line of 34 in and 31 oz; the public rules ask no test of one-piece wood."""
+    """R161 is at the limit, 34 in and 31 oz; the public rules exempt one-piece wood."""
     rules = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 2.5, "limit": 0.4})
     row = vl.sweep("r161", procedures=rules, laboratories=1, seed=0, progress=quiet).iloc[0]
     weight, limit = row["reason"].split("; ")
@@ -189,7 +189,7 @@ def test_a_sweep_tells_why_a_bat_fails() -> None:
 
 
 def test_a_procedure_changed_in_a_call(tested: vl.Certificate, tmp_path: Path) -> None:
-    """The certificate says that it is another one; its records alone give it again."""
+    """The certificate names the change, and its records alone give the same result."""
     rules = vl.procedure("astm-f1881").with_({"windows.speed_tolerance": "1 m/s"}, valid_hits=9)
     assert rules.spec.windows.speed_tolerance == 1.0
     assert rules.spec.valid_hits == 9
@@ -211,7 +211,7 @@ def test_a_procedure_changed_in_a_call(tested: vl.Certificate, tmp_path: Path) -
 
 
 def test_an_instrument_changed_in_a_call(tested: vl.Certificate) -> None:
-    """The u of where the gates stand, here alone: the next test has the catalog's."""
+    """The u of the gate distances changes in this call only; the next test has the catalog's."""
     worse = vl.instrument("pivot-gates").with_(distance_u="0.73 mm")
     found = vl.certify("r161", instruments=[worse], seed=7)
 
@@ -264,7 +264,7 @@ def test_a_change_that_cannot_be_made(sheet: str, changes: dict, said: str) -> N
 
 
 def test_data_sheets_say_which_instruments_they_were() -> None:
-    """And a calibration that was due long ago is flagged; the verdict stands."""
+    """An overdue calibration is flagged; the verdict is unchanged."""
     plain = vl.certify("r161", seed=7)
     stated = plain.document["particulars"]["instruments"]
     assert stated["pivot-gates"]["certificate"] == "SIM-PG-1"
@@ -300,7 +300,7 @@ def test_every_sheet_is_written_as_it_was_read(kind: str) -> None:
 
 
 def test_a_sweep_is_its_tests_one_by_one() -> None:
-    """Rows of laboratories in turn, as a round robin plays them; units are the printed ones."""
+    """Laboratories are numbered as in a round robin; units are the printed ones."""
     said: list[tuple[int, int]] = []
     found = vl.sweep(
         "r161",
@@ -309,7 +309,7 @@ def test_a_sweep_is_its_tests_one_by_one() -> None:
         seed=4,
         progress=lambda _text, done=0, total=0: said.append((done, total)),
     )
-    assert said == [(3, 6), (6, 6)]  # a block of each procedure
+    assert said == [(3, 6), (6, 6)]  # blocks: one per procedure
     assert found["laboratory"].tolist() == [0, 1, 2] * 2
     (alone,) = lab.RoundRobin.of("r161", "proposed").run(1, 4, first=1)
     row = found.iloc[4]
@@ -325,7 +325,7 @@ def test_a_sweep_is_its_tests_one_by_one() -> None:
 
 
 def test_individual_bats_of_a_sweep_are_those_of_certify() -> None:
-    """With sums instead of readings; by the nominal bat the truth differs by its balls alone."""
+    """The records are summed. With the nominal bat, only the balls change the truth."""
     found = vl.sweep("r161", laboratories=6, seed=4, individual=True, progress=quiet)
     setup = lab.TestSetup.of(
         "r161", procedure="astm-f1881", seed=4, number=5, detail=RecordDetail.SUMMED
@@ -338,7 +338,7 @@ def test_individual_bats_of_a_sweep_are_those_of_certify() -> None:
 
 
 def test_variants_of_a_sheet_in_one_sweep_are_the_tests_alone() -> None:
-    """The u of r161, seed 0, 6, 12 and 24 hits, as each alone had it before they shared a call."""
+    """The oracle is the u of r161, seed 0, with 6, 12 and 24 hits in separate calls."""
     base = vl.procedure("astm-f1881")
     variants = [base.with_(valid_hits=hits, attempts=3 * hits) for hits in (6, 12, 24)]
     said = {"progress": quiet, "laboratories": 1, "seed": 0}
@@ -352,7 +352,7 @@ def test_variants_of_a_sheet_in_one_sweep_are_the_tests_alone() -> None:
 
 
 def test_critique_keeps_variants_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A test that gives the hits its rules ask for: each variant ran as itself, in its own row."""
+    """The metric is the number of hits in the rules, so each variant shows in its own row."""
     from virtual_lab.studies import critique
 
     def hits(tested: lab.BlockTest) -> np.ndarray:
@@ -401,7 +401,7 @@ def test_entries_of_one_name_in_one_call_are_refused(tmp_path: Path) -> None:
 
 
 def test_an_instrument_of_no_rig_in_the_test_is_refused() -> None:
-    """By what the rigs read: so too for a rig of another package."""
+    """The instruments in use are those that the rigs read, also for a rig of another package."""
     camera = vl.instrument("camera-overhead").with_({"sensor.pixel": "20 um"})
     with pytest.raises(vl.InputError, match=r"camera-overhead.*in use: .*pivot-gates") as caught:
         vl.sweep("r161", laboratories=1, seed=0, instruments=[camera], progress=quiet)
@@ -410,7 +410,7 @@ def test_an_instrument_of_no_rig_in_the_test_is_refused() -> None:
         vl.profile("r161", instruments=[camera])
 
 
-WRONG_CALLS = {  # a call that a scientist writes: a part of the sentence that says what to write
+WRONG_CALLS = {  # calls with a mistake, and a part of the message that states the correct form
     "vl.certify(None)": r"bat = None; allowed: a bat: its name \(vl.shelf\('bats'\)\), a .toml",
     "vl.certify(['r161', 'ea70'])": "allowed: a bat: its name",
     "vl.certify('r161', seed=True)": "one whole number from 0 .*; for several, vl.sweep",
@@ -466,7 +466,7 @@ def test_a_wrong_call_says_what_to_write(call: str, tested: vl.Certificate) -> N
 
 
 def test_arguments_in_other_forms_mean_the_same(tested: vl.Certificate) -> None:
-    """One instrument without a list, what numpy holds, a path for a name, a rig as a sheet."""
+    """One instrument without a list, numpy types, a path for a name, a rig as a sheet."""
     gates = vl.instrument("pivot-gates")
     assert vl.certify("r161", seed=np.uint8(7), instruments=gates).value == tested.value
     rig = vl.rig("astm-pivot").with_({"pivot.from_knob": "152 mm"})
@@ -484,14 +484,14 @@ def test_every_public_function_reads_its_arguments() -> None:
 
 
 def test_a_seed_of_anybodys_kind() -> None:
-    """One of numpy's is that number."""
+    """The result is that of the same Python integer."""
     setup = lab.TestSetup.of("ea70", procedure="astm-f1881", seed=3)
     plain = lab.certify_bat(setup).certification.metric.value
     assert vl.certify("ea70", seed=np.int64(3)).value == plain
 
 
 def test_what_a_prompt_shows_is_short_or_the_text() -> None:
-    """A row asked for by a name is told of the table; what `show` finds is read at once."""
+    """A table indexed by a name refers to `.table`; the result of `show` is its text."""
     assert repr(vl.show("bbcor")).startswith("bbcor: Ball-bat coefficient of restitution")
     with pytest.raises(vl.InputError, match=r"\.table has columns by name"):
         vl.shelf("bats")["r161"]

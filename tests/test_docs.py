@@ -1,4 +1,4 @@
-"""The tutorials are true: their Python is a doctest, their commands run, all in one folder."""
+"""The tutorials work: their Python is a doctest, and their commands run, in one folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drafts of real processes: killed, stopped, still at work; and folders that are none of ours."""
+"""Drafts of real processes that are killed, stopped or running, and folders of others."""
 
 import signal
 import subprocess
@@ -25,7 +25,7 @@ with new_folder(Path(sys.argv[1])) as draft:
 
 @contextmanager
 def half_way(target: Path) -> Iterator[subprocess.Popen[str]]:
-    """Run a process that stops half-way in filling its folder; it is killed at the end."""
+    """Run a process that stops halfway through filling its folder, and kill it at the end."""
     command = [sys.executable, "-c", HALF_WAY, str(target)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -46,7 +46,7 @@ def hidden(folder: Path) -> set[str]:
 
 
 def test_the_draft_of_a_killed_process_is_swept_up(tmp_path: Path) -> None:
-    """By the next that writes there; what only looks like a draft stays, so does another's."""
+    """The next process that writes there removes it, but nothing that only looks like a draft."""
     mine = {".cache", ".virtual-lab-draft-", ".virtual-lab-draft-of-my-thesis", ".second.ab12cd34"}
     for name in mine:
         (tmp_path / name).mkdir()
@@ -75,7 +75,7 @@ def test_the_draft_of_a_process_at_work_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_a_folder_within_a_draft(tmp_path: Path) -> None:
-    """As that of a control bat: the outer draft is not taken for one that was left."""
+    """The outer draft, as that of a control bat, is not mistaken for an abandoned one."""
     with new_folder(tmp_path / "outer") as draft:
         write(draft / "inner")
         assert draft.is_dir()

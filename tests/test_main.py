@@ -1,4 +1,4 @@
-"""The program and the signals that stop it: real processes, wherever they are when one comes."""
+"""The program and the signals that stop it, in real processes at any stage."""
 
 import signal
 import subprocess
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 STOPS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
-# the program with another command line in it; signals work even where pytest ignores them (nohup)
+# program with a replaced command line; signals work even if pytest ignores them (nohup)
 PROGRAM = """
 import os, signal, sys, time
 from pathlib import Path
@@ -37,7 +37,7 @@ BUSY = {
     print("ready", flush=True)
     while True:
         njit(lambda x: x + 1)(1.0)""",
-    # where an exception is printed and forgotten
+    # code in which an exception is printed and ignored
     "a finaliser": """
     class Last:
         def __del__(self):
@@ -46,7 +46,7 @@ BUSY = {
             while time.monotonic() < end:
                 pass
     Last()""",
-    # where an exception becomes another one
+    # code in which an exception becomes another one
     "a handler of errors": """
     try:
         print("ready", flush=True)
@@ -77,7 +77,7 @@ def start(folder: Path, *words: str, body: str = "", before: str = "") -> subpro
     ],
 )
 def test_a_signal_stops_it_wherever_it_is(busy: str, stop: signal.Signals, tmp_path: Path) -> None:
-    """Exit code of the signal, one line, nothing half-written."""
+    """The exit code is that of the signal; there is one line and nothing half-written."""
     with start(tmp_path, body=BUSY[busy]) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
@@ -97,7 +97,7 @@ def test_a_signal_stops_it_wherever_it_is(busy: str, stop: signal.Signals, tmp_p
 def test_commands_are_stopped(
     words: str, stop: signal.Signals, after: float, tmp_path: Path
 ) -> None:
-    """Whatever each does by then, imports or kernels: none takes it for a fault of its own."""
+    """A command stops during imports or compilation, and reports no fault of its own."""
     with start(tmp_path, *words.split(), before="print('ready', flush=True)") as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
@@ -109,7 +109,7 @@ def test_commands_are_stopped(
 
 
 def test_what_is_told_to_ignore_a_signal_goes_on(tmp_path: Path) -> None:
-    """``nohup virtual-lab coverage … &``, and the terminal closes."""
+    """The case is ``nohup virtual-lab coverage … &`` after the terminal closes."""
     body = "os.kill(os.getpid(), signal.SIGHUP); print('still here')"
     before = "signal.signal(signal.SIGHUP, signal.SIG_IGN)"
     with start(tmp_path, body=body, before=before) as process:

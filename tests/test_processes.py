@@ -1,4 +1,4 @@
-"""Worker processes: their answers, their faults and their ends."""
+"""Worker processes: their answers, their errors and their ends."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_workers_share_calls_and_end_with_the_context() -> None:
 
 
 def test_a_worker_dismissed_between_two_calls_or_before_one_is_lost(worker: Worker) -> None:
-    """A context may end when a call has begun and not yet written what it asks."""
+    """A context may end after a call has begun and before it has written its request."""
     assert worker.call(abs, -1) == 1
     assert worker.process is not None
     assert worker.process.stdin is not None

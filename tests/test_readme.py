@@ -1,4 +1,4 @@
-"""The pages are true: their code runs, their commands exist, their tables are those on file."""
+"""The pages are right: their code runs, their commands exist, their tables match stored files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ README = (ROOT / "README.md").read_text("utf-8")
 STUDIES = (ROOT / "virtual_lab" / "studies" / "README.md").read_text("utf-8")
 FIDELITY = (ROOT / "virtual_lab" / "fidelity" / "README.md").read_text("utf-8")
 BENCHMARKS = (ROOT / "tests" / "benchmarks" / "README.md").read_text("utf-8")
-WAYS = ("first", "draws")  # to evaluate a test
+WAYS = ("first", "draws")  # methods of evaluation: first order, and draws
 PAGES = sorted(
     path for path in (ROOT / name for name in ("README.md", "CONTRIBUTING.md")) if path.exists()
 ) + sorted(path for top in ("virtual_lab", "data", "tests") for path in (ROOT / top).rglob("*.md"))
@@ -31,7 +31,7 @@ def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     names: dict[str, Any] = {}
     exec(compile(block, "README.md", "exec"), names)
     assert (tmp_path / "out" / "mine" / "certificate.html").exists()
-    # the picture at the top is of the same certificate
+    # picture at the top: of the same certificate
     metric = names["certificate"].certification.metric
     half = (metric.interval_95[1] - metric.interval_95[0]) / 2
     assert names["certificate"].verdict == "PASS"
@@ -41,7 +41,7 @@ def test_the_python_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 def test_the_first_command_and_the_common_jobs_run_in_turn(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """In one folder, none in the way of another."""
+    """All run in one folder, and none obstructs another."""
     monkeypatch.chdir(tmp_path)
     (first,) = re.findall(r"virtual-lab (certify .*)", README.split("## Five jobs")[0])
     jobs = README.split("## Five jobs")[1].split("```")[1]
@@ -75,7 +75,7 @@ def test_every_command_and_option_named_exists(page: Path) -> None:
 
 
 def test_every_command_is_named_in_some_page() -> None:
-    """A newcomer who reads on meets each of them."""
+    """A new user who reads the pages finds each command."""
     text = "\n".join(page.read_text("utf-8") for page in PAGES)
     for name in cli.commands:
         assert re.search(rf"virtual-lab {name}\b|`{name}`", text), name
@@ -99,12 +99,12 @@ def test_every_place_in_the_house_exists() -> None:
 
 
 def test_the_coverage_table_is_the_one_on_file() -> None:
-    """Every row in print; each 95 % interval held the truth in 94 % of the laboratories or so."""
+    """Every row is printed; each 95 % interval contains the truth in about 94 % or more."""
     (path,) = (ROOT / "tests" / "studies").glob("coverage-*.csv")
     assert path.stem.removeprefix("coverage-") in STUDIES
     with path.open() as lines:
         rows = list(csv.DictReader(lines))
-    # the page's table says which procedures ship with such a row; one of your own needs none
+    # procedures with such a row: listed in the page; a user's own procedure needs none
     listed = re.findall(r"^\| ([\w-]+) \| (?:100000|99\d\d\d|20000) \|", STUDIES, re.MULTILINE)
     assert {row["procedure"] for row in rows} == set(listed)
     assert set(listed) <= set(catalog.names("procedures"))
@@ -118,7 +118,7 @@ def test_the_coverage_table_is_the_one_on_file() -> None:
 
 
 def test_the_tenths_are_those_on_file() -> None:
-    """Alone and with a history, where no tenth of 1 000 laboratories is below 90 %."""
+    """Single tests and tests with a history, in which no tenth of 1000 tests is below 90 %."""
     for kind, words in (("coverage", "alone"), ("history", "history")):
         (path,) = (ROOT / "tests" / "studies").glob(f"{kind}-*.csv")
         assert f"`tests/studies/{path.name}`" in STUDIES
@@ -138,7 +138,7 @@ def test_the_tenths_are_those_on_file() -> None:
 
 
 def test_the_table_of_faults_is_the_one_on_file() -> None:
-    """As many are caught as the page says, and as many sound laboratories flagged."""
+    """The page states the number of detected faults and of flagged sound laboratories."""
     (path,) = (ROOT / "tests" / "studies").glob("faults-*.csv")
     assert f"`tests/studies/{path.name}`" in STUDIES
     with path.open() as lines:
@@ -158,7 +158,7 @@ def test_the_table_of_faults_is_the_one_on_file() -> None:
 
 
 def test_the_table_of_clips_is_the_one_on_file() -> None:
-    """Every interval of the table holds in some 94 % of the clips, as far as so many tell."""
+    """Every interval contains the truth in about 94 % of the clips, within the sampling error."""
     (path,) = (ROOT / "tests" / "studies").glob("clips-*.csv")
     assert f"`tests/studies/{path.name}`" in STUDIES
     with path.open() as lines:
@@ -186,7 +186,7 @@ def test_the_table_of_draws_is_the_one_on_file() -> None:
 
 
 def test_the_chart_table_is_the_one_on_file() -> None:
-    """Eleven of the picture's points, rounded to one digit of error and two of time."""
+    """The table has eleven points of the picture: errors to one digit, times to two."""
     with (ROOT / "data" / "figures" / "collision.csv").open() as lines:
         rows = list(csv.DictReader(lines))
     points = set()
@@ -212,14 +212,14 @@ def test_the_benchmark_table_is_the_one_on_file() -> None:
 
 
 def cells(page: str, head: str) -> list[list[str]]:
-    """Return the rows of the table below a header, numbers without blanks between digits."""
+    """Return the rows of the table below a header, without blanks between digits."""
     table = page.split(head)[1].partition("\n\n")[0].splitlines()[2:]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
     return [[re.sub(r"(?<=\d) (?=\d)", "", cell) for cell in row] for row in rows]
 
 
 def file_named_in(page: str, pattern: str) -> str:
-    """Return the text of the one benchmark file of a pattern, which the page names."""
+    """Return the text of the only benchmark file of a pattern, which the page names."""
     (path,) = (ROOT / "tests" / "benchmarks").glob(pattern)
     assert f"`tests/benchmarks/{path.name}`" in page
     return path.read_text("utf-8")
@@ -274,7 +274,7 @@ def test_the_times_of_propagation_are_those_on_file() -> None:
 
 
 def test_the_times_of_the_rehearsal_bench_are_those_on_file() -> None:
-    """Median and worst of a row stand beside each other in a line of the file."""
+    """Median and worst time of a row are adjacent in a line of the file."""
     lines = [line.split() for line in file_named_in(BENCHMARKS, "rehearsal-*").splitlines()]
     pairs = {pair for line in lines for pair in pairwise(line)}
     for name, median, worst, _ in cells(BENCHMARKS, "| ms | median |"):
@@ -284,6 +284,6 @@ def test_the_times_of_the_rehearsal_bench_are_those_on_file() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_no_page_states_a_ratio_of_speeds_by_heart(page: Path) -> None:
-    """Speeds stand in tables that are compared with files; a ratio in a sentence grows stale."""
+    """Tables of speeds are compared with files; a ratio in a sentence would become outdated."""
     text = " ".join(page.read_text("utf-8").split())
     assert not re.findall(r"times (?:as (?:fast|slow)|faster|slower)", text)

@@ -1,4 +1,4 @@
-"""Random numbers: known answers, independence, silence, and the commitment to a seed."""
+"""Random numbers: known answers, independence, quiet draws, and the commitment to a seed."""
 
 import hashlib
 from math import sqrt
@@ -19,7 +19,7 @@ NAMES = st.text(min_size=1, max_size=20)
 SEEDS = st.integers(0, 2**128 - 1)
 WORDS = st.integers(0, 2**32 - 1)
 COMMITMENT = "3076cf22759f6d8e5b10a51e798f9d9a70deb65546b5c95096962772c3e592f4"
-# philox4x32 10 of kat_vectors in the Random123 library: counter, key, answer
+# rows of philox4x32 10 in kat_vectors of the Random123 library: counter, key, answer
 KNOWN = (
     ("00000000 00000000 00000000 00000000", "00000000 00000000",
      "6627e8d5 e169c58d bc57ac4c 9b00dbd8"),
@@ -35,7 +35,7 @@ def _words(text: str) -> tuple[int, ...]:
 
 
 def philox(counter: tuple[int, ...], key: tuple[int, ...]) -> tuple[int, ...]:
-    """Philox4x32-10 in whole numbers of Python, after Salmon et al., SC11, section 4.3."""
+    """Return Philox4x32-10 in Python integers, after Salmon et al., SC11, section 4.3."""
     a, b, c, d = counter
     x, y = key
     for _ in range(10):
@@ -53,7 +53,7 @@ def key_of(seed: int, branch: tuple[int, ...], name: str) -> tuple[int, ...]:
 def uniform_of(
     seed: int, branch: tuple[int, ...], name: str, slot: int, index: int, laboratory: int = 0
 ) -> float:
-    """Return one number between -1/2 and 1/2, from its counter alone."""
+    """Return one number between -1/2 and 1/2, computed from its counter alone."""
     *key, tag = key_of(seed, branch, name)
     words = philox((index // 2, slot, laboratory, tag), tuple(key))
     low, high = words[2 * (index % 2) :][:2]
@@ -62,7 +62,7 @@ def uniform_of(
 
 @pytest.mark.parametrize(("counter", "key", "answer"), KNOWN)
 def test_the_oracle_gives_the_known_answers(counter: str, key: str, answer: str) -> None:
-    """Those published with Random123."""
+    """The answers are those published with Random123."""
     assert philox(_words(counter), _words(key)) == _words(answer)
 
 
@@ -77,7 +77,7 @@ def test_the_oracle_gives_the_known_answers(counter: str, key: str, answer: str)
 def test_every_number_is_that_of_its_counter(
     seed: int, branch: list[int], name: str, slots: list[int], each: int, laboratory: int
 ) -> None:
-    """Seed, branch and name by key, laboratory, slot and index by counter; nothing else."""
+    """The key is from seed, branch and name; the counter from laboratory, slot and index."""
     own = tuple(branch)
     found = Streams(seed, own, laboratory).uniform(name, each, np.array(slots))
     rows = [[(slot, index, laboratory) for index in range(each)] for slot in slots]
@@ -86,7 +86,7 @@ def test_every_number_is_that_of_its_counter(
 
 @pytest.mark.parametrize("each", [1, 2, 3, 4, 7, 300, 513])
 def test_a_laboratory_draws_in_a_block_what_it_draws_alone(each: int) -> None:
-    """In any company, across the chunks of the compiled code; with slots and without."""
+    """Any block, across the chunks of the compiled code, with slots and without."""
     numbers = np.random.default_rng(2).integers(0, 2**32, 400)
     slots = np.random.default_rng(3).integers(0, 2**32, 400)
     block = Streams(9, (4,), numbers)
@@ -107,7 +107,7 @@ def test_laboratories_that_cannot_be_counted_are_refused(laboratory: int) -> Non
 
 @pytest.mark.parametrize("each", [1, 2, 3, 255, 256, 257, 511, 512, 513, 1537])
 def test_many_numbers_are_counted_alike(each: int) -> None:
-    """Across the chunks of the compiled code: every slot alone, and sampled against the oracle."""
+    """Across the chunks of the compiled code, each slot agrees with itself alone and the oracle."""
     slots = np.array([5, 0, 2**32 - 1, 7, 7, 300])
     found = Streams(3).uniform("many", each, slots)
     for row, slot in zip(found, slots, strict=True):
@@ -117,7 +117,7 @@ def test_many_numbers_are_counted_alike(each: int) -> None:
 
 
 def test_slots_by_the_thousand() -> None:
-    """Odd and even numbers a slot: a row depends on its slot, wherever it stands."""
+    """5000 slots in any order, with odd and even numbers per slot."""
     slots = np.random.default_rng(1).permutation(5000)
     for each in (1, 2, 5, 6):
         found = Streams(4).normal("a", each, slots)
@@ -127,7 +127,7 @@ def test_slots_by_the_thousand() -> None:
 
 
 def test_normal_numbers_are_the_quantiles_of_the_uniform_ones() -> None:
-    """The inverse normal of scipy, of the same numbers: 2e-15 of each, over 400 000."""
+    """The oracle is scipy's inverse normal of the same 400 000 numbers, to 2e-15."""
     n = 400_000
     uniform, normal = Streams(6).uniform("x", n), Streams(6).normal("x", n)
     exact = -np.sign(uniform) * ndtri(0.5 - np.abs(uniform))
@@ -136,7 +136,7 @@ def test_normal_numbers_are_the_quantiles_of_the_uniform_ones() -> None:
 
 
 def test_the_farthest_tails() -> None:
-    """Down to 2^-53, which one number in 5e15 meets: by the kernel's own steps, against scipy."""
+    """Tails down to 2^-53, which one number in 5e15 reaches; the oracle is scipy."""
     from virtual_lab.streams import philox as compiled
 
     tail = 2.0 ** -np.arange(4.0, 54.0)
@@ -149,7 +149,7 @@ def test_the_farthest_tails() -> None:
 
 
 def test_words_at_the_ends_stay_between_the_halves() -> None:
-    """Numbers are odd multiples of 2^-53: never 0, and as far above -1/2 as below 1/2."""
+    """Numbers are odd multiples of 2^-53: never 0, and symmetric within ±1/2."""
     n = 200_000
     steps = Streams(8).uniform("x", n) * 2.0**53
     assert np.all(steps % 2 == 1)
@@ -166,7 +166,7 @@ def test_slots_that_cannot_be_counted_are_refused(slots: list[int]) -> None:
 
 @given(seed=SEEDS, name=NAMES, other=NAMES, slot=WORDS)
 def test_order_does_not_matter(seed: int, name: str, other: str, slot: int) -> None:
-    """What was asked before, and of whom, changes nothing."""
+    """Earlier draws, also of other names, change nothing."""
     slots = np.array([slot])
     first = Streams(seed).normal(name, 4, slots)
     draws = Streams(seed)
@@ -195,9 +195,10 @@ def test_without_slots_numbers_are_those_of_slot_0() -> None:
     ],
 )
 def test_streams_are_uncorrelated(pair: tuple) -> None:
-    """All that a number belongs to: N = 100 000 pairs, fixed seed, |r| < 4/√n (6e-5 by chance).
+    """Seed, branch, laboratory, name, slot: 100 000 pairs, |r| < 4/√n (6e-5 by chance).
 
-    Squares and products of neighbours too, which a linear relation alone would not show.
+    Squares and products of neighbours are compared, too, because a correlation alone would not show
+    their dependence.
     """
     n = 100_000
     x, y = (
@@ -219,7 +220,7 @@ def test_numbers_of_one_slot_and_of_one_index_are_uncorrelated() -> None:
 
 
 def test_distributions_are_the_standard_ones() -> None:
-    """Kolmogorov-Smirnov against the exact laws, n = 200 000, p > 1e-3 at a fixed seed."""
+    """Kolmogorov-Smirnov test against the exact laws, n = 200 000, p > 1e-3, fixed seed."""
     draws, slots = Streams(77), np.arange(50_000)
     for normal in (draws.normal("n", 200_000), draws.normal("n", 4, slots).ravel()):
         assert stats.kstest(normal, "norm").pvalue > 1e-3
@@ -230,7 +231,7 @@ def test_distributions_are_the_standard_ones() -> None:
 
 
 def test_shapes() -> None:
-    """A number where nothing is asked, an array where a shape is; a leading axis of slots."""
+    """A number without a shape, an array with one, and a leading axis of slots."""
     for draws in (Streams(1), Quiet()):
         for draw in (draws.normal, draws.uniform):
             assert np.shape(draw("x")) == ()
@@ -242,7 +243,7 @@ def test_shapes() -> None:
 
 
 def test_shapes_of_a_block() -> None:
-    """A leading axis of the laboratories, with slots of their own or without."""
+    """The axis is there with slots per laboratory or without."""
     for draws in (Streams(1, (), np.arange(4)), Quiet(np.arange(4))):
         for draw in (draws.normal, draws.uniform):
             assert np.shape(draw("x")) == (4,)
@@ -263,7 +264,7 @@ def test_readings_in_turn_count_laboratory_after_laboratory() -> None:
 
 
 def test_one_laboratory_alone_owns_every_shot() -> None:
-    """Its draws and its numbers are the same ones, and numbers still."""
+    """Its draws are the same, and its numbers remain numbers."""
     assert Streams(1, (), 5).at(...) == Streams(1, (), 5)
     assert isinstance(of_owners(2.5, ...), float)
     assert of_owners([2.5, 3.5], np.array([1, 0, 1])).tolist() == [3.5, 2.5, 3.5]
@@ -277,14 +278,14 @@ def test_quiet_is_zero(name: str, slot: int) -> None:
 
 
 def test_commitment_known_answer() -> None:
-    """SHA-256 of sixteen zero bytes and the digits 42, by hashlib written out."""
+    """The oracle is SHA-256 of sixteen zero bytes and the digits 42, by hashlib."""
     assert commitment(bytes(16), 42) == hashlib.sha256(b"\0" * 16 + b"42").hexdigest()
     assert commitment(bytes(16), 42) == COMMITMENT
 
 
 @given(a=SEEDS, b=SEEDS, salt=st.binary(min_size=16, max_size=16))
 def test_commitment_binds(a: int, b: int, salt: bytes) -> None:
-    """One seed, one hash under a salt of fixed length; another salt, another hash."""
+    """Under a salt of fixed length each seed has its own hash; another salt gives another hash."""
     assert (commitment(salt, a) == commitment(salt, b)) == (a == b)
     flipped = bytes([salt[0] ^ 1]) + salt[1:]
     assert commitment(flipped, a) != commitment(salt, a)

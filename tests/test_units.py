@@ -56,11 +56,11 @@ DEFINED: dict[str, dict[str, Fraction]] = {
     "number": {"1": Fraction(1), "%": Fraction(1, 100), "ppm": Fraction(1, 10**6)},
 }
 EVERY = [(dimension, unit) for dimension, known in units.DIMENSIONS.items() for unit in known]
-ROUNDING = 4e-16  # two roundings of a double, relative
+ROUNDING = 4e-16  # relative size of two roundings of a double
 
 
 def test_constants_are_the_legal_ones() -> None:
-    """1959 agreement (NIST SP 811, B.8); standard gravity: 3rd CGPM 1901."""
+    """Agreement of 1959 (NIST SP 811, B.8); standard gravity: 3rd CGPM 1901."""
     assert Fraction(units.INCH).limit_denominator(10**9) == INCH == Fraction(254, 10000)
     assert units.POUND == 0.45359237
     assert units.OUNCE == 0.028349523125
@@ -71,7 +71,7 @@ def test_constants_are_the_legal_ones() -> None:
 
 @pytest.mark.parametrize(("dimension", "unit"), EVERY)
 def test_factor_of_every_unit(dimension: str, unit: str) -> None:
-    """Factors in rationals from the definitions above; a unit without one fails here."""
+    """The oracle is a fraction from the definitions above; a unit without one fails here."""
     defined = DEFINED[dimension][unit]
     assert isclose(units.to_si(1.0, unit, dimension), defined, rel_tol=ROUNDING)
 
@@ -80,7 +80,7 @@ def test_factor_of_every_unit(dimension: str, unit: str) -> None:
 @given(value=st.floats(1e-250, 1e250) | st.floats(-1e250, -1e-250) | st.just(0.0))
 @settings(max_examples=20)
 def test_there_and_back(dimension: str, unit: str, value: float) -> None:
-    """A product and its quotient differ from the start by two roundings at most (IEEE 754)."""
+    """A product and its quotient differ from the start by at most two roundings (IEEE 754)."""
     back = units.from_si(units.to_si(value, unit, dimension), unit, dimension)
     assert isclose(back, value, rel_tol=ROUNDING)
 
@@ -91,7 +91,7 @@ def test_miles_per_hour() -> None:
 
 @pytest.mark.parametrize(("unit", "dimension"), [("kg", "length"), ("ft", "length"), ("", "mass")])
 def test_a_unit_of_another_dimension_is_refused(unit: str, dimension: str) -> None:
-    """The documented `KeyError`."""
+    """The conversion raises the documented `KeyError`."""
     with pytest.raises(KeyError):
         units.to_si(1.0, unit, dimension)
     with pytest.raises(KeyError):

@@ -1,6 +1,6 @@
-"""Compile what numba compiles, once, before the tests' processes would all do so at the same time.
+"""Compile the kernels once, before the tests' processes would all do so at the same time.
 
-`python -m tests.warming bats` and so on for each of `PARTS`, side by side.
+`python -m tests.warming bats` and so on for each of `PARTS`, in parallel.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ ROOT = Path(__file__).parents[1]
 
 
 def warm_kernels() -> None:
-    """Compile the kernels, a process a part, where no earlier run left them on disk."""
+    """Compile the kernels, one process per part, unless an earlier run left them on disk."""
     if any((ROOT / "virtual_lab").rglob("*.nbi")):
         return
     parts = [
         subprocess.Popen([sys.executable, "-m", "tests.warming", part], cwd=ROOT) for part in PARTS
     ]
     for part in parts:
-        part.wait()  # what fails here fails in a test, with its words
+        part.wait()  # exit code ignored: a fault here also fails in a test, with its message
 
 
 def _bats() -> None:
@@ -72,18 +72,18 @@ def _alone() -> None:
     from virtual_lab.studies.bats.profile import profiles
     from virtual_lab.studies.paper import CLAIMS
 
-    profiles("r161", swings=(None,), ball="baseball-2003")[0]  # one that may meet the bat again
+    profiles("r161", swings=(None,), ball="baseball-2003")[0]  # second contacts allowed
     next(claim for claim in CLAIMS if "r161 clamped against free" in claim.says).find()
 
 
 def _others() -> None:
-    _scans()  # first: the bats' scans follow their test at one place
+    _scans()  # scans first: the other process plays a test at one position before its scans
     _camera()
     _flights()
     _alone()
 
 
-PARTS = {"bats": _bats, "others": _others}  # of much the same length
+PARTS = {"bats": _bats, "others": _others}  # parts of similar duration
 
 if __name__ == "__main__":
     PARTS[sys.argv[1]]()

@@ -1,4 +1,4 @@
-"""The shape of the code, held by tests: who imports whom, what loads, what is shipped."""
+"""Tests of the structure of the code: imports, loaded modules and shipped files."""
 
 import ast
 import os
@@ -28,7 +28,7 @@ CONTRACTS = [each["name"] for each in PROJECT["tool"]["importlinter"]["contracts
 
 
 def python(*arguments: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
-    """Run a fresh interpreter that sees the packages of `folder` first."""
+    """Run a new interpreter that finds the packages of `folder` first."""
     return subprocess.run(
         [sys.executable, *arguments],
         cwd=folder,
@@ -40,13 +40,13 @@ def python(*arguments: str, folder: Path = ROOT) -> subprocess.CompletedProcess[
 
 
 def test_import_contracts() -> None:
-    """[tool.importlinter] in pyproject.toml, the contracts of the design."""
+    """The contracts are in [tool.importlinter] in pyproject.toml."""
     done = python("-c", LINT)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "Contracts: 5 kept, 0 broken" in done.stdout
 
 
-# module, what it may not import, by which contract: one list a tree, as a breach may hide another
+# module, forbidden import, contract; several lists, because one breach may hide another
 BREACHES = [
     [
         ("measurement.reduction.gates", "simulation.truth", NEVER_TRUE),
@@ -76,7 +76,7 @@ BREACHES = [
 
 @pytest.mark.parametrize("breaches", BREACHES)
 def test_contracts_catch_a_breach(breaches: list[tuple[str, str, str]], tmp_path: Path) -> None:
-    """Mutation of the code: forbidden imports, some of them indirect, break their contracts."""
+    """Forbidden imports, some of them indirect, are added to a copy and break their contracts."""
     for top in ("virtual_lab", "rigs"):
         shutil.copytree(ROOT / top, tmp_path / top, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
@@ -100,26 +100,26 @@ def test_contracts_catch_a_breach(breaches: list[tuple[str, str, str]], tmp_path
 
 @pytest.fixture(scope="module")
 def imports() -> dict[str, set[str]]:
-    """Return what each module imports of the project's own, for types alone too."""
+    """Return the project's own modules that each module imports, for type checking included."""
     graph = grimp.build_graph("virtual_lab", "rigs", cache_dir=None)
     return {name: graph.find_modules_directly_imported_by(name) for name in graph.modules}
 
 
 def room(module: str) -> str:
-    """Return the entry of `virtual_lab` that holds a module, or ``rigs``."""
+    """Return the entry of `virtual_lab` that contains a module, or ``rigs``."""
     top, _, rest = module.partition(".")
     return "rigs" if top == "rigs" else rest.partition(".")[0] or "__init__"
 
 
 def test_no_modules_import_each_other(imports: dict[str, set[str]]) -> None:
-    """A circle raises `graphlib.CycleError`, which names its modules."""
+    """A cycle raises `graphlib.CycleError`, which names its modules."""
     assert len(list(TopologicalSorter(imports).static_order())) == len(imports)
 
 
 def test_the_wings_share_no_formula_of_a_result(imports: dict[str, set[str]]) -> None:
-    """Flight, pendulum, pinhole, calibration board, air: none that forms e, r, e0 or a metric.
+    """They share flight, pendulum, pinhole, board and air, but not e, r, e0 or a metric.
 
-    So that a wrong formula on either side shows as an error of an ideal test.
+    So a wrong formula on either side shows as an error of an ideal test.
     """
     of = {
         wing: {
@@ -142,7 +142,7 @@ def test_the_wings_share_no_formula_of_a_result(imports: dict[str, set[str]]) ->
 
 
 def test_rooms_and_floors_are_few(imports: dict[str, set[str]]) -> None:
-    """27 rooms and 10 floors, the longest chain of rooms, at most; nine loose modules."""
+    """At most 27 packages, 10 layers (the longest chain of packages) and nine loose modules."""
     below: dict[str, set[str]] = {room(module): set() for module in imports}
     for module, others in imports.items():
         below[room(module)] |= {room(other) for other in others} - {room(module)}
@@ -156,7 +156,7 @@ def test_rooms_and_floors_are_few(imports: dict[str, set[str]]) -> None:
 
 @pytest.mark.parametrize("module", ["virtual_lab", "virtual_lab.cli"])
 def test_import_is_light(module: str) -> None:
-    """What takes seconds to load waits until it is used."""
+    """Modules that take seconds to load are loaded only when they are used."""
     done = python("-c", f"import sys; import {module}; print(*sorted(sys.modules))")
     assert done.returncode == 0, done.stderr
     loaded = set(done.stdout.split())
@@ -165,7 +165,7 @@ def test_import_is_light(module: str) -> None:
 
 
 def draws_of_its_own(tree: ast.AST) -> Iterator[int]:
-    """Yield the lines of a module that reach for random numbers of numpy or of Python."""
+    """Yield the lines of a module that use random numbers of numpy or of Python."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             if (node.value.id, node.attr) in {("np", "random"), ("numpy", "random")}:
@@ -178,7 +178,7 @@ def draws_of_its_own(tree: ast.AST) -> Iterator[int]:
 
 
 def test_randomness_has_one_door() -> None:
-    """`virtual_lab.streams` alone draws: no np.random and no random anywhere else."""
+    """No module outside `virtual_lab.streams` uses np.random or random."""
     offenders = [
         f"{path.relative_to(ROOT)}:{line}"
         for path in MODULES
@@ -197,7 +197,7 @@ def test_a_second_door_is_seen(code: str) -> None:
 
 
 def test_every_package_is_shipped() -> None:
-    """A wheel holds what pyproject.toml lists: no package may be forgotten there."""
+    """A wheel contains only the packages listed in pyproject.toml, so all must be listed."""
     found = {
         ".".join(path.parent.relative_to(ROOT).parts)
         for path in MODULES
@@ -208,7 +208,7 @@ def test_every_package_is_shipped() -> None:
 
 
 def test_every_data_file_is_shipped() -> None:
-    """The patterns of package-data cover all in data/ but Python and the README's pictures."""
+    """The patterns of package-data cover data/, except Python files and pictures of the README."""
     patterns = PROJECT["tool"]["setuptools"]["package-data"]["virtual_lab.data"]
     covered = {path for pattern in patterns for path in (ROOT / "data").glob(pattern)}
     every = {
@@ -220,7 +220,7 @@ def test_every_data_file_is_shipped() -> None:
 
 
 def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
-    """Yield the statements of a body and of what stands in them."""
+    """Yield the statements of a body and the statements nested in them."""
     for each in body:
         yield each
         for inner in ("body", "orelse", "finalbody"):
@@ -228,7 +228,7 @@ def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
 
 
 def test_no_public_name_stands_for_two_things() -> None:
-    """Public classes and functions, and the constants that another module imports."""
+    """The test covers public classes and functions, and constants that other modules import."""
     bodies = {path: ast.parse(path.read_text("utf-8")).body for path in MODULES}
     imported = {
         (each.module, alias.name)

@@ -1,4 +1,4 @@
-"""What the files of every chart must hold."""
+"""The required contents of the files of every chart."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["require_files"]
 
 
 def require_files(chart: SpeedChart, folder: Path) -> str:
-    """Require a line a row in text, table and page, and a picture; return the page."""
+    """Require one line per row in text, table and page, and a picture; return the page."""
     text, rows, name = chart.text, chart.rows, chart.name
     assert len(text.splitlines()) == len(rows) + 1
     assert "None" not in text

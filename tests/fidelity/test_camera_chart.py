@@ -1,4 +1,4 @@
-"""The chart of the ways of locating a ball: its figures, text and files."""
+"""The chart of the methods that locate a ball: its errors, text and files."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_every_estimator_in_every_scene(rows: list[Row]) -> None:
 
 
 def test_what_the_chart_is_to_show(rows: list[Row]) -> None:
-    """Of a plain ball the fit is near the limit (12 errors), outlines are not."""
+    """On a plain ball the edge fit is within 3 limits, and contour moments exceed 5 limits."""
     for row in rows:
         if row["ball"] != "plain ball":
             assert row["bias_over_limit"] is None

@@ -1,4 +1,4 @@
-"""What is said of places: each count against places made wrong by hand."""
+"""The scores of located positions: each count against errors made by hand."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BATCH = pictures(Case(radius=15, phases=4, repeats=5))
 
 
 def test_score_counts_what_was_put_in() -> None:
-    """One place lost, one flagged, one wrong and flagged, one wrong unsaid, a phase off."""
+    """One position is lost, one flagged, one wrong and flagged, one wrong only, a phase biased."""
     least = np.full(20, BATCH.limit)
     x, flags = BATCH.x.copy(), np.zeros(20, np.uint16)
     x[0], flags[0] = np.nan, PlaceFlag.NOT_FOUND
@@ -47,7 +47,7 @@ def test_nothing_found() -> None:
 
 
 def test_time_is_shared_by_the_pictures() -> None:
-    """What works for long on the whole batch takes a twentieth of that for each."""
+    """The method runs three times on the whole batch, not once per picture."""
     calls = []
     seconds_a_picture(lambda given: calls.append(1) or given.start, BATCH.given, rounds=2)
     assert len(calls) == 3

@@ -1,4 +1,4 @@
-"""The pictures that estimators are compared on, and the figures of the benchmark in small."""
+"""The pictures on which estimators are compared, and the benchmark at a small scale."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FEW = Case(phases=4, repeats=10)
 
 @pytest.mark.parametrize("light", ["even", "back"])
 def test_a_quiet_picture_is_the_exact_one(light: Literal["even", "back"]) -> None:
-    """Against the disc's spectrum: to 1e-3 of the contrast, place, slope and levels."""
+    """The oracle is the disc's spectrum, for two positions of the ball on a sloped background."""
     case = Case(radius=15, blur=6, slope=0.2, light=light, quiet=True, phases=2, repeats=1)
     batch, size = pictures(case), 128
     ball, level = case.levels
@@ -35,7 +35,7 @@ def test_a_quiet_picture_is_the_exact_one(light: Literal["even", "back"]) -> Non
 
 
 def test_noise_is_what_was_asked_for() -> None:
-    """Contrast over the standard deviation halfway up the edge; 4 standard errors."""
+    """Contrast over the standard deviation halfway up the edge; bound of 4 standard errors."""
     for snr in (96.0, 27.0, 5.0):
         case = Case(snr=snr, phases=1, repeats=20)
         ball, level = case.levels
@@ -80,7 +80,7 @@ def test_what_hides_the_ball() -> None:
     ],
 )
 def test_the_edge_fit_is_near_the_limit(case: Case) -> None:
-    """Within twice the limit of a plain ball, whose brightness it does not know to be even."""
+    """The errors are within about twice the limit of a plain ball of unknown brightness."""
     batch = pictures(case)
     found = score_places(batch, OURS[EDGE](batch.given))
     assert 0.8 < found.rms / batch.limit < 2.2
@@ -94,7 +94,7 @@ def test_hidden_balls_and_their_flags() -> None:
 
 
 def test_peers_do_what_is_known_of_them() -> None:
-    """Errors of OpenCV's estimators within a factor of two of those measured for planning [px]."""
+    """Errors are within a factor of two of those measured beforehand [px]."""
     batch = pictures(Case(phases=4, repeats=5))
     planned = {
         "contour moments": 0.026,

@@ -1,4 +1,4 @@
-"""The maps of what may go wrong in a picture: what they say, and their files."""
+"""The maps of disturbances of a picture: their states and files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The chart of the collision rungs: the order of its points, where methods fail, its picture."""
+"""The chart of the collision models: the order of its points, failures and picture."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Rows = list[dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def drawn() -> SpeedChart:
-    """Return the chart, each of its points computed once: no test reads a time."""
+    """Return the chart, with each point computed once, because no test reads a time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(chart, "least_time", lambda work: (work(), 1.0))
         return chart.collision_chart(
@@ -42,7 +42,7 @@ def of(rows: Rows, series: str) -> Rows:
 
 
 def test_more_modes_and_smaller_steps_err_less(rows: Rows) -> None:
-    """Errors only: times are for the reader, never for a test."""
+    """Only errors are tested; times are for the reader."""
     for series in (Series.MODES, Series.STEPS):
         errors = np.array([row["worst_error"] for row in of(rows, series)])
         assert errors[-1] < errors[0] / 50
@@ -50,7 +50,7 @@ def test_more_modes_and_smaller_steps_err_less(rows: Rows) -> None:
 
 
 def test_each_question_has_a_reference_of_its_own(rows: Rows) -> None:
-    """A hundred modes by scipy err by what they leave out; methods have the same modes given."""
+    """The error of all equations is against more modes, that of a solver against the same modes."""
     asked = {series: {row["held_against"] for row in of(rows, series)} for series in Series}
     solving = {Series.STEPS, Series.SCIPY}
     assert asked == {
@@ -80,7 +80,7 @@ def test_where_methods_fail_is_looked_for_all_along_the_bat(rows: Rows) -> None:
 
 
 def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Off by a little more than the u of a certificate, or a little less, far from the barrel."""
+    """Far from the barrel the error is just above or just below the u of a certificate."""
 
     def poor(scenes: Scenes) -> np.ndarray:
         z = scenes.impact_position / INCH
@@ -108,7 +108,7 @@ def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.Monk
 
 
 def test_the_picture_shows_what_decides_and_its_words_do_not_overlap() -> None:
-    """Of the rows that the README shows."""
+    """The picture has the rows of the README, and marks the limit u/10."""
     rows = pd.read_csv(SHIPPED).to_dict("records")
     figure: Any = draw_collision(rows, "Collision")  # type: ignore[arg-type]
     renderer = figure.canvas.get_renderer()

@@ -1,4 +1,4 @@
-"""The maps of the collision's steps: what they say, and their files."""
+"""The maps of the collision's steps: their states and files."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def at(rows: list[dict[str, Any]], *steps: str) -> list[dict[str, Any]]:
 
 
 def no_result(row: dict[str, Any]) -> bool:
-    """Whether a column's scenes are those that cannot be followed."""
+    """Return whether no model can follow the scenes of a column."""
     return bool((row["map"], row["value"]) == (maps.CollisionAxis.RESTITUTION, 0.005))
 
 
@@ -103,7 +103,7 @@ def test_text_and_files(found: StabilityMap, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("share", "state"), [(0.99, "good"), (1.01, "inaccurate")])
 def test_good_is_what_the_default_promises(share: float, state: str) -> None:
-    """One scene of two off by a share of the tolerance, unnoticed; nobody doubted it."""
+    """One of two scenes has an unnoticed error just below or just above the tolerance."""
 
     def outcome(efficiency: float) -> ColumnOutcome:
         return ColumnOutcome(

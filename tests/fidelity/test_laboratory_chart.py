@@ -1,4 +1,4 @@
-"""The chart of the whole test: its table on file, its picture, and every choice answered for."""
+"""The chart of the whole test: its stored table, its picture, and the reasons for each choice."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PARTS = ("collision", "motion", "gates", "encoder", "camera", "uncertainty")
 
 
 def test_every_part_ships_the_cheapest_rung_that_is_good_enough_or_says_why(tmp_path: Path) -> None:
-    """Good enough: below a tenth of u within two standard errors; the finest has no effect."""
+    """A model suffices if its effect is below u/10, within two standard errors."""
     chart = api.chart("laboratory")
     assert {row["part"] for row in chart.rows} == set(PARTS)
     for part in PARTS:

@@ -1,4 +1,4 @@
-"""What the default leaves out, bat by bat, and what each remedy is worth."""
+"""The error of the default for each bat, and the gain by each remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The chart of the motion rungs: pymunk alone, our rungs beside it, its files."""
+"""The chart of the models of the motion: plain pymunk beside our models, and its files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Row = dict[str, Any]
 
 @pytest.fixture(scope="module")
 def drawn() -> SpeedChart:
-    """Return the chart, each of its points played once: no test reads a time."""
+    """Return the chart, with each point played once, because no test reads a time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(chart, "least_time", lambda work: (work(), 1.0))
         return chart.motion_chart(
@@ -37,7 +37,7 @@ def of(rows: list[Row], series: str, **own: str) -> list[Row]:
 
 
 def test_pymunk_alone_misses_and_loses_what_it_was_seen_to(rows: list[Row]) -> None:
-    """Shares that were measured on pymunk before any of this was written."""
+    """The shares were measured on pymunk before our models were written."""
     misses = {("26.8", "1e-02"): 0.74, ("62.6", "2e-03"): 0.45, ("62.6", "1e-03"): 0.0}
     losses = {"1e-02": 0.41, "1e-03": 0.07, "1e-04": 0.0075}
     found = [row for row in of(rows, chart.Carrier.ALONE) if row["share"] is not None]
@@ -69,7 +69,7 @@ def test_our_rungs_are_exact_or_refuse(rows: list[Row]) -> None:
 
 
 def test_pymunk_alone_errs_by_its_step(rows: list[Row]) -> None:
-    """Order 1 off a round barrel and at the tip; no step mends what its iterations leave."""
+    """The order is 1 on a round barrel and at the tip."""
     for scene in (chart.Start.ROUND, chart.Start.TIP):
         errors = [row["ball_m_s"] for row in of(rows, chart.Carrier.ALONE, scene=scene)][1:]
         orders = -np.diff(np.log10(errors))
@@ -81,7 +81,7 @@ def test_pymunk_alone_errs_by_its_step(rows: list[Row]) -> None:
 
 @pytest.mark.parametrize(("speed", "step"), [(40.0, 4e-3), (80.0, 1e-3), (100.0, 5e-3)])
 def test_the_share_missed_is_what_is_jumped(speed: float, step: float) -> None:
-    """1 - (R + r) / (v dt), to one shot in the hundred that are evenly spread."""
+    """1 - (R + r) / (v dt), to one of a hundred evenly spaced shots."""
     share = missed(rod(), speed, step, 100)
     assert share == pytest.approx(max(0.0, 1 - rod().reach / (speed * step)), abs=0.0101)
 

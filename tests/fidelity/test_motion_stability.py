@@ -1,4 +1,4 @@
-"""The maps of pymunk's steps: what they say, and their files."""
+"""The maps of pymunk's steps: their states and files."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_the_rung_is_good_wherever_it_answers(rows: list[Row]) -> None:
 
 
 def test_pymunk_alone_is_refused_nothing_and_wrong_in_places(rows: list[Row]) -> None:
-    """A flat hit is right until it is jumped; the tip, the round and a lone iteration are not."""
+    """A flat hit is right until it is jumped; the tip, a round bat and one iteration are wrong."""
     assert not any(row["refused"] for row in rows if row["method"] == maps.Carrier.ALONE)
     assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.SPEED, 1e-2, 10) == State.GOOD
     assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.SPEED, 1e-3, 200) == State.UNSTABLE

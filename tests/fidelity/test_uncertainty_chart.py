@@ -1,4 +1,4 @@
-"""The chart of methods to propagate uncertainty: its table on file, its picture."""
+"""The chart of methods to propagate uncertainty: its stored table and its picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from virtual_lab.uncertainty.propagating import propagate_inputs
 
 
 def test_more_draws_take_longer_and_err_less(tmp_path: Path) -> None:
-    """By 8 times the draws an error falls by √8, within what few seeds leave; files of a chart."""
+    """With 8 times the draws an error falls by √8, within the scatter of a few seeds."""
     chart = api.chart("uncertainty")
     assert {row["method"] for row in chart.rows} == set(MARKERS)
     for model in {row["model"] for row in chart.rows}:
@@ -29,10 +29,10 @@ def test_more_draws_take_longer_and_err_less(tmp_path: Path) -> None:
 
 
 def test_the_table_is_that_of_the_methods() -> None:
-    """Its largest errors: the first order of squares has another u, its low end lies below 0."""
+    """The first order of squares has a wrong u and a low end below 0, the largest errors."""
     rows = {(row["model"], row["method"]): row for row in api.chart("uncertainty").rows}
     found = propagate_inputs(models.squares, models.SQUARES)
-    u = 1.118e-4  # √(4 x² u² + 4 u⁴), JCGM 101 9.4
+    u = 1.118e-4  # exact u: √(4 x² u² + 4 u⁴), JCGM 101 9.4
     first = rows["JCGM 101 9.4, squares", "first-order"]
     assert first["u_error"] == pytest.approx(1 - found.u / u, abs=0.01)
     assert rows["JCGM 101 9.4, squares", "second-order"]["u_error"] < 0.01

@@ -1,1 +1,1 @@
-"""A laboratory of another maker: its form, its tables, and the answer they were made from."""
+"""A laboratory of another maker: its form, its tables, and the known answer."""

@@ -2,11 +2,11 @@
 
     python -m tests.foreign_laboratory.make
 
-Inches, ounces, mph, microseconds, degrees and milliseconds, counted from 1, rounded to what such
-recorders show. The form ``records/laboratory.toml`` is written by hand and stays. The answer
-holds what the same session gives in our own form, and what was true. The simulation may change:
-the tables need not be made again for that. Where they are, ``worked_by_hand.md`` must follow; its
-test names every number that no longer fits.
+The units are inches, ounces, mph, microseconds, degrees and milliseconds, indices begin at 1, and
+values are rounded as such recorders show them. The form ``records/laboratory.toml`` is written by
+hand and is not changed. The answer has the results of the same session in our own form, and the
+truth. A change of the simulation does not require new tables. With new tables,
+``worked_by_hand.md`` must change, too; its test names every number that differs.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
 HERE = Path(__file__).parent
 RECORDS, ANSWER = HERE / "records", HERE / "answer.json"
 SEED = 20031
-SAMPLES = 700  # of 1500: what fits in a small file
+SAMPLES = 700  # number of samples, of 1500, for a small file
 EDGES = ("broke", "cleared")
 Stage = dict[str, Record]
 
@@ -58,7 +58,7 @@ def _shortened(session: Session) -> Session:
 
 
 def bench(records: Stage) -> None:
-    """Write one table for all that is read of the bat, one of the balls, one of the swings."""
+    """Write one table of the readings of the bat, one of the balls and one of the swings."""
     _write(
         "bat.csv",
         {
@@ -85,14 +85,14 @@ def bench(records: Stage) -> None:
 
 
 def wall(records: Stage) -> None:
-    """Write the wall's log and a row a shot of its gates."""
+    """Write the wall's log, and its gates with one row per shot."""
     log = records["log"]
     _write("wall-shots.csv", _log(log) | {"place_in": 0})
     _write("wall-gates.csv", {"shot": np.arange(len(log.ball)) + 1} | _wide(records["gates"]))
 
 
 def impact(records: Stage) -> None:
-    """Write the log, a row an edge of the gates, a column a shot of the encoder, the marks."""
+    """Write log and marks, the gates with a row per edge, the encoder with a column per shot."""
     log, encoder, aim = records["log"], records["encoder"], records["aim"]
     _write("shots.csv", _log(log) | {"place_in": _round(log.place / INCH, 4)})
     gates = records["gates"].table()
@@ -103,10 +103,10 @@ def impact(records: Stage) -> None:
     _write("gates.csv", gates.sort_values(["edge", "gate", "shot"])[order])
     ticks = {"t [ms]": _round(encoder.times * 1e3, 3)}
     counts = {f"shot {n + 1}": row.astype(int) for n, row in enumerate(encoder.counts)}
-    # the encoder's recorder runs on Windows
+    # encoder's recorder: on Windows
     text = pd.DataFrame(ticks | counts).to_csv(index=False, lineterminator="\r\n")
     (RECORDS / "encoder.csv").write_bytes(text.encode("utf-8-sig"))
-    # and who measured the marks used a spreadsheet of another country
+    # marks: from a spreadsheet with decimal commas
     marks = {
         "across_mm": _round(aim.across * 1e3, 2),
         "mark": np.arange(aim.along.size) + 1,
@@ -134,11 +134,11 @@ def _wide(gates: Record) -> dict[str, pd.Series]:
 
 
 def _round(values: np.ndarray, digits: int) -> np.ndarray:
-    return np.round(values, digits) + 0.0  # no -0.0
+    return np.round(values, digits) + 0.0  # sum with 0.0: no -0.0
 
 
 def _microseconds(times: np.ndarray) -> pd.Series:
-    """Return whole microseconds, an empty cell where there is no time."""
+    """Return whole microseconds, with an empty cell where there is no time."""
     return pd.Series(np.round(times * 1e6)).astype("Int64")
 
 

@@ -1,11 +1,11 @@
-"""Coverage of e0 by bbcor, where another laboratory's own program writes the wall's records.
+"""Coverage of e0 by bbcor, with wall records written by a program of another laboratory.
 
     python -m tests.foreign_laboratory.wall 150 1 wall.csv
 
-Its balls lose restitution by a power of the speed, each by its own; its cannon misses the speed
-asked for; its curtains are 1.2 mm thick. Nothing of the simulation is used for the wall: a flight
-against quadratic drag is x(t) = ln(1 + κ v t)/κ on the way back, and the same backward in time on
-the way in. Bench and bat are those of one simulated session, which e0 hardly depends on.
+The e0 of each ball falls with its own power of the speed, the cannon misses the nominal speed, and
+the curtains are 1.2 mm thick. The wall uses nothing of the simulation: a flight against quadratic
+drag is x(t) = ln(1 + κ v t)/κ on the way out, and the same backward in time on the way in. Bench
+and bat are those of one simulated session, on which e0 hardly depends.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ from virtual_lab.measurement.certification import certify_session
 from virtual_lab.records.session import Session
 
 MPH = 0.44704
-SPEEDS, HITS = (60.0, 136.0), 4  # mph, of each ball at each
+SPEEDS, HITS = (60.0, 136.0), 4  # speeds [mph], hits of each ball at each speed
 FIELDS = ("off_mph", "laboratories", "held", "mean_z", "sd_z")
 
 
 def wall_of(session: Session, seed: int, off: float) -> tuple[Session, float]:
     """Return the session with other balls at another wall, and the lot's true e0 at 136 mph.
 
-    All hits of one speed miss it by the same, normal of standard deviation `off` [mph].
+    All hits at one nominal speed have a common speed error, normal with standard deviation `off`
+    [mph].
     """
     rng, known = np.random.default_rng([20261126, seed]), session.calibration
 
@@ -51,8 +52,8 @@ def wall_of(session: Session, seed: int, off: float) -> tuple[Session, float]:
     area = np.pi * radius**2 * density * drawn("hall.air.drag_coefficient")
     kappa = (area / (2 * mass[ball]))[:, None, None, None]
     gates = np.array([drawn(f"balls.gates.distance_{gate}") for gate in (0, 1)])
-    edges = (radius + 0.6e-3) * np.array([[1.0, -1.0], [-1.0, 1.0]])  # and half of a curtain
-    place = gates[:, None] + edges[:, None]  # of a ball's centre, (way, gate, edge)
+    edges = (radius + 0.6e-3) * np.array([[1.0, -1.0], [-1.0, 1.0]])  # plus half a curtain
+    place = gates[:, None] + edges[:, None]  # ball's centre, (way, gate, edge)
     speed = np.stack([into, into * e0], axis=1)[:, :, None, None] * MPH
     sign = np.array([-1.0, 1.0])[None, :, None, None]
     since = np.expm1(sign * kappa * place) / (kappa * speed)
@@ -77,7 +78,7 @@ def wall_of(session: Session, seed: int, off: float) -> tuple[Session, float]:
 
 
 def main(number: int, off: float, into: Path) -> None:
-    """Add a row to a table: of how many laboratories the interval of e0 holds the truth."""
+    """Append a row to a table: the number of laboratories whose interval contains the true e0."""
     session = certify("r161", procedure="bbcor", seed=88_000).certification.session
     bench = {name: each for name, each in session.records["bench"].items() if name != "climate"}
     session = replace(session, records=session.records | {"bench": bench})
@@ -86,7 +87,7 @@ def main(number: int, off: float, into: Path) -> None:
         other, true = wall_of(session, seed, off)
         e0 = certify_session(other).quantities.get("ball_restitution")
         if e0 is None:
-            continue  # the scan has no maximum with this lot
+            continue  # lot without a maximum of the scan
         low, high = e0.interval_95
         held += low <= true <= high
         z.append((e0.value - true) / e0.u)

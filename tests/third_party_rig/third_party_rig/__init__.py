@@ -1,4 +1,4 @@
-"""A pivoted-bat rig of another maker: gates time the ball in and out, nothing counts the bat."""
+"""A pivoted-bat rig of another maker, with gates for the ball and no encoder for the bat."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 __all__ = ["RIG", "SpeedGunPivot"]
 
-PIVOT_FROM_KNOB = 6 * 0.0254  # m
-SPEED_SCATTER = 0.2  # m/s, of the launcher
+PIVOT_FROM_KNOB = 6 * 0.0254  # distance of the pivot from the knob [m]
+SPEED_SCATTER = 0.2  # standard deviation of the launcher's speed [m/s]
 AIR = HallAirSpec(
     kind="air",
     title="Still air",
@@ -42,7 +42,7 @@ GATES = LightGateSpec(
 
 
 class SpeedGunPivot:
-    """The rig."""
+    """The rig type."""
 
     name = "speed-gun-pivot"
     stage = Stage.IMPACT
@@ -79,7 +79,7 @@ class SpeedGunStation(FittedStation):
         return {"gates": self.gates, "air": self.air}
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Fire at the bat at rest and time the ball through every curtain, both ways."""
+        """Fire at the bat at rest and time the ball through every curtain, in both directions."""
         name, slots, balls = SpeedGunPivot.name, plan.slot, specimen.balls
         speed = plan.speed + self.scatter * draws.normal(f"{name}.launch", slots=slots)
         e0 = balls.draw_hits(plan.ball, speed, draws, f"{name}.hit", slots)
@@ -104,7 +104,7 @@ class SpeedGunStation(FittedStation):
         )
 
     def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
-        """Return the measurand at the plan's places: this bat, the lot's mean ball."""
+        """Return the measurand at the plan's positions, for this bat and the lot's mean ball."""
         return error_free(plan, specimen, _support(specimen), PIVOT_FROM_KNOB)
 
 

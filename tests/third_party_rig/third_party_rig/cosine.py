@@ -1,4 +1,4 @@
-"""A study of another package, and a command: an entry point is all that it needs."""
+"""A study of another package and its command, which need only an entry point."""
 
 from __future__ import annotations
 

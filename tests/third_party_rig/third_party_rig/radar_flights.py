@@ -1,4 +1,4 @@
-"""From the radar gun's record to flights: what the reduction asks of any instrument."""
+"""Flights from the record of the radar gun, with the methods that the reduction requires."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from virtual_lab.units import Array, Mask
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadarReadings:
-    """A stage's balls as the gun shows them. It sees no heights: aim marks stand in for them."""
+    """Readings of a stage's balls. The gun sees no heights, so aim marks replace them."""
 
     stage: str
     raw: RawFlights
@@ -40,7 +40,7 @@ class RadarReadings:
         return RawFlightsU.unknown(self.raw.speed_in)
 
     def corrected(self, x: Constants, drag: Array) -> Flights:
-        """Carry the speeds from the gun's distance d to the target: v exp(∓κ d), dv/dx = -κ v."""
+        """Return speeds at the target, v exp(∓κ d) with the gun's distance d, from dv/dx = -κ v."""
         scale, distance = (x[f"{self.stage}.radar.{name}"] for name in ("scale", "distance"))
         speed_in = self.raw.speed_in / scale * np.exp(-drag * distance)
         unseen = np.full(speed_in.shape, np.nan)
@@ -53,7 +53,7 @@ class RadarReadings:
         )
 
     def clock(self, x: Constants) -> Array:
-        """Return 1: no encoder shares the gun's clock."""
+        """Return 1, because no encoder shares the gun's clock."""
         return np.ones(1)
 
     def part(self, chosen: Mask) -> Self:

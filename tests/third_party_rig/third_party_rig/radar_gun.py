@@ -1,4 +1,4 @@
-"""A radar gun in the line of fire, as it behaves."""
+"""The behaviour of a radar gun in the line of fire."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadarGunSpec(CalibratedSpec):
-    """Where it reads the speed, and how well."""
+    """Position and uncertainty of a radar gun."""
 
     kind: str
     title: str
-    distance: Annotated[float, Gt(0), Dimension("length")]  # of the ball from the target when read
+    distance: Annotated[float, Gt(0), Dimension("length")]  # from the target
     distance_u: Annotated[float, Ge(0), Dimension("length")]
-    scale: Annotated[float, Gt(0), Dimension("number")]  # speed shown over true speed
+    scale: Annotated[float, Gt(0), Dimension("number")]  # ratio of displayed to true speed
     scale_u: Annotated[float, Ge(0), Dimension("number")]
     speed_scatter: Annotated[float, Ge(0), Dimension("speed")]
     time_jitter: Annotated[float, Ge(0), Dimension("time")]
@@ -37,7 +37,7 @@ class RadarGun(CalibratedInstrument[RadarGunSpec]):
     def watch(
         self, passage: Passage, contact: Array, draws: Draws, name: str, slots: Slots
     ) -> RadarRecord:
-        """Show each ball's speeds as it passes the gun's distance, in and back."""
+        """Return each ball's speeds at the gun's distance, in and back."""
         noise = draws.normal(name, 3, slots).T
         slowed = np.exp(passage.drag * self.true["distance"])
         back = np.where(passage.speed_out > 0, passage.speed_out, np.nan)

@@ -1,4 +1,4 @@
-"""The raw record of a radar gun: what its display shows of each ball."""
+"""The raw record of a radar gun: the values that its display shows for each ball."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RadarRecord(BallRecord):
-    """Speeds of a ball at the gun's distance, and when its echo turned, (shot,).
+    """Speeds of a ball at the gun's distance, and the time at which its echo turned, (shot,).
 
     NaN: the ball did not come back.
     """

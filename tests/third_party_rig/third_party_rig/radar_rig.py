@@ -1,4 +1,4 @@
-"""A bat at rest on a pivot, a cannon, and a radar gun in place of gates."""
+"""A rig with a bat at rest on a pivot, a cannon, and a radar gun in place of gates."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from virtual_lab.simulation.truth import TrueOutcome
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-PIVOT_FROM_KNOB = 6 * 0.0254  # m
-FLIGHT = 0.02  # s, from the trigger to the bat
+PIVOT_FROM_KNOB = 6 * 0.0254  # distance of the pivot from the knob [m]
+FLIGHT = 0.02  # time from the trigger to the bat [s]
 GUN = RadarGunSpec(
     kind="radar-gun",
     title="Radar gun behind a net",
@@ -55,7 +55,7 @@ CANNON = CannonSpec(
 
 
 class RadarPivot:
-    """The rig."""
+    """The rig type."""
 
     name = "radar-range"
     stage = Stage.IMPACT
@@ -92,7 +92,7 @@ class RadarStation(FittedStation):
         return {"radar": self.gun, "cannon": self.cannon, "air": self.air}
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
-        """Fire at the bat at rest; the gun shows the ball's speeds in and back."""
+        """Fire at the bat at rest; the gun reads the ball's speeds in and back."""
         name, slots, balls, body = RadarPivot.name, plan.slot, specimen.balls, specimen.bat.body
         launch = self.cannon.fire(plan.speed, draws, f"{name}.launch", slots)
         e0 = balls.draw_hits(plan.ball, launch.speed, draws, f"{name}.hit", slots)
@@ -120,7 +120,7 @@ class RadarStation(FittedStation):
         )
 
     def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
-        """Return the measurand at the plan's places: this bat, the lot's mean ball."""
+        """Return the measurand at the plan's positions, for this bat and the lot's mean ball."""
         support = Pinned(specimen.bat.body.length - PIVOT_FROM_KNOB)
         return error_free(plan, specimen, support, PIVOT_FROM_KNOB)
 
