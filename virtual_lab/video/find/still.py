@@ -6,9 +6,9 @@ each other before their median is taken, and each picture is shifted back before
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise, repeat
+from itertools import pairwise
 from typing import Any
 
 import cv2
@@ -16,14 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.find.drift import (
     BLACK,
-    FAR_OFF,
     Edges,
-    at_rim,
     edges_of,
     leap_of,
     matrix_of,
@@ -39,7 +37,6 @@ class _StillSettings:
 
     # largest number of pixels of the picture that is searched: larger pictures are shrunk
     searched: float = 4e5
-    no_drift: float = 0.15  # largest drift over a clip of a camera on a stand [pixels]
     # drift of a hand-held camera along each axis [longer sides of the picture per second]: 0.005 to
     # 0.03 in real clips
     hand_drift: float = 0.02
@@ -48,19 +45,16 @@ class _StillSettings:
     # smallest steepness of an edge that shows a drift [DN/px]: H.264 keeps flatter edges in place
     # while the camera drifts
     coded_still: float = 6.0
-    # smallest number of the 144 parts that must have edges to show a drift, those of one moving
-    # thing left out
+    # number of parts of the picture along each axis, and smallest number of them that must have
+    # edges to show a drift, those of one moving thing left out
+    parts: int = 12
     shown_parts: int = 4
-    # smallest share of a sample's edges that lie in another sample aligned with it
-    overlap: float = 0.6
-    # largest drift that few edges may show [share of the fastest one]: they may all belong to one
-    # thing, which moves faster than a camera in a hand
-    held: float = 0.25
-    # largest ratio of the cost with a drift to that without, in the median part of the picture, and
-    # likewise of the cost with a turn to that with a shift alone. Measured for drifts: .03 to .78
-    # in hands, at least .85 on a stand; for turns: .2 to .61 of turning cameras, at least .84 of
-    # others
-    better: float = 0.8
+    # fastest drift that few edges may show [longer sides of the picture per frame]: they may all
+    # belong to one thing, which moves faster than a camera in a hand
+    held: float = 0.006
+    # largest ratio of the change at edges with a drift to that without it: .1 to .7 in hands, at
+    # least .83 on a stand
+    better: float = 0.75
     # smallest number of samples that show whether a ball is lighter or darker than the background
     fewest: int = 8
     # quantile, or its complement, at which the background of a slow ball is found. With the median,
@@ -97,7 +91,6 @@ class Still:
     edges: Edges  # edges of `small`
     # drift of the camera at the samples, (sample, 4) as in `find.drift` [full pixels]
     sampled: Array
-    usual: float  # usual cost of the samples at their drifts [pixels of `small`]
     # largest drift along each axis that the picture may hide [pixels per frame]; None: too few
     # edges to tell
     stands_to: float | None
@@ -124,14 +117,9 @@ class Still:
         """
         if not self.drifts:
             return np.zeros(4)
-        guess = guess / self._full
-
-        def starts() -> Iterator[Array]:
-            yield guess
-            yield before[1] / self._full + leap_of(_soft(before[0]), grey)
-
-        grey = _soft(small)
-        return self._full * self.edges.drift(grey, starts(), self.usual)
+        grey, last = _soft(small), before[1] / self._full
+        leapt = last + leap_of(_soft(before[0]), grey)
+        return self._full * self.edges.drift(grey, guess / self._full, leapt)
 
     @property
     def _full(self) -> Array:
@@ -208,111 +196,106 @@ def still_of(
     greys, size = [_soft(each) for each in small], small[0].shape[1::-1]
     drifts: Array = np.zeros((len(small), 4))
     stands_to: float | None = 0.0
-    if not stands:
-        drifts, stands_to = _lay(greys, _STILL.swung * max(rows, columns) * apart / shrink)
-    if np.ptp(drifts * at_rim(size) * shrink, axis=0).max() <= _STILL.no_drift:
-        drifts[:] = 0
-    corners = np.array([[x, y] for x in (0, columns) for y in (0, rows)], float) / shrink
-    back = [cv2.invertAffineTransform(matrix_of(each, size)) for each in drifts]
-    seen = np.concatenate([corners @ each[:, :2].T + each[:, 2] for each in back])
-    first = np.minimum(0, np.floor(seen.min(axis=0))).astype(int)
-    end = np.ceil(shrink * np.maximum(corners[-1], seen.max(axis=0))).astype(int)
+    if not stands and len(greys) > 1:
+        drifts, stands_to = _drifts_of(greys, _STILL.held * max(size) * apart)
     full = np.array([shrink, shrink, 1, 1])
-    origin, share = shrink * first, share_of(pictures)
-    background = _background_of(pictures, full * drifts, origin, end - origin, share)
+    background, origin = _panorama(pictures, full * drifts, share_of(pictures), shrink)
     behind = _shrunk(background, shrink)
+    corner = (origin[0] // shrink, origin[1] // shrink)
     off = [
-        _strongest(cv2.absdiff(warp_back(each, drift, tuple(first), behind), behind))
+        _strongest(cv2.absdiff(warp_back(each, drift, corner, behind), behind))
         for each, drift in zip(small, drifts, strict=True)
     ]
     restless = of_rank(np.stack(off), round(_STILL.restless * (len(off) - 1)))
-    edges = edges_of(_soft(behind), None, tuple(first), size, turns=bool(drifts[:, 2:].any()))
-    cost = float(np.median(list(map(edges.cost, greys, drifts))))
     return Still(
         background=background,
-        origin=(int(origin[0]), int(origin[1])),
+        origin=origin,
         size=(columns, rows),
         small=behind,
         restless=np.minimum(restless, _STILL.most_restless).astype(np.uint8),
         shrink=shrink,
-        edges=edges,
-        sampled=_usual(full * drifts),
-        # with few edges a leap does not show
-        usual=np.inf if stands_to is None else cost,
+        edges=edges_of(_soft(behind), size, corner),
+        sampled=full * drifts,
         stands_to=None if stands_to is None else stands_to * shrink / apart,
     )
 
 
-def _lay(greys: Sequence[Image], most: float) -> tuple[Array, float | None]:
+def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None]:
     """Drifts that align pictures with the first, (picture, 4), and largest hidden drift [pixels].
 
-    From one picture to the next the drift is at most `most`, and less if few edges show it. Each
-    picture is aligned with an earlier one, and then with the median of all. The drifts are accepted
-    if the edges then fit clearly better, in most of the picture, than without them. The hidden
-    drift is None if there are too few edges to tell.
+    Each picture is aligned with the one before it, and then with the median of all. The drifts are
+    accepted if the edges then change clearly less than without them. The hidden drift is None if
+    there are few edges: they show no turn, and from one picture to the next no more than `most`.
     """
-    best = np.zeros((len(greys), 4))
-    others, unseen = _costs(_edges(greys, best, turns=False), greys, best), None
-    for turns in (False, True):
-        drifts, edges, step = [best[0]], edges_of(greys[0], turns=turns), best[0]
-        for before, grey in pairwise(greys):
-            last = drifts[-1]
-            if edges.share_in(grey, last) < _STILL.overlap:
-                edges = edges_of(before, last, turns=turns)
-            drifts.append(edges.drift(grey, (last, last + step, last + leap_of(before, grey))))
-            step = drifts[-1] - last
-        laid = np.array(drifts)
-        for _ in range(2):
-            edges = _edges(greys, laid, turns=turns)
-            starts = np.stack([laid, _usual(laid)], axis=1)
-            laid = np.array(list(map(edges.drift, greys, starts)))
-        costs, parts = _costs(edges, greys, laid), edges.parts(_STILL.coded_still)
-        few = parts.sum() < _STILL.shown_parts
-        fast = np.abs(np.diff(laid[:, :2], axis=0)).max(initial=0.0)
-        better = _ratio(costs[parts | few], others[parts | few]) < _STILL.better
-        # few edges can show only a slow drift and no turn, because nearly all may belong to one
-        # thing
-        if better and fast < (_STILL.held * most * (not turns) if few else most):
-            best, others, unseen = laid, costs, None if few else 0.0
-        elif not turns:
-            unseen = None if few else _slope(laid[:, :2])
-    return best - best[0], unseen
+    none = np.zeros((len(greys), 4))
+    size = columns, rows = greys[0].shape[1::-1]
+    steps = [none[0]]
+    for before, grey in pairwise(greys):
+        edges = edges_of(before, turns=False)
+        steps.append(edges.drift(grey, steps[-1], none[0], leap_of(before, grey)))
+    laid, few = np.cumsum(steps, axis=0), True
+    for turns in (False, True, True, True):
+        behind, (left, top) = _panorama(greys, laid)
+        first = behind[-top : rows - top, -left : columns - left]
+        few = _shown(first) < _STILL.shown_parts
+        edges = edges_of(behind, size, (left, top), turns=turns and not few)
+        # one or two pictures in a row may be aligned wrongly
+        usual = ndimage.median_filter(laid, (5, 1), mode="nearest")
+        laid = np.array([edges.drift(*each) for each in zip(greys, usual, laid, strict=True)])
+        laid = laid - laid[0]
+    moved = _change(greys, laid, first, _steep(first))
+    stood = _change(greys, none, _panorama(greys, none)[0], _steep(first))
+    # the lower third, because hands and balls change the rest with a drift or without
+    ratio = np.quantile([1.0, *moved[stood > 0] / stood[stood > 0]], 1 / 3)
+    fast = np.abs(np.diff(laid[:, :2], axis=0)).max()
+    drifts = ratio < _STILL.better and not (few and fast > most)
+    hidden = 0.0 if drifts else _slope(laid[:, :2])
+    return laid if drifts else none, None if few else hidden
 
 
-def _edges(greys: Sequence[Image], drifts: Array, *, turns: bool) -> Edges:
-    """Edges of the median of pictures, each moved back by its drift."""
-    size = np.array(greys[0].shape[1::-1])
-    return edges_of(_background_of(greys, drifts, np.zeros(2, int), size, 0.5), turns=turns)
+def _steep(grey: Image) -> Mask:
+    """Mask of the pixels of a picture, but for its rim, at which an edge shows a drift."""
+    slopes = (cv2.Scharr(grey, cv2.CV_32F, *way, scale=1 / 32) for way in ((1, 0), (0, 1)))
+    return np.pad((np.hypot(*slopes) > _STILL.coded_still)[2:-2, 2:-2], 2)
 
 
-def _costs(edges: Edges, greys: Sequence[Image], drifts: Array) -> Array:
-    """Median cost of each part over pictures [pixels], (part,); inf: no edges in any picture."""
-    each = np.sort(list(map(edges.costs, greys, drifts, repeat(_STILL.coded_still))), axis=0)
-    seen = np.isfinite(each).sum(axis=0)
-    return np.asarray(np.take_along_axis(each, seen[None] // 2, axis=0)[0])
+def _shown(grey: Image) -> int:
+    """Count the picture's parts that have edges.
 
-
-def _ratio(some: Array, others: Array) -> float:
-    """Median ratio of the costs `some` to `others`, over the parts where either is finite."""
-    shown = np.isfinite(np.minimum(some, others))
-    some, others = (np.minimum(each[shown], FAR_OFF) + 1e-3 for each in (some, others))
-    return float(np.median(some / others)) if shown.any() else 1.0
-
-
-def _usual(drifts: Array) -> Array:
-    """Median of drifts over five pictures: one or two in a row may be aligned wrongly."""
-    return np.asarray(ndimage.median_filter(drifts, (5, 1), mode="nearest"))
+    One thing may move on its own, so the largest group of parts that spans less than half of the
+    picture is left out.
+    """
+    side, steep = _STILL.parts, _steep(grey)
+    share = cv2.resize(steep.astype(np.float32), (side, side), interpolation=cv2.INTER_AREA)
+    shown = share * steep.size >= 3 * side**2
+    _, _, stats, _ = cv2.connectedComponentsWithStats(shown.astype(np.uint8))
+    reach = stats[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1, initial=0)
+    return int(shown.sum() - stats[1:, cv2.CC_STAT_AREA][reach < side / 2].max(initial=0))
 
 
 def _slope(shifts: Array) -> float:
     """Twice the slope of shifts (picture, 2), or twice its standard uncertainty [pixels]."""
     if len(shifts) < 3:
         return 0.0
-    t = np.arange(len(shifts)) - (len(shifts) - 1) / 2
-    slope = t @ shifts / (t @ t)
-    rest = shifts - shifts.mean(axis=0) - t[:, None] * slope
-    u = np.sqrt((rest**2).sum(axis=0) / (len(t) - 2) / (t @ t))
-    return float(2 * np.maximum(np.abs(slope), u).max())
+    (slope, _), spread = np.polyfit(np.arange(len(shifts)), shifts, 1, cov=True)
+    return float(2 * np.maximum(np.abs(slope), np.sqrt(spread[0, 0])).max())
+
+
+def _change(greys: Sequence[Image], drifts: Array, behind: Image, steep: Mask) -> Array:
+    """Upper quartile of the pictures' differences from a background at edges, by part [DN]."""
+    size, flags = greys[0].shape[1::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    back = [
+        cv2.warpAffine(
+            grey.astype(np.float32), matrix_of(drift, size), size, flags=flags, borderValue=np.nan
+        )[steep]
+        for grey, drift in zip(greys, drifts, strict=True)
+    ]
+    off = np.sort(np.abs(back - behind[steep].astype(float)), axis=0)
+    rank = _STILL.restless * (np.isfinite(off).sum(axis=0) - 1)
+    change = np.zeros(behind.shape)
+    change[steep] = np.take_along_axis(off, rank.astype(int)[None], axis=0)[0]
+    parts = (_STILL.parts, _STILL.parts)
+    return np.asarray(cv2.resize(change, parts, interpolation=cv2.INTER_AREA), float)
 
 
 def eight_bits(frame: Frame, depth: int) -> Image:
@@ -371,26 +354,30 @@ def share_of(pictures: Sequence[Image]) -> float:
     return _STILL.side if (low + high - 2 * middle)[touched].sum() >= 0 else 1 - _STILL.side
 
 
-def _background_of(
-    pictures: Sequence[Image], drifts: Array, origin: Array, size: Array, share: float
-) -> Image:
-    """Quantile of drifted pictures, over `size` columns and rows that begin at `origin`.
+def _panorama(
+    pictures: Sequence[Image], drifts: Array, share: float = 0.5, grid: int = 1
+) -> tuple[Image, tuple[int, int]]:
+    """Quantile of drifted pictures over all that they show, and x, y of its first pixel.
 
-    A pixel that a picture does not show is taken from the picture before it. It is black if no
-    picture shows it.
+    The first pixel lies on multiples of `grid`. A pixel that a picture does not show is taken from
+    the picture before it. It is black if no picture shows it.
     """
-    columns, rows = map(int, size)
-    whole = np.zeros((rows, columns, *pictures[0].shape[2:]), np.uint8)
+    size = pictures[0].shape[1::-1]
+    corners = np.array([[x, y] for x in (0, size[0]) for y in (0, size[1])], float)
+    back = [cv2.invertAffineTransform(matrix_of(each, size)) for each in drifts]
+    seen = np.concatenate([corners, *(corners @ each[:, :2].T + each[:, 2] for each in back)])
+    left, top = grid * np.floor(seen.min(axis=0) / grid).astype(int)
+    right, below = grid * np.ceil(seen.max(axis=0) / grid).astype(int)
+    whole = np.zeros((below - top, right - left, *pictures[0].shape[2:]), np.uint8)
     pairs = list(zip(pictures, drifts, strict=True))
-    for top in range(0, rows, _STILL.rows):
-        here, corner = whole[top : top + _STILL.rows], (origin[0], origin[1] + top)
-        stack = []
+    for row in range(0, len(whole), _STILL.rows):
+        here, stack = whole[row : row + _STILL.rows], []
         for picture, drift in (*reversed(pairs), *pairs) if drifts.any() else pairs:
-            here = warp_back(picture, drift, corner, here)
+            here = warp_back(picture, drift, (left, top + row), here)
             stack.append(here)
         ranked = np.stack(stack[-len(pairs) :])
-        whole[top : top + _STILL.rows] = of_rank(ranked, round(share * (len(pairs) - 1)))
-    return whole
+        whole[row : row + _STILL.rows] = of_rank(ranked, round(share * (len(pairs) - 1)))
+    return whole, (int(left), int(top))
 
 
 def of_rank(stack: NDArray[np.uint8], rank: int) -> Image:
