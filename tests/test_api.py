@@ -149,9 +149,9 @@ def test_a_scan_is_drawn_over_the_place_with_its_curve() -> None:
     lines = {line.get_label(): line for line in axes.lines}
     shots = scanned.shots
     used = shots["weight"].to_numpy() != 0
-    assert axes.get_xlabel() == "place from the tip, in"
+    assert axes.get_xlabel() == "impact position from the tip, in"
     assert lines["in the result"].get_xdata().tolist() == shots["place_in"][used].tolist()
-    ((place,), (value,)) = lines["place of the result"].get_data()
+    ((place,), (value,)) = lines["impact position of the result"].get_data()
     curve = lines["fitted curve"].get_data()
     assert np.interp(place, *curve) == pytest.approx(scanned.value, abs=2e-5)
     assert value == scanned.value
@@ -501,7 +501,9 @@ def test_what_a_prompt_shows_is_short_or_the_text() -> None:
 
 def test_results_of_studies_have_one_shape(tmp_path: Path) -> None:
     found = vl.slope()
-    assert repr(found) == "<how e_A changes along the barrel where astm-f1881 hits, 6 rows>"
+    assert repr(found) == (
+        "<slope of e_A along the barrel at the impact position of astm-f1881, 6 rows>"
+    )
     assert found.table["bat"].tolist()[-2:] == ["mean", "deviation"]
     assert json.dumps(found.document)
     found.save(tmp_path / "slope")

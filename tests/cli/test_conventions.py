@@ -101,7 +101,8 @@ def test_clips_are_a_part_of_coverage(run: Run) -> None:  # noqa: F811
     code, _, err = run("coverage", "--clips", "2", "--summed", "--seed", "500", "--json")
     assert (code, err) == (
         2,
-        "virtual-lab: clips = 2; of these 1 gave a result; film more, 2 must\n",
+        "virtual-lab: clips = 2; only 1 of these gave a result; at least 2 are needed, "
+        "so film more\n",
     )
 
 

@@ -23,7 +23,7 @@ import pytest
 from tests.cli.test_cli import MEASURED, R161, ROOT, Run, run  # noqa: F401 its fixture
 from tests.records.digests import channel_digest
 from virtual_lab.records.session import save_session
-from virtual_lab.studies.foreign import our_own
+from virtual_lab.studies.foreign import our_session
 
 Setup = Callable[[Path, Path], object]  # folder to fill, valid session to copy
 Case = tuple[Setup, str, list[str]]
@@ -692,7 +692,7 @@ CASES: dict[str, Case] = {
 def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of a whole session."""
     folder = tmp_path_factory.mktemp("records")
-    save_session(our_own("astm-f1881"), folder)
+    save_session(our_session("astm-f1881"), folder)
     return folder
 
 

@@ -21,7 +21,7 @@ from virtual_lab.files import whole_file
 from virtual_lab.lab import RoundRobin
 from virtual_lab.output.style import PAGE_WIDTH_IN, STYLE
 from virtual_lab.output.tables import write_csv
-from virtual_lab.studies.coverage import counted, sample
+from virtual_lab.studies.coverage import coverage_table, sample
 
 HERE = Path(__file__).parent
 SEED, BLOCK = 1, 768  # laboratories per block
@@ -85,7 +85,7 @@ def main(procedure: str, laboratories: str, history: str, path: str) -> None:
             with whole_file(file) as draft:
                 draft.write(pickle.dumps(sample(block)))
     samples = [pickle.loads(file.read_bytes()) for file in sorted(kept.glob("*.pkl"))]
-    write_csv(counted(samples, bat, procedure, SEED).table, Path(path))
+    write_csv(coverage_table(samples, bat, procedure, SEED).table, Path(path))
 
 
 if __name__ == "__main__":

@@ -229,7 +229,7 @@ def test_the_baseline_by_hand() -> None:
     baseline = Baseline.of([5.0, 7.0, 3.0, 5.0])
     assert baseline.centre == 5.0
     assert baseline.sigma == pytest.approx(2.36327, rel=1e-5)
-    assert baseline.standardised([5.0, 7.36327]).tolist() == pytest.approx([0, 1], abs=1e-5)
+    assert baseline.standardise([5.0, 7.36327]).tolist() == pytest.approx([0, 1], abs=1e-5)
 
 
 @pytest.mark.parametrize("values", [[], [1.0], [1.0, 1.0, 1.0]])

@@ -127,7 +127,7 @@ def test_a_calm_laboratory_without_rules_is_drawn_too(tmp_path: Path) -> None:
         ({"step": -0.1}, "step = -0.1; allowed: 0 to 1"),
         ({"drift": float("nan")}, "drift = nan; allowed: 0 to 1"),
         ({"drift": 0.05}, "all 60 days"),
-        ({"step": 0.9}, "day = 26; the gates did not see"),
+        ({"step": 0.9}, "day = 26; the gates did not detect"),
         ({"rules": (1, 5)}, "rule = 5; allowed: 1, 2, 3, 4"),
         ({"ball": "check-bal"}, "did you mean check-ball"),
     ],

@@ -90,7 +90,10 @@ def outcome(
 ) -> FaultOutcome:
     """Return the outcome in laboratories with these flags; e_A and metric differ by `off`."""
     seen, sound = (
-        [study._Seen(each, 0.25 + by + 1e-3 * (i % 2), 0.9 + by) for i, each in enumerate(catches)]
+        [
+            study._Detection(each, 0.25 + by + 1e-3 * (i % 2), 0.9 + by)
+            for i, each in enumerate(catches)
+        ]
         for by in (off, 0.0)
     )
     return study._row("a fault", "bbcor", prediction, seen, sound)

@@ -21,8 +21,8 @@ from virtual_lab.studies.paper.findings import FINDERS
 @pytest.mark.parametrize("claim", CLAIMS, ids=[claim.name for claim in CLAIMS])
 def test_the_claim_holds(claim: Claim) -> None:
     row = claim.row()
-    assert isfinite(row.found)
-    assert row.holds, f"{row.found!r} {claim.unit}, allowed {claim.low!r} to {claim.high!r}"
+    assert isfinite(row.result)
+    assert row.holds, f"{row.result!r} {claim.unit}, allowed {claim.low!r} to {claim.high!r}"
 
 
 def test_no_claim_stands_there_twice() -> None:
@@ -116,12 +116,12 @@ def test_text_folder_and_json_say_the_same(tmp_path: Path) -> None:
     """Some rows are compared; the pictures show all four bats."""
     failing = made_up(3.0, paper=2.6, low=2.55, high=2.65)
     claims = [*(claim for claim in CLAIMS if claim.section == "II C"), failing]
-    found = Findings(found=tuple(claim.row() for claim in claims))
+    found = Findings(claims=tuple(claim.row() for claim in claims))
     assert found.held == len(claims) - 1
     text = found.text
     assert f"{len(claims) - 1} of {len(claims)} hold" in text
-    assert found.found[-1].cells["holds"] == "NO"
-    assert found.found[-1].cells["deviation"] == "+0.4"
+    assert found.claims[-1].cells["holds"] == "NO"
+    assert found.claims[-1].cells["deviation"] == "+0.4"
     document = json.loads(json.dumps(found.document, allow_nan=False))
     assert document["rows"][-1]["holds"] is False
     assert document["rows"][-1]["paper"] == 2.6
@@ -129,7 +129,7 @@ def test_text_folder_and_json_say_the_same(tmp_path: Path) -> None:
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert names == ["paper.csv", "paper.html", "paper.png"]
     table = pd.read_csv(tmp_path / "out" / "paper.csv")
-    assert table["found"].tolist() == pytest.approx([row.found for row in found.found])
+    assert table["found"].tolist() == pytest.approx([row.result for row in found.claims])
     page = (tmp_path / "out" / "paper.html").read_text("utf-8")
     assert "<svg" in page
     assert page.count("<tr>") == len(claims) + 1

@@ -89,7 +89,7 @@ def test_the_slope_on_a_procedures_sheet(procedure: str, bats: tuple[str, ...]) 
 def test_a_slope_of_no_place() -> None:
     with pytest.raises(InputError, match="2 or more"):
         slope(("r161",), procedure="astm-f1881")
-    with pytest.raises(InputError, match="at one place"):
+    with pytest.raises(InputError, match="at one impact position"):
         slope(procedure="bbcor")
 
 

@@ -26,13 +26,13 @@ from virtual_lab.studies.template import template
 PROCEDURES = catalog.names("procedures")
 HAS_TO_BE_FILLED = re.compile(r"""^"?([\w.]+)"? = .*"\?\"""", re.MULTILINE)
 
-our_own = cache(foreign.our_own)
+our_session = cache(foreign.our_session)
 
 
 @pytest.fixture(autouse=True)
 def _each_procedure_played_once(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (foreign, forms):
-        monkeypatch.setattr(module, "our_own", our_own)
+        monkeypatch.setattr(module, "our_session", our_session)
 
 
 def fill_in(folder: Path, session: Session) -> None:
@@ -64,13 +64,13 @@ def test_an_empty_form_lists_what_it_lacks(procedure: str, tmp_path: Path) -> No
     said = {key.removeprefix("calibration.") for key in caught.value.key.split(", ")}
     due = set(HAS_TO_BE_FILLED.findall(text)) - {"bench", "balls", "impact"} | {"rigs"}
     assert said == due
-    assert set(our_own(procedure).calibration) < said
+    assert set(our_session(procedure).calibration) < said
 
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_a_form_filled_in_gives_the_same_numbers(procedure: str, tmp_path: Path) -> None:
     """Values of a simulated session, written into the form, give the same numbers."""
-    session = our_own(procedure)
+    session = our_session(procedure)
     expected = certify_session(session)
     folder = template(procedure, tmp_path / "form")
     fill_in(folder, session)
@@ -86,7 +86,7 @@ def test_a_form_filled_in_gives_the_same_numbers(procedure: str, tmp_path: Path)
 def test_the_tables_have_their_index_columns(procedure: str, tmp_path: Path) -> None:
     """Tables have one row per shot, gate and reading (long ones the first row), without values."""
     folder = template(procedure, tmp_path / "form")
-    for stage, records in our_own(procedure).records.items():
+    for stage, records in our_session(procedure).records.items():
         for channel, record in records.items():
             form = pd.read_csv(io.StringIO((folder / stage / f"{channel}.csv").read_text()))
             full = record.table()
@@ -103,7 +103,7 @@ def test_a_form_with_empty_tables(tmp_path: Path) -> None:
     """If only the form is filled in, the first table is named."""
     folder = template("astm-f1881", tmp_path / "form")
     tables = {path: path.read_text() for path in folder.glob("*/*.csv")}
-    fill_in(folder, our_own("astm-f1881"))
+    fill_in(folder, our_session("astm-f1881"))
     load_laboratory(folder)
     for path, text in tables.items():
         filled = path.read_text()
@@ -116,7 +116,7 @@ def test_a_form_with_empty_tables(tmp_path: Path) -> None:
 
 def test_what_may_be_left_out_is_read_where_it_is_filled_in(tmp_path: Path) -> None:
     """The beams' thickness is a comment in the form, and a constant without the # sign."""
-    session = our_own("astm-f1881")
+    session = our_session("astm-f1881")
     folder = template("astm-f1881", tmp_path / "form")
     fill_in(folder, session)
     path = folder / "laboratory.toml"

@@ -1,9 +1,9 @@
-"""Bias of the method: the error that remains when nothing is random.
+"""Bias of the method: the error of a simulated test without randomness.
 
-Vibration of the bat, whole encoder counts, drag and friction remain, and so does the resolution
-of rule, scale and timer: each reading is rounded once, always in the same direction, and no
-scatter averages this out. Most of the remaining error is this rounding (which the budget
-includes); the rest comes from the reduction.
+The test still includes vibration of the bat, whole encoder counts, drag, friction, and the
+resolution of rule, scale and timer. Without scatter, rounding a reading always gives the same
+error. Most of the bias is this rounding error, which the budget includes; the rest comes from the
+reduction.
 """
 
 from __future__ import annotations

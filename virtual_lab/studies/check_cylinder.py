@@ -1,8 +1,8 @@
-"""A laboratory's sessions with its check standard: a steel cylinder in place of the bat.
+"""Daily tests of a check standard: a steel cylinder in place of the bat.
 
-The bench measures the cylinder and the wall rig the check balls once. Then, in each session, one
-ball is fired at the cylinder's centre of percussion, and its records give e_A. The impact rig
-may have a fault from a given day on; the charts have no information about it.
+The cylinder is measured once at the bench, and the check ball once at the wall rig. Then, on each
+day, the ball is fired at the centre of percussion of the cylinder, and e_A is computed from the
+records. From a given day on, the impact rig may have a fault, which the control charts do not know.
 """
 
 from __future__ import annotations
@@ -34,23 +34,22 @@ from virtual_lab.units import Array
 def check_cylinder(
     days: int, hits: int, *, seed: int, faults: Sequence[str] = (), since: int = 1
 ) -> Array:
-    """Return the cylinder's measured e_A of each session, the mean of the valid hits, (day,).
+    """Return the measured e_A of the cylinder for each day, shape (day,): means of the valid hits.
 
     Parameters
     ----------
     days, hits
-        Number of sessions, and number of hits per session.
+        Number of days, and number of hits per day.
     seed
-        Seed of the laboratory; its hits are numbered through all sessions.
+        Seed of the laboratory. The hits of different days have different random errors.
     faults, since
-        Faults of the impact rig, and their first day, counted from 1. Faults may change every
-        edge and count, so with a fault the instruments write complete records, which takes thirty
-        times as long.
+        Faults of the impact rig, and their first day, counted from 1. With a fault the
+        instruments write every edge and count, which takes thirty times as long.
 
     Raises
     ------
     InputError
-        An unknown fault, or one that this rig cannot have; a day without a valid hit.
+        A fault is unknown or impossible for this rig, or a day has no valid hit.
     """
     stage, procedure = Stage.IMPACT, "astm-f1881"
     rules = catalog.load("procedures", procedure, Procedure).spec
@@ -65,7 +64,7 @@ def check_cylinder(
     tested = by_the_book(laboratory).of(0).certification
     session, preparation = tested.session, prepare(tested.block)
     place = tested.readings.place[0] - along_of(session)
-    # with full records, the hits of a session share the fit of the bat's vibrations
+    # with complete records, the hits of one day are reduced together
     together = 1 if faults else days
     values = []
     for first in range(1, days + 1, together):

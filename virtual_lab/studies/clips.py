@@ -1,8 +1,8 @@
 """One filmed shot in each of many laboratories: coverage of the camera's intervals.
 
-Each laboratory has random bat, balls, calibration errors, spin and seams. Its camera writes image
-windows, the tracker finds the ball in them, and v_in, v_out and e_A of the shot are compared with
-their true values.
+Each laboratory has a random bat, random balls, calibration errors, spin and seams. Its camera
+writes image windows, the tracker locates the ball in them, and v_in, v_out and e_A of the shot are
+compared with their true values.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ QUANTITIES = {  # names in the camera's u and in the truth
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClipCoverage:
-    """Coverage of the camera's intervals of one quantity over clips; errors are relative.
+    """Coverage of the intervals of one quantity over clips. Errors are relative.
 
-    Missed clips are those with a rejected shot (for example a wrong board reading) or without a
-    speed. `low` and `high` bound the coverage (Clopper-Pearson).
+    A clip is missed if its shot was rejected or has no speed. `low` and `high` are the limits of
+    the coverage (95 %, Clopper-Pearson).
     """
 
     quantity: str
-    clips: int = column("clips that gave it")
-    missed: int = column("clips that gave none")
-    coverage: float = column("95 % intervals that held the truth", form=".1%")
+    clips: int = column("clips with a result")
+    missed: int = column("clips without one")
+    coverage: float = column("intervals with the true value", form=".1%")
     low: float = column("  at least", form=".1%")
     high: float = column("  at most", form=".1%")
     rms_error_percent: float = column("rms error", "%", ".3f")
@@ -65,7 +65,7 @@ def clip_coverage(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Rows[ClipCoverage]:
-    """Film one shot in each of many laboratories; count intervals with the true value.
+    """Film one shot in each of many laboratories, and return the coverage of the intervals.
 
     The table has one row per quantity: v_in, v_out and e_A.
 
@@ -95,12 +95,12 @@ def clip_coverage(
     Raises
     ------
     InputError
-        Unknown names, fewer than 2 clips, or fewer than 2 with a result.
+        A name is unknown, or fewer than 2 clips are requested or have a result.
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
     if clips < 2:
         raise InputError("", "clips", clips, "allowed: 2 and more")
-    found: list[Array] = []
+    clips_of_laboratories: list[Array] = []
     detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
     for number in range(clips):
         setup = TestSetup.of(
@@ -110,9 +110,9 @@ def clip_coverage(
             seed=seed + number,
             detail=RecordDetail.SUMMED,
         )
-        found.append(_clip(Laboratory.open(setup), detail))
+        clips_of_laboratories.append(_clip(Laboratory.open(setup), detail))
         progress("clips", number + 1, clips)
-    values = np.array(found)
+    values = np.array(clips_of_laboratories)
     return Rows(
         name="clips",
         title=f"one shot at {bat} on film in each of {clips} laboratories, by {procedure}",
@@ -122,7 +122,10 @@ def clip_coverage(
 
 
 def _clip(laboratory: Laboratory, detail: RecordDetail) -> Array:
-    """Return value, u and truth of each quantity of one shot, (quantity, 3)."""
+    """Film one shot. Return value, u and true value of each quantity [SI], shape (quantity, 3).
+
+    All are NaN if the shot is rejected.
+    """
     day = prepared(laboratory)
     ready, rules, stage = day.laboratory, laboratory.rules.spec, Stage.IMPACT
     plan = ShotPlan(
@@ -151,23 +154,23 @@ def _clip(laboratory: Laboratory, detail: RecordDetail) -> Array:
 
 
 def _row(quantity: str, value: Array, u: Array, true: Array) -> ClipCoverage:
-    seen = np.isfinite(value)
-    error, u = (value - true)[seen], u[seen]
+    has_result = np.isfinite(value)
+    error, u = (value - true)[has_result], u[has_result]
     if error.size < 2:
-        allowed = f"of these {error.size} gave a result; film more, 2 must"
-        raise InputError("", "clips", seen.size, allowed)
-    held = int((np.abs(error) <= 1.959964 * u).sum())
-    count = binomtest(held, error.size).proportion_ci(0.95, "exact")
-    relative = error / true[seen]
+        allowed = f"only {error.size} of these gave a result; at least 2 are needed, so film more"
+        raise InputError("", "clips", has_result.size, allowed)
+    covered = int((np.abs(error) <= 1.959964 * u).sum())
+    count = binomtest(covered, error.size).proportion_ci(0.95, "exact")
+    relative = error / true[has_result]
     return ClipCoverage(
         quantity=quantity,
         clips=int(error.size),
-        missed=int((~seen).sum()),
-        coverage=held / error.size,
+        missed=int((~has_result).sum()),
+        coverage=covered / error.size,
         low=float(count.low),
         high=float(count.high),
         rms_error_percent=100 * sqrt(float(np.mean(relative**2))),
-        rms_u_percent=100 * sqrt(float(np.mean((u / true[seen]) ** 2))),
+        rms_u_percent=100 * sqrt(float(np.mean((u / true[has_result]) ** 2))),
         mean_error_percent=100 * float(relative.mean()),
         mean_error_se_percent=100 * float(relative.std(ddof=1)) / sqrt(error.size),
     )

@@ -1,13 +1,15 @@
 """Control charts of a check standard: limits from a baseline, and the days beyond them.
 
-Shewhart's chart of individual values with the Western Electric rules and its moving range, the
-exponentially weighted moving average and the cumulative sum (Montgomery, Introduction to
-Statistical Quality Control). Every chart takes values in standard deviations from the centre,
-``(..., day)``, and runs along the last axis, so many laboratories are charted at once.
+The charts are Shewhart's chart of individual values with the Western Electric rules, its moving
+range, the exponentially weighted moving average (EWMA) and the cumulative sum (CUSUM); see
+Montgomery, Introduction to Statistical Quality Control. Each chart takes values in standard
+deviations from the centre, shape ``(..., day)``, and runs along the last axis, so that many
+laboratories can be charted at once.
 
-In control, with centre and deviation known, days to the first false alarm: 370 for rule 1 (225,
-166 and 153 with rule 2, 3 and 4 beside it, 92 with all), 500 for the average, 465 for the sum,
-119 for the moving range. A short baseline makes them vary widely from laboratory to laboratory.
+Mean number of days to the first false alarm, if centre and standard deviation are known exactly:
+370 for rule 1 (225, 166 and 153 together with rule 2, 3 or 4, and 92 with all), 500 for the EWMA,
+465 for the CUSUM, and 119 for the moving range. After a short baseline these numbers vary widely
+from laboratory to laboratory.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ EWMA_LIMIT = 2.962 * sqrt(WEIGHT / (2 - WEIGHT))
 
 
 class Run(NamedTuple):
-    """A pattern: a number of days out of consecutive days beyond a distance on one side."""
+    """A pattern: `need` of `of` consecutive days `beyond` a distance on one side [sigma]."""
 
     need: int
     of: int
@@ -55,40 +57,44 @@ class Baseline:
 
     @classmethod
     def of(cls, values: ArrayLike) -> Baseline:
-        """Return the mean, and the mean moving range over d2, of days in control, (day,).
+        """Return the baseline of days in control, shape (day,).
+
+        The standard deviation is the mean moving range divided by d2.
 
         Raises
         ------
         ValueError
-            Fewer than 2 days, or all of them alike.
+            There are fewer than 2 days, or all values are equal.
         """
         days = np.asarray(values, dtype=float)
         if days.ndim != 1 or days.size < 2:
             raise ValueError(f"a baseline needs at least 2 days, not {days.size}")
         sigma = float(np.abs(np.diff(days)).mean()) / RANGE_MEAN
         if not sigma > 0:
-            raise ValueError("a baseline whose days are all alike has no limits")
+            raise ValueError("a baseline of equal values has no limits")
         return cls(centre=float(days.mean()), sigma=sigma)
 
-    def standardised(self, values: ArrayLike) -> Array:
+    def standardise(self, values: ArrayLike) -> Array:
         """Return values in standard deviations from the centre."""
         return (np.asarray(values, dtype=float) - self.centre) / self.sigma
 
 
 def breaks(x: Array, rule: int) -> Mask:
-    """Return the days that complete a pattern of Western Electric rule 1, 2, 3 or 4."""
+    """Return the mask of the days that complete a pattern of Western Electric rule 1, 2, 3 or 4."""
     run = RULES[rule]
-    found = np.zeros(x.shape, dtype=bool)
+    pattern_days = np.zeros(x.shape, dtype=bool)
     for side in (x, -x):
-        out = side > run.beyond
-        count = np.concatenate([np.zeros((*x.shape[:-1], 1), dtype=int), out.cumsum(axis=-1)], -1)
+        beyond = side > run.beyond
+        count = np.concatenate(
+            [np.zeros((*x.shape[:-1], 1), dtype=int), beyond.cumsum(axis=-1)], -1
+        )
         before = np.maximum(np.arange(1, x.shape[-1] + 1) - run.of, 0)
-        found |= out & (count[..., 1:] - count[..., before] >= run.need)
-    return found
+        pattern_days |= beyond & (count[..., 1:] - count[..., before] >= run.need)
+    return pattern_days
 
 
 def moving_range(x: Array) -> Array:
-    """Return the absolute difference of each day from the day before; NaN for the first day."""
+    """Return the absolute difference of each day from the day before; the first day is NaN."""
     return np.abs(np.diff(x, axis=-1, prepend=np.nan))
 
 
@@ -98,9 +104,9 @@ def ewma(x: Array) -> Array:
 
 
 def cusum(x: Array) -> tuple[Array, Array]:
-    """Return the sums of the deviations beyond CUSUM_SLACK above and below the centre, both ≥ 0.
+    """Return the cumulative sums of the deviations above and below the centre, both ≥ 0.
 
-    A sum restarts at 0 when it would become negative.
+    Deviations up to CUSUM_SLACK do not count. A sum restarts at 0 when it would become negative.
     """
     up, down = (_above(side - CUSUM_SLACK) for side in (x, -x))
     return up, down
@@ -113,7 +119,7 @@ def _above(steps: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DayCharts:
-    """The days after a baseline on every chart, arrays (day,) in standard deviations."""
+    """Charts of the days after a baseline; arrays of shape (day,), in standard deviations."""
 
     baseline: Baseline
     baseline_days: int
@@ -128,20 +134,20 @@ class DayCharts:
 def control_chart(
     values: ArrayLike, baseline_days: int, rules: Collection[int] = tuple(RULES)
 ) -> DayCharts:
-    """Return the charts of daily values (day,), with limits from the first `baseline_days`.
+    """Return the charts of daily values, shape (day,), with limits from the first `baseline_days`.
 
-    Rules, average and sums restart at the centre on the day after the baseline.
+    Rules, average and sums start at the centre on the day after the baseline.
 
     Raises
     ------
     ValueError
-        A baseline that `Baseline.of` refuses, or no day after it.
+        The baseline is too short or has equal values, or no day follows it.
     """
     days = np.asarray(values, dtype=float)
     baseline = Baseline.of(days[:baseline_days])
     if not days.size > baseline_days:
         raise ValueError(f"{days.size} days leave none after a baseline of {baseline_days}")
-    every = baseline.standardised(days)
+    every = baseline.standardise(days)
     x, ranges = every[baseline_days:], moving_range(every)[baseline_days:]
     average, (up, down) = ewma(x), cusum(x)
     alarms = {RULES[rule].words: breaks(x, rule) for rule in sorted(rules)}

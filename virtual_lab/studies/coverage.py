@@ -1,9 +1,9 @@
-"""Coverage: how often, over many laboratories, the 95 % interval contains the true value.
+"""Coverage: the share of laboratories whose 95 % interval contains the true value.
 
-The study also compares the bias of each result with the expected bias. The expected bias has
-three sources: the curvature of the reduction over the uncertainties of its inputs; the curvature
-of the bat's response along the barrel over the scatter of the impact places; and, for a metric
-found by a scan, the bias of the scan itself, found by rehearsals.
+The study also compares the bias of each result with the expected bias, which has three causes: the
+curvature of the reduction within the uncertainties of its inputs; the curvature of the metric along
+the barrel within the scatter of the impact positions; and, for a scan, the bias of the scan itself,
+computed by simulation.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ TENTHS = 10
 TENTH_LABELS = {"by_u": "tenth by u", "by_dof": "tenth by degrees of freedom"}
 
 
-def _shown(key: str) -> Callable[[Coverage], str]:
+def _tenth_texts(key: str) -> Callable[[Coverage], str]:
     return lambda row: ", ".join("" if p is None else f"{p:.0%}" for p in getattr(row, key))
 
 
@@ -52,9 +52,10 @@ def _shown(key: str) -> Callable[[Coverage], str]:
 class Coverage:
     """Coverage, errors and bias of one quantity over many laboratories.
 
-    `low` and `high` bound the coverage (Clopper-Pearson). `rms_error` over `rms_u` is 1 for a
-    realistic uncertainty, above 1 for one that is too small. `expected_se` is above 0 if the
-    expected bias comes from rehearsals.
+    `low` and `high` are the limits of the coverage (95 %, Clopper-Pearson). The ratio of
+    `rms_error` to `rms_u` is 1 for a realistic uncertainty, and larger if the stated uncertainty is
+    too small.
+    `expected_se` is above 0 if the expected bias was computed by simulation.
     """
 
     bat: str
@@ -69,10 +70,10 @@ class Coverage:
     above: float = column("true value above the interval", form=".1%")
     below: float = column("true value below the interval", form=".1%")
     by_u: tuple[float | None, ...] = column(
-        "intervals with it, by tenths of u", form=_shown("by_u")
+        "intervals with it, by tenths of u", form=_tenth_texts("by_u")
     )
     by_dof: tuple[float | None, ...] = column(
-        "  by tenths of degrees of freedom", form=_shown("by_dof")
+        "  by tenths of degrees of freedom", form=_tenth_texts("by_dof")
     )
     mean_z: float = column("mean error", "u", "+.3f")
     mean_z_se: float = column("  its standard error", "u", ".3f")
@@ -98,13 +99,13 @@ def coverage(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Rows[Coverage]:
-    """Count the 95 % intervals that contain the true value, over many laboratories.
+    """Return the coverage of the 95 % intervals over many laboratories.
 
     One bat design is certified in each laboratory. The table has one row per quantity, the metric
-    first. INVALID tests give no result and are counted separately.
+    first. INVALID tests have no result and are counted separately.
 
-    Two bats with the same seed are not independent samples, because equal seeds give equal
-    standardised errors for every bat (their errors correlate by 0.98).
+    Two bats with the same seed are not independent samples: a seed gives every bat nearly the same
+    errors in units of u (correlation 0.98).
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def coverage(
     round_robin = RoundRobin.of(bat, procedure, summed=summed, individual=individual)
     round_robin = replace(round_robin, history=earlier_tests)
     samples = each_laboratory(round_robin, sample, laboratories, seed, workers, progress)
-    return counted(samples, bat, procedure, seed)
+    return coverage_table(samples, bat, procedure, seed)
 
 
 def each_laboratory(
@@ -155,17 +156,18 @@ def each_laboratory(
     workers: int,
     progress: Progress,
 ) -> Iterator[Taken]:
-    """Yield the result of `take`, a module-level function, for each block of laboratories.
+    """Yield the result of `take` for each block of laboratories.
 
-    `InputError` for fewer than two laboratories, which have no scatter.
+    `take` must be a function of a module, because processes pickle it. Raises `InputError` for
+    fewer than two laboratories.
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
-    done = 0
+    finished = 0
     counting = partial(_counting, take=take)
     for count, part in round_robin.each_block(counting, laboratories, seed, workers):
-        done += count
-        progress("laboratories", done, laboratories)
+        finished += count
+        progress("laboratories", finished, laboratories)
         yield part
 
 
@@ -173,17 +175,19 @@ def _counting(tested: BlockTest, take: Callable[[BlockTest], Taken]) -> tuple[in
     return tested.certified.invalid.size, take(tested)
 
 
-def counted(samples: Iterable[Sample], bat: str, procedure: str, seed: int) -> Rows[Coverage]:
-    """Return the table of the study from samples of the laboratories of a seed."""
+def coverage_table(
+    samples: Iterable[Sample], bat: str, procedure: str, seed: int
+) -> Rows[Coverage]:
+    """Return the table of the study from the samples of all blocks of laboratories."""
     names = ("metric", *QUANTITIES)
     nominal = RoundRobin.of(bat, procedure)
-    found: dict[str, list[Array]] = {name: [] for name in names}
+    rows_of_quantity: dict[str, list[Array]] = {name: [] for name in names}
     strayed: list[Array] = []
     bends: dict[str, float] = {}
     rehearsal = None
-    done, invalid, valid, fired = 0, 0, 0, 0
+    laboratories, invalid, valid, fired = 0, 0, 0, 0
     for part in samples:
-        done += part.sound.size
+        laboratories += part.sound.size
         valid, fired = valid + int(part.valid.sum()), fired + int(part.fired.sum())
         invalid += int((~part.sound).sum())
         if not part.sound.any():
@@ -195,17 +199,21 @@ def counted(samples: Iterable[Sample], bat: str, procedure: str, seed: int) -> R
         strayed.append(np.stack([part.stray, part.scatter], axis=1)[part.sound])
         for name in names:
             beside = 0.0 if rehearsal and name == "metric" else part.beside
-            found[name].append(part.results[name].rows(bends[name] * beside / 2)[part.sound])
+            rows_of_quantity[name].append(
+                part.results[name].rows(bends[name] * beside / 2)[part.sound]
+            )
     rejected = 1 - valid / fired
     about = {"bat": bat, "procedure": procedure, "invalid": invalid, "rejected": rejected}
-    metric, *rows = (_row(np.concatenate(found[name]), quantity=name, **about) for name in names)
+    metric, *rows = (
+        _row(np.concatenate(rows_of_quantity[name]), quantity=name, **about) for name in names
+    )
     if rehearsal:
         straying = rehearsal.straying(*np.sqrt(np.mean(np.concatenate(strayed), axis=0)))
-        bias, bias_se = rehearsal.bias(straying, Streams(seed), done)
+        bias, bias_se = rehearsal.bias(straying, Streams(seed), laboratories)
         metric = replace(metric, expected=metric.expected + bias, expected_se=bias_se)
     return Rows(
         name="coverage",
-        title=f"{bat} by {procedure}: how often the 95 % interval holds the truth",
+        title=f"{bat} by {procedure}: coverage of the 95 % intervals",
         across="quantity",
         words=WORDS,
         rows=[metric, *rows],
@@ -214,29 +222,30 @@ def counted(samples: Iterable[Sample], bat: str, procedure: str, seed: int) -> R
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """Results of one quantity, arrays (laboratory,)."""
+    """Results of one quantity [SI], arrays of shape (laboratory,)."""
 
     value: Array
     u: Array
     dof: Array
-    shift: Array  # expected shift by curvature
+    shift: Array  # expected bias from the curvature of the reduction
     true: Array
 
     def rows(self, beside: Array | float) -> Array:
-        """Return miss, error, u, expected error and ν, (laboratory, 5).
+        """Return miss, error, u, expected bias and degrees of freedom, shape (laboratory, 5).
 
-        The miss is 1 if the truth is above the interval, -1 if below, else 0.
+        The miss is 1 if the true value is above the interval, -1 if it is below, and 0 otherwise.
+        `beside` is added to the expected bias.
         """
-        reach = coverage_factors(self.dof) * self.u
-        above, below = self.true > self.value + reach, self.true < self.value - reach
+        half_width = coverage_factors(self.dof) * self.u
+        above, below = self.true > self.value + half_width, self.true < self.value - half_width
         missed = above.astype(float) - below
-        off, expected = self.value - self.true, self.shift + beside
-        return np.stack([missed, off, self.u, expected, self.dof], axis=1)
+        error, expected = self.value - self.true, self.shift + beside
+        return np.stack([missed, error, self.u, expected, self.dof], axis=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """Results of laboratories for the study, arrays (laboratory,)."""
+    """Results of a block of laboratories, arrays of shape (laboratory,)."""
 
     sound: Mask  # tests that are not INVALID
     fired: NDArray[Any]  # number of shots
@@ -244,28 +253,28 @@ class Sample:
     place: Array  # impact position of the result [m]
     stray: Array  # variance of the marks along the bat [m²]
     beside: Array  # mean square distance of the marks from the known aim [m²]
-    scatter: Array  # variance of the metric within a place, over the hits of the result
+    scatter: Array  # variance of the metric at a position, over the hits of the result
     results: Mapping[str, Results]  # results by name of the quantity
 
 
 def sample(tested: BlockTest) -> Sample:
-    """Return the results, u and true values of a block's laboratories, (laboratory,) each."""
+    """Return the sample of a block of laboratories."""
     certified, reduced = tested.certified, tested.certified.reduced
     owner, metric = reduced.owner, reduced.shot_metric
     count = certified.invalid.size
     marks = certified.block.impact["aim"]
     assert isinstance(marks, AimMarks)
-    known = certified.block.calibration.get("impact.cannon.along")
+    aim = certified.block.calibration.get("impact.cannon.along")
     along = marks.along.reshape(count, -1)
-    off = along - (known.value[:, None] if known else 0.0)
+    deviation = along - (aim.value[:, None] if aim else 0.0)
     used = certified.outcome.used
     return Sample(
         sound=~certified.invalid,
         fired=np.bincount(owner, minlength=count),
         valid=np.bincount(owner, reduced.valid, count),
         place=certified.outcome.place,
-        stray=off.var(axis=1, ddof=1),
-        beside=np.mean(off**2, axis=1),
+        stray=deviation.var(axis=1, ddof=1),
+        beside=np.mean(deviation**2, axis=1),
         scatter=variances_within(owner[used], reduced.place[used], metric[used], count),
         results={
             name: Results(
@@ -281,7 +290,7 @@ def sample(tested: BlockTest) -> Sample:
 
 
 def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
-    """Return d²/dz² [1/m²] of the metric (as ``metric``) and of the quantities at a place [m]."""
+    """Return d²/dz² [SI/m²] of ``metric`` and of all quantities at impact position `place` [m]."""
     step = 4e-3  # distance to either side [m]
     places = place + step * np.array([-1.0, 0.0, 1.0])
     procedure = laboratory.rules.spec
@@ -290,21 +299,21 @@ def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
     return {name: float(np.diff(row, 2)[0]) / step**2 for name, row in values.items()}
 
 
-def _row(found: Array, **about: Any) -> Coverage:
-    missed, error, u, expected, dof = found.T
-    held = missed == 0
-    count = binomtest(int(held.sum()), held.size).proportion_ci(0.95, "exact")
+def _row(results: Array, **about: Any) -> Coverage:
+    missed, error, u, expected, dof = results.T
+    covered = missed == 0
+    count = binomtest(int(covered.sum()), covered.size).proportion_ci(0.95, "exact")
     z = error / u
     return Coverage(
         **about,
-        laboratories=int(held.size),
-        coverage=float(held.mean()),
+        laboratories=int(covered.size),
+        coverage=float(covered.mean()),
         low=float(count.low),
         high=float(count.high),
         above=float((missed > 0).mean()),
         below=float((missed < 0).mean()),
-        by_u=_tenths(held, u),
-        by_dof=_tenths(held, dof),
+        by_u=_tenths(covered, u),
+        by_dof=_tenths(covered, dof),
         mean_z=float(z.mean()),
         mean_z_se=float(z.std(ddof=1)) / sqrt(z.size),
         sd_z=float(z.std(ddof=1)),
@@ -317,6 +326,6 @@ def _row(found: Array, **about: Any) -> Coverage:
     )
 
 
-def _tenths(held: Mask, by: Array) -> tuple[float | None, ...]:
-    parts = np.array_split(held[np.argsort(by, kind="stable")], TENTHS)
+def _tenths(covered: Mask, by: Array) -> tuple[float | None, ...]:
+    parts = np.array_split(covered[np.argsort(by, kind="stable")], TENTHS)
     return tuple(float(part.mean()) if part.size else None for part in parts)

@@ -1,11 +1,11 @@
-"""Ranking of bats by test procedures, compared with play on the field (the paper's Sec. V).
+"""Ranking of bats by test procedures, compared with the field (the paper's Sec. V).
 
-The field ranking is by the greatest v_f of the nominal bats under standard game conditions. A
-procedure is evaluated twice: in an error-free laboratory with nominal bats, and in laboratories
-with random bats, balls and errors. In each of these, all bats share rigs and calibrations, so
-their errors cancel in a difference; the manufactured bat, balls, bench readings and hits differ
-between tests. The scatter of manufactured bats is one cause of wrong rankings. Instruments write
-sums, which changes no result.
+The field ranks bats by the peak v_f of the nominal bats in the standard game. A procedure is
+evaluated in an error-free laboratory with nominal bats, and in laboratories with random bats, balls
+and errors. In such a laboratory all bats share rigs and calibrations, whose errors cancel in a
+difference. The individual bat, the balls, bench readings and hits differ between tests. The scatter
+between individual bats is one cause of wrong rankings. Instruments write sums, which changes no
+result.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from virtual_lab.sheets import (
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import Reality
 from virtual_lab.studies.bats.compare import compare
-from virtual_lab.studies.bats.profile import chosen_swings
+from virtual_lab.studies.bats.profile import swing_exponents
 from virtual_lab.studies.bats.text import balls_text, swing_text
 from virtual_lab.studies.critique_chart import draw_critique
 from virtual_lab.units import Array
@@ -52,12 +52,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FIELD_TIE_MPH = 0.1  # difference of v_f below which two bats tie in the field
-RELIABLE_SHARE = 0.95  # smallest probability at which a ranking counts as certain
+RELIABLE_SHARE = 0.95  # smallest probability of a reliable ranking
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatRank:
-    """A bat by a procedure and on the field."""
+    """Results of a bat by a procedure and in the field."""
 
     bat: str
     procedure: str
@@ -75,8 +75,8 @@ class BatRank:
 class Ranking:
     """Ranking of two bats by a procedure, compared with the field.
 
-    The verdict is ``as the field``, ``other way round``, ``by chance`` (neither is certain),
-    ``tie`` (no order on the field), ``no result``.
+    The verdict is ``as the field``, ``other way round``, ``by chance`` (neither is reliable),
+    ``tie`` (no order in the field), or ``no result``.
     """
 
     laboratories: int  # number of laboratories with a result
@@ -84,7 +84,7 @@ class Ranking:
     sd: float | None = None
     # probability of the opposite order, for a normal distribution with this mean and sd
     probability: float | None = None
-    wrong: int | None = None  # number of laboratories that find the opposite order
+    wrong: int | None = None  # number of laboratories with the opposite order
     # limits of the share of these laboratories (95 %, Clopper-Pearson)
     low: float | None = None
     high: float | None = None
@@ -93,7 +93,7 @@ class Ranking:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
-    """Ranking of two bats by a procedure; differences are first minus second bat."""
+    """Ranking of two bats by a procedure; differences are first bat minus second bat."""
 
     first: str
     second: str
@@ -108,20 +108,20 @@ class Pair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcedureResults:
-    """Results of one procedure for the bats, in the printed unit of its metric."""
+    """Results of one procedure for all bats, in the printed unit of its metric."""
 
     procedure: str
     ball: str
     metric: str  # symbol of the metric
     unit: str
-    own_n: float | None  # exponent of the swing law in the procedure's rules; None: no such law
+    own_n: float | None  # exponent of the swing law of the procedure; None: no such law
     exact: Array  # metric in an error-free laboratory, (bat,); NaN without a result
     measured: Array  # metric, (laboratory, bat)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Critique(StudyResult):
-    """Comparison of procedures with the field."""
+    """Comparison of the rankings by procedures with the field."""
 
     bats: tuple[str, ...]
     swings: tuple[float | None, ...]  # exponents n of the swing law; None: constant energy
@@ -179,21 +179,21 @@ class Critique(StudyResult):
 
     @property
     def rows(self) -> list[Pair]:
-        """The pairs."""
+        """The pairs, one row per pair, exponent and procedure."""
         return self.pairs
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """Metrics and pairs."""
+        """Tables of metrics and pairs."""
         return {"metrics": frame(self.metrics), "pairs": self.table}
 
     @property
     def text(self) -> str:
-        """Rank of each bat by each procedure, and pairs in the wrong order."""
+        """Table of the ranks of each bat, and table of the pairs of bats."""
         return _text(self.metrics, self.pairs, self.balls)
 
     def draw(self, path: Path) -> None:
-        """Draw pairs in the wrong order by procedure."""
+        """Draw the probability of a wrong ranking for each pair and procedure."""
         draw_critique(self.table, path)
 
     @property
@@ -258,15 +258,15 @@ def critique(
     Raises
     ------
     InputError
-        Fewer than 2 laboratories, two procedures of one name, or an error of `compare` or
-        `certify_bat`.
+        There are fewer than 2 laboratories, two procedures have the same name, or a name, number
+        or file cannot be used.
     """
     bats, procedures, swings = entry_names(bats), entry_names(procedures), values_of(swings)
     reference_inertia = None if reference_inertia is None else entry_name(reference_inertia)
     ball = None if ball is None else entry_name(ball)
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
-    exponents = chosen_swings(swing_law, swings, (0.0, 0.3, 0.5))
+    exponents = swing_exponents(swing_law, swings, (0.0, 0.3, 0.5))
     compared = compare(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
     top = [row.peaks["v_f_mph"] for row in compared.peaks]  # sorted by bat, then by n
     chosen = {
@@ -283,8 +283,8 @@ def critique(
             progress(f"{rules.name}: bats", test, len(bats))
             shared = RoundRobin.of(bat, procedure, individual=True)
             tests = replace(shared, setup=replace(shared.setup, test=test))
-            found = [*tests.each_block(_metrics, laboratories, seed)]
-            columns.append(np.concatenate(found))
+            blocks = [*tests.each_block(_metrics, laboratories, seed)]
+            columns.append(np.concatenate(blocks))
         measured = np.stack(columns, axis=1)
         ranked.append(
             ProcedureResults(
@@ -307,26 +307,26 @@ def critique(
 
 
 def misranking(field: float, differences: Array) -> Ranking:
-    """Return the probability that a procedure ranks two bats in the opposite order.
+    """Return the ranking of two bats by a procedure, with the probability that it is wrong.
 
     Parameters
     ----------
     field
-        Difference of the greatest v_f of the two bats [mph].
+        Difference of the peak v_f of the two bats in the field [mph].
     differences
-        Differences of the metrics, (laboratory,); NaN if a test gave no result.
+        Differences of the metrics, shape (laboratory,); NaN if a test has no result.
     """
-    found = differences[np.isfinite(differences)]
-    if found.size < 2:
-        return Ranking(laboratories=int(found.size), verdict="no result")
-    mean, sd = float(found.mean()), float(found.std(ddof=1))
-    tie = Ranking(laboratories=int(found.size), mean=mean, sd=sd, verdict="tie")
+    finite = differences[np.isfinite(differences)]
+    if finite.size < 2:
+        return Ranking(laboratories=int(finite.size), verdict="no result")
+    mean, sd = float(finite.mean()), float(finite.std(ddof=1))
+    tie = Ranking(laboratories=int(finite.size), mean=mean, sd=sd, verdict="tie")
     if abs(field) < FIELD_TIE_MPH:
         return tie
     toward = np.sign(field)
     probability = float(ndtr(-toward * mean / sd)) if sd else float(toward * mean < 0)
-    wrong = int((toward * found < 0).sum())
-    share = binomtest(wrong, found.size).proportion_ci(0.95, "exact")
+    wrong = int((toward * finite < 0).sum())
+    share = binomtest(wrong, finite.size).proportion_ci(0.95, "exact")
     verdict = "by chance"
     if probability >= RELIABLE_SHARE:
         verdict = "other way round"
@@ -343,7 +343,7 @@ def misranking(field: float, differences: Array) -> Ranking:
 
 
 def _of_this_game(sports: Set[Sport | None]) -> list[str]:
-    """Return the catalog's procedures for the field's sports; all if a sport is unknown."""
+    """Return the procedures of the catalog for the sports; all of them if one is unknown."""
     return [
         name
         for name in catalog.names("procedures")
@@ -362,7 +362,7 @@ def _own_exponent(rules: Procedure) -> float | None:
 
 
 def _exact(bat: str, procedure: str) -> float:
-    """Return the metric that an ideal laboratory finds; NaN without a result."""
+    """Return the metric in an error-free laboratory [SI]; NaN without a result."""
     setup = TestSetup.of(
         bat, procedure=procedure, seed=0, reality=Reality.IDEAL, detail=RecordDetail.SUMMED
     )
@@ -370,19 +370,19 @@ def _exact(bat: str, procedure: str) -> float:
 
 
 def _metrics(tested: BlockTest) -> Array:
-    """Return the metric of each laboratory; NaN without a result, or of an INVALID test."""
-    found = tested.certified
-    return np.where(found.some & ~found.invalid, found.results["metric"].value, np.nan)
+    """Return the metric of each laboratory [SI], shape (laboratory,); NaN if INVALID or missing."""
+    certified = tested.certified
+    return np.where(certified.some & ~certified.invalid, certified.results["metric"].value, np.nan)
 
 
 def _mean(values: Array) -> float:
-    found = values[np.isfinite(values)]
-    return float(found.mean()) if found.size else nan
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if finite.size else nan
 
 
 def _sd(values: Array) -> float:
-    found = values[np.isfinite(values)]
-    return float(found.std(ddof=1)) if found.size > 1 else nan
+    finite = values[np.isfinite(values)]
+    return float(finite.std(ddof=1)) if finite.size > 1 else nan
 
 
 def _or_none(value: float) -> float | None:
@@ -390,7 +390,7 @@ def _or_none(value: float) -> float | None:
 
 
 def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str, str]) -> str:
-    """Return ranks of all bats by procedure and on the field, and pairs in the wrong order."""
+    """Return the tables of ranks and of pairs, as text."""
     tables: dict[str, dict[str, str]] = {}
     for row in metrics:
         line = tables.setdefault(row.bat, {"bat": row.bat})
@@ -399,18 +399,20 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
             swing = f"n = {key[1:]}" if key.startswith("n") else "constant energy"
             line[f"v_f, {swing}"] = f"{speed:.1f} ({rank})"
         rivals = [each.value for each in metrics if each.procedure == row.procedure]
-        line[row.procedure] = _placed(row, [value for value in rivals if value is not None])
+        line[row.procedure] = _metric_with_rank(
+            row, [value for value in rivals if value is not None]
+        )
     tested = {row.procedure: row.ball for row in metrics}
     fires = [f"{name} fires {ball}" for name, ball in tested.items()]
     fired = "; ".join([f"in the field {balls_text(balls)}", *fires])
-    found: dict[tuple[str, str, str], dict[str, str]] = {}
+    lines: dict[tuple[str, str, str], dict[str, str]] = {}
     for each in pairs:
         ranked = each.ranking
         pair, swing = f"{each.first} - {each.second}", swing_text(each.n)
         empty = {"pair": pair, "procedure": "the field", "error-free": "", "mean": "", "sd": ""}
-        field = found.setdefault((each.first, each.second, ""), empty)
+        field = lines.setdefault((each.first, each.second, ""), empty)
         field[swing] = f"{each.v_f_mph:+.2f} mph"
-        line = found.setdefault(
+        line = lines.setdefault(
             (each.first, each.second, each.procedure),
             {
                 "pair": "",
@@ -424,15 +426,15 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
         if ranked.probability is not None:
             line[swing] += f" {ranked.probability:.3f} ({ranked.wrong} of {ranked.laboratories})"
     return (
-        "error-free laboratory, place among the bats in brackets\n"
+        "error-free laboratory, rank among the bats in parentheses\n"
         f"{table_text(list(tables.values()))}\n{fired}\n\n"
-        "first bat less second; probability of the other order than the field's, and laboratories "
-        f"that found it\n{table_text(list(found.values()))}"
+        "first minus second bat; probability of the opposite order to the field, and number of "
+        f"laboratories with it\n{table_text(list(lines.values()))}"
     )
 
 
-def _placed(row: BatRank, rivals: Sequence[float]) -> str:
-    """Return an error-free metric with its rank among those of all bats."""
+def _metric_with_rank(row: BatRank, rivals: Sequence[float]) -> str:
+    """Return an error-free metric as printed, with its rank among all bats."""
     if row.value is None:
         return "no result"
     places = 2 if row.unit == "mph" else 4

@@ -1,4 +1,4 @@
-"""Chart of procedures and pairs of bats: each cell shows how often the order is wrong."""
+"""Chart of the probability of a wrong ranking, one cell per pair of bats and procedure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Mark(NamedTuple):
-    """Marker and colour of a verdict."""
+    """Marker, size and colours of a verdict."""
 
     words: str
     marker: str
@@ -26,13 +26,13 @@ class Mark(NamedTuple):
 
 
 class PageLayout(NamedTuple):
-    """Lengths of the page [in]."""
+    """Dimensions of the page [in]."""
 
     cell: float = 0.32
-    least_width: float = 7.2  # width of the sentences above and of the legend below
+    least_width: float = 7.2  # width of the sentences at the top and of the legend
     right: float = 0.1
     above: float = 1.05
-    below: float = 1.6  # smallest height below the panels; long names need more
+    below: float = 1.6  # smallest height below the panels; more for long names
     legend: float = 0.3
     letter: float = 0.06  # width per letter of a name
     gap: float = 0.62  # gap between panels, with the differences in the field
@@ -54,7 +54,7 @@ SLANT = 55  # angle of the procedures' names [°]
 
 
 def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
-    """Draw one panel per exponent n of the swing: pairs of bats down, procedures across.
+    """Draw one panel per exponent n: one row per pair of bats, one column per procedure.
 
     The number in a cell is the probability, in per cent, that a laboratory ranks the two bats in
     the opposite order to the field.
@@ -72,13 +72,13 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
     rows: list[Any] = list(pairs.itertuples())
     swings = list(dict.fromkeys(row.n for row in rows))
     bats = list(dict.fromkeys((row.first, row.second) for row in rows))
-    procedures = {row.procedure: _said(row) for row in rows}
+    procedures = {row.procedure: _procedure_label(row) for row in rows}
     letters = max(len(name.replace("$", "")) for name in procedures.values())
     longest = PAGE.letter * letters  # length of the longest name, which is slanted
     down, aside = sin(radians(SLANT)) * longest, cos(radians(SLANT)) * longest
     bottom = max(PAGE.below, PAGE.legend + down)
-    named = PAGE.gap + PAGE.letter * max(len(_named(pair)) for pair in bats)
-    left_of_all = max(named, aside)
+    names_width = PAGE.gap + PAGE.letter * max(len(_pair_name(pair)) for pair in bats)
+    left_of_all = max(names_width, aside)
     panel = PAGE.cell * len(procedures), PAGE.cell * len(bats)
     panels = PAGE.gap * (len(swings) - 1) + panel[0] * len(swings)
     width = max(left_of_all + PAGE.right + panels, PAGE.least_width)
@@ -87,12 +87,12 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
     sentences = (
         ("Does the test rank two bats as the field does?", 0.2, 10),
         (
-            "Number: probability, per cent, that one laboratory ranks them the other way round.",
+            "Number: probability [%] that a laboratory ranks them the other way round.",
             0.41,
             7.5,
         ),
         (
-            "$\\Delta v_f$: greatest batted-ball speed in the field, first bat less second, "
+            "$\\Delta v_f$: largest batted-ball speed in the field, first minus second bat, "
             f"bats swung by {swing}.",
             0.56,
             7.5,
@@ -104,11 +104,11 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
             left = left_of_all + i * (panel[0] + PAGE.gap)
             box = (left / width, bottom / height, panel[0] / width, panel[1] / height)
             axes = figure.add_axes(box)
-            own = [row for row in rows if row.n == n]
-            _panel(axes, own, bats, procedures)
+            swing_rows = [row for row in rows if row.n == n]
+            _panel(axes, swing_rows, bats, procedures)
             axes.set_title("constant energy" if n is None else f"$n={n:g}$", pad=12, loc="center")
             if i == 0:
-                axes.set_yticks(range(len(bats)), [as_drawn(_named(pair)) for pair in bats])
+                axes.set_yticks(range(len(bats)), [as_drawn(_pair_name(pair)) for pair in bats])
                 axes.tick_params(axis="y", pad=30)
         for text, below, size in sentences:
             figure.text(0.08 / width, 1 - below / height, text, fontsize=size, va="center")
@@ -161,16 +161,16 @@ def _panel(
         axes.axhline(edge_at - 0.5, color="0.85", linewidth=0.5, zorder=1)
 
 
-def _named(pair: tuple[str, str]) -> str:
+def _pair_name(pair: tuple[str, str]) -> str:
     return " – ".join(pair)
 
 
-def _said(row: Any) -> str:
+def _procedure_label(row: Any) -> str:
     from pandas import isna
 
-    own = "" if isna(row.own_n) else f", $n={row.own_n:g}$"
+    exponent = "" if isna(row.own_n) else f", $n={row.own_n:g}$"
     metric = {"e": "$e$", "v_f": "$v_f$"}.get(row.metric, row.metric)
-    return f"{as_drawn(row.procedure)} ({metric}{own})"
+    return f"{as_drawn(row.procedure)} ({metric}{exponent})"
 
 
 def _handle(verdict: str) -> Any:
@@ -190,7 +190,7 @@ def _handle(verdict: str) -> Any:
 
 
 def _percent(probability: float) -> str:
-    """Return a probability in per cent; <1 if it rounds to 0, >99 if it rounds to 100."""
+    """Return a probability [%] as printed; "<1" if it rounds to 0, ">99" if it rounds to 100."""
     percent = 100 * probability
     if percent < 0.5:
         return "<1"

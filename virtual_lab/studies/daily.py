@@ -1,8 +1,8 @@
 """Daily checks of a laboratory with check ball and check cylinder, and their control charts.
 
-The charts show the measured e0 of the check ball at the ball-wall rig (mean of the morning's hits)
-and e_A of the steel cylinder at the impact rig. The wall may become loose or the impact rig may
-get a fault; the charts have no information about it.
+The charts show the measured e0 of the check ball at the ball-wall rig, as the mean of the hits of a
+day, and e_A of the steel cylinder at the impact rig. From a given day on, the wall may be loose or
+the impact rig may have a fault, which the charts do not know.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ CYLINDER = "check-cylinder"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmCount:
-    """Alarms of one rule or chart of a check standard.
+    """Alarms of one rule or chart for a check standard.
 
-    Alarms before the change are false, or come from an ageing ball; an alarm on the day of the
+    Alarms before the change are false, or are caused by an ageing ball. An alarm on the day of the
     change has the delay 0.
     """
 
@@ -64,21 +64,21 @@ class AlarmCount:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Daily(StudyResult):
-    """Daily checks of one laboratory; arrays (day,)."""
+    """Daily checks of one laboratory; arrays have the shape (day,)."""
 
     ball: str
     hits: int
     faults: tuple[str, ...]  # faults of the impact rig
-    since: int | None  # day of the change of wall or rig; None: no change
+    since: int | None  # first day of the change of wall or rig; None without a change
     values: Array  # mean measured e0 of the check ball
-    wall: Array  # rebound speed relative to that from a rigid wall
+    wall: Array  # true ratio of the rebound speed to that from a rigid wall
     charted: DayCharts
     cylinder: Array  # mean measured e_A of the check cylinder
     cylinder_charted: DayCharts
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row per day; the charts' columns are empty in the baseline."""
+        """One row per day; the columns of the charts are empty in the baseline."""
         import pandas as pd
 
         charted, days = self.charted, self.values.size
@@ -102,29 +102,29 @@ class Daily(StudyResult):
 
     @property
     def alarms(self) -> list[AlarmCount]:
-        """One row per rule or chart of the ball."""
+        """Alarms of the ball, one row per rule or chart."""
         return _alarms(self.ball, self.charted, self.since)
 
     @property
     def cylinder_alarms(self) -> list[AlarmCount]:
-        """One row per rule or chart of the cylinder."""
+        """Alarms of the cylinder, one row per rule or chart."""
         return _alarms(CYLINDER, self.cylinder_charted, self.since)
 
     name = "daily"
 
     @property
     def title(self) -> str:
-        """Title with check standards and days."""
-        return f"{self.values.size} mornings of {self.ball} and {CYLINDER}"
+        """Title with the check standards and the number of days."""
+        return f"{self.values.size} days of {self.ball} and {CYLINDER}"
 
     @property
     def rows(self) -> list[AlarmCount]:
-        """One row per rule and check standard."""
+        """Alarms of both standards, one row per rule or chart."""
         return [*self.alarms, *self.cylinder_alarms]
 
     @property
     def text(self) -> str:
-        """The alarms of both standards."""
+        """Tables of the alarms of both standards."""
         checks = (
             ("check ball at the wall, e0", self.alarms),
             ("check cylinder at the impact rig, e_A", self.cylinder_alarms),
@@ -133,11 +133,11 @@ class Daily(StudyResult):
 
     @property
     def pictures(self) -> tuple[str, ...]:
-        """One control chart per check standard."""
+        """Names of the pictures, one control chart per check standard."""
         return ("daily", "cylinder")
 
     def draw(self, path: Path) -> None:
-        """Draw the control chart of the ball or, into ``cylinder.png``, of the cylinder."""
+        """Draw the control chart of the ball, or of the cylinder into ``cylinder.png``."""
         if path.stem == "cylinder":
             label = "$e_A$ of the check cylinder"
             draw_control_chart(self.cylinder, self.cylinder_charted, label, path)
@@ -176,7 +176,7 @@ def daily(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Daily:
-    """Simulate the daily checks of one laboratory and draw control charts.
+    """Simulate the daily checks of one laboratory and compute their control charts.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def daily(
     rules
         Western Electric rule to apply, 1 to 4.
     seed
-        Seed of the laboratory; its hits are numbered through all days.
+        Seed of the laboratory. The hits of different days have different random errors.
     instruments
         Instruments and rigs with changed values, in place of those of the catalog.
 
@@ -213,8 +213,8 @@ def daily(
     Raises
     ------
     InputError
-        Numbers out of range, an unknown ball, rule or fault, a ball that falls below the gates,
-        a morning without a valid hit.
+        A number is out of range, a ball, rule or fault is unknown, the ball falls below the
+        gates, or a day has no valid hit.
     """
     ball, faults, rules = entry_name(ball), words_of(faults), wholes_of(rules)
     _check_counts(days, baseline, hits, rules)
@@ -223,11 +223,11 @@ def daily(
         raise InputError("", "since", begin, f"allowed: 1 to {days}, the last day")
     for name, value in (("step", step), ("drift", drift)):
         if not 0 <= value < 1:
-            raise InputError("", name, value, "allowed: 0 to 1, of what the wall gives back")
+            raise InputError("", name, value, "allowed: 0 to 1, as a share of the rebound speed")
     gone = np.maximum(np.arange(1, days + 1) - begin + 1, 0)
     wall = 1 - step * (gone > 0) - drift * gone
     if not wall[-1] > 0:
-        allowed = f"a wall that gives something back on all {days} days"
+        allowed = f"a drift that leaves some rebound on all {days} days"
         raise InputError("", "drift", drift, f"allowed: {allowed}")
     spec = catalog.load("balls", ball, BallSpec).spec
     progress("check ball at the wall")
@@ -257,7 +257,7 @@ def _baseline(charted: DayCharts) -> dict[str, float]:
 
 
 def _broken(charted: DayCharts) -> list[str]:
-    """Return the alarms of each day; none in the baseline."""
+    """Return the names of the alarms of each day, as text; empty in the baseline."""
     return [""] * charted.baseline_days + [
         "; ".join(name for name, days in charted.alarms.items() if days[day])
         for day in range(charted.standardised.size)
@@ -269,14 +269,14 @@ def _alarms(standard: str, charted: DayCharts, since: int | None) -> list[AlarmC
     for name, flags in charted.alarms.items():
         days = np.flatnonzero(flags) + charted.baseline_days + 1
         began = np.inf if since is None else since
-        seen = days[days >= began]
+        after_change = days[days >= began]
         rows.append(
             AlarmCount(
                 standard=standard,
                 rule=name,
                 first_alarm_day=int(days[0]) if days.size else None,
                 earlier_alarms=int((days < began).sum()),
-                delay_days=int(seen[0] - began) if seen.size else None,
+                delay_days=int(after_change[0] - began) if after_change.size else None,
             )
         )
     return rows
@@ -297,12 +297,12 @@ def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -
 
 
 def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
-    """Return the measured e0 of each morning, (day,)."""
+    """Return the measured e0 of the check ball on each day, shape (day,)."""
     draws = Reality.REAL.draws(seed)
     station = find_rig("ball-wall", Stage.BALLS).commission(draws)
     assert isinstance(station, WallStation)
-    known = {constant_name(Stage.BALLS, name): of for name, of in station.calibration.items()}
-    cylinder = catalog.load_bat(CYLINDER).spec  # a specimen needs a bat, unused at the wall
+    calibration = {constant_name(Stage.BALLS, name): of for name, of in station.calibration.items()}
+    cylinder = catalog.load_bat(CYLINDER).spec  # required by the specimen, but not used at the wall
     collision = Ladder(
         nominal=cylinder.body,
         support=Free(),
@@ -314,45 +314,45 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     turns = np.arange(hits)
     plan = ShotPlan(slot=turns, ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
     bat, values = made_bat(cylinder, draws), []
-    for day, gives in enumerate(wall):
-        play = station.with_wall(float(gives)).play(
+    for day, factor in enumerate(wall):
+        play = station.with_wall(float(factor)).play(
             replace(plan, slot=day * hits + turns),
             Specimen(bat=bat, balls=balls, collision=collision),
             draws,
         )
         gates = play.records["gates"]
         assert isinstance(gates, GateRecord)
-        values.append(_measured(gates, spec, plan, known))
+        values.append(_reduce_morning(gates, spec, plan, calibration))
         if not np.isfinite(values[-1]):
-            allowed = "the gates did not see every hit come back; allowed: a livelier ball or wall"
+            allowed = "the gates did not detect every rebound; allowed: a livelier ball or wall"
             raise InputError("", "day", day + 1, allowed)
         balls = _overnight(balls, play.truth["speed"])
     return np.array(values)
 
 
-def _measured(
-    gates: GateRecord, spec: BallSpec, plan: ShotPlan, known: Mapping[str, Estimate]
+def _reduce_morning(
+    gates: GateRecord, spec: BallSpec, plan: ShotPlan, calibration: Mapping[str, Estimate]
 ) -> float:
-    """Return the check ball's mean e0 at the nominal speed; its mass is known."""
+    """Return the mean measured e0 of the check ball at the nominal speed."""
     readings = BallReadings(
         mass=np.array([spec.mass]),
         ball=plan.ball,
         nominal_speed=plan.speed,
-        flights=GateReadings.of(gates, known, Stage.BALLS.value),
+        flights=GateReadings.of(gates, calibration, Stage.BALLS.value),
     )
-    return float(measured_balls(_constants(known, spec), readings).restitution[0])
+    return float(measured_balls(_constants(calibration, spec), readings).restitution[0])
 
 
-def _constants(known: Mapping[str, Estimate], spec: BallSpec) -> dict[str, Array]:
-    named = {name: estimate.value for name, estimate in known.items()}
+def _constants(calibration: Mapping[str, Estimate], spec: BallSpec) -> dict[str, Array]:
+    values = {name: estimate.value for name, estimate in calibration.items()}
     scale = {"bench.scale.zero": 0.0, "bench.scale.span": 1.0}
     ball = {"ball.radius": spec.radius, "ball.restitution_slope": spec.restitution.slope}
     error = {"balls.restitution_0": 0.0}
-    return {name: np.array(value) for name, value in (named | scale | ball | error).items()}
+    return {name: np.array(value) for name, value in (values | scale | ball | error).items()}
 
 
 def _overnight(balls: TrueBalls, speed: Array) -> TrueBalls:
-    """Return the check ball on the next morning, after its recovery."""
+    """Return the check ball on the next day, with its permanent loss of e0."""
     ageing = balls.spec.ageing
     if ageing is None:
         return balls

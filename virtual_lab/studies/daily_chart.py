@@ -1,4 +1,4 @@
-"""Control charts as PNG: the days, the limits, and the first alarms."""
+"""Control charts as PNG: daily values, limits, and the first alarm of each chart."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ FIRST = "#d55e00"
 
 
 def draw_control_chart(values: Array, charted: DayCharts, label: str, path: Path) -> None:
-    """Draw the days, their moving range, their moving average and their cumulative sums.
+    """Draw four panels: daily values, moving range, moving average, and cumulative sums.
 
     Parameters
     ----------
     values
         Values of all days, the baseline first, (day,).
     charted
-        The days after the baseline.
+        The charts of the days after the baseline.
     label
         Axis label of the values.
     path
@@ -83,7 +83,7 @@ def draw_control_chart(values: Array, charted: DayCharts, label: str, path: Path
 
 
 def _mark(axes: Axes, days: NDArray[np.int_], values: Array, alarms: Mask) -> None:
-    """Mark the days with alarms, and label the first."""
+    """Mark the days with an alarm, and state the first one in the title of the panel."""
     if not alarms.any():
         axes.set_title("no alarm", loc="right")
         return
@@ -94,6 +94,6 @@ def _mark(axes: Axes, days: NDArray[np.int_], values: Array, alarms: Mask) -> No
 
 
 def _keep_in_sight(axes: Axes, limit: float, low: float, high: float) -> None:
-    """Limit the axis, so that values far away do not compress the limits into one line."""
+    """Set the range of the axis so that the control limits stay visible beside large values."""
     edges = np.clip([1.1 * min(low, -limit), 1.1 * max(high, limit)], -5 * limit, 5 * limit)
     axes.set_ylim(*edges)

@@ -1,9 +1,9 @@
-"""Comparison of the real effect of every budget component with the stated one.
+"""Comparison of the stated and the real effect of each component of the uncertainty budget.
 
-The error of a constant in one laboratory is its certified minus its true value. Over many
-laboratories the errors of the metric are regressed on the errors of all constants: each
-coefficient times the constant's u is the real effect of one standard uncertainty; the budget
-states it as sensitivity times u. The residual of the regression belongs to the hits.
+The error of a constant is its certified minus its true value. Over many laboratories the errors of
+the metric are regressed on the errors of all constants, in units of u. A coefficient of the
+regression is the real effect of one standard uncertainty, which the budget states as sensitivity
+times u. The residual of the regression is the effect of the hits.
 """
 
 from __future__ import annotations
@@ -40,16 +40,19 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """Effect of one standard uncertainty of a component on the metric, stated and realised.
+    """Effect of one standard uncertainty of a component on the metric, stated and real.
 
-    The pooled balls, `hits` and the choice of a place have no sign: they are root mean squares.
+    The effects of the balls, of `hits` and of the choice of a position are root mean squares and
+    have no sign.
     """
 
     bat: str
     procedure: str
     term: str = column("term of the budget")
-    stated: float = column("effect stated", "SI", "+.3e")  # mean over laboratories
-    realised: float | None = column("effect found", "SI", "+.3e")  # None: no true value
+    stated: float = column("effect stated", "SI", "+.3e")  # stated effect, mean over laboratories
+    realised: float | None = column(
+        "effect found", "SI", "+.3e"
+    )  # real effect; None without a true value
     se: float | None = column("its standard error", "SI", ".1e")
     apart: float | None = column("apart", "standard errors", "+.1f")
     laboratories: int = column("laboratories")
@@ -57,12 +60,12 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Case:
-    """One laboratory: its error, its budget, and the errors of its inputs."""
+    """Error, budget and errors of the inputs of one laboratory."""
 
-    error: float  # error of the metric, without the error caused by the choice of a place
-    choice: float  # error caused by the choice of a place; NaN if it cannot be separated
+    error: float  # error of the metric, without `choice`
+    choice: float  # error caused by the choice of a position; NaN if unknown
     components: Mapping[str, Component]
-    off: Mapping[str, float]  # error of each constant: certificate minus truth
+    off: Mapping[str, float]  # error of each constant: certified minus true value
     across: Array  # impact positions across the bat minus the mean aim [m]
 
 
@@ -77,16 +80,17 @@ def effects(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Rows[Effect]:
-    """Compare the stated and the realised effect of each component of the metric's budget.
+    """Compare the stated and the real effect of each component of the budget of the metric.
 
-    The table has one row per component, the largest first.
+    The table has one row per component, sorted by the size of the stated effect.
 
     Two components can differ for a known reason. The stated uncertainty of the slope along the
-    barrel is the spread over many bats, but the study tests one bat: `realised` is one sample of
-    `stated`, so `apart` is None. The same slope explains a deviation of the aim's effect. The
-    component `hits` is stated for independent balls, but the balls are drawn from a dozen without
+    barrel is the spread over many bats, but the study tests one bat. `realised` is then a single
+    sample of `stated`, so `apart` is None; the same slope changes the effect of the aim. The
+    component `hits` is stated for independent balls, but a dozen balls are used without
     replacement. If e is not proportional to e0, as for a hollow bat, the differences between balls
-    then scatter the hits more than the mean (asa, six of twelve balls: 6 % of the component).
+    then add more to the scatter of the hits than to that of the mean (asa, six of twelve balls: 6 %
+    of the component).
 
     Parameters
     ----------
@@ -116,30 +120,35 @@ def effects(
     Raises
     ------
     InputError
-        Unknown names, or too few laboratories for the number of terms.
+        A name is unknown, or there are too few laboratories for the number of components.
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
     round_robin = RoundRobin.of(bat, procedure, summed=summed)
-    found_of_all = each_laboratory(round_robin, _cases, laboratories, seed, workers, progress)
-    cases = [case for block in found_of_all for case in block]
+    blocks = each_laboratory(round_robin, _cases, laboratories, seed, workers, progress)
+    cases = [case for block in blocks for case in block]
     names = list(dict.fromkeys(name for case in cases for name in case.components))
     if len(cases) < 4 * len(names) or not cases:
         least = f"{4 * len(names)} and more with a result, 4 for each of {len(names)} terms"
         raise InputError("", "laboratories", len(cases), f"allowed: {least}")
     regressors = {name: _errors_of(name, cases) for name in names}
-    known = {name: errors for name, errors in regressors.items() if errors is not None}
-    found, found_se, left = _regressed(np.array([case.error for case in cases]), known)
+    regressors_known = {name: errors for name, errors in regressors.items() if errors is not None}
+    coefficients, coefficients_se, residual = _regress(
+        np.array([case.error for case in cases]), regressors_known
+    )
     rows = []
     for name in names:
-        stated = _stated(name, cases)
-        realised, se = found.get(name), found_se.get(name)
+        stated = _stated_effect(name, cases)
+        realised, se = coefficients.get(name), coefficients_se.get(name)
         if name == HITS:
-            realised, se = left, left / sqrt(2 * (len(cases) - len(known) - 1))
+            realised, se = residual, residual / sqrt(2 * (len(cases) - len(regressors_known) - 1))
         elif name == CHOICE:
             realised, se = _spread(np.array([case.choice for case in cases]))
-        elif name == SLOPE_ERROR and AIM_ALONG in found:
-            # one bat has one slope, so its error shows in the effect of the aim
-            realised, se = found[AIM_ALONG] - _stated(AIM_ALONG, cases), found_se[AIM_ALONG]
+        elif name == SLOPE_ERROR and AIM_ALONG in coefficients:
+            # one bat has one slope, whose error changes the effect of the aim
+            realised, se = (
+                coefficients[AIM_ALONG] - _stated_effect(AIM_ALONG, cases),
+                coefficients_se[AIM_ALONG],
+            )
         rows.append(
             Effect(
                 bat=bat,
@@ -155,7 +164,7 @@ def effects(
     return Rows(
         name="effects",
         title=f"{bat} by {procedure}: the effect of every term of the budget on the metric",
-        words="Effect: what one standard uncertainty of the term does to the metric. SI: its unit.",
+        words="Effect: change of the metric by one u of the term. SI: unit of the metric.",
         rows=sorted(rows, key=lambda row: -abs(row.stated)),
     )
 
@@ -173,36 +182,42 @@ def _case(tested: BatTest) -> _Case:
     if CHOICE in components:
         correction = certification.procedure.correction
         alike = correction is None or correction.method == "none"
-        here = sealed.measurand.get(certification.procedure.metric) if alike else None
+        exact = sealed.measurand.get(certification.procedure.metric) if alike else None
         choice = np.nan
-        if here is not None:
-            choice = here + components[CHOICE].value - sealed.measurand["metric"]
+        if exact is not None:
+            choice = exact + components[CHOICE].value - sealed.measurand["metric"]
             error -= choice
     across = sealed.shots["across"] - sealed.constants["impact.cannon.across"]
-    return _Case(error=error, choice=choice, components=components, off=_off(tested), across=across)
+    return _Case(
+        error=error,
+        choice=choice,
+        components=components,
+        off=_constant_errors(tested),
+        across=across,
+    )
 
 
-def _off(tested: BatTest) -> dict[str, float]:
-    """Return the error of each uncertain constant: the laboratory's minus the true value."""
+def _constant_errors(tested: BatTest) -> dict[str, float]:
+    """Return the error of each constant, certified minus true value [SI], by name."""
     session, lot = tested.certification.session, tested.sealed.balls.spec
     true = dict(tested.sealed.constants)
     true |= {"ball.radius": lot.radius, "ball.restitution_slope": lot.restitution.slope}
-    known = {name: one.value for name, one in session.calibration.items()}
-    off = {name: known[name] - value for name, value in true.items() if name in known}
-    return off | _readings_off(tested, true) | _balls_off(tested, known | true)
+    certified = {name: estimate.value for name, estimate in session.calibration.items()}
+    errors = {name: certified[name] - value for name, value in true.items() if name in certified}
+    return errors | _reading_errors(tested, true) | _ball_errors(tested, certified | true)
 
 
-def _readings_off(tested: BatTest, true: Mapping[str, float]) -> dict[str, float]:
-    """Return the errors of the mean bench readings, without instrument errors."""
-    block = tested.certification.block
-    found = {name: float(each.value[0]) for name, each in bench_constants(block).items()}
+def _reading_errors(tested: BatTest, true: Mapping[str, float]) -> dict[str, float]:
+    """Return the errors of the mean readings at the bench that scatter causes [SI], by name."""
+    constants = bench_constants(tested.certification.block)
+    readings = {name: float(each.value[0]) for name, each in constants.items()}
     bat, body = tested.sealed.bat_properties, tested.sealed.bat.body
     lever = float(bat["length"] - true["bench.pendulum.pivot_from_knob"] - bat["z_cm"])
     turning = float(bat["inertia_cm"] + bat["mass"] * lever**2)
     swung = turning + true["bench.pendulum.clamp_inertia"]
     moment = float(bat["mass"]) * lever + true["bench.pendulum.clamp_moment"]
-    first, last = found["bat.first_amplitude"], found["bat.last_amplitude"]
-    swings, offset = int(found["bat.swings"]), true["bench.pendulum.amplitude_offset"]
+    first, last = readings["bat.first_amplitude"], readings["bat.last_amplitude"]
+    swings, offset = int(readings["bat.swings"]), true["bench.pendulum.amplitude_offset"]
     faster = mean_amplitude_factor(np.array(first), np.array(last), swings) / mean_amplitude_factor(
         np.array(first - offset), np.array(last - offset), swings
     )
@@ -214,11 +229,11 @@ def _readings_off(tested: BatTest, true: Mapping[str, float]) -> dict[str, float
         "bat.barrel_radius": float(barrel_radius(body.profile)) + true["bench.rule.offset"],
         "bat.period": period * true["bench.pendulum.clock"] / float(faster),
     }
-    return {name: found[name] - value for name, value in exact.items()}
+    return {name: readings[name] - value for name, value in exact.items()}
 
 
-def _balls_off(tested: BatTest, constants: Mapping[str, float]) -> dict[str, float]:
-    """Return the errors of each ball's mean e0 and of its slope that are caused by scatter."""
+def _ball_errors(tested: BatTest, constants: Mapping[str, float]) -> dict[str, float]:
+    """Return the errors of e0 of each ball, and of its slope, that scatter causes, by name."""
     readings, lot = observe_balls(tested.certification.block), tested.sealed.balls
     names = restitution_names(readings.mass.shape[-1])
     x = {name: np.array(value) for name, value in constants.items()}
@@ -226,37 +241,37 @@ def _balls_off(tested: BatTest, constants: Mapping[str, float]) -> dict[str, flo
     sloped = bool(np.ptp(readings.nominal_speed) > 0)
     if not sloped:
         del x[SLOPE_REPEATABILITY]
-    found = measured_balls(x, readings)
-    speed = np.full(len(names), float(np.squeeze(found.speed)))
+    balls = measured_balls(x, readings)
+    speed = np.full(len(names), float(np.squeeze(balls.speed)))
     exact = lot.restitution_at(np.arange(len(names)), speed)
-    off = dict(zip(names, (found.restitution[0, 0] - exact).tolist(), strict=True))
+    errors = dict(zip(names, (balls.restitution[0, 0] - exact).tolist(), strict=True))
     if sloped:
-        off[SLOPE_REPEATABILITY] = float(np.squeeze(found.slope)) - lot.spec.restitution.slope
-    return off
+        errors[SLOPE_REPEATABILITY] = float(np.squeeze(balls.slope)) - lot.spec.restitution.slope
+    return errors
 
 
 def _errors_of(name: str, cases: list[_Case]) -> Array | None:
-    """Return the standardised errors of a component, (case,), None if the truth lacks them."""
+    """Return the errors of a component in units of u, shape (case,); None if unknown."""
     if name == REPEATABILITY:
         parts = [case.components[name].parts if name in case.components else () for case in cases]
-        moved = [
+        shifts = [
             sum(part.sensitivity * case.off[part.name] for part in each)
             for each, case in zip(parts, cases, strict=True)
         ]
-        return np.asarray(np.array(moved) / _stated(name, cases))
+        return np.asarray(np.array(shifts) / _stated_effect(name, cases))
     if name == "impact.aim.across_square":
         square = float(np.mean(np.concatenate([case.across for case in cases]) ** 2))
-        off = [case.components[name].value - square for case in cases]
+        errors = [case.components[name].value - square for case in cases]
     elif all(name in case.off for case in cases):
-        off = [case.off[name] for case in cases]
+        errors = [case.off[name] for case in cases]
     else:
         return None
     u = sqrt(float(np.mean([case.components[name].u ** 2 for case in cases])))
-    return np.asarray(np.array(off) / u)
+    return np.asarray(np.array(errors) / u)
 
 
-def _stated(name: str, cases: list[_Case]) -> float:
-    """Return the mean stated effect; the root mean square if it has no sign."""
+def _stated_effect(name: str, cases: list[_Case]) -> float:
+    """Return the mean stated effect of a component, or its root mean square if it has no sign."""
     every = [case.components[name] for case in cases if name in case.components]
     if name in (REPEATABILITY, HITS, CHOICE):
         return sqrt(sum(part.contribution**2 for part in every) / len(cases))
@@ -264,32 +279,35 @@ def _stated(name: str, cases: list[_Case]) -> float:
     return u * sum(part.sensitivity for part in every) / len(cases)
 
 
-def _regressed(
-    error: Array, known: Mapping[str, Array]
+def _regress(
+    error: Array, regressors: Mapping[str, Array]
 ) -> tuple[dict[str, float], dict[str, float], float]:
-    """Return coefficients, their standard errors, and the standard deviation of the residual."""
-    design = np.column_stack([np.ones(error.size), *known.values()])
+    """Return coefficients and their standard errors, by name, and the sd of the residuals."""
+    design = np.column_stack([np.ones(error.size), *regressors.values()])
     inverse = np.linalg.pinv(design)
     coefficients = inverse @ error
-    rest = error - design @ coefficients
-    left = sqrt(float(rest @ rest) / (error.size - design.shape[1]))
-    se = left * np.linalg.norm(inverse, axis=1)
+    residuals = error - design @ coefficients
+    residual = sqrt(float(residuals @ residuals) / (error.size - design.shape[1]))
+    se = residual * np.linalg.norm(inverse, axis=1)
     return (
-        dict(zip(known, coefficients[1:].tolist(), strict=True)),
-        dict(zip(known, se[1:].tolist(), strict=True)),
-        left,
+        dict(zip(regressors, coefficients[1:].tolist(), strict=True)),
+        dict(zip(regressors, se[1:].tolist(), strict=True)),
+        residual,
     )
 
 
 def _apart(name: str, stated: float, realised: float | None, se: float | None) -> float | None:
-    """Return the deviation of an effect from the stated one in standard errors, if meaningful."""
+    """Return real minus stated effect in standard errors; None if not comparable."""
     if name == SLOPE_ERROR or realised is None or not se:
         return None
     return (realised - stated) / se
 
 
 def _spread(values: Array) -> tuple[float | None, float | None]:
-    """Return the root mean square and its standard error, whatever the distribution."""
+    """Return the root mean square of `values` and its standard error, for any distribution.
+
+    Both are None for fewer than two finite values.
+    """
     values = values[np.isfinite(values)]
     if values.size < 2:
         return None, None

@@ -1,7 +1,7 @@
-"""Simulated faults of a test day: detection and bias compared with predictions.
+"""Simulated faults of a test day: their detection and bias, compared with predictions.
 
-Every laboratory is simulated twice with the same random numbers, with and without the fault, so
-the difference is the effect of the fault and not of chance.
+Each laboratory is simulated twice with the same random numbers, with and without the fault, so the
+difference is the effect of the fault alone.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ def _share(row: FaultOutcome) -> str:
     return f"{row.caught:.0%} ({row.low:.0%} to {row.high:.0%})"
 
 
-def _bias_text(found: Bias) -> str:
-    if found.bias is None:
+def _bias_text(bias: Bias) -> str:
+    if bias.bias is None:
         return ""
-    measured = f"{found.bias:+.5f} ± {found.bias_se:.5f}"
-    if found.z is None:
+    measured = f"{bias.bias:+.5f} ± {bias.bias_se:.5f}"
+    if bias.z is None:
         return measured
-    return f"{measured}, predicted {found.predicted:+.5f}, z {found.z:+.1f}"
+    return f"{measured}, predicted {bias.predicted:+.5f}, z {bias.z:+.1f}"
 
 
 def _outcome(row: FaultOutcome) -> str:
@@ -58,7 +58,7 @@ def _outcome(row: FaultOutcome) -> str:
 class Bias:
     """Bias of a result: mean over laboratories, its standard error, and the prediction.
 
-    All None if fewer than two laboratories have the result.
+    All fields are None if fewer than two laboratories have the result.
     """
 
     bias: float | None = None
@@ -70,11 +70,14 @@ class Bias:
     def of(
         cls, differences: NDArray[np.float64], predicted: float | None, trust: float | None
     ) -> Bias:
-        """Return the bias of differences, (laboratory,), with a prediction and its u."""
-        known = differences[np.isfinite(differences)]
-        if known.size < 2:
+        """Return the bias, which is the mean of `differences`, shape (laboratory,).
+
+        `predicted` is the prediction and `trust` its standard uncertainty. NaN is left out.
+        """
+        finite = differences[np.isfinite(differences)]
+        if finite.size < 2:
             return cls()
-        bias, error = float(known.mean()), float(known.std(ddof=1)) / sqrt(known.size)
+        bias, error = float(finite.mean()), float(finite.std(ddof=1)) / sqrt(finite.size)
         z = None
         if predicted is not None and trust is not None:
             z = (bias - predicted) / hypot(error, trust)
@@ -82,16 +85,16 @@ class Bias:
 
     @property
     def near(self) -> bool:
-        """Whether the bias agrees with the prediction."""
+        """Whether bias and prediction differ by at most 3 u; False without a prediction."""
         return self.z is not None and abs(self.z) <= 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultOutcome:
-    """Outcome of a fault in tests by a procedure; fault ``none`` is a day without one.
+    """Outcome of a fault in tests by a procedure. The fault ``none`` stands for a day without one.
 
-    A laboratory detects (catches) a fault by a flag or by the verdict INVALID; `low` and `high`
-    bound the fraction of such laboratories (Clopper-Pearson).
+    A laboratory detects (catches) a fault by a flag or by the verdict INVALID. `low` and `high` are
+    the limits of the fraction of such laboratories (95 %, Clopper-Pearson).
     """
 
     procedure: str = column("procedure")
@@ -108,8 +111,8 @@ class FaultOutcome:
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
-    """Flags that the operator of one laboratory sees, and the numbers on the certificate."""
+class _Detection:
+    """Signs of a fault in one laboratory, and the results on its certificate."""
 
     catches: tuple[str, ...]
     efficiency: float
@@ -155,13 +158,13 @@ def faults(
     Returns
     -------
     Rows
-        One row per procedure and fault, the sound day first.
+        One row per procedure and fault; the first one is the day without a fault.
 
     Raises
     ------
     InputError
-        Unknown names, fewer than 2 laboratories, a procedure that no fault is predicted for, or
-        a fault that is predicted for none of the procedures.
+        A name is unknown, there are fewer than 2 laboratories, or a procedure or fault has no
+        prediction.
     """
     names, bat, procedures = words_of(names), entry_name(bat), entry_names(procedures)
     if laboratories < 2:
@@ -172,16 +175,16 @@ def faults(
     for procedure in procedures:
         catalog.text("procedures", procedure)
     if procedures:
-        _require_played(sheets, procedures)
+        _require_predictions(sheets, procedures)
     rows = []
 
-    def played(what: str, *on: str) -> list[_Seen]:
-        shared = RoundRobin.shared(TestSetup.of(bat, procedure=procedure, faults=on))
-        found: list[_Seen] = []
+    def run_laboratories(label: str, *fault_names: str) -> list[_Detection]:
+        shared = RoundRobin.shared(TestSetup.of(bat, procedure=procedure, faults=fault_names))
+        outcomes: list[_Detection] = []
         for tested in shared.run(laboratories, seed):
-            progress(f"{procedure}, {what}: laboratories", len(found), laboratories)
-            found.append(_seen(tested.certification))
-        return found
+            progress(f"{procedure}, {label}: laboratories", len(outcomes), laboratories)
+            outcomes.append(_detect(tested.certification))
+        return outcomes
 
     for procedure in procedures or PROCEDURES:
         predicted = {
@@ -192,53 +195,55 @@ def faults(
         }
         if not predicted:
             continue
-        sound = played("no fault")
+        sound = run_laboratories("no fault")
         rows.append(_row("none", procedure, None, sound, sound))
         for name, prediction in predicted.items():
-            rows.append(_row(name, procedure, prediction, played(name, name), sound))
+            rows.append(_row(name, procedure, prediction, run_laboratories(name, name), sound))
     title = f"faults of a real day, {laboratories} laboratories each"
     return Rows(name="faults", title=title, rows=rows)
 
 
-def _require_played(sheets: Sequence[FaultSheet], procedures: Sequence[str]) -> None:
-    """Refuse faults and procedures for which there is nothing to simulate."""
+def _require_predictions(sheets: Sequence[FaultSheet], procedures: Sequence[str]) -> None:
+    """Raise `InputError` if a procedure or a fault has no prediction."""
     able = {sheet.name: {each.procedure for each in sheet.predictions} for sheet in sheets}
-    known = set().union(*able.values())
+    predicted = set().union(*able.values())
     for procedure in procedures:
-        if procedure not in known:
-            allowed = f"these faults have predictions for {', '.join(sorted(known))}"
+        if procedure not in predicted:
+            allowed = f"these faults have predictions for {', '.join(sorted(predicted))}"
             raise InputError("", "procedure", procedure, allowed)
-    for fault, own in able.items():
-        if not own & set(procedures):
-            allowed = f"it has predictions for {', '.join(sorted(own))}"
+    for fault, predicted_for in able.items():
+        if not predicted_for & set(procedures):
+            allowed = f"it has predictions for {', '.join(sorted(predicted_for))}"
             raise InputError("", "fault", fault, f"{allowed}, not for {', '.join(procedures)}")
 
 
-def _seen(found: Certification) -> _Seen:
-    metric = found.metric.value if found.metric else np.nan
-    efficiency = found.quantities["collision_efficiency"].value if found.metric else np.nan
-    invalid = ("INVALID",) if found.verdict.value == "INVALID" else ()
-    catches = (*invalid, *(flag.name for flag in found.flags))
-    return _Seen(catches=catches, efficiency=efficiency, metric=metric)
+def _detect(certification: Certification) -> _Detection:
+    metric = certification.metric.value if certification.metric else np.nan
+    efficiency = (
+        certification.quantities["collision_efficiency"].value if certification.metric else np.nan
+    )
+    invalid = ("INVALID",) if certification.verdict.value == "INVALID" else ()
+    catches = (*invalid, *(flag.name for flag in certification.flags))
+    return _Detection(catches=catches, efficiency=efficiency, metric=metric)
 
 
 def _row(
     fault: str,
     procedure: str,
     prediction: Prediction | None,
-    seen: Sequence[_Seen],
-    sound: Sequence[_Seen],
+    detections: Sequence[_Detection],
+    sound: Sequence[_Detection],
 ) -> FaultOutcome:
-    """Return the outcome of a fault, or without a prediction of the sound day."""
-    many = sum(bool(each.catches) for each in seen)
-    interval = binomtest(many, len(seen)).proportion_ci(0.95, "exact")
-    by = Counter(catch for each in seen for catch in each.catches)
+    """Return the outcome of a fault; without a `prediction`, that of the day without a fault."""
+    many = sum(bool(each.catches) for each in detections)
+    interval = binomtest(many, len(detections)).proportion_ci(0.95, "exact")
+    by = Counter(catch for each in detections for catch in each.catches)
     if prediction is None:
         predicted, e_A, metric = "at most 1%", Bias(), Bias()
-        right = bool(interval.low <= 0.01)
+        as_predicted = bool(interval.low <= 0.01)
     else:
         predicted = prediction.caught_by or "a bias"
-        both = list(zip(seen, sound, strict=True))
+        both = list(zip(detections, sound, strict=True))
         e_A = Bias.of(
             np.array([each.efficiency - twin.efficiency for each, twin in both]),
             prediction.efficiency_bias,
@@ -250,18 +255,18 @@ def _row(
             prediction.metric_bias_u,
         )
         named = set((prediction.caught_by or "").split(", "))
-        caught = float(np.mean([bool(named & set(each.catches)) for each in seen])) >= 0.95
-        right = caught if prediction.caught_by else e_A.near and metric.near
+        caught = float(np.mean([bool(named & set(each.catches)) for each in detections])) >= 0.95
+        as_predicted = caught if prediction.caught_by else e_A.near and metric.near
     return FaultOutcome(
         procedure=procedure,
         fault=fault,
         prediction=predicted,
-        laboratories=len(seen),
-        caught=many / len(seen),
+        laboratories=len(detections),
+        caught=many / len(detections),
         low=float(interval.low),
         high=float(interval.high),
         by=", ".join(f"{catch} {number}" for catch, number in by.most_common()),
         e_A=e_A,
         metric=metric,
-        as_predicted=right,
+        as_predicted=as_predicted,
     )

@@ -1,4 +1,4 @@
-"""Test of another laboratory: it needs the same constants as our laboratory."""
+"""Reduction of the records of another laboratory, which must state the same constants as ours."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from virtual_lab.records.session import Session
 from virtual_lab.simulation.rig import Reality
 
 
-def our_own(procedure: str) -> Session:
-    """Return the session of our laboratory for a test by a procedure.
+def our_session(procedure: str) -> Session:
+    """Return a simulated session by a procedure, as a model for the forms of a laboratory.
 
-    For speed it has no noise and rigid bats. `InputError` as `certify_bat`.
+    To save time it has no noise and a rigid bat. Raises `InputError` for an unknown procedure.
     """
     bat, rules = names("bats")[0], load("procedures", procedure, Procedure).spec
     setup = TestSetup.of(
@@ -34,29 +34,36 @@ def our_own(procedure: str) -> Session:
     return certify_bat(setup).certification.session
 
 
-def certify_laboratory(folder: Path, asked: Callable[[Session], Session]) -> Certification:
-    """Reduce and evaluate a laboratory's form and tables, with the options that `asked` applies.
+def certify_laboratory(folder: Path, apply_options: Callable[[Session], Session]) -> Certification:
+    """Reduce and evaluate the form and the tables of a laboratory.
+
+    Parameters
+    ----------
+    folder
+        Folder with ``laboratory.toml`` and the tables that it names.
+    apply_options
+        Function that returns the session with the options of the user.
 
     Raises
     ------
     InputError
-        As `load_laboratory` and `certify_session`; also for missing and for unknown constants,
-        compared with our laboratory.
+        The form or a table is not valid, a constant is missing or unknown, or the session cannot
+        be reduced.
     """
     form = folder / FORM
     if (folder / "session.json").exists():
-        raise InputError(str(folder), FORM, None, "stands beside a session.json; keep one of them")
+        raise InputError(str(folder), FORM, None, "is beside a session.json; keep only one of them")
     session, procedure = load_laboratory(folder), procedure_name(folder)
     try:
         needed = _constants_of(procedure)
     except InputError:
-        needed = []  # rules for other machines: missing constants are reported below
+        needed = []  # the rules are for other machines; the reduction reports what is missing
     if needed:
-        read = "climate" in session.records.get("bench", {})
-        spared = (DENSITY,) if read else (LOGGER,)  # the density follows from the climate
+        has_climate = "climate" in session.records.get("bench", {})
+        spared = (DENSITY,) if has_climate else (LOGGER,)  # the density follows from the climate
         _require_constants(list(session.calibration), needed, spared, str(form))
     try:
-        return certify_session(asked(session))
+        return certify_session(apply_options(session))
     except InputError as fault:
         sources = {"session.json": str(form), "procedure.toml": procedure}
         where = sources.get(fault.where, fault.where)
@@ -64,22 +71,23 @@ def certify_laboratory(folder: Path, asked: Callable[[Session], Session]) -> Cer
 
 
 def _constants_of(procedure: str) -> list[str]:
-    """Return the constants of our laboratory for a procedure."""
+    """Return the names of the calibration constants that a procedure needs."""
     laboratory = Laboratory.open(TestSetup.of(names("bats")[0], procedure=procedure))
     control = [CONTROL] if laboratory.rules.spec.controlled else []
     return [*laboratory.calibration, *control]
 
 
 def _require_constants(
-    given: list[str], needed: list[str], spared: tuple[str, ...], where: str
+    keys: list[str], needed: list[str], spared: tuple[str, ...], where: str
 ) -> None:
-    """Refuse a form with missing or unknown constants. Keys that begin as `spared` are optional.
+    """Raise `InputError` if constants are missing or unknown.
 
-    A laboratory may have more numbered constants than ours, such as `distance_2` for a third gate.
+    Constants whose names begin with one of `spared` are optional. Further numbered constants are
+    allowed, such as `distance_2` for a third gate.
     """
-    missing = [key for key in needed if key not in given and not key.startswith(spared)]
-    kinds = {_unnumbered(key) for key in needed}
-    unknown = [key for key in given if _unnumbered(key) not in kinds]
+    missing = [key for key in needed if key not in keys and not key.startswith(spared)]
+    kinds = {_without_number(key) for key in needed}
+    unknown = [key for key in keys if _without_number(key) not in kinds]
     if missing:
         allowed = f"missing: {', '.join(missing)}"
         if unknown:
@@ -92,5 +100,5 @@ def _require_constants(
         )
 
 
-def _unnumbered(key: str) -> str:
+def _without_number(key: str) -> str:
     return re.sub(r"_\d+$", "", key)

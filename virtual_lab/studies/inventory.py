@@ -1,4 +1,4 @@
-"""The catalog: names and sheets of all entries, and the installed rigs."""
+"""Content of the catalog: names and data sheets of all entries, and installed rigs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ShelfEntry:
 def shelf(kind: Kind | None = None) -> Rows[ShelfEntry]:
     """List the catalog: bats, balls, procedures, instruments, rigs, conditions, faults.
 
-    The rigs are those installed on this computer, including those of other packages.
+    Rigs are those installed on this computer, including rigs of other packages.
 
     Parameters
     ----------
@@ -49,20 +49,20 @@ def shelf(kind: Kind | None = None) -> Rows[ShelfEntry]:
         catalog.require_kind(kind)
     rows = []
     for each in catalog.KINDS if kind is None else (kind,):
-        found = {name: catalog.title(each, name) for name in catalog.names(each)}
+        titles = {name: catalog.title(each, name) for name in catalog.names(each)}
         if each == "rigs":
-            found = _installed_rigs(found)
-        rows += [ShelfEntry(kind=each, name=name, title=text) for name, text in found.items()]
+            titles = _installed_rigs(titles)
+        rows += [ShelfEntry(kind=each, name=name, title=text) for name, text in titles.items()]
     return Rows(name="list", title=f"the catalog: {kind or 'everything'}", rows=rows)
 
 
-def _installed_rigs(known: Mapping[str, str]) -> dict[str, str]:
+def _installed_rigs(sheet_titles: Mapping[str, str]) -> dict[str, str]:
     """Return the titles of the installed rigs, without loading them.
 
-    A rig without a sheet in the catalog has the summary of its package as title.
+    The title of a rig without a sheet in the catalog is the summary of its package.
     """
     return {
-        point.name: known.get(point.name)
+        point.name: sheet_titles.get(point.name)
         or str((point.dist and point.dist.metadata["Summary"]) or point.value)
         for point in sorted(entry_points(group="virtual_lab.rigs"))
     }
@@ -70,15 +70,15 @@ def _installed_rigs(known: Mapping[str, str]) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlowestRebound:
-    """The slowest level rebounds that light gates see before the ball is below their beams."""
+    """Slowest horizontal rebounds that light gates detect before the ball falls below them."""
 
     fall_mm: float
     at_gates: list[dict[str, float]]  # distance_m and speed_mph of each gate
-    told_mph: float  # slowest rebound seen by two gates, as a speed requires
+    told_mph: float  # slowest rebound that two gates detect, as a speed requires
 
     @classmethod
     def of(cls, name: str, kind: str | None) -> SlowestRebound | None:
-        """Return the slowest rebound for light gates, None for other instruments."""
+        """Return the slowest rebounds of light gates; None for other instruments."""
         if kind not in ("light-gate", "light-board"):
             return None
         from virtual_lab.relations.flight import slowest_within
@@ -105,14 +105,14 @@ class SlowestRebound:
             f"{gate['speed_mph']:.1f} mph at {gate['distance_m']:g} m" for gate in self.at_gates
         )
         return (
-            f"slowest level rebound seen, {self.fall_mm:g} mm of fall: {gates}; "
-            f"a speed takes two gates: from {self.told_mph:.1f} mph"
+            f"slowest horizontal rebound detected, with {self.fall_mm:g} mm of fall: {gates}; "
+            f"a speed needs two gates: from {self.told_mph:.1f} mph"
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ShownSheet:
-    """A catalog entry: title, every number with unit and source, and the list of sources."""
+    """An entry of the catalog: title, numbers with units and sources, and list of sources."""
 
     kind: str
     name: str
@@ -124,7 +124,7 @@ class ShownSheet:
 
     @property
     def document(self) -> Json:
-        """All of it for JSON; `slowest_rebound` of light gates alone."""
+        """The entry as a JSON object; only light gates have `slowest_rebound`."""
         document = asdict(self)
         if self.slowest_rebound is None:
             del document["slowest_rebound"]
@@ -197,13 +197,15 @@ def show(name: AnyName) -> ShownSheet | ShownCertificate:
             return _sheet(kind, name)
     if name.endswith(".toml"):
         return _sheet("bats", name)
-    near = nearest(name, [known for kind in catalog.KINDS for known in catalog.names(kind)])
-    raise InputError("", "name", name, f"{near}not in the catalog; 'virtual-lab list' lists it")
+    suggestion = nearest(name, [entry for kind in catalog.KINDS for entry in catalog.names(kind)])
+    raise InputError(
+        "", "name", name, f"{suggestion}not in the catalog; 'virtual-lab list' lists it"
+    )
 
 
 def _sheet(kind: str, name: str) -> ShownSheet:
     document, data = catalog.sheet(kind, name)
-    known = tomllib.loads(files("virtual_lab.data").joinpath("sources.toml").read_text("utf-8"))
+    sources = tomllib.loads(files("virtual_lab.data").joinpath("sources.toml").read_text("utf-8"))
     words = {key: value for key, value in document.items() if isinstance(value, str)}
     used = sorted({datum.source for datum in data})
     return ShownSheet(
@@ -212,6 +214,6 @@ def _sheet(kind: str, name: str) -> ShownSheet:
         title=words.pop("title"),
         words=words,
         numbers=tuple(data),
-        sources={key: known[key]["text"] if key in known else key for key in used},
+        sources={key: sources[key]["text"] if key in sources else key for key in used},
         slowest_rebound=SlowestRebound.of(name, document.get("kind")),
     )

@@ -1,9 +1,9 @@
-"""Operating characteristic of a procedure: probability to pass its test against the true metric.
+"""Operating characteristic of a procedure: probability of PASS against the true metric.
 
-Simulated tests of one bat design give the errors of the metric, measured minus true value, and
-which tests are INVALID. A bat whose true metric is x has the same errors about x, so it passes
-where x plus an error is at most the limit; other rules that a bat must meet are left out. Each
-laboratory tests three times: balls, hits and readings are new, its calibration and the bat are not.
+Simulated tests of one bat design give the errors of the metric (measured minus true value) and the
+INVALID tests. A bat with the true metric x is assumed to have the same errors, so it passes if x
+plus an error is at most the limit; other rules for the bat are not considered. Each laboratory
+tests three times, with new balls, hits and readings, but with the same calibrations and bat.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ from virtual_lab.parameters import Seed
 from virtual_lab.sheets import AnyBat, AnyProcedures, Instruments, entry_name, entry_names
 from virtual_lab.units import Array, Mask
 
-TESTS = (1, 3)  # numbers of tests per laboratory, of which the best counts
-# range of the true metric about the limit [standard deviations of the error], number of bats
+TESTS = (1, 3)  # numbers of tests per laboratory; the best one counts
+# half range of the true metric about the limit [standard deviations of the error], and number of
+# true metrics
 REACH, POINTS = 3.0, 20
 
 WORDS = (
@@ -40,7 +41,7 @@ WORDS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatingPoint:
-    """Probabilities to pass for bats of one true metric, by one test or the best of three."""
+    """Probability of PASS for bats with one true metric, by one test or by the best of three."""
 
     bat: str = column("bat")
     procedure: str = column("procedure")
@@ -59,12 +60,12 @@ class OperatingPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class OperatingCurves(Rows[OperatingPoint]):
-    """Probability to pass against the true metric, by one test and by the best of three."""
+    """Probability of PASS against the true metric, by one test and by the best of three."""
 
-    limits: Mapping[str, float]  # limits by procedure, in the metric's unit
+    limits: Mapping[str, float]  # limit of each procedure, in the unit of its metric
 
     def draw(self, path: Path) -> None:
-        """Draw PASS with its interval, one panel per procedure."""
+        """Draw the probability of PASS with its interval, one panel per procedure."""
         from matplotlib import rc_context
         from matplotlib.figure import Figure
 
@@ -74,17 +75,20 @@ class OperatingCurves(Rows[OperatingPoint]):
             panels = figure.subplots(len(self.limits), 1, squeeze=False).ravel()
             for axes, (procedure, limit) in zip(panels, self.limits.items(), strict=True):
                 for best_of, line in zip(TESTS, ("-", "--"), strict=True):
-                    own = [r for r in self.rows if (r.procedure, r.best_of) == (procedure, best_of)]
+                    points = [
+                        r for r in self.rows if (r.procedure, r.best_of) == (procedure, best_of)
+                    ]
                     true, passes, low, high = np.array(
-                        [(row.true, row.passes, row.low, row.high) for row in own]
+                        [(row.true, row.passes, row.low, row.high) for row in points]
                     ).T
                     axes.fill_between(true, low, high, color=INTERVAL_GREY, linewidth=0)
                     words = "one test" if best_of == 1 else f"best of {best_of}"
                     axes.plot(true, passes, line, color="black", label=words)
                 axes.axvline(limit, color="0.5", linewidth=0.6)
-                axes.set_title(f"{own[0].bat} by {as_drawn(procedure)}, line: limit")
+                axes.set_title(f"{points[0].bat} by {as_drawn(procedure)}, line: limit")
                 axes.set(
-                    xlabel=f"true {own[0].metric} {own[0].unit}".rstrip(), ylabel="P(PASS | x)"
+                    xlabel=f"true {points[0].metric} {points[0].unit}".rstrip(),
+                    ylabel="P(PASS | x)",
                 )
                 axes.legend()
             figure.savefig(path)
@@ -127,7 +131,7 @@ def operating(
     Raises
     ------
     InputError
-        Unknown names, a procedure without a limit, no laboratory.
+        A name is unknown, a procedure has no limit, or `laboratories` is 0.
     """
     bat, procedures = entry_name(bat), entry_names(procedures)
     if laboratories < 1:
@@ -138,22 +142,25 @@ def operating(
         round_robin = RoundRobin.of(bat, name)
         rules = round_robin.setup.rules.spec
         if rules.metric_limit is None:
-            raise InputError("", "procedure", rules.name, "it has no limit; allowed: one with")
+            raise InputError("", "procedure", rules.name, "has no limit; allowed: one with a limit")
         parts = []
         for test in range(max(TESTS)):
-            own = replace(round_robin, setup=replace(round_robin.setup, test=test or None))
-            parts.append(_errors(own, laboratories, seed))
+            repeat = replace(round_robin, setup=replace(round_robin.setup, test=test or None))
+            parts.append(_errors(repeat, laboratories, seed))
             progress("tests", at * max(TESTS) + test + 1, len(procedures) * max(TESTS))
         errors, valid = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
         printed = METRICS[rules.metric]
         limits[rules.name] = rules.metric_limit / printed.unit_si
-        reach = REACH * float(errors[valid].std()) * np.linspace(-1, 1, POINTS)
+        deviations = REACH * float(errors[valid].std()) * np.linspace(-1, 1, POINTS)
         for best_of in TESTS:
-            for x in rules.metric_limit + reach:
+            for x in rules.metric_limit + deviations:
                 below = valid[:, :best_of] & (x + errors[:, :best_of] <= rules.metric_limit)
-                some = int(valid[:, :best_of].any(axis=1).sum())
+                valid_laboratories = int(valid[:, :best_of].any(axis=1).sum())
                 passed = int(below.any(axis=1).sum())
-                joint, given = _chance(passed, laboratories), _chance(passed, some)
+                joint, conditional = (
+                    _chance(passed, laboratories),
+                    _chance(passed, valid_laboratories),
+                )
                 rows.append(
                     OperatingPoint(
                         bat=round_robin.setup.bat.spec.name,
@@ -166,29 +173,32 @@ def operating(
                         passes=joint[0],
                         low=joint[1],
                         high=joint[2],
-                        passes_if_valid=given[0],
-                        low_if_valid=given[1],
-                        high_if_valid=given[2],
+                        passes_if_valid=conditional[0],
+                        low_if_valid=conditional[1],
+                        high_if_valid=conditional[2],
                     )
                 )
     return OperatingCurves(
-        name="operating", title="the chance to pass", rows=rows, words=WORDS, limits=limits
+        name="operating", title="probability of PASS", rows=rows, words=WORDS, limits=limits
     )
 
 
 def _errors(round_robin: RoundRobin, laboratories: int, seed: int) -> tuple[Array, Mask]:
-    """Return the errors of the metric, 0 without a result, and the mask of valid tests."""
+    """Return the errors of the metric [SI], 0 without a result, and the mask of valid tests.
+
+    Both have the shape (laboratory,).
+    """
     errors, valid = [], []
     for block in round_robin.blocks(laboratories, seed):
-        found = block.certified
-        error = found.results["metric"].value - block.measurands["metric"]
-        errors.append(np.where(found.some, error, 0.0))
-        valid.append(found.some & ~found.invalid)
+        certified = block.certified
+        error = certified.results["metric"].value - block.measurands["metric"]
+        errors.append(np.where(certified.some, error, 0.0))
+        valid.append(certified.some & ~certified.invalid)
     return np.concatenate(errors), np.concatenate(valid)
 
 
 def _chance(passed: int, of: int) -> tuple[float, float, float]:
-    """Return the share `passed` / `of` and its 95 % interval, which is 0 to 1 if `of` is 0."""
+    """Return the share `passed` / `of` and its 95 % interval; 0, 0 and 1 if `of` is 0."""
     if of == 0:
         return 0.0, 0.0, 1.0
     band = binomtest(passed, of).proportion_ci(0.95, method="exact")

@@ -1,4 +1,4 @@
-"""Slope of e_A along the barrel at the place of a test, for the sheet of a procedure."""
+"""Slope of e_A along the barrel at the impact position of a test, for the sheet of a procedure."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from virtual_lab.units import INCH
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slope:
-    """Slope of one bat; for mean and deviation the place is None."""
+    """Slope of one bat, or mean or standard deviation over the bats, which have no position."""
 
     bat: str = column("bat")
-    place_in: float | None = column("place from the tip", "in")
+    place_in: float | None = column("position from the tip", "in")
     slope_per_in: float = column("slope of e_A", "1/in", "+.4f")
 
 
@@ -62,9 +62,11 @@ def slope(
         raise InputError("", "bats", len(bats), "allowed: 2 or more, for a standard deviation")
     rows = [_slope(bat, procedure) for bat in bats]
     slopes = [row.slope_per_in for row in rows]
-    over = {"mean": float(np.mean(slopes)), "deviation": float(np.std(slopes, ddof=1))}
-    rows += [Slope(bat=what, place_in=None, slope_per_in=value) for what, value in over.items()]
-    title = f"how e_A changes along the barrel where {procedure} hits"
+    statistics = {"mean": float(np.mean(slopes)), "deviation": float(np.std(slopes, ddof=1))}
+    rows += [
+        Slope(bat=name, place_in=None, slope_per_in=value) for name, value in statistics.items()
+    ]
+    title = f"slope of e_A along the barrel at the impact position of {procedure}"
     return Rows(name="slope", title=title, rows=rows)
 
 
@@ -73,10 +75,12 @@ def _slope(bat: str, procedure: str) -> Slope:
     laboratory = Laboratory.open(setup)
     rules, specimen = laboratory.rules.spec, laboratory.specimen
     if rules.scan is not None:
-        raise InputError("", "procedure", procedure, "allowed: one that tests at one place")
+        raise InputError(
+            "", "procedure", procedure, "allowed: one that tests at one impact position"
+        )
     beam = beam_of(specimen.bat.body)
-    known = {name: getattr(beam, name) for name in ("mass", "length", "z_cm", "inertia_cm")}
-    place = aimed_place(known, rules.pivot_from_knob)
+    inertial = {name: getattr(beam, name) for name in ("mass", "length", "z_cm", "inertia_cm")}
+    place = aimed_place(inertial, rules.pivot_from_knob)
     step = 4e-3  # distance to either side [m]
     ends = place + step * np.array([-1.0, 1.0])
     curve = true_curve(laboratory.impact, specimen, rules, ends)

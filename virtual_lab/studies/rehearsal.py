@@ -1,9 +1,10 @@
-"""Bias of a test from stray aim and scatter, found by rehearsals on the exact curve.
+"""Bias of a test due to aim errors and scatter, computed by simulation on the exact curve.
 
-Aim errors move hits away from the intended place, which lowers the result near a maximum. A scan
-takes the maximum of noisy values, which raises the result; but it also continues where the first
-hits were high and turns away where they were low, which lowers it. No closed form covers all of
-this, so the rules are simulated many times on the exact curve, without instruments.
+Aim errors move hits away from the intended position, which lowers the result near a maximum. A scan
+takes the maximum of noisy values, which raises the result. But a scan also continues where the
+first hits were high and leaves positions where they were low, which lowers the result. There is no
+closed formula for this, so the procedure is simulated many times on the exact curve, without
+instruments.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from virtual_lab.units import Array
 
 
 class HitScatter(NamedTuple):
-    """Standard deviations of the hits from shot to shot."""
+    """Scatter of the hits from shot to shot."""
 
     along: float  # standard deviation of the impact position [m]
     scatter: float  # standard deviation of the metric at a fixed impact position
@@ -53,22 +54,24 @@ class Rehearsal:
     percussion: float  # impact position of the result [m]
     bat: BatProperties
     turn_rate: float  # angular rate of the bat [rad/s]
-    curve: Callable[[Array], Array]  # function of places [m]: e_A, r and e0, (3, n)
+    curve: Callable[
+        [Array], Array
+    ]  # function of positions [m], shape (n,): e_A, r and e0, shape (3, n)
 
     @classmethod
     def of(cls, laboratory: Laboratory, percussion: float) -> Self:
-        """Return the rehearsal of a laboratory's test on the curve of its true bat.
+        """Return the simulation of a test on the exact curve of the true bat of a laboratory.
 
-        `percussion` is the place of its result [m].
+        `percussion` is the impact position of the result [m].
         """
         procedure = laboratory.rules.spec
         scan = procedure.scan
         low, high = (scan.low, scan.high) if scan else (percussion, percussion)
-        step, beyond = 4e-3, 0.025  # step of the curve and its extension beyond any aim [m]
+        step, beyond = 4e-3, 0.025  # step of the curve, and its extension beyond all aims [m]
         places = np.arange(low - beyond, high + beyond + step, step)
         curve = true_curve(laboratory.impact, laboratory.specimen, procedure, places)
-        known = [curve.collision_efficiency, curve.recoil_factor, curve.ball_restitution]
-        spline = CubicSpline(places, known, axis=1)
+        curves = [curve.collision_efficiency, curve.recoil_factor, curve.ball_restitution]
+        spline = CubicSpline(places, curves, axis=1)
         beam = curve.bat
         bat = BatProperties(
             mass=np.array(beam.mass),
@@ -87,23 +90,26 @@ class Rehearsal:
         )
 
     def straying(self, along: float, scatter: float) -> HitScatter:
-        """Return the deviations for a total `scatter` of the metric within a place.
+        """Return the scatter of the hits, given the standard deviation of the marks along the bat.
 
-        The part caused by the scatter of the place is removed, on average over the scan's fit.
+        `scatter` is the standard deviation of the metric at one aim. The part that the marks cause
+        is subtracted, as the mean over the range of the fit.
         """
         scan = self.procedure.scan
-        reach = scan.fit_half_width if scan else 0.0
-        about = self.percussion + np.linspace(-reach, reach, 9)
+        half_width = scan.fit_half_width if scan else 0.0
+        about = self.percussion + np.linspace(-half_width, half_width, 9)
         slope = (self.metric(about, along) - self.metric(about, -along)) / 2
         return HitScatter(along, sqrt(max(scatter**2 - float(np.mean(slope**2)), 0.0)))
 
     def metric(self, place: Array, beside: Array | float = 0.0) -> Array:
-        """Return the metric measured from hits at a distance `beside` the intended place."""
+        """Return the metric measured from hits at `place` + `beside`, aimed at `place` [m]."""
         e_a, recoil, e0 = self.curve(place)
         struck = self.curve(place + beside)[0]
-        speed, here = self.procedure.ball_speed, self._bat_speed(place)
-        there = self._bat_speed(place + beside)
-        e_a = (struck * (speed + there) + there - here) / (speed + here)
+        speed, speed_at_place = self.procedure.ball_speed, self._bat_speed(place)
+        speed_at_hit = self._bat_speed(place + beside)
+        e_a = (struck * (speed + speed_at_hit) + speed_at_hit - speed_at_place) / (
+            speed + speed_at_place
+        )
         curve = Curve(
             place=place,
             collision_efficiency=e_a,
@@ -118,39 +124,42 @@ class Rehearsal:
         return np.asarray(self.turn_rate * (axis - place))
 
     def errors(self, straying: HitScatter, draws: Draws, numbers: NDArray[np.intp]) -> Array:
-        """Return the errors of the results of rehearsals by their numbers, (rehearsal,).
+        """Return the errors of the results of simulated tests, shape (test,).
 
-        The error of a rehearsal without a result is NaN.
+        `numbers` are the numbers of the tests, which select their random numbers. The error of a
+        test without a result is NaN.
         """
         rules, many = self.procedure, numbers.size
-        drawn = draws.normal("rehearsal", (2, rules.attempts), numbers)
+        random = draws.normal("rehearsal", (2, rules.attempts), numbers)
         owner, place, metric = np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0)
         percussion, fired = np.full(many, self.percussion), np.zeros(many, dtype=np.intp)
         while True:
-            sought, valid = self._sought(place, metric), np.ones(place.size, dtype=bool)
-            asked = next_shots(rules, percussion, owner, place, valid, sought.value)
-            if not asked.owner.size:
+            target, valid = self._target_metric(place, metric), np.ones(place.size, dtype=bool)
+            shots = next_shots(rules, percussion, owner, place, valid, target.value)
+            if not shots.owner.size:
                 break
-            places = to_set(asked.place, exact=False)
-            shot = fired[asked.owner] + shot_numbers(asked.owner)
-            beside, noise = drawn[asked.owner, :, shot].T
-            seen = self.metric(places, straying.along * beside) + straying.scatter * noise
-            fired = fired + np.bincount(asked.owner, minlength=many)
-            owner = np.append(owner, asked.owner)
-            place, metric = np.append(place, places), np.append(metric, seen)
-        weights = outcomes_of(rules, many, owner, place, valid, metric, sought).weights
+            places = to_set(shots.place, exact=False)
+            shot = fired[shots.owner] + shot_numbers(shots.owner)
+            beside, noise = random[shots.owner, :, shot].T
+            measured = self.metric(places, straying.along * beside) + straying.scatter * noise
+            fired = fired + np.bincount(shots.owner, minlength=many)
+            owner = np.append(owner, shots.owner)
+            place, metric = np.append(place, places), np.append(metric, measured)
+        weights = outcomes_of(rules, many, owner, place, valid, metric, target).weights
         lost = shortfalls(rules, many, owner, place, valid, metric).mean
-        found = np.bincount(owner, metric * weights, many) + lost
+        results = np.bincount(owner, metric * weights, many) + lost
         exact = self.metric(place)
-        looked = self._sought(place, exact).value
-        return found - results_of_curves(rules, many, Visits(owner, place, valid), looked, exact)
+        exact_target = self._target_metric(place, exact).value
+        return results - results_of_curves(
+            rules, many, Visits(owner, place, valid), exact_target, exact
+        )
 
-    def _sought(self, place: Array, metric: Array) -> Sought:
+    def _target_metric(self, place: Array, metric: Array) -> Sought:
         return sought_of(self.procedure, metric, place, self.bat)
 
     def bias(self, straying: HitScatter, draws: Draws, times: int) -> tuple[float, float]:
-        """Return the mean error over a number of rehearsals, and its standard error."""
-        few = 4096  # number of rehearsals at a time, which limits the memory
+        """Return the mean error over `times` simulated tests, and its standard error."""
+        few = 4096  # number of tests at a time, which limits the memory
         parts = [np.arange(first, min(first + few, times)) for first in range(0, times, few)]
         errors = np.concatenate([self.errors(straying, draws, part) for part in parts])
         errors = errors[np.isfinite(errors)]

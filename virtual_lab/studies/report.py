@@ -1,4 +1,4 @@
-"""Many certificates side by side: bats, procedures, laboratories, or repeats of one test."""
+"""Comparison of several certificates: of bats, procedures, laboratories, or repeated tests."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ KINDS: dict[str, tuple[str, Callable[[CertificateDocument], str]]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComparedCertificate:
-    """One certificate of a report, in the unit of its metric."""
+    """One certificate of a report; numbers are in the unit of its metric."""
 
     number: str = column("number", form="")
     folder: str = column("folder", form="")
@@ -66,11 +66,11 @@ class ComparedCertificate:
 
     @classmethod
     def of(cls, document: CertificateDocument, folder: str) -> ComparedCertificate:
-        """Return the row of a certificate; an INVALID one has no value."""
+        """Return the row of a certificate. Its result is None if the test was INVALID."""
         metric, size = document.metric, METRICS[document.metric.name].unit_si
         interval = metric.interval_95 if document.states_result else None
 
-        def shown(value: float | None) -> float | None:
+        def in_unit(value: float | None) -> float | None:
             return None if value is None else value / size
 
         return cls(
@@ -82,11 +82,11 @@ class ComparedCertificate:
             verdict=document.verdict + (", marginal" if document.marginal else ""),
             metric=METRICS[metric.name].symbol,
             unit=METRICS[metric.name].unit,
-            value=shown(metric.value if interval else None),
-            u=shown(metric.u if interval else None),
-            low=shown(interval[0] if interval else None),
-            high=shown(interval[1] if interval else None),
-            limit=shown(metric.limit),
+            value=in_unit(metric.value if interval else None),
+            u=in_unit(metric.u if interval else None),
+            low=in_unit(interval[0] if interval else None),
+            high=in_unit(interval[1] if interval else None),
+            limit=in_unit(metric.limit),
             risk=document.risk.probability if document.risk else None,
             valid_hits=document.valid_hits,
             flags=", ".join(flag.name for flag in document.flags),
@@ -94,7 +94,7 @@ class ComparedCertificate:
 
     @property
     def result(self) -> str:
-        """The result with its expanded uncertainty, in print."""
+        """The result with its expanded uncertainty, as printed; "none" without a result."""
         if self.value is None or self.high is None:
             return "none"
         half = self.high - self.value
@@ -104,7 +104,7 @@ class ComparedCertificate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CertificateReport(StudyResult):
-    """Certificates compared in one way, which `kind` names."""
+    """Comparison of certificates; `kind` states what differs between them."""
 
     kind: str
     rows: tuple[ComparedCertificate, ...]
@@ -116,7 +116,7 @@ class CertificateReport(StudyResult):
 
     @property
     def title(self) -> str:
-        """Title with the comparison and the number of certificates."""
+        """Title with the number of certificates and the kind of comparison."""
         return f"{len(self.rows)} certificates: {self.kind}"
 
     @property
@@ -131,58 +131,60 @@ class CertificateReport(StudyResult):
 
     @property
     def text(self) -> str:
-        """The comparison, a table and the words beneath it."""
+        """Title, table and sentences."""
         return "\n\n".join([self.title, table_text(self.rows), *self.words, self.statement])
 
     @property
     def words(self) -> list[str]:
-        """Verdicts, the scatter of the values of one metric, and that nothing was verified."""
+        """Sentences: numbers of verdicts, flags, scatter of the results, and a disclaimer."""
         counts = {
             verdict: sum(row.verdict.startswith(verdict) for row in self.rows)
             for verdict in ("PASS", "FAIL", "MEASURED", "INVALID")
         }
-        said = [", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)]
+        sentences = [", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)]
         flagged = [row for row in self.rows if row.flags]
         if flagged:
-            said.append(f"{len(flagged)} with flags: {', '.join(row.number for row in flagged)}")
-        known = [(row.value, row.u) for row in self.rows if row.value is not None and row.u]
-        if self.kind in (KINDS["laboratories"][0], REPEATS) and len(known) > 1:
-            values, us = zip(*known, strict=True)
+            sentences.append(
+                f"{len(flagged)} with flags: {', '.join(row.number for row in flagged)}"
+            )
+        results = [(row.value, row.u) for row in self.rows if row.value is not None and row.u]
+        if self.kind in (KINDS["laboratories"][0], REPEATS) and len(results) > 1:
+            values, us = zip(*results, strict=True)
             rms = sqrt(fmean(u**2 for u in us))
             first = self.rows[0]
-            said.append(
+            sentences.append(
                 f"{first.metric} {fmean(values):.4f} {first.unit}".rstrip()
-                + f" on average of {len(known)}, standard deviation {stdev(values):.2g}, "
-                f"{stdev(values) / rms:.2g} times their root mean square u"
+                + f": mean of {len(results)}, standard deviation {stdev(values):.2g}, "
+                f"{stdev(values) / rms:.2g} times the root mean square u"
             )
-        return [*(f"{each}." for each in said), AS_STATED]
+        return [*(f"{each}." for each in sentences), AS_STATED]
 
     @property
     def svg(self) -> str:
-        """Every result with its interval against its limit, one row per result."""
+        """SVG figure of the results with their intervals and limits, one line per result."""
         rows = [row for row in self.rows if row.value is not None and row.low is not None]
-        one = len({row.metric for row in self.rows}) == 1
-        # results of several metrics are drawn as shares of their limits
-        rows = [row for row in rows if one or row.limit]
-        sizes = [1.0 if one else row.limit or 1.0 for row in rows]
+        one_metric = len({row.metric for row in self.rows}) == 1
+        # results of different metrics are divided by their limits
+        rows = [row for row in rows if one_metric or row.limit]
+        sizes = [1.0 if one_metric else row.limit or 1.0 for row in rows]
         ends = [
             [float(end or 0) / size for end in (row.low, row.value, row.high)]
             for row, size in zip(rows, sizes, strict=True)
         ]
-        limits = {row.limit if one else 1.0 for row in rows if row.limit is not None}
+        limits = {row.limit if one_metric else 1.0 for row in rows if row.limit is not None}
         every = [*(end for each in ends for end in each), *limits]
-        room = 0.05 * ((max(every) - min(every)) or 1.0) if every else 1.0
+        margin = 0.05 * ((max(every) - min(every)) or 1.0) if every else 1.0
         few = len(rows) <= MOST_NAMED
         height = (11.0 if few else 4.0) * max(len(rows), 2) + 44
-        unit = f", {rows[0].unit}" if one and rows and rows[0].unit else ""
+        unit = f", {rows[0].unit}" if one_metric and rows and rows[0].unit else ""
         panel = Panel(
             left=165,
             right=PAGE_WIDTH - 6,
             top=14,
             bottom=height - 30,
-            x=(min(every, default=0.0) - room, max(every, default=1.0) + room),
+            x=(min(every, default=0.0) - margin, max(every, default=1.0) + margin),
             y=(-len(rows) + 0.4, 0.6) if rows else (0.0, 1.0),
-            x_label=f"{rows[0].metric}{unit}" if one and rows else "result over its limit",
+            x_label=f"{rows[0].metric}{unit}" if one_metric and rows else "result over its limit",
             y_ticks=[-float(n) for n in range(len(rows))] if few else (),
             y_words=[self._row_name(row) for row in rows] if few else (),
         )
@@ -191,16 +193,16 @@ class CertificateReport(StudyResult):
             panel.dots([value], [-n], radius=1.8)
         for limit in limits:
             panel.line((limit, limit), panel.y, width=1.2, dashes=DASHED)
-        told = f"{len(rows)} results with their 95 % intervals; dashed, the limit"
-        return figure([panel], height, "report", self.title, told)
+        caption = f"{len(rows)} results with their 95 % intervals; dashed line: limit"
+        return figure([panel], height, "report", self.title, caption)
 
     def _row_name(self, row: ComparedCertificate) -> str:
-        own = {"bats": row.bat, "procedures": row.procedure, "laboratories": row.laboratory}
-        named = next((own[key] for key, (kind, _) in KINDS.items() if kind == self.kind), "")
-        return f"{named or row.folder}, {row.verdict}"[:44]
+        names = {"bats": row.bat, "procedures": row.procedure, "laboratories": row.laboratory}
+        name = next((names[key] for key, (kind, _) in KINDS.items() if kind == self.kind), "")
+        return f"{name or row.folder}, {row.verdict}"[:44]
 
     def fill(self, folder: Path) -> None:
-        """Write table, figure, page and, if asked for, PDF into an existing folder."""
+        """Write table, figure, page and, if requested, PDF into an existing folder."""
         StudyResult.fill(self, folder)
         (folder / "report.svg").write_text(self.svg, encoding="utf-8")
         (folder / "report.html").write_text(self.page, encoding="utf-8")
@@ -209,16 +211,16 @@ class CertificateReport(StudyResult):
 
     @property
     def page(self) -> str:
-        """The report as one self-contained page."""
+        """The report as one self-contained HTML page."""
         from markupsafe import Markup
 
-        heads, cells = self._printed()
+        heads, cells = self._printed_table()
         return page_template(PACKAGE, "report.html").render(
             report=self, heads=heads, cells=cells, figure=Markup(self.svg)
         )
 
-    def _printed(self) -> tuple[list[str], list[list[str]]]:
-        """Return heads and cells of the table in print."""
+    def _printed_table(self) -> tuple[list[str], list[list[str]]]:
+        """Return the column heads and the cells of the printed table."""
         heads = ["Number", "Bat", "Procedure", "Laboratory", "Verdict", "Result", "Limit", "Flags"]
         cells = [
             [
@@ -239,7 +241,7 @@ class CertificateReport(StudyResult):
         from importlib.resources import files
 
         typst = of_extra("typst", "pdf", "a report as PDF")
-        heads, cells = self._printed()
+        heads, cells = self._printed_table()
         view = {
             "title": self.title,
             "words": self.words,
@@ -272,16 +274,18 @@ def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> Certi
     Raises
     ------
     InputError
-        Fewer than two certificates, one that cannot be read, two of the same records, certificates
-        that differ in more than one way, the extra that is missing.
+        There are fewer than two certificates, one cannot be read, two have the same records, they
+        differ in more than one way, or the extra is missing.
     """
     require_paper(paper)
     if pdf:
         require_pdf(paper)
-    found = [one for each in paths_of(folders) for one in result_folders(each)]
-    if len(found) < 2:
-        raise InputError("", "folders", len(found), "needs two certificates and more")
-    documents = {folder: read_document(folder / "certificate.json") for folder in found}
+    result_paths = [
+        result_path for each in paths_of(folders) for result_path in result_folders(each)
+    ]
+    if len(result_paths) < 2:
+        raise InputError("", "folders", len(result_paths), "allowed: two or more certificates")
+    documents = {folder: read_document(folder / "certificate.json") for folder in result_paths}
     _require_other_records(documents)
     kind = _kind_of(documents)
     rows = [ComparedCertificate.of(each, folder.name) for folder, each in documents.items()]
@@ -292,7 +296,7 @@ def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> Certi
 
 
 def _require_other_records(documents: dict[Path, CertificateDocument]) -> None:
-    """Raise `InputError` for two certificates of the same records: a copy is no second test."""
+    """Raise `InputError` if two certificates have the same records, as copies have."""
     earlier: dict[str, Path] = {}
     for folder, document in documents.items():
         same = earlier.setdefault(document.session_digest or str(folder), folder)
@@ -302,7 +306,7 @@ def _require_other_records(documents: dict[Path, CertificateDocument]) -> None:
 
 
 def _kind_of(documents: dict[Path, CertificateDocument]) -> str:
-    """Return the comparison in words; `InputError` if certificates differ in several ways."""
+    """Return the kind of comparison. Raises `InputError` if certificates differ in two ways."""
     differing = {}
     for key, (_, of) in KINDS.items():
         names = dict.fromkeys(map(of, documents.values()))

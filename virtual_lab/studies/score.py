@@ -23,7 +23,10 @@ CERTIFICATE = "certificate.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QuantityScore:
-    """Measured and true value [SI]; None if nothing was measured. z is None also if u is 0."""
+    """Measured and true value [SI] of a quantity; None without a measured value.
+
+    z, the error over u, is also None if u is 0.
+    """
 
     quantity: str = column("quantity")
     measured: float | None = column("measured", "SI", ".6f")
@@ -34,7 +37,7 @@ class QuantityScore:
 
     @classmethod
     def of(cls, quantity: str, measured: Mapping[str, Any], true: float) -> QuantityScore:
-        """Return the score of a result with `value` and `u`."""
+        """Return the score of a result; `measured` has the keys `value` and `u`."""
         value, u = measured["value"], measured["u"]
         error = None if value is None else value - true
         z = error / u if error is not None and u else None
@@ -44,11 +47,11 @@ class QuantityScore:
 def score(
     certificate: Mapping[str, Any], measurand: Mapping[str, float]
 ) -> dict[str, QuantityScore]:
-    """Return measured and true values of the metric and the other quantities, by name.
+    """Return the scores of the metric and the other quantities, by name.
 
-    For a scan the metric is compared twice: with the procedure's result on the exact curve, and
-    with the maximum of the curve. The width of the curve [m], if stated, is last. A test without a
-    result has no true value either: {}.
+    For a scan the metric is compared twice: with the result of the procedure on the exact curve,
+    and with the maximum of this curve. The width of the curve [m], if stated, is last. The result
+    is empty if `measurand`, the true values, is empty, as after a test without a result.
     """
     if not measurand:
         return {}
@@ -58,15 +61,17 @@ def score(
     stated |= {name: certificate[name] for name in QUANTITIES if name in certificate}
     if certificate.get(WIDTH_KEY) and WIDTH_KEY in measurand:
         stated[WIDTH_KEY] = certificate[WIDTH_KEY]
-    return {name: QuantityScore.of(name, found, measurand[name]) for name, found in stated.items()}
+    return {
+        name: QuantityScore.of(name, result, measurand[name]) for name, result in stated.items()
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CertificateScore(StudyResult):
     """A certificate compared with the truth, and whether the seal on both is intact."""
 
-    altered: tuple[Alteration, ...]  # changes since the sealing
-    sealing: str | None  # statement whether the truth can be found by trying seeds
+    altered: tuple[Alteration, ...]  # changes after the sealing
+    sealing: str | None  # statement on the safety of the seal against trying seeds
     rows: tuple[QuantityScore, ...]  # empty if the certificate cannot be scored
     faults: tuple[str, ...] = ()  # names of the faults of the test day in the catalog
 
@@ -74,7 +79,7 @@ class CertificateScore(StudyResult):
 
     @property
     def seal(self) -> str:
-        """``whole`` or ``broken``, the words of the JSON document."""
+        """``whole`` or ``broken``."""
         return "broken" if self.altered else "whole"
 
     @property
@@ -88,7 +93,7 @@ class CertificateScore(StudyResult):
 
     @property
     def code(self) -> int:
-        """The exit code of the command."""
+        """Exit code of the command: 3 for a broken seal, else 0."""
         return 3 if self.altered else 0
 
     @property
@@ -103,7 +108,7 @@ class CertificateScore(StudyResult):
 
     @property
     def text(self) -> str:
-        """The comparison as a table, and one line for each change since the test."""
+        """Table of the scores, and one line per change after the test."""
         lines = [
             table_text(self.rows) if self.rows else f"no score: {self._lack}",
             "seal broken, changed since the test:" if self.altered else "seal intact",
@@ -127,20 +132,20 @@ def score_folder(folder: Folder) -> CertificateScore:
     Raises
     ------
     InputError
-        Certificate, truth or seal are missing or cannot be compared.
+        Certificate, truth or seal is missing or cannot be compared.
     """
     folder = Path(folder)
     read_bytes(folder / CERTIFICATE)
     digest = hashlib.sha256(read_bytes(folder / TRUTH)).hexdigest()
     altered = alterations(folder)
     try:
-        simulation, rows, faults = _scored(folder)
+        simulation, rows, faults = _score_files(folder)
     except InputError:
         if not altered:
             raise
         simulation, rows, faults = {}, (), ()
     named = {(each.file, each.key) for each in altered}
-    # another digest than the certificate's: truth and seal were altered together
+    # the digest differs from that in the certificate if truth and seal were altered together
     bound = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}
     if simulation.get("truth_digest") not in (None, digest) and not named & bound:
         altered.append(Alteration(TRUTH, "", "altered"))
@@ -148,12 +153,12 @@ def score_folder(folder: Folder) -> CertificateScore:
     return CertificateScore(altered=tuple(altered), sealing=sealing, rows=rows, faults=faults)
 
 
-def _scored(
+def _score_files(
     folder: Path,
 ) -> tuple[dict[str, str], tuple[QuantityScore, ...], tuple[str, ...]]:
-    """Return the simulation entry of a certificate, its scores, and the faults of the day.
+    """Return the key `simulation` of a certificate, the scores, and the faults of the day.
 
-    `InputError` if there is nothing to score.
+    Raises `InputError` if a key is missing or has a wrong type.
     """
     certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
     try:

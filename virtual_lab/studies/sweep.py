@@ -1,4 +1,4 @@
-"""Many tests as one table: bats, procedures and laboratories, one row per test."""
+"""Many tests as a table, one row per combination of bat, procedure and laboratory."""
 
 from __future__ import annotations
 
@@ -36,15 +36,31 @@ def sweep_tests(
     workers: int = 1,
     progress: Progress = quiet,
 ) -> pd.DataFrame:
-    """Return the tests as `virtual_lab.sweep` describes them.
+    """Return a table with one row per test, in the columns that `virtual_lab.sweep` describes.
 
-    `keep`, a function that can be pickled, is called with each test. Without `summed` instruments
-    write every reading, and every bat is an individual.
+    Parameters
+    ----------
+    bats, procedures
+        Names in the catalog, or paths of .toml files.
+    laboratories, seed
+        Number of laboratories, and the seed of the first.
+    individual
+        Whether each laboratory tests a different individual of the bat, with `summed`, too.
+    summed
+        Whether the instruments write sums. Otherwise they write every reading, and every bat is an
+        individual.
+    keep
+        Function to call with each test; it must be picklable if `workers` is above 1.
+    workers
+        Number of processes.
+    progress
+        Function called with the number of tests done and in total.
 
     Raises
     ------
     InputError
-        Unknown names, two bats or procedures of one name, files that cannot be used, no laboratory.
+        A name is unknown, two bats or two procedures have the same name, a file cannot be used, or
+        `laboratories` is 0.
     """
     import pandas as pd
 
@@ -75,19 +91,19 @@ LEADING = ["bat", "procedure", "laboratory", "verdict", "reason", "metric", "uni
 def _rows(
     tested: BlockTest, *, keep: Callable[[BatTest], object] | None = None
 ) -> list[dict[str, Any]]:
-    found, verdicts, rows = tested.certified, tested.certified.verdicts, []
-    for one in range(len(verdicts)):
-        some = bool(found.some[one])
+    certified, verdicts, rows = tested.certified, tested.certified.verdicts, []
+    for index in range(len(verdicts)):
+        has_result = bool(certified.some[index])
         results = {
-            name: (float(each.value[one]), float(each.u[one]), float(each.dof[one]))
-            for name, each in found.results.items()
+            name: (float(each.value[index]), float(each.u[index]), float(each.dof[index]))
+            for name, each in certified.results.items()
         }
-        true = {name: float(each[one]) for name, each in tested.measurands.items()}
-        reason = "; ".join(found.reasons(one))
-        given = results if some else {}
+        true = {name: float(each[index]) for name, each in tested.measurands.items()}
+        reason = "; ".join(certified.reasons(index))
+        stated = results if has_result else {}
         if keep:
-            keep(tested.of(one))
-        rows.append(_row(found.procedure, verdicts[one].value, reason, given, true))
+            keep(tested.of(index))
+        rows.append(_row(certified.procedure, verdicts[index].value, reason, stated, true))
     return rows
 
 
@@ -98,7 +114,7 @@ def _row(
     results: Mapping[str, tuple[float, float, float]],
     true: Numbers,
 ) -> dict[str, Any]:
-    """Return a row; `results` are value, u and ν by name, {} where the test gave none."""
+    """Return a row; `results` are value, u and ν by quantity, empty for a test without a result."""
     printed = METRICS[rules.metric]
     value, u, dof = results.get("metric", (nan, nan, nan))
     low, high = interval_95(value, u, dof)
@@ -120,6 +136,6 @@ def _row(
     }
     row |= {name: number / printed.unit_si for name, number in numbers.items()}
     for name in QUANTITIES:
-        own, own_u, _ = results.get(name, (nan, nan, nan))
-        row |= {name: own, f"{name}_u": own_u, f"{name}_true": true.get(name, np.nan)}
+        value_si, u_si, _ = results.get(name, (nan, nan, nan))
+        row |= {name: value_si, f"{name}_u": u_si, f"{name}_true": true.get(name, np.nan)}
     return row

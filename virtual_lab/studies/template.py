@@ -1,6 +1,6 @@
-"""Empty forms for another laboratory: the records of a test by a procedure, without values.
+"""Empty forms for the records of another laboratory.
 
-The forms come from one simulated test, so they have the rigs, records and constants that the
+The forms are made from a simulated test, so they have the rigs, records and constants that the
 procedure needs.
 """
 
@@ -24,14 +24,14 @@ from virtual_lab.records.foreign.table import column_names
 from virtual_lab.records.particulars import form
 from virtual_lab.records.session import Session
 from virtual_lab.sheets import AnyProcedure, entry_name
-from virtual_lab.studies.foreign import our_own
+from virtual_lab.studies.foreign import our_session
 from virtual_lab.units import DIMENSIONS
 
 PARTICULARS = "laboratory"  # name of the form of who tests what
 OWN_RULES = "procedure.toml"
-MAY_BE_LEFT_OUT = {  # optional channels of the bench: consequence of leaving them out
-    "climate": "hall.air.density is then that of the calibration, and the logger has no constants",
-    REFERENCE_MASS: "a drift of the scale is then not checked",
+MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
+    "climate": "hall.air.density is used, and the logger needs no constants",
+    REFERENCE_MASS: "the drift of the scale is not checked",
 }
 
 
@@ -54,18 +54,18 @@ def template(procedure: AnyProcedure, folder: Folder) -> Path:
     Raises
     ------
     InputError
-        An unknown procedure, or a folder that is not empty or cannot be written.
+        The procedure is unknown, or the folder is not empty or cannot be written.
     """
     procedure, folder = entry_name(procedure), Path(folder)
     if procedure == PARTICULARS:
         return particulars_form(folder)
     check_new_folder(folder)
-    session = our_own(procedure)
-    own = procedure.endswith(".toml")
+    session = our_session(procedure)
+    own_procedure = procedure.endswith(".toml")
     with new_folder(folder) as draft:
-        if own:
+        if own_procedure:
             (draft / OWN_RULES).write_text(session.procedure_text, encoding="utf-8")
-        text = "\n".join(_form(session, OWN_RULES if own else procedure))
+        text = "\n".join(_form(session, OWN_RULES if own_procedure else procedure))
         (draft / FORM).write_text(text + "\n", encoding="utf-8")
         for stage, records in session.records.items():
             (draft / stage).mkdir()
@@ -85,21 +85,21 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     rules = catalog.read(session.procedure_text, procedure, Procedure).spec
     yield f"# The form of a test by {procedure}: {rules.title}."
     yield f"# Fill in every {BLANK!r} and the tables, then: virtual-lab reduce FOLDER"
-    yield "# Tables may have other units, names and shapes: data/README.md says how."
+    yield "# Tables may have other units, names and shapes, see data/README.md."
     yield ""
     yield f'laboratory = "{BLANK}"'
-    yield f'customer = "{BLANK}"  # this line and the next may go'
+    yield f'customer = "{BLANK}"  # this line and the next are optional'
     for key in ("date", "bat"):
         yield f'{key} = "{BLANK}"'
     yield f'ball = "{session.ball}"'
-    for key, other in (("bat_sport", f", {CHECK_STANDARD}"), ("ball_sport", "")):
-        yield f'{key} = "{getattr(session, key)}"  # baseball, softball{other}, or nothing'
+    for key, alternative in (("bat_sport", f", {CHECK_STANDARD}"), ("ball_sport", "")):
+        yield f'{key} = "{getattr(session, key)}"  # baseball, softball{alternative}, or nothing'
     yield f'procedure = "{procedure}"'
-    yield "# Who tested what for whom may follow in tables [particulars.bat] and so on; those of"
-    yield "# 'virtual-lab template laboratory FILE' have their keys."
-    yield "index_from = 0  # where shots, balls, readings and the rest are counted from; or 1"
+    yield "# Particulars, such as customer and serial number, may follow in tables like"
+    yield "# [particulars.bat]; 'virtual-lab template laboratory FILE' writes their keys."
+    yield "index_from = 0  # number of the first shot, ball, reading and so on: 0 or 1"
     yield ""
-    yield "[rigs]  # your machines, in your own words"
+    yield "[rigs]  # descriptions of your machines"
     for stage, name in session.rigs.items():
         yield f'{stage} = "{BLANK}"  # ours: {name}'
     for stage, records in session.records.items():
@@ -107,14 +107,14 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
             yield ""
             yield from _channel(stage, channel, record)
     yield ""
-    yield "# What your calibrations say. u is the standard uncertainty, in the unit of the value;"
-    yield "# dof = NUMBER may be added where it is known no better. Nothing is assumed for you: a"
-    yield "# correction you do not make has value 0, and the u of not making it."
+    yield "# Calibration constants. u is the standard uncertainty, in the unit of the value. You"
+    yield "# may add its degrees of freedom, dof = NUMBER. There are no defaults: for a correction"
+    yield "# that you do not make, enter the value 0 and the u of the omitted correction."
     yield ""
     yield "[calibration]"
     for key in session.calibration:
         yield from _constant(key)
-    yield "# What may be left out, without the sign of a comment where it is known:"
+    yield "# Optional constants; remove the # to use one:"
     for stage, records in session.records.items():
         if isinstance(records.get("gates"), GateRecord | BoardRecord):
             yield from _constant(stage + THICKNESS, sign="# ")
@@ -124,18 +124,18 @@ def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
     for line in filter(None, inspect.cleandoc(type(record).__doc__ or "").splitlines()):
         yield f"# {line}"
     if channel in MAY_BE_LEFT_OUT:
-        yield f"# This table may be left out: {MAY_BE_LEFT_OUT[channel]}."
+        yield f"# This table is optional: without it {MAY_BE_LEFT_OUT[channel]}."
     if channel == REFERENCE_MASS:
-        yield "# One mass, item 0 before bat and balls are weighed, item 1 after them."
+        yield "# Readings of one mass: item 0 before bat and balls are weighed, item 1 after it."
     sizes = record.sizes()
     last = {axis: size - 1 for axis, size in sizes.items()}
     numbers = ", ".join(f"{axis} 0 to {end}" if end else f"{axis} 0" for axis, end in last.items())
-    rest = "; the file holds the first row only" if _is_long(record) else ""
-    yield f"# Of our test: {numbers}{rest}."
+    rest = "; the file contains only the first row" if _is_long(record) else ""
+    yield f"# Index ranges of the simulated test: {numbers}{rest}."
     for column in record.columns.values():
-        others = [name for name in column_names(column.name) if name != column.name]
+        alternatives = [name for name in column_names(column.name) if name != column.name]
         once = f" once for each {', '.join(column.axes)}" if set(column.axes) < set(sizes) else ""
-        units = f" (or {', '.join(others)})" if others else ""
+        units = f" (or {', '.join(alternatives)})" if alternatives else ""
         empty = ", or empty" if column.may_be_missing else ""
         yield f"# {column.name}{units}{once}{empty}: {column.meaning}"
     yield f"[channels.{stage}.{channel}]"
@@ -144,20 +144,20 @@ def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
 
 
 def _constant(key: str, sign: str = "") -> Iterator[str]:
-    known = constant_of(key)
-    units = list(DIMENSIONS[known.dimension]) if known else [BLANK]
-    meaning = f"{known.meaning}; " if known else ""
+    constant = constant_of(key)
+    units = list(DIMENSIONS[constant.dimension]) if constant else [BLANK]
+    meaning = f"{constant.meaning}; " if constant else ""
     yield f"# {meaning}{' or '.join(units)}"
     rest = f'unit = "{units[0]}", u = "{BLANK}", source = ""'
     yield f'{sign}"{key}" = {{ value = "{BLANK}", {rest} }}'
 
 
 def _is_long(record: Record) -> bool:
-    return prod(record.sizes().values()) > 1000  # a longer table is not filled in by hand
+    return prod(record.sizes().values()) > 1000  # nobody fills in a longer table by hand
 
 
 def _table(record: Record) -> str:
-    """Return the CSV form of a record with index columns and empty values."""
+    """Return the CSV form of a record: index columns filled in, values empty."""
     table = record.table()
     values = [column.name for column in record.columns.values() if not column.is_index]
     numbers = [column.name for column in record.columns.values() if column.is_index]

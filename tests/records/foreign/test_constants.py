@@ -14,7 +14,7 @@ from virtual_lab.catalog.reading import DATA
 from virtual_lab.errors import InputError
 from virtual_lab.records.constants import constant_of
 from virtual_lab.records.foreign.constants import read_constants
-from virtual_lab.studies.foreign import our_own
+from virtual_lab.studies.foreign import our_session
 from virtual_lab.units import DIMENSIONS
 
 KEYS = {  # one of each dimension the form knows
@@ -76,13 +76,13 @@ def test_the_page_lists_the_constants_of_a_pivoted_test() -> None:
     for found in re.findall(r"`([^`]+)`", sentence.replace("\n", " ")):
         before, _, inner = found.partition("{")
         listed += [before + name.strip() for name in inner.rstrip("}").split(",")]
-    assert sorted(listed) == sorted(our_own("astm-f1881").calibration)
+    assert sorted(listed) == sorted(our_session("astm-f1881").calibration)
 
 
 @pytest.mark.parametrize("procedure", catalog.names("procedures"))
 def test_every_constant_of_ours_is_explained(procedure: str) -> None:
     """Each constant of an instrument has a dimension and a meaning."""
-    for key in our_own(procedure).calibration:
+    for key in our_session(procedure).calibration:
         known = constant_of(key)
         assert known, key
         assert known.dimension in DIMENSIONS

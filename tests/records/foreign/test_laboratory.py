@@ -164,7 +164,7 @@ def _no_line(start: str) -> Change:
         (_form('pivot.from_knob" = { value = 6', 'pivot.from_knob" = { value = 7'), ["pivot_from"]),
         (_form(r"^\[channels.impact.aim\]", "[channels.impact.marks]"), ["impact/aim", "missing"]),
         (lambda f: (f / "laboratory.toml").write_bytes(b"\xff"), ["laboratory.toml", "UTF-8"]),
-        (lambda f: (f / "session.json").write_text("{}"), ["session.json", "keep one"]),
+        (lambda f: (f / "session.json").write_text("{}"), ["session.json", "keep only one"]),
     ],
 )
 def test_a_laboratory_with_one_fault(

@@ -1,7 +1,7 @@
-"""Sensitivity of a bat's results to the force law of the ball, which no bat test measures.
+"""Sensitivity of the results of a bat to the force law of the ball, which no bat test measures.
 
-All laws have the same restitution on a wall and the same time of compression there; only the
-shape of the force differs. Other results of this program are valid for the first law only.
+All force laws give the same restitution and the same compression time on a wall; they differ in the
+shape of the force. The rest of the program uses only the first law.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from virtual_lab.simulation.physics.ball import (
 )
 from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions, curves_of, peaks_of
-from virtual_lab.studies.bats.text import PEAK_COLUMNS, LawRow, placed, spread_of
+from virtual_lab.studies.bats.text import PEAK_COLUMNS, LawRow, peak_entries, spread_of
 from virtual_lab.units import INCH
 
 PLACES_IN = np.arange(2.5, 9.01, 0.5)
@@ -69,7 +69,7 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> Rows[LawRow]:
     Raises
     ------
     InputError
-        Unknown bat or a file that cannot be used.
+        The bat is unknown, or its file cannot be used.
     """
     bat = entry_name(bat)
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
@@ -78,11 +78,11 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> Rows[LawRow]:
     body = spec.body
     beam, z = beam_of(body), PLACES_IN * INCH
     moving = np.asarray(bat_speed(game.angular_speed, beam.length, z))
-    middle = 6.0 * INCH  # place whose relative speed is used at the wall [m]
+    middle = 6.0 * INCH  # position whose relative speed is the speed at the wall [m]
     speed = game.pitch_speed + float(bat_speed(game.angular_speed, beam.length, middle))
     e0 = float(ball.restitution.at(speed))
     r = np.asarray(recoil_factor_free(ball.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
-    # 40 modes; for every law e_A is 2e-4 lower than with 100 modes
+    # with 40 modes, e_A of every law is 2e-4 lower than with 100
     model = ReferenceModel.of(body, Free(), 40)
     goal = _on_wall(_Law("", PowerLaw.of, ball.exponent), ball.mass, speed, e0, ball.stiffness)
     rows = []
@@ -107,12 +107,12 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> Rows[LawRow]:
                 stiffness=stiffness,
                 wall_time_ms=float(wall.time) * 1e3,
                 wall_force_kn=float(wall.force) / 1e3,
-                peaks=placed(peaks_of(curves_of(scenes, e_A, r, game.pitch_speed, moving))),
+                peaks=peak_entries(peaks_of(curves_of(scenes, e_A, r, game.pitch_speed, moving))),
             )
         )
     return Rows(
         name="sensitivity",
-        title=f"{spec.name}: greatest values (and where, in from the tip) by force law of the ball",
+        title=f"{spec.name}: largest values (positions, in from the tip) by force law of the ball",
         columns=columns_of(rows[0]) | PEAK_COLUMNS,
         rows=rows,
         words=spread_of(rows),
@@ -120,15 +120,15 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> Rows[LawRow]:
 
 
 def _stiffness(law: _Law, mass: float, speed: float, e0: float, time: float) -> float:
-    """Return k for which the compression of the ball on a wall takes `time` [s]."""
+    """Return the stiffness k for which the ball is compressed on a wall in `time` [s]."""
     unit = _on_wall(law, mass, speed, e0, 1.0).compression_time
     # at a given speed, time is proportional to compression, and this to k^(-1 / (a + 1))
     return float((unit / time) ** (law.exponent + 1))
 
 
 def _on_wall(law: _Law, mass: float, speed: float, e0: float, stiffness: float) -> WallContact:
-    made = law.make(stiffness=stiffness, exponent=law.exponent, restitution=e0, speed=speed)
-    if isinstance(made, HuntCrossley):
-        return made.wall_contact(mass, speed)
-    given = (mass, speed, stiffness, law.exponent, e0)
-    return wall_contact(*(np.array(number) for number in given))
+    contact_law = law.make(stiffness=stiffness, exponent=law.exponent, restitution=e0, speed=speed)
+    if isinstance(contact_law, HuntCrossley):
+        return contact_law.wall_contact(mass, speed)
+    arguments = (mass, speed, stiffness, law.exponent, e0)
+    return wall_contact(*(np.array(number) for number in arguments))

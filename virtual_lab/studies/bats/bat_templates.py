@@ -1,8 +1,9 @@
-"""A bat model from measurements (inverse problem), by least squares over a template.
+"""Fit of a bat model to measurements, by least squares over the parameters of a template.
 
-A template is an outline with a few parameters, each with a typical value, a typical spread and
-bounds. A fit agrees closely with the data and otherwise stays near the typical values, or near
-random values from the spread: fits to many random values show the remaining uncertainty.
+A template is a shape with a few parameters, each with a typical value, a typical spread and limits.
+The fit agrees closely with the data. As far as the data allow, the parameters stay near their
+typical values, or near random values from the spread: fits to many random values show the remaining
+uncertainty.
 """
 
 from __future__ import annotations
@@ -35,12 +36,12 @@ from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
 from virtual_lab.units import INCH, OUNCE, Array
 
-COARSE = {"order": 6, "element_size": 0.1}  # error of 1e-6 in the first two frequencies
+COARSE = {"order": 6, "element_size": 0.1}  # relative error of the first two frequencies: 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatMeasurements(Spec):
-    """Measurements of a bat by a user. Places are distances from the barrel tip."""
+    """Measurements of a bat by a user. Positions are distances from the barrel tip."""
 
     name: Name
     title: Title
@@ -73,7 +74,7 @@ class BatMeasurements(Spec):
 
     @property
     def goals(self) -> dict[str, float]:
-        """The measured quantities by name, SI; the length is exact by construction."""
+        """Measured quantities to fit, by name [SI]. The length is not fitted, it is used as is."""
         return {
             "mass": self.mass,
             "z_cm": self.z_cm,
@@ -84,7 +85,7 @@ class BatMeasurements(Spec):
 
 
 class Parameter(NamedTuple):
-    """A parameter of a template: typical value, typical spread, bounds."""
+    """A parameter of a template: typical value, typical spread, and limits."""
 
     name: str
     usual: float
@@ -95,11 +96,11 @@ class Parameter(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Template:
-    """A family of bats."""
+    """A family of bats with a few parameters."""
 
     parameters: tuple[Parameter, ...]
-    build: Callable[[Array, float], BatBody]  # function of parameters and length [m]
-    # spreads of density, modulus and tilt among manufactured bats, see BatSpread
+    build: Callable[[Array, float], BatBody]  # function of the parameters and the length [m]
+    # relative scatter of density, modulus and density tilt between bats of one model
     made_spread: tuple[float, float, float]
 
     @property
@@ -113,50 +114,50 @@ class Template:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyFit:
-    """A fitted bat and its misfits."""
+    """A fitted bat, its parameters and its misfits."""
 
     body: BatBody
     parameters: Array
-    misfits: dict[str, float]  # relative misfits, for nodes misfits [m]
+    misfits: dict[str, float]  # computed minus measured: relative, for nodes in m
 
 
 def fit(
-    measured: BatMeasurements, wanted: Array | None = None, start: Array | None = None
+    measured: BatMeasurements, target: Array | None = None, start: Array | None = None
 ) -> BodyFit:
-    """Return the bat of the template that fits the data, nearest to `wanted` parameters.
+    """Return the bat of the template that fits the data with parameters close to `target`.
 
     Parameters
     ----------
     measured
-        The data.
+        The measurements.
     wanted
-        Parameters to stay near; by default the typical ones of the template.
+        Preferred parameters; by default the typical ones of the template.
     start
-        Initial parameters; `wanted` by default.
+        Initial parameters; by default `target`.
 
     Raises
     ------
     InputError
-        No bat of the template fits the data; names the misfits of the nearest, worst first.
+        No bat of the template fits the data. The message lists the misfits of the best one.
     """
     template = TEMPLATES[measured.template]
     usual, spread = template.usual, template.spread
     low, high = (np.array([(p.low, p.high) for p in template.parameters]).T - usual) / spread
-    near = np.clip(np.zeros_like(usual) if wanted is None else (wanted - usual) / spread, low, high)
+    near = np.clip(np.zeros_like(usual) if target is None else (target - usual) / spread, low, high)
 
-    def residuals(x: Array) -> Array:  # x: distance from the usual [spreads]
+    def residuals(x: Array) -> Array:  # x: deviation from the typical values [spreads]
         missed = _misfits(template.build(usual + spread * x, measured.length), measured)
         data = [value / _weight(name) for name, value in missed.items()]
         return np.concatenate((data, x - near))
 
     def jacobian(x: Array) -> Array:
-        width = 1e-4  # step [spreads], well above the rounding errors of the frequencies
+        width = 1e-4  # step [spreads], large compared with rounding errors of the frequencies
         middle, steps = residuals(x), width * np.eye(x.size)
         return np.stack([(residuals(x + step) - middle) / width for step in steps], axis=1)
 
-    tolerance = 1e-5  # tolerance of a cost that is about 1 if the data are met
+    tolerance = 1e-5  # relative to a cost of about 1 if the data are fitted
     edge = 1e-6 * (high - low)
-    found = least_squares(
+    solution = least_squares(
         residuals,
         np.clip(near if start is None else (start - usual) / spread, low + edge, high - edge),
         jac=jacobian,
@@ -166,32 +167,40 @@ def fit(
         gtol=tolerance,
         max_nfev=60,
     )
-    parameters = usual + spread * found.x
+    parameters = usual + spread * solution.x
     body = template.build(parameters, measured.length)
     misfits = _misfits(body, measured)
-    missed = {name: value for name, value in misfits.items() if abs(value) > _close(name)}
+    missed = {name: value for name, value in misfits.items() if abs(value) > _tolerance(name)}
     if missed:
-        allowed = "no bat of it meets the data: the nearest misses "
-        raise InputError(measured.name, "template", measured.template, allowed + _said(missed))
+        allowed = "no bat of this template fits the data; misfit of the best one: "
+        raise InputError(
+            measured.name, "template", measured.template, allowed + _misfit_words(missed)
+        )
     return BodyFit(body=body, parameters=np.asarray(parameters), misfits=misfits)
 
 
-def computed(body: BatBody, axis: float, *, frequencies: int, nodes: int) -> dict[str, float]:
-    """Return the computed quantities of a body, by the names of `BatMeasurements.goals`, SI."""
+def compute_quantities(
+    body: BatBody, axis: float, *, frequencies: int, nodes: int
+) -> dict[str, float]:
+    """Return computed quantities of a bat [SI], by the names of `BatMeasurements.goals`.
+
+    `axis` is the axis of the moment of inertia [m from the tip]; `frequencies` and `nodes` are
+    numbers of modes.
+    """
     beam = beam_of(body, Free(), **COARSE)  # type: ignore[arg-type]  # elements as for the modes
     values = {"mass": beam.mass, "z_cm": beam.z_cm, "inertia": beam.inertia(axis)}
     count = max(frequencies, nodes)
     if count:
         modes = modes_of(body, Free(), count, **COARSE)  # type: ignore[arg-type]
-        found = modes.bending_frequencies[:frequencies]
-        values |= {f"f{i + 1}": float(f) for i, f in enumerate(found)}
+        bending = modes.bending_frequencies[:frequencies]
+        values |= {f"f{i + 1}": float(f) for i, f in enumerate(bending)}
         places = barrel_nodes(modes, nodes) if nodes else ()
         values |= {f"node{i + 1}": node for i, node in enumerate(places)}
     return values
 
 
 def _misfits(body: BatBody, measured: BatMeasurements) -> dict[str, float]:
-    values = computed(
+    values = compute_quantities(
         body,
         measured.inertia_axis,
         frequencies=len(measured.bending_frequencies),
@@ -203,9 +212,9 @@ def _misfits(body: BatBody, measured: BatMeasurements) -> dict[str, float]:
     }
 
 
-def _said(missed: dict[str, float]) -> str:
-    """Return misfits in words, the worst first."""
-    worst_first = sorted(missed, key=lambda name: -abs(missed[name]) / _close(name))
+def _misfit_words(missed: dict[str, float]) -> str:
+    """Return the misfits as text, the largest first."""
+    worst_first = sorted(missed, key=lambda name: -abs(missed[name]) / _tolerance(name))
     return ", ".join(
         f"{name} by {missed[name] / INCH:+.2f} in"
         if name.startswith("node")
@@ -215,12 +224,12 @@ def _said(missed: dict[str, float]) -> str:
 
 
 def _weight(name: str) -> float:
-    """Return the misfit (relative, or of a place [m]) with the weight of one typical spread."""
+    """Return the misfit that weighs as much as one spread: relative, or for a node in m."""
     return 1e-3 * INCH if name.startswith("node") else 1e-4
 
 
-def _close(name: str) -> float:
-    """Return the accepted misfit of a fit."""
+def _tolerance(name: str) -> float:
+    """Return the largest accepted misfit: relative, or for a node in m."""
     return 0.05 * INCH if name.startswith("node") else 1e-3
 
 

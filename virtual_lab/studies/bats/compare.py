@@ -18,8 +18,8 @@ from virtual_lab.output.tables import record
 from virtual_lab.parameters import Numbers, SwingLawName, values_of
 from virtual_lab.sheets import AnyBall, AnyBats, AnyInertia, Instruments, entry_name, entry_names
 from virtual_lab.studies.bats.curves import draw_comparison
-from virtual_lab.studies.bats.profile import BatProfile, chosen_swings, profiles
-from virtual_lab.studies.bats.text import Difference, Peaks, comparison_text, placed
+from virtual_lab.studies.bats.profile import BatProfile, profiles, swing_exponents
+from virtual_lab.studies.bats.text import Difference, Peaks, comparison_text, peak_entries
 from virtual_lab.units import OZ_IN2
 
 if TYPE_CHECKING:
@@ -30,30 +30,30 @@ PROFILE_SWINGS = (0.0, 0.5)
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class BatComparison(StudyResult):
-    """Profiles of several bats for each exponent n of the swing law (None: constant energy)."""
+    """Profiles of several bats, one per bat and exponent n of the swing law."""
 
-    profiles: tuple[BatProfile, ...]  # profiles sorted by bat, then by n
+    profiles: tuple[BatProfile, ...]  # sorted by bat, then by n
 
     name = "compare"
 
     @property
     def title(self) -> str:
-        """Title with the bats."""
+        """Title with the names of the bats."""
         return f"Comparison of {', '.join(self.balls)}"
 
     @property
     def rows(self) -> list[Peaks]:
-        """The peaks."""
+        """The peaks, one row per bat and exponent."""
         return self.peaks
 
     @property
     def table(self) -> pd.DataFrame:
-        """The curves."""
+        """The curves, one row per bat, exponent and position."""
         return self.curves
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """Curves, peaks and differences."""
+        """Tables of curves, peaks and differences."""
         return {
             self.name: self.curves,
             "peaks": frame(self.peaks),
@@ -62,7 +62,7 @@ class BatComparison(StudyResult):
 
     @property
     def text(self) -> str:
-        """The peaks, and their differences from those of the first bat."""
+        """Tables of the peaks, and of their differences from the first bat."""
         return comparison_text(self.peaks, self.differences, self.balls)
 
     def draw(self, path: Path) -> None:
@@ -71,7 +71,7 @@ class BatComparison(StudyResult):
 
     @property
     def curves(self) -> pd.DataFrame:
-        """One row per bat, exponent and place."""
+        """One row per bat, exponent and impact position."""
         import pandas as pd
 
         parts = [
@@ -84,13 +84,13 @@ class BatComparison(StudyResult):
     def peaks(self) -> list[Peaks]:
         """One row per bat and exponent."""
         return [
-            Peaks(bat=each.bat.name, n=each.swing, peaks=placed(each.peaks))
+            Peaks(bat=each.bat.name, n=each.swing, peaks=peak_entries(each.peaks))
             for each in self.profiles
         ]
 
     @property
     def differences(self) -> list[Difference]:
-        """One row per further bat and exponent: peaks compared with those of the first bat."""
+        """One row per exponent and bat except the first, compared with the first bat."""
         first = self.profiles[0].bat.name
         base = {row.n: row.peaks for row in self.peaks if row.bat == first}
         return [
@@ -110,12 +110,12 @@ class BatComparison(StudyResult):
 
     @property
     def balls(self) -> dict[str, str]:
-        """The ball for each bat."""
+        """Name of the ball for each bat."""
         return {each.bat.name: each.ball.name for each in self.profiles}
 
     @property
     def sports(self) -> set[Sport | None]:
-        """The sports of these balls; None if unknown."""
+        """Sports of these balls; None stands for an unknown sport."""
         return {each.ball.sport for each in self.profiles}
 
     @property
@@ -171,19 +171,25 @@ def profile(
     Raises
     ------
     InputError
-        As `compare`; or several exponents for one bat.
+        One bat has several exponents, or `compare` raises an error.
     """
-    several, asked = entry_names(bats), values_of(swings)
+    several, exponents = entry_names(bats), values_of(swings)
     reference_inertia = None if reference_inertia is None else entry_name(reference_inertia)
     ball = None if ball is None else entry_name(ball)
     alone = len(several) == 1
-    chosen = chosen_swings(swing_law, asked, PROFILE_SWINGS[:1] if alone else PROFILE_SWINGS)
+    exponents_used = swing_exponents(
+        swing_law, exponents, PROFILE_SWINGS[:1] if alone else PROFILE_SWINGS
+    )
     if not alone:
-        return compare(several, swings=chosen, reference_inertia=reference_inertia, ball=ball)
-    if len(chosen) > 1:
+        return compare(
+            several, swings=exponents_used, reference_inertia=reference_inertia, ball=ball
+        )
+    if len(exponents_used) > 1:
         allowed = "one bat is profiled with one exponent; name several bats to compare them"
-        raise InputError("", "swing", chosen[1], allowed)
-    return profiles(several[0], swings=chosen, reference_inertia=reference_inertia, ball=ball)[0]
+        raise InputError("", "swing", exponents_used[1], allowed)
+    return profiles(
+        several[0], swings=exponents_used, reference_inertia=reference_inertia, ball=ball
+    )[0]
 
 
 def compare(
@@ -193,7 +199,7 @@ def compare(
     reference_inertia: str | None = None,
     ball: str | None = None,
 ) -> BatComparison:
-    """Return the comparison of free bats.
+    """Return the comparison of free bats in the standard game.
 
     Parameters
     ----------
@@ -202,8 +208,8 @@ def compare(
     swings
         Exponents n of the swing law, Eq. (14); None for the law of constant energy.
     reference_inertia
-        I0 of the law, as for `virtual_lab.studies.bats.profile.read_inertia`. The paper uses
-        1.7e4 oz in² (the default), and for its two loaded bats that of the barrel-loaded one.
+        I0 of the law, in the form of `virtual_lab.studies.bats.profile.read_inertia`. The paper
+        uses 1.7e4 oz in² (the default), and for its two loaded bats that of the barrel-loaded bat.
     ball
         Name in the catalog or path of a .toml file; by default the standard ball of
         each bat's sport.
@@ -211,16 +217,17 @@ def compare(
     Raises
     ------
     InputError
-        Fewer than two bats, two with one name, no exponent, or an error of `profile`.
+        There are fewer than two bats, two have the same name, there is no exponent, or a bat or
+        ball cannot be used.
     """
     if len(bats) < 2:
         raise InputError("", "bats", ", ".join(bats) or "none", "allowed: two and more")
     if not swings:
         raise InputError("", "swing", "none", "allowed: one and more, each 0 to 0.5")
     exponents = tuple(dict.fromkeys(swings))
-    found = [
+    groups = [
         profiles(bat, swings=exponents, reference_inertia=reference_inertia, ball=ball)
         for bat in bats
     ]
-    catalog.require_own_names("bats", [each[0].bat.name for each in found])
-    return BatComparison(profiles=tuple(one for each in found for one in each))
+    catalog.require_own_names("bats", [each[0].bat.name for each in groups])
+    return BatComparison(profiles=tuple(bat_profile for each in groups for bat_profile in each))

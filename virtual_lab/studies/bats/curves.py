@@ -1,4 +1,4 @@
-"""Curves along a bat as PNG, distinguished by line style and, if necessary, colour."""
+"""Figures of curves along a bat as PNG."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-SHOWN_IN = (1.0, 12.0)  # range of places drawn [in]; the CSV has more
+SHOWN_IN = (1.0, 12.0)  # drawn range of impact positions [in]; the CSV has more
 COLOURS = ("black", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 DASHES = ("-", "--", ":", "-.")
-PLACE = "place of impact from the barrel tip $z$, in"
+PLACE = "impact position from the barrel tip $z$, in"
 
 
 def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
-    """Draw e, r, e_A above and e_A, v_bat, v_f below (the paper's Fig. 2).
+    """Draw e, r and e_A in the upper panel; e_A, v_bat and v_f in the lower (the paper's Fig. 2).
 
     Parameters
     ----------
@@ -42,17 +42,17 @@ def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
 
 
 def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
-    """Plot e, r, e_A into one panel and e_A, v_bat, v_f into another; `table` as above."""
-    shown = table[table["z_in"].between(*SHOWN_IN)]
-    z = shown["z_in"]
+    """Plot e, r and e_A into `above`, and e_A, v_bat and v_f into `below`, as `draw_profile`."""
+    rows = table[table["z_in"].between(*SHOWN_IN)]
+    z = rows["z_in"]
     for column, label, dash in (("e", "$e$", "-"), ("r", "$r$", ":"), ("e_A", "$e_A$", "--")):
-        above.plot(z, shown[column], dash, color="black", label=label)
+        above.plot(z, rows[column], dash, color="black", label=label)
     above.set_ylabel("$e$, $r$, $e_A$")
     for column, label, dash in (("v_bat_mph", "$v_{bat}$", ":"), ("v_f_mph", "$v_f$", "-")):
-        below.plot(z, shown[column], dash, color="black", label=label)
+        below.plot(z, rows[column], dash, color="black", label=label)
     beside = below.twinx()
     beside.spines["right"].set_visible(True)
-    beside.plot(z, shown["e_A"], "--", color="black")
+    beside.plot(z, rows["e_A"], "--", color="black")
     below.plot([], [], "--", color="black", label="$e_A$ (right scale)")
     beside.set_ylabel("$e_A$")
     below.set(xlabel=PLACE, ylabel="speed, mph", xlim=SHOWN_IN)
@@ -62,10 +62,10 @@ def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
 
 
 def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
-    """Draw BPF, e_A and v_f of several bats one above the other (the paper's Figs. 3 and 4).
+    """Draw BPF, e_A and v_f of several bats in three panels (the paper's Figs. 3 and 4).
 
-    BPF and e_A are those of the first exponent n; they do not depend on n for a ball with the same
-    restitution at every speed, such as the standard ball.
+    BPF and e_A are drawn for the first exponent n. They do not depend on n if the restitution of
+    the ball does not depend on speed, as for the standard ball.
 
     Parameters
     ----------
@@ -87,27 +87,27 @@ def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
 
 
 def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
-    """Plot BPF, e_A and v_f into three panels, top down; `curves` as above."""
+    """Plot BPF, e_A and v_f into three panels, from top to bottom, as `draw_comparison`."""
     from pandas import isna
 
-    shown = curves[curves["z_in"].between(*SHOWN_IN)]
-    bats, exponents = shown["bat"].unique(), shown["n"].unique()
+    rows = curves[curves["z_in"].between(*SHOWN_IN)]
+    bats, exponents = rows["bat"].unique(), rows["n"].unique()
     for i, bat in enumerate(bats):
         name = as_drawn(bat)
         for j, n in enumerate(exponents):
-            # constant energy is NaN in pandas, and NaN equals nothing
-            same = shown["n"].isna() if isna(n) else shown["n"] == n
-            own = shown[(shown["bat"] == bat) & same]
+            # pandas stores None as NaN, which is unequal to itself
+            same = rows["n"].isna() if isna(n) else rows["n"] == n
+            curve = rows[(rows["bat"] == bat) & same]
             swung = "constant energy" if isna(n) else f"$n={n:g}$"
             look: dict[str, Any] = {
                 "color": COLOURS[i % len(COLOURS)],
-                # each bat has its own line styles, as far as there are enough
+                # different line styles for the bats, as far as there are enough
                 "linestyle": DASHES[(i + j) % len(DASHES)],
             }
             if j == 0:
-                panels[0].plot(own["z_in"], own["BPF"], label=name, **look)
-                panels[1].plot(own["z_in"], own["e_A"], label=name, **look)
-            panels[2].plot(own["z_in"], own["v_f_mph"], label=f"{name}, {swung}", **look)
+                panels[0].plot(curve["z_in"], curve["BPF"], label=name, **look)
+                panels[1].plot(curve["z_in"], curve["e_A"], label=name, **look)
+            panels[2].plot(curve["z_in"], curve["v_f_mph"], label=f"{name}, {swung}", **look)
     for axes, label in zip(panels, ("BPF", "$e_A$", "$v_f$, mph"), strict=True):
         axes.set_ylabel(label)
         axes.grid(True, linewidth=0.3)

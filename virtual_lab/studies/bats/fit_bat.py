@@ -1,8 +1,8 @@
-"""A bat file from a user's measurements, and the uncertainty that they leave.
+"""Bat file from the measurements of a user, and the remaining uncertainty.
 
-The bat is the most typical one of the template that fits the data. Further bats fit the same
-data, each near other random parameters of the template: their differences show which quantities
-the measurements do not determine.
+The bat is the most typical bat of the template that fits the data. Other bats, with parameters
+close to random values, fit the same data. Their differences show which quantities the measurements
+do not determine.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from virtual_lab.studies.bats.bat_templates import (
     TEMPLATES,
     BatMeasurements,
     BodyFit,
-    computed,
+    compute_quantities,
     fit,
 )
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
@@ -41,12 +41,12 @@ PLACES_IN = np.arange(2.0, 10.01, 0.5)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """A quantity of the fitted bat, and its spread over all bats that fit the data."""
+    """A quantity of the fitted bat, and its spread over the bats that fit the data."""
 
     quantity: str = column("quantity")
     unit: str = column("unit")
     fit: float = column("this bat")
-    low: float = column("lowest that meets the data")
+    low: float = column("lowest that fits the data")
     high: float = column("highest")
     sd: float = column("standard deviation")
     measured: bool = column("measured", form=lambda row: "yes" if row.measured else "no")
@@ -54,12 +54,12 @@ class Spread:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class FittedBat(StudyResult):
-    """A fitted bat, its misfits, and the spread of quantities that were not measured."""
+    """A fitted bat, its misfits, and the spread of its quantities over all bats that fit."""
 
     measured: BatMeasurements
     source: str  # name of the file of measurements
     fitted: BodyFit
-    members: int  # number of bats behind the spread
+    members: int  # number of bats for the spread
     spread: list[Spread]
 
     @property
@@ -81,16 +81,16 @@ class FittedBat(StudyResult):
     @property
     def title(self) -> str:
         """Title with the bat."""
-        return f"{self.measured.name} fitted to what was measured of it"
+        return f"{self.measured.name} fitted to its measurements"
 
     @property
     def rows(self) -> list[Spread]:
-        """The spread."""
+        """The spread, one row per quantity."""
         return self.spread
 
     @property
     def text(self) -> str:
-        """The spread, and the misfits."""
+        """Table of the spread, and the misfits."""
         worst = ", ".join(
             f"{name} {value / INCH:+.1e} in" if name.startswith("node") else f"{name} {value:+.1e}"
             for name, value in self.fitted.misfits.items()
@@ -98,21 +98,20 @@ class FittedBat(StudyResult):
         return f"{table_text(self.spread)}\n\nmisfits (relative): {worst}"
 
     def write(self, path: Path) -> None:
-        """Write the bat file completely or not at all; an existing file is not changed."""
+        """Write the bat file, completely or not at all. Raises `InputError` if it exists."""
         with new_files(path.parent) as draft:
             (draft / path.name).write_text(self.toml, encoding="utf-8")
 
     @property
     def toml(self) -> str:
-        """The bat file; every number has a source."""
+        """Content of the bat file; every number has a source."""
         source = self.source
         template = TEMPLATES[self.measured.template]
         body, name = self.fitted.body, self.measured.name
         lines = [
             f"# Fitted to measurements ({source}) with the {self.measured.template} template.",
-            "# Many other bats meet them as well. What was not measured is open: of "
-            f"{self.members} such bats",
-            "# quantity, this bat, lowest, highest:",
+            "# Many other bats fit them as well. Quantities that were not measured are uncertain:",
+            f"# quantity, this bat, lowest and highest of {self.members} bats that fit:",
             *(
                 f"#   {row.quantity} [{row.unit}]: {row.fit:.4g}, {row.low:.4g}, "
                 f"{row.high:.4g}{', measured' if row.measured else ''}"
@@ -144,8 +143,10 @@ class FittedBat(StudyResult):
             lines.append(_line("modal_mass", body.hoop.modal_mass, "kg", "assumed"))
         lines += ["", "[body]", _line("damping_ratio", body.damping_ratio, "1", "assumed")]
         lines += ["", "[spread]"]
-        made = zip(("density", "youngs_modulus", "density_tilt"), template.made_spread, strict=True)
-        lines += [_line(key, value, "1", "assumed") for key, value in made]
+        scatter = zip(
+            ("density", "youngs_modulus", "density_tilt"), template.made_spread, strict=True
+        )
+        lines += [_line(key, value, "1", "assumed") for key, value in scatter]
         return "\n".join(lines) + "\n"
 
 
@@ -172,7 +173,7 @@ def fit_bat(
     Raises
     ------
     InputError
-        A file that cannot be used, or data that no bat of the template fits.
+        The file cannot be used, or no bat of the template fits the data.
     """
     path = str(path)
     if not path.endswith(".toml"):
@@ -185,16 +186,16 @@ def fit_bat(
     draws = Streams(seed).normal("fit-bat", (members, len(template.parameters)))
     bodies = []
     for number, draw in enumerate(draws):
-        progress("bats that meet the data", number, members)
-        wanted = template.usual + template.spread * draw
+        progress("bats that fit the data", number, members)
+        target = template.usual + template.spread * draw
         try:
-            bodies.append(fit(measured, wanted, best.parameters).body)
-        except InputError:  # the allowed steps do not reach the data
+            bodies.append(fit(measured, target, best.parameters).body)
+        except InputError:  # this fit does not reach the data
             continue
     progress("collisions")
-    units, own = _quantities(best.body, measured)
-    others = [_quantities(body, measured)[1] for body in bodies] or [own]
-    table = np.array([list(values.values()) for values in others])
+    units, best_values = _quantities(best.body, measured)
+    member_values = [_quantities(body, measured)[1] for body in bodies] or [best_values]
+    table = np.array([list(values.values()) for values in member_values])
     rows = [
         Spread(
             quantity=name,
@@ -205,7 +206,7 @@ def fit_bat(
             sd=float(every.std(ddof=1)) if len(every) > 1 else 0.0,
             measured=name in measured.goals,
         )
-        for (name, value), unit, every in zip(own.items(), units, table.T, strict=True)
+        for (name, value), unit, every in zip(best_values.items(), units, table.T, strict=True)
     ]
     return FittedBat(
         measured=measured,
@@ -217,8 +218,8 @@ def fit_bat(
 
 
 def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], dict[str, float]]:
-    """Return units and values of the quantities of a bat with these data."""
-    values = computed(body, measured.inertia_axis, frequencies=2, nodes=2)
+    """Return the units and the values of the quantities of a bat, in the same order."""
+    values = compute_quantities(body, measured.inertia_axis, frequencies=2, nodes=2)
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
     ball = catalog.load("balls", game.ball, BallSpec).spec
     scenes = Scenes.with_ball(ball, impact_position=PLACES_IN * INCH, relative_speed=160 * MPH)
@@ -242,13 +243,13 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
 def _line(key: str, value: float | tuple[float, ...], unit: str, source: str) -> str:
     many = isinstance(value, tuple)
     numbers = [f"{number:.7g}" for number in (value if isinstance(value, tuple) else (value,))]
-    written = f"[{', '.join(numbers)}]" if many else numbers[0]
+    text = f"[{', '.join(numbers)}]" if many else numbers[0]
     return (
-        f"{key} = {{ value = {written}, unit = {_text(unit)}, source = {_text(source)}, "
+        f"{key} = {{ value = {text}, unit = {_text(unit)}, source = {_text(source)}, "
         "verified = false }"
     )
 
 
 def _text(words: str) -> str:
-    """Return a TOML string; the escape sequences of JSON are valid in TOML."""
+    """Return a TOML string. JSON has the same escape sequences."""
     return json.dumps(words, ensure_ascii=False)

@@ -1,8 +1,8 @@
-"""Effect of hits off the centre of percussion on a pivoted test (the paper's Sec. V B).
+"""Effect of hits away from the centre of percussion on a pivoted test (the paper's Sec. V B).
 
-Such hits load the pivot. Each shot is simulated with the bearing as installed, with a plain and
-with a loose bearing; the differences show the effect of the bearing on e_A from the bat's recoil.
-e_A from the ball's rebound, which does not involve the pivot, is shown for comparison.
+Such hits load the pivot. Each shot is simulated with the bearing as installed, with a plain bearing
+and with a loose bearing. The differences are the effect of the bearing on e_A by recoil. e_A by
+rebound, which does not depend on the pivot, is computed for comparison.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
 
 
 def _milli(key: str, form: str) -> Callable[[Any], str]:
-    """Return a function that prints a number in thousandths, or a blank for None."""
+    """Return a function that prints the field `key` in thousandths; None is printed as blank."""
 
     def text(row: object) -> str:
         value = getattr(row, key)
@@ -52,7 +52,7 @@ def _milli(key: str, form: str) -> Callable[[Any], str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadError:
-    """e_A by one method; None if no rebound was seen."""
+    """Errors of e_A by one method; None if no rebound was detected."""
 
     error: float | None = column(
         "error", "1e-3", _milli("error", "+.2f")
@@ -65,14 +65,16 @@ class ReadError:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceReadings:
-    """A place of the bat: nominal values, and readings from recoil and rebound."""
+    """One impact position: nominal values, and errors of e_A by recoil and by rebound."""
 
-    z_in: float = column("place from the tip", "in", ".2f")
+    z_in: float = column("position from the tip", "in", ".2f")
     e_A: float = column("true e_A", form=".4f")
-    reaction_ns: float = column("impulse on the axis", "N s", "+.2f")  # > 0: as the ball flies
+    reaction_ns: float = column(
+        "impulse on the axis", "N s", "+.2f"
+    )  # positive in the direction of the ball
     reaction_n: float = column("mean force", "N", "+.0f")
-    ring_mrad: float = column("ring", "mrad", ".2f")  # amplitude of bending at the encoder
-    seen: float = column("rebounds seen", form=".0%")
+    ring_mrad: float = column("ring", "mrad", ".2f")  # amplitude of the vibration at the encoder
+    seen: float = column("rebounds detected", form=".0%")
     recoil: ReadError
     rebound: ReadError
     plain_shift: float = column("shift, plain bearing", "1e-3", _milli("plain_shift", "+.3f"))
@@ -81,7 +83,7 @@ class PlaceReadings:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class PercussionStudy(StudyResult):
-    """Errors of e_A at each place."""
+    """Errors of e_A at each impact position."""
 
     bat: str
     percussion_in: float  # centre of percussion of the nominal bat, from the tip
@@ -92,15 +94,15 @@ class PercussionStudy(StudyResult):
     @property
     def title(self) -> str:
         """Title with the bat."""
-        return f"{self.bat} struck beside its centre of percussion"
+        return f"{self.bat} hit away from its centre of percussion"
 
     @property
     def text(self) -> str:
-        """The places, and sentences on the largest errors."""
+        """Table of the positions, and sentences on the largest errors."""
         return _text(self.rows, self.percussion_in)
 
     def draw(self, path: Path) -> None:
-        """Draw errors, shifts and loads over the place."""
+        """Draw errors, shifts and loads against the impact position."""
         draw_percussion(self.table, self.percussion_in, self.bat, path)
 
     @property
@@ -114,17 +116,17 @@ class PercussionStudy(StudyResult):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Read:
-    """One laboratory's readings at a place, by `READINGS`; NaN if none was seen."""
+class LaboratoryReading:
+    """Means of the shots of one laboratory at a position, by `READINGS`; NaN without a rebound."""
 
-    seen: float  # share of shots whose rebound was seen
+    seen: float  # share of shots with a detected rebound
     error: Mapping[str, float]
     u: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Stand:
-    """A laboratory after bat and balls were measured; it can fire at any place."""
+    """A laboratory that has measured bat and balls, ready to fire at any impact position."""
 
     laboratory: Laboratory
     session: Session
@@ -137,7 +139,7 @@ class _Stand:
         return cls(laboratory=laboratory, session=session)
 
     def counting_finely(self) -> _Stand:
-        """Return the stand with an encoder of infinite resolution, which hides no small shift."""
+        """Return the laboratory with an encoder of infinite resolution, to resolve small shifts."""
         stations: Any = self.laboratory.stations
         impact = other_sheet(stations[Stage.IMPACT], "encoder", whole_counts=False)
         laboratory = replace(self.laboratory, stations={**stations, Stage.IMPACT: impact})
@@ -146,10 +148,16 @@ class _Stand:
     def fire(
         self, place: float, shots: int, number: int, **bearing: float
     ) -> tuple[tuple[Reduction, ImpactReadings], Array, Array]:
-        """Return the shots at a place [m], reduced, their true e_A and time of contact."""
+        """Fire shots at an impact position [m from the tip].
+
+        Return reduction and readings, true e_A and contact time [s], arrays of shape (shot,).
+        `bearing` changes constants of the pivot.
+        """
         laboratory, stage = self.laboratory, Stage.IMPACT
         plan = ShotPlan(
-            slot=1_000_000 + number * shots + np.arange(shots),  # numbers above those of the test
+            slot=1_000_000
+            + number * shots
+            + np.arange(shots),  # above all shot numbers of the test
             ball=np.arange(shots) % laboratory.rules.spec.balls,
             speed=np.full(shots, laboratory.rules.spec.ball_speed),
             place=np.full(shots, place - along_of(self.session)),
@@ -196,12 +204,12 @@ def percussion(
     Returns
     -------
     PercussionStudy
-        One row per place, including the centre of percussion.
+        One row per impact position, including the centre of percussion.
 
     Raises
     ------
     InputError
-        Fewer than 2 laboratories or shots, or an error of `certify_bat`.
+        There are fewer than 2 laboratories or shots, or the bat is unknown.
     """
     bat = entry_name(bat)
     for name, number in (("laboratories", laboratories), ("shots", shots)):
@@ -210,23 +218,30 @@ def percussion(
     still = _Stand.of(bat, 0, Reality.NOISE_FREE)
     body = still.laboratory.specimen.bat.body
     beam = beam_of(body)
-    drawn = {"length": beam.length, "mass": beam.mass, "z_cm": beam.z_cm}
+    inertial = {"length": beam.length, "mass": beam.mass, "z_cm": beam.z_cm}
     axis = still.laboratory.rules.spec.pivot_from_knob
-    centre = aimed_place(drawn | {"inertia_cm": beam.inertia_cm}, axis)
-    beside = np.array([-0.01, 0.0, 0.01]) * INCH  # places where the bearing takes up its play late
+    centre = aimed_place(inertial | {"inertia_cm": beam.inertia_cm}, axis)
+    beside = (
+        np.array([-0.01, 0.0, 0.01]) * INCH
+    )  # at these positions the bearing takes up its clearance late
     places = np.sort(np.append(np.arange(2.0, 12.01, 1.0) * INCH, centre + beside))
-    found: list[list[_Read]] = [[] for _ in places]
+    readings: list[list[LaboratoryReading]] = [[] for _ in places]
     for laboratory in range(laboratories):
         stand = _Stand.of(bat, seed + laboratory, Reality.REAL)
         for number, place in enumerate(places):
             progress("places", laboratory * len(places) + number, laboratories * len(places))
-            found[number].append(_read(stand, float(place), shots, number))
-    rows = [_row(still, place, shots, read) for place, read in zip(places, found, strict=True)]
+            readings[number].append(_read_place(stand, float(place), shots, number))
+    rows = [
+        _row(still, place, shots, laboratory_readings)
+        for place, laboratory_readings in zip(places, readings, strict=True)
+    ]
     return PercussionStudy(bat=still.session.bat, percussion_in=float(centre / INCH), rows=rows)
 
 
-def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> PlaceReadings:
-    """Return the model's values at a place, with the laboratories' readings there."""
+def _row(
+    still: _Stand, place: float, shots: int, readings_of_laboratories: list[LaboratoryReading]
+) -> PlaceReadings:
+    """Return the row of a position: nominal values, and errors of the laboratories."""
     (reduced, _), true, lasted = still.fire(place, shots, 0)
     laboratory = still.laboratory
     body, ball = laboratory.specimen.bat.body, laboratory.specimen.balls.mean_ball()
@@ -246,8 +261,8 @@ def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> PlaceRea
         error = float((getattr(reduced.shots, READINGS[name]) - true).mean())
         return ReadError(
             error=error if np.isfinite(error) else None,
-            rms=_root_mean_square([each.error[name] for each in read]),
-            u=_root_mean_square([each.u[name] for each in read]),
+            rms=_root_mean_square([each.error[name] for each in readings_of_laboratories]),
+            u=_root_mean_square([each.u[name] for each in readings_of_laboratories]),
         )
 
     return PlaceReadings(
@@ -256,7 +271,7 @@ def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> PlaceRea
         reaction_ns=reaction,
         reaction_n=reaction / float(lasted[0]),
         ring_mrad=1e3 * _ring(still, place),
-        seen=float(np.mean([each.seen for each in read])),
+        seen=float(np.mean([each.seen for each in readings_of_laboratories])),
         recoil=readings("recoil"),
         rebound=readings("rebound"),
         plain_shift=float(plain - as_installed),
@@ -265,7 +280,7 @@ def _row(still: _Stand, place: float, shots: int, read: list[_Read]) -> PlaceRea
 
 
 def _ring(still: _Stand, place: float) -> float:
-    """Return the root sum square of the modes' rotation amplitudes at the axis [rad]."""
+    """Return the amplitude of the vibration at the axis [rad]: root sum square of the modes."""
     from virtual_lab.simulation.collision.scene import Scenes
 
     laboratory = still.laboratory
@@ -283,64 +298,70 @@ def _ring(still: _Stand, place: float) -> float:
     return float(np.linalg.norm(modes.rotation(axis)[bends] * swing))
 
 
-def _read(stand: _Stand, place: float, shots: int, number: int) -> _Read:
-    """Return errors and stated u of the means of a laboratory's shots at a place."""
+def _read_place(stand: _Stand, place: float, shots: int, number: int) -> LaboratoryReading:
+    """Return error and stated u of the mean of the shots of a laboratory at a position."""
     (reduced, readings), true, _ = stand.fire(place, shots, number)
-    off = {name: getattr(reduced.shots, field) - true for name, field in READINGS.items()}
-    seen = {name: error[np.isfinite(error)] for name, error in off.items()}
-    return _Read(
-        seen=seen["rebound"].size / shots,
-        error={name: float(error.mean()) if error.size else np.nan for name, error in seen.items()},
-        u={name: _stated(reduced, readings, field, off[name]) for name, field in READINGS.items()},
+    errors = {name: getattr(reduced.shots, field) - true for name, field in READINGS.items()}
+    finite_errors = {name: error[np.isfinite(error)] for name, error in errors.items()}
+    return LaboratoryReading(
+        seen=finite_errors["rebound"].size / shots,
+        error={
+            name: float(error.mean()) if error.size else np.nan
+            for name, error in finite_errors.items()
+        },
+        u={
+            name: _u_of_mean(reduced, readings, field, errors[name])
+            for name, field in READINGS.items()
+        },
     )
 
 
-def _stated(reduced: Reduction, readings: ImpactReadings, field: str, error: Array) -> float:
-    """Return the standard uncertainty of the mean of the shots seen; NaN below two.
+def _u_of_mean(reduced: Reduction, readings: ImpactReadings, field: str, error: Array) -> float:
+    """Return the standard uncertainty of the mean of the shots with a reading; NaN for under two.
 
-    It has the contributions of the constants and the scatter of the readings about the true e_A of
-    each shot; the scatter of the true values is no error of the reading.
+    It combines the uncertainties of the constants and the scatter of the readings about the true
+    e_A of each shot. The scatter of the true values is not included.
     """
-    seen = np.isfinite(error)
-    many = int(seen.sum())
+    detected = np.isfinite(error)
+    many = int(detected.sum())
     if many < 2:
         return np.nan
 
     variants = Variants.of(reduced.constants)
     columns = variants.columns
     shots = reduced.model(readings).shots(columns, bat_properties(columns))
-    parts = variants.components(getattr(shots, field)[..., seen].mean(axis=-1))
-    hits, weights = error[None, seen], np.full((1, many), 1 / many)
-    own = Scatter.seen(hits, weights, np.zeros((1, many)), np.zeros((1, 0, many)))
+    parts = variants.components(getattr(shots, field)[..., detected].mean(axis=-1))
+    hits, weights = error[None, detected], np.full((1, many), 1 / many)
+    scatter = Scatter.seen(hits, weights, np.zeros((1, many)), np.zeros((1, 0, many)))
     mean = hits.mean(axis=1)
-    return float(combined(mean, parts + types_a(HITS, mean, own.u, own.dof)).u[0])
+    return float(combined(mean, parts + types_a(HITS, mean, scatter.u, scatter.dof)).u[0])
 
 
 def _root_mean_square(values: list[float]) -> float | None:
-    there = np.array(values)[np.isfinite(values)]
-    return float(np.sqrt((there**2).mean())) if there.size else None
+    finite = np.array(values)[np.isfinite(values)]
+    return float(np.sqrt((finite**2).mean())) if finite.size else None
 
 
 def _text(rows: Sequence[PlaceReadings], percussion_in: float) -> str:
-    """Return a table of the places, and sentences on the largest errors."""
+    """Return a table of the positions, and sentences on the largest errors."""
     near = min(rows, key=lambda row: abs(row.z_in - percussion_in))
     worst = max(rows, key=lambda row: abs(row.plain_shift))
     loose = max(rows, key=lambda row: abs(row.loose_shift))
     far = rows[-1]
     lost = [f"{row.z_in:.3g}" for row in rows if row.seen < 0.5]
     words = [
-        f"At the centre of percussion, {percussion_in:.2f} in, the axis bears "
-        f"{near.reaction_ns:+.2f} N s; at {worst.z_in:.3g} in it bears "
+        f"At the centre of percussion, {percussion_in:.2f} in, the axis gets "
+        f"{near.reaction_ns:+.2f} N s; at {worst.z_in:.3g} in it gets "
         f"{worst.reaction_ns:+.2f} N s, and a plain bearing shifts e_A by recoil by "
         f"{worst.plain_shift:+.1e} there, "
         f"{abs(worst.plain_shift) / (worst.recoil.u or nan):.2f} of its u.",
         f"A loose bearing shifts it by {loose.loose_shift:+.1e} at {loose.z_in:.2f} in and "
-        f"by {far.loose_shift:+.0e} at {far.z_in:.3g} in: play is an angle and no rate, but "
-        "hard by the centre of percussion nothing presses the bat to take it up.",
+        f"by {far.loose_shift:+.0e} at {far.z_in:.3g} in: the clearance changes the "
+        "angle and not the rate, but close to the centre of percussion no force takes it up.",
     ]
     if lost:
         words.append(f"The gates miss most rebounds at {', '.join(lost)} in.")
     return (
-        f"e_A by recoil and by rebound: error with nothing random; rms and u with randomness\n"
+        f"e_A by recoil and by rebound: error without randomness; rms error and u with randomness\n"
         f"{table_text(rows)}\n\n" + "\n".join(words)
     )

@@ -15,7 +15,7 @@ COLOURS = {"recoil": "#0072b2", "rebound": "#d55e00", "plain": "#009e73", "loose
 
 
 def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: Path) -> None:
-    """Draw three panels over the place of impact.
+    """Draw three panels against the impact position: errors of e_A, shifts of e_A, loads.
 
     Parameters
     ----------
@@ -31,40 +31,40 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: P
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    table = table.astype(float)  # None (no rebound seen) becomes NaN
+    table = table.astype(float)  # None, for no detected rebound, becomes NaN
     # close to the centre of percussion, only a loose bearing makes a difference
-    shown = table[~(table["z_in"] - percussion_in).abs().between(1e-6, 0.1, inclusive="neither")]
-    z = shown["z_in"]
+    rows = table[~(table["z_in"] - percussion_in).abs().between(1e-6, 0.1, inclusive="neither")]
+    z = rows["z_in"]
 
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=(7.6, 7.6), dpi=150, layout="constrained")
         errors, shifts, loads = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 2))
         for name, mark in (("recoil", "o"), ("rebound", "s")):
             colour = COLOURS[name]
-            rms, u = 1e3 * shown[f"{name}_rms"], 1e3 * shown[f"{name}_u"]
+            rms, u = 1e3 * rows[f"{name}_rms"], 1e3 * rows[f"{name}_u"]
             errors.plot(z, rms, mark, color=colour, label=f"by {name}: rms error")
             errors.plot(z, u, "-", color=colour, label=f"by {name}: stated $u$")
         errors.set(ylabel="error of $e_A$, 10$^{-3}$", ylim=(0, None))
         figure.suptitle(
-            f"{as_drawn(bat)} on its pivot: how well $e_A$ is read, by place", fontsize=10
+            f"{as_drawn(bat)} on its pivot: error of $e_A$ against impact position", fontsize=10
         )
         beside = errors.twinx()
         beside.spines["right"].set_visible(True)
-        beside.plot(z, 100 * shown["seen"], ":", color="0.4", label="rebounds seen (right)")
-        beside.set(ylabel="rebounds seen, %", ylim=(0, 100))
+        beside.plot(z, 100 * rows["seen"], ":", color="0.4", label="rebounds detected (right)")
+        beside.set(ylabel="rebounds detected, %", ylim=(0, 100))
         handles = [*errors.get_legend_handles_labels()[0], *beside.get_lines()]
         errors.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-        plain, loose = "plain bearing, friction 0.09", "loose bearing, 0.2 mm either way"
-        rigid, moved = 1e3 * shown["plain_shift"], 1e3 * table["loose_shift"]
+        plain, loose = "plain bearing, friction 0.09", "loose bearing, clearance ±0.2 mm"
+        rigid, moved = 1e3 * rows["plain_shift"], 1e3 * table["loose_shift"]
         shifts.plot(z, rigid, "^-", markersize=4, color=COLOURS["plain"], label=plain)
         shifts.plot(table["z_in"], moved, "D", markersize=4, color=COLOURS["loose"], label=loose)
         shifts.set_ylabel("shift of $e_A$\nby recoil, 10$^{-3}$")
         shifts.legend(loc="best")
-        loads.plot(z, shown["reaction_ns"], "o-", markersize=4, color="black", label="on the axis")
+        loads.plot(z, rows["reaction_ns"], "o-", markersize=4, color="black", label="on the axis")
         loads.set_ylabel("impulse on\nthe axis, N s")
         ringing = loads.twinx()
         ringing.spines["right"].set_visible(True)
-        ringing.plot(z, shown["ring_mrad"], "--", color="0.4", label="ring at the encoder (right)")
+        ringing.plot(z, rows["ring_mrad"], "--", color="0.4", label="ring at the encoder (right)")
         ringing.set(ylabel="ring, mrad", ylim=(0, None))
         loads.legend(handles=[*loads.get_lines(), *ringing.get_lines()], loc="upper center")
         loads.set_xlabel(PLACE)

@@ -1,4 +1,4 @@
-"""A bat along its barrel under standard game conditions: e, r, e_A, bat and batted-ball speed.
+"""Curves along a bat in the standard game: e, r, e_A, BPF, bat speed and batted-ball speed.
 
 Results of the model for the nominal bat; nothing here is measured.
 """
@@ -49,7 +49,7 @@ CONDITIONS = "standard-2003"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnergySwingSpec(Spec):
-    """Numbers of the swing law of constant energy; inertias about the batter's vertical axis."""
+    """Constants of the swing law of constant energy; moments of inertia about the batter's axis."""
 
     knob_from_axis: Annotated[float, Gt(0), Dimension("length")]
     batter_inertia: Annotated[float, Gt(0), Dimension("inertia")]
@@ -58,7 +58,7 @@ class EnergySwingSpec(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GameConditions(Spec):
-    """Pitch, ball and swing under which bats are compared (the paper's Sec. III D)."""
+    """Standard game: pitch, ball and swing for the comparison of bats (the paper's Sec. III D)."""
 
     name: str
     title: str
@@ -70,13 +70,14 @@ class GameConditions(Spec):
     energy_swing: EnergySwingSpec
 
     def ball_of(self, bat: BatSpec) -> str:
-        """Return the name of the ball for the sport of a bat."""
+        """Return the name of the standard ball for the sport of a bat."""
         return self.softball if bat.sport == "softball" else self.ball
 
     def swing(self, exponent: float | None, reference_inertia: float | None = None) -> SwingLaw:
-        """Return the law of the swing: by Eq. (14), or that of constant energy for None.
+        """Return the swing law: Eq. (14) with an exponent, or constant energy for None.
 
-        `reference_inertia` is about the law's axis [kg m^2], these conditions' own by default.
+        `reference_inertia` is about the axis of the law [kg m^2]; by default it is that of the game
+        conditions.
         """
         if exponent is not None:
             return PowerLawSwing(
@@ -94,16 +95,16 @@ class GameConditions(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class BatProfile(StudyResult):
-    """A bat's inertial and modal properties, and its collisions along the barrel."""
+    """Inertial and modal properties of a bat, and its curves along the barrel."""
 
     bat: BatSpec
     beam: Beam
     frequencies: Array  # bending frequencies of the free bat [Hz]
     nodes: tuple[float, ...]  # nodes of the first two bending modes in the barrel [m]
     ball: BallSpec
-    swing: float | None  # exponent n of the swing law; None: the law of constant energy
+    swing: float | None  # exponent n of the swing law; None: constant energy
     reference_inertia: float  # I0 of the swing law, about its axis [kg m^2]
-    table: pd.DataFrame  # one row per place: z_in, e, r, e_A, BPF, v_bat_mph, v_f_mph
+    table: pd.DataFrame  # one row per impact position: z_in, e, r, e_A, BPF, v_bat_mph, v_f_mph
 
     name = "profile"
 
@@ -114,12 +115,12 @@ class BatProfile(StudyResult):
 
     @property
     def rows(self) -> list[Mapping[Hashable, float]]:
-        """One row per place, in the units of the field."""
+        """One row per impact position, in in and mph."""
         return list(self.table.to_dict("records"))
 
     @property
     def text(self) -> str:
-        """The bat's properties with the published ones, and its curve."""
+        """Properties of the bat, beside the published ones, and its curves."""
         return profile_text(self.document, self.rows, self.bat.published)
 
     def draw(self, path: Path) -> None:
@@ -128,12 +129,12 @@ class BatProfile(StudyResult):
 
     @property
     def peaks(self) -> dict[str, Peak]:
-        """Greatest e, BPF, e_A and v_f [mph] along the bat, each with its place [in]."""
+        """Largest e, BPF, e_A and v_f [mph] along the bat, each with its position [in]."""
         return peaks_of({name: self.table[name].to_numpy() for name in ("z_in", *PEAKS)})
 
     @property
     def document(self) -> Json:
-        """The result for JSON, in customary units."""
+        """The result as a JSON object, in US customary units."""
         beam = self.beam
         return {
             "bat": self.bat.name,
@@ -166,24 +167,24 @@ def profiles(
     bat
         Name in the catalog or path of a .toml file.
     swings
-        Exponents n of Eq. (14), from 0 (the same speed for all bats) to 0.5 (the same energy); None
+        Exponents n of Eq. (14), from 0 (same speed for all bats) to 0.5 (same energy). None stands
         for the law of constant energy of bat and batter.
     reference_inertia
-        I0 of the law, as for `read_inertia`; by default that of the game conditions.
+        I0 of the law, in the form of `read_inertia`; by default that of the game conditions.
     ball
-        Name in the catalog or path of a .toml file; by default the game conditions' own of the
-        bat's sport.
+        Name in the catalog or path of a .toml file; by default the standard ball for the sport of
+        the bat.
 
     Returns
     -------
     list
-        A profile an exponent.
+        One profile per exponent.
 
     Raises
     ------
     InputError
-        Unknown bat or ball, a file that cannot be used, an exponent outside 0 to 0.5, an inertia
-        that cannot be read.
+        A bat or ball is unknown, a file cannot be used, an exponent is outside 0 to 0.5, or an
+        inertia cannot be read.
     """
     import pandas as pd
 
@@ -197,17 +198,17 @@ def profiles(
     beam, model = beam_of(spec.body), free_model(spec.body)
     z = np.arange(0.5, 16.1, 0.25) * INCH
     recoil = np.asarray(recoil_factor_free(struck.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
-    found = []
+    results = []
     for swing in swings:
         axis = game.swing(swing).axis_beyond_knob
-        asked = None if reference_inertia is None else read_inertia(reference_inertia, axis)
-        law = game.swing(swing, asked)
+        inertia = None if reference_inertia is None else read_inertia(reference_inertia, axis)
+        law = game.swing(swing, inertia)
         moving = np.asarray(bat_speed(law.angular_speed(_inertia(beam, axis)), beam.length, z))
         scenes = Scenes.with_ball(
             struck, impact_position=z, relative_speed=game.pitch_speed + moving
         )
         e_A = model.collide(scenes).collision_efficiency
-        found.append(
+        results.append(
             BatProfile(
                 bat=spec,
                 beam=beam,
@@ -219,20 +220,20 @@ def profiles(
                 table=pd.DataFrame(curves_of(scenes, e_A, recoil, game.pitch_speed, moving)),
             )
         )
-    return found
+    return results
 
 
 def curves_of(
     scenes: Scenes, e_A: Array, recoil: Array, pitch: float, moving: Array
 ) -> dict[str, Array]:
-    """Return the curves of a bat in the field by name, each (place,), in the units of the field.
+    """Return the curves of a bat in the field by name, in in and mph, each of shape (position,).
 
     Parameters
     ----------
     scenes, e_A, recoil
-        Collisions along the bat, and their e_A and r, each (place,).
+        Collisions along the bat, and their e_A and r, each of shape (position,).
     pitch, moving
-        Speed of the ball, and speed of the bat at each place, (place,) [m/s].
+        Speed of the ball [m/s], and speed of the bat at each position [m/s], shape (position,).
     """
     e = np.asarray(restitution_from_efficiency(e_A, recoil))
     v_f = np.asarray(batted_speed(e_A, pitch, moving))
@@ -248,23 +249,23 @@ def curves_of(
 
 
 def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
-    """Return the greatest e, BPF, e_A and v_f [mph] of `curves_of`, each with its place [in]."""
+    """Return the largest e, BPF, e_A and v_f [mph] of `curves_of`, each with its position [in]."""
     return {name: peak(curves["z_in"], curves[name]) for name in PEAKS}
 
 
 @lru_cache(maxsize=16)
 def free_model(body: BatBody) -> ModalModel:
-    """Return the model of a free bat; the model of each bat is made once."""
+    """Return the modal model of a free bat. Models are cached."""
     return ModalModel.of(body, Free())
 
 
-def chosen_swings(
+def swing_exponents(
     law: str, swings: Sequence[float], usual: Sequence[float]
 ) -> tuple[float | None, ...]:
-    """Return the exponents of a swing law that a user chose, without repetitions.
+    """Return the exponents of the swing law, without repetitions; None for constant energy.
 
-    Raises `InputError` for another law than ``power`` or ``energy``, and for exponents of the
-    latter, which has none.
+    `usual` are the defaults of the law ``power``. Raises `InputError` for a law other than
+    ``power`` or ``energy``, and for an exponent of ``energy``, which has none.
     """
     if law == "power":
         return tuple(dict.fromkeys(swings or usual))
@@ -276,14 +277,15 @@ def chosen_swings(
 
 
 def read_inertia(text: str, axis_beyond_knob: float) -> float:
-    """Return a moment of inertia [kg m^2] given as a bat's name or as a number with its unit.
+    """Return a moment of inertia [kg m^2], stated as the name of a bat or as a number with a unit.
 
-    For a bat it is about an axis `axis_beyond_knob` [m].
+    The moment of inertia of a bat is about an axis at the distance `axis_beyond_knob` [m] beyond
+    the knob.
 
     Raises
     ------
     InputError
-        No unit, a unit of another quantity, an inertia out of range, or an unknown bat.
+        The unit is missing or wrong, the number is out of range, or the bat is unknown.
     """
     if text.endswith(".toml") or not re.match(r"[\s.+-]*(\d|inf|nan)", text):
         return _inertia(beam_of(catalog.load_bat(text).spec.body), axis_beyond_knob)

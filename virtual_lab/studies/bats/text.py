@@ -1,4 +1,4 @@
-"""Profiles and comparisons of bats as plain text for a terminal."""
+"""Profiles and comparisons of bats as plain text."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ INERTIAL = {  # key: words, unit
     "i_knob_oz_in2": ("moment of inertia, 1 in from the knob", "oz in²"),
 }
 CURVE = {
-    "z_in": Column("place from the tip", "in", ".2f"),
+    "z_in": Column("position from the tip", "in", ".2f"),
     "e": Column("e", form=".4f"),
     "r": Column("r", form=".4f"),
     "e_A": Column("e_A", form="+.4f"),
@@ -30,7 +30,7 @@ CURVE = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peaks:
-    """The greatest values along a bat, each with its place [in]: `e` at `e_at_in`, and so on."""
+    """Largest values along a bat, each with its position [in]: `e` at `e_at_in`, and so on."""
 
     bat: str
     n: float | None  # exponent of the swing law; None: constant energy
@@ -39,7 +39,7 @@ class Peaks:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """The peaks of a bat against those of another."""
+    """Differences of the peaks of a bat from those of another bat."""
 
     bat: str
     against: str
@@ -52,7 +52,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawRow:
-    """A force law of the ball: on a wall, and the peaks of a bat hit by this ball."""
+    """Results for a force law of the ball: impact on a wall, and peaks of a bat."""
 
     bat: str
     law: str = column("law")
@@ -63,8 +63,8 @@ class LawRow:
     peaks: Mapping[str, float] = inline()
 
 
-def placed(peaks: Mapping[str, Peak]) -> dict[str, float]:
-    """Return greatest values and their places, by key."""
+def peak_entries(peaks: Mapping[str, Peak]) -> dict[str, float]:
+    """Return largest values and their positions by key: `e`, `e_at_in`, and so on."""
     return {
         key: number
         for name, (value, place) in peaks.items()
@@ -77,15 +77,15 @@ def profile_text(
     curve: Sequence[Mapping[Hashable, float]],
     published: PublishedBat | None,
 ) -> str:
-    """Return a bat's properties, with published ones if there are any, and its curve."""
+    """Return the properties of a bat beside published ones, if any, and its curves, as text."""
     computed = _properties(
         [document[key] for key in INERTIAL],
         document["modal_frequencies_hz"][:4],
         document["barrel_nodes_in"],
     )
-    said = {}
+    published_values = {}
     if published is not None:
-        said = _properties(
+        published_values = _properties(
             [
                 published.mass / OUNCE,
                 published.z_cm / INCH,
@@ -100,7 +100,7 @@ def profile_text(
             "property": words,
             "unit": unit,
             "computed": f"{value:.6g}",
-            "published": number(said.get((words, unit)), "g"),
+            "published": number(published_values.get((words, unit)), "g"),
         }
         for (words, unit), value in computed.items()
     ]
@@ -114,7 +114,7 @@ def profile_text(
 def _properties(
     inertial: Sequence[float], frequencies: Sequence[float], nodes: Sequence[float]
 ) -> dict[tuple[str, str], float]:
-    """Return the values of `INERTIAL`, frequencies [Hz] and nodes [in] by their words and unit."""
+    """Return inertial properties, frequencies [Hz] and nodes [in], by name and unit."""
     return {
         **dict(zip(INERTIAL.values(), inertial, strict=True)),
         **{(f"bending frequency {i}", "Hz"): f for i, f in enumerate(frequencies, start=1)},
@@ -123,12 +123,12 @@ def _properties(
 
 
 def swing_text(exponent: float | None) -> str:
-    """Return the name of the swing law."""
+    """Return the name of the swing law as printed."""
     return "constant energy" if exponent is None else f"n = {exponent:g}"
 
 
 def balls_text(balls: Mapping[str, str]) -> str:
-    """Return the ball for each bat, or one sentence if it is the same for all."""
+    """Return a text on the ball that hits each bat."""
     if len(set(balls.values())) == 1:
         return f"struck by {next(iter(balls.values()))}"
     return "; ".join(f"{bat} struck by {ball}" for bat, ball in balls.items())
@@ -137,19 +137,19 @@ def balls_text(balls: Mapping[str, str]) -> str:
 def comparison_text(
     peaks: Sequence[Peaks], differences: Sequence[Difference], balls: Mapping[str, str]
 ) -> str:
-    """Return the peaks of several bats, and their differences from those of the first."""
+    """Return the peaks of several bats and their differences from the first bat, as text."""
     swung = {"n": Column("swing", form=lambda row: swing_text(row.n))}
     tops = {"bat": Column("bat")} | swung | PEAK_COLUMNS
     pair = {"bat": Column("bat", form=lambda row: f"{row.bat} against {row.against}")}
     apart = pair | swung | columns_of(differences[0])
     return (
-        f"greatest values (and where, inches from the tip), {balls_text(balls)}\n"
+        f"largest values (and positions, inches from the tip), {balls_text(balls)}\n"
         f"{table_text(peaks, tops)}\n\n{table_text(differences, apart)}"
     )
 
 
 def spread_of(rows: Sequence[LawRow]) -> str:
-    """Return a sentence on the spread of the results over the force laws of the ball."""
+    """Return a text on the spread (largest minus smallest) of the peaks over the force laws."""
     spreads = (
         f"{name.removesuffix('_mph')} {_spread(rows, name):{form}}{f' {unit}' if unit else ''} "
         f"({_spread(rows, f'{name}_at_in'):.2f} in)"
@@ -167,7 +167,7 @@ def _top(name: str, form: str) -> Callable[[Peaks | LawRow], str]:
     return lambda row: f"{row.peaks[name]:{form}} ({row.peaks[f'{name}_at_in']:.2f})"
 
 
-PEAK_COLUMNS = {  # greatest values, with their places in brackets
+PEAK_COLUMNS = {  # largest values, with their positions in parentheses
     name: Column(name.removesuffix("_mph"), unit, _top(name, form))
     for name, (unit, form) in PEAKS.items()
 }

@@ -1,4 +1,4 @@
-"""A number or claim of the paper, its place there, and its computation here."""
+"""A number or statement of the paper, and its comparison with our result."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """A statement of the paper, and the bounds within which our result agrees."""
+    """A statement of the paper, with the limits within which our result agrees."""
 
     section: str
     where: str  # place in the section: text, equation, table or figure
     says: str
-    paper: float | None  # printed number; None: the paper gives none
+    paper: float | None  # printed number; None for a statement without a number
     low: float
     high: float
     unit: str
-    why: str  # reason for the bounds
+    why: str  # reason for the limits
     find: Callable[[], float]
 
     @property
     def name(self) -> str:
-        """Unique name of a claim: section, place and words."""
+        """Unique name of a claim: section, place in the section, and statement."""
         return f"{self.section}, {self.where}: {self.says}"
 
     @property
     def tolerance(self) -> str:
-        """The bounds as text."""
+        """The limits as text."""
         if self.paper is not None and isfinite(self.high - self.low):
             return f"± {(self.high - self.low) / 2:.2g}"
         if self.low == -inf:
@@ -41,37 +41,37 @@ class Claim:
         return f"{self.low:.4g} to {self.high:.4g}"
 
     def row(self) -> Row:
-        """Return the claim with our result."""
-        return Row(claim=self, found=float(self.find()))
+        """Compute our result and return it with the claim."""
+        return Row(claim=self, result=float(self.find()))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """A claim and our result, in the unit of the claim."""
+    """A claim with our result, in the unit of the claim."""
 
     claim: Claim
-    found: float
+    result: float
 
     @property
     def deviation(self) -> float | None:
         """Our result minus the printed number."""
-        return None if self.claim.paper is None else self.found - self.claim.paper
+        return None if self.claim.paper is None else self.result - self.claim.paper
 
     @property
     def holds(self) -> bool:
-        """Whether our result lies within the bounds; NaN does not."""
-        return self.claim.low <= self.found <= self.claim.high
+        """Whether our result is within the limits; False for NaN."""
+        return self.claim.low <= self.result <= self.claim.high
 
     @property
     def document(self) -> Mapping[str, float | str | bool | None]:
-        """The row for JSON and CSV."""
+        """The row as a JSON object, also used for CSV."""
         claim = self.claim
         return {
             "section": claim.section,
             "where": claim.where,
             "says": claim.says,
             "paper": claim.paper,
-            "found": self.found,
+            "found": self.result,
             "unit": claim.unit,
             "deviation": self.deviation,
             "low": claim.low if isfinite(claim.low) else None,
@@ -82,14 +82,14 @@ class Row:
 
     @property
     def cells(self) -> dict[str, str]:
-        """The row as texts."""
+        """The row as printed."""
         claim, deviation = self.claim, self.deviation
         return {
             "section": claim.section,
             "where": claim.where,
             "claim": claim.says,
             "paper": "" if claim.paper is None else _number(claim.paper),
-            "found": _number(self.found),
+            "found": _number(self.result),
             "deviation": "" if deviation is None else _signed(deviation),
             "tolerance": claim.tolerance,
             "unit": claim.unit,
@@ -98,10 +98,11 @@ class Row:
 
 
 def read_claims(path: Path, finders: Mapping[str, Callable[..., float]]) -> Iterator[Claim]:
-    """Return the claims of a table; `find` is the name of a function and its arguments.
+    """Yield the claims of a CSV table.
 
-    A printed number has symmetric bounds, `within`; for others an empty bound means no bound.
-    Raises `KeyError` for an unknown function.
+    The column `find` holds the name of one of the `finders` and its arguments. A printed number has
+    the symmetric tolerance `within`. Other claims have the limits `low` and `high`, of which an
+    empty one does not apply. Raises `KeyError` for an unknown finder.
     """
     with path.open(encoding="utf-8", newline="") as table:
         for row in csv.DictReader(table):
@@ -129,11 +130,11 @@ def _argument(word: str) -> float | str | None:
             return kind(word)
         except ValueError:
             continue
-    return None if word == "energy" else word  # a swing of constant energy has no exponent
+    return None if word == "energy" else word  # the swing law of constant energy has no exponent
 
 
 def _number(value: float) -> str:
-    """Return four digits, more of what is a thousand and above."""
+    """Return a number with four significant digits, or as an integer from 1000 on."""
     if abs(value) >= 1000:
         return f"{value:.0f}"
     return f"{value:.1e}" if 0 < abs(value) < 1e-3 else f"{value:.4g}"

@@ -65,28 +65,28 @@ def beam(bat: str) -> Beam:
 
 
 @lru_cache
-def profiled(bat: str) -> dict[float | None, BatProfile]:
-    """Return the profiles under standard game conditions, one for each of `SWINGS`.
+def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
+    """Return the profiles of a bat in the standard game, by exponent n.
 
-    I0 of the loaded bats is that of the barrel-loaded one, as the paper takes it.
+    I0 of both loaded bats is that of the barrel-loaded bat, as in the paper.
     """
     reference = BARREL if bat in (BARREL, KNOB) else None
-    found = profiles(bat, swings=SWINGS, reference_inertia=reference)
-    return dict(zip(SWINGS, found, strict=True))
+    bat_profiles = profiles(bat, swings=SWINGS, reference_inertia=reference)
+    return dict(zip(SWINGS, bat_profiles, strict=True))
 
 
 @lru_cache
-def top(bat: str, what: str, swing: float | None = 0.0) -> Peak:
-    """Return the greatest e, BPF, e_A or v_f_mph of a bat in the standard game."""
-    return profiled(bat)[swing].peaks[what]
+def top(bat: str, curve: str, swing: float | None = 0.0) -> Peak:
+    """Return the peak of `curve` (e, BPF, e_A or v_f_mph) in the standard game, position in in."""
+    return profiles_by_swing(bat)[swing].peaks[curve]
 
 
-def peak_value(bat: str, what: str) -> float:
-    return top(bat, what).value
+def peak_value(bat: str, curve: str) -> float:
+    return top(bat, curve).value
 
 
-def peak_place(bat: str, what: str) -> float:
-    return top(bat, what).place
+def peak_place(bat: str, curve: str) -> float:
+    return top(bat, curve).place
 
 
 def ball_restitution(name: str, speed: float) -> float:
@@ -95,12 +95,12 @@ def ball_restitution(name: str, speed: float) -> float:
 
 
 def lead(first: str, second: str, swing: float | None = 0.0) -> float:
-    """Return the greatest v_f of a bat less that of another [mph]."""
+    """Return the peak v_f of the first bat minus that of the second [mph]."""
     return top(first, "v_f_mph", swing).value - top(second, "v_f_mph", swing).value
 
 
 def support(name: str) -> Support:
-    """Return a support: the pivot of the tests, the clamped handle, hands as a stiff spring."""
+    """Return a support by name: free, pivoted as in tests, clamped, or held by a spring."""
     supports: dict[str, Support] = {
         "free": Free(),
         "pivoted": Pinned(28 * INCH),
@@ -111,68 +111,80 @@ def support(name: str) -> Support:
 
 
 @lru_cache
-def model(bat: str, held: str = "free", modes: int = BENDING_MODES) -> ModalModel:
-    if held == "free" and modes == BENDING_MODES:
+def model(bat: str, support_name: str = "free", modes: int = BENDING_MODES) -> ModalModel:
+    if support_name == "free" and modes == BENDING_MODES:
         return free_model(body(bat))
-    return ModalModel.of(body(bat), support(held), modes)
+    return ModalModel.of(body(bat), support(support_name), modes)
 
 
 def peak_of(
     bat: str | ModalModel,
     z: ArrayLike,
     *,
-    held: str = "free",
+    support_name: str = "free",
     speed: ArrayLike = 160.0,
     with_ball: str = GAME_BALL,
 ) -> Collisions:
-    """Return collisions at places, at a relative speed each or at one."""
+    """Return collisions at positions `z` [in] and relative speeds [mph], shape (position,)."""
     places = np.atleast_1d(np.asarray(z, dtype=float))
     scenes = Scenes.with_ball(
         paper_ball(with_ball),
         impact_position=places * INCH,
         relative_speed=np.broadcast_to(np.asarray(speed, dtype=float), places.shape) * MPH,
     )
-    return (model(bat, held) if isinstance(bat, str) else bat).collide(scenes)
+    return (model(bat, support_name) if isinstance(bat, str) else bat).collide(scenes)
 
 
-def lost(found: Collisions) -> Array:
-    """Return the share of the energy that is lost: in bending, in the hoop, in the ball."""
-    return np.asarray(found.energy.bending + found.energy.hoop + found.energy.hysteresis)
+def energy_loss(collisions: Collisions) -> Array:
+    """Return the share of the energy lost in bending, hoop and ball, shape (position,)."""
+    return np.asarray(
+        collisions.energy.bending + collisions.energy.hoop + collisions.energy.hysteresis
+    )
 
 
-def recoil(bat: str, z: ArrayLike, held: str = "free") -> Array:
-    """Return r of a free, pivoted or clamped bat."""
-    own, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, paper_ball().mass
-    if held == "clamped":
+def recoil(bat: str, z: ArrayLike, support_name: str = "free") -> Array:
+    """Return r of a free, pivoted or clamped bat at positions `z` [in], shape (position,)."""
+    bat_beam, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, paper_ball().mass
+    if support_name == "clamped":
         return np.zeros_like(place)
-    if held == "pivoted":
-        axis = own.length - 6 * INCH
-        return np.asarray(recoil_factor_pivoted(mass, own.inertia(axis), axis - place))
-    return np.asarray(recoil_factor_free(mass, own.mass, own.inertia_cm, place - own.z_cm))
+    if support_name == "pivoted":
+        axis = bat_beam.length - 6 * INCH
+        return np.asarray(recoil_factor_pivoted(mass, bat_beam.inertia(axis), axis - place))
+    return np.asarray(
+        recoil_factor_free(mass, bat_beam.mass, bat_beam.inertia_cm, place - bat_beam.z_cm)
+    )
 
 
 def restitution(
-    bat: str, z: ArrayLike, held: str = "free", speed: float = 160.0, with_ball: str = GAME_BALL
+    bat: str,
+    z: ArrayLike,
+    support_name: str = "free",
+    speed: float = 160.0,
+    with_ball: str = GAME_BALL,
 ) -> Array:
-    """Return e by Eq. (6)."""
-    found = peak_of(bat, z, held=held, speed=speed, with_ball=with_ball).collision_efficiency
-    return np.asarray(restitution_from_efficiency(found, recoil(bat, z, held)))
+    """Return e by Eq. (6) at impact positions `z` [in] and `speed` [mph], shape (position,)."""
+    efficiency = peak_of(
+        bat, z, support_name=support_name, speed=speed, with_ball=with_ball
+    ).collision_efficiency
+    return np.asarray(restitution_from_efficiency(efficiency, recoil(bat, z, support_name)))
 
 
 def centre_of_percussion_in(bat: str) -> float:
-    """Return the centre of percussion of the pivot 6 in from the knob."""
-    own = beam(bat)
-    pivot = own.length - 6 * INCH
-    return float(centre_of_percussion(own.z_cm, own.inertia_cm, own.mass, pivot)) / INCH
+    """Return the centre of percussion [in from the tip], for a pivot 6 in from the knob."""
+    bat_beam = beam(bat)
+    pivot = bat_beam.length - 6 * INCH
+    return (
+        float(centre_of_percussion(bat_beam.z_cm, bat_beam.inertia_cm, bat_beam.mass, pivot)) / INCH
+    )
 
 
 def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> Peak:
-    """Return the greatest v_f [mph] of a curve of e_A, by Eq. (3)."""
+    """Return the peak of v_f [mph] by Eq. (3), with its position [in]; speeds in mph."""
     speeds = batted_speed(np.asarray(e_A), pitch, np.asarray(bat_speed))
     return peak(np.asarray(z, dtype=float), np.asarray(speeds))
 
 
 def nominal(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
-    """Return the bat's speed in the standard game [mph]."""
-    table = profiled(bat)[swing].table
+    """Return the bat speed in the standard game [mph] at positions `z` [in]."""
+    table = profiles_by_swing(bat)[swing].table
     return np.asarray(np.interp(np.asarray(z, dtype=float), table["z_in"], table["v_bat_mph"]))

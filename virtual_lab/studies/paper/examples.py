@@ -35,7 +35,7 @@ from virtual_lab.studies.paper.computed import (
     nominal,
     paper_ball,
     peak_of,
-    profiled,
+    profiles_by_swing,
     recoil,
     restitution,
     top,
@@ -46,18 +46,18 @@ from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 def table_one() -> Iterator[Claim]:
     """Yield the claims of Table I, from the data sheets of the bats."""
     for bat in BATS:
-        said = catalog.load_bat(bat).spec.published
-        assert said is not None
+        published = catalog.load_bat(bat).spec.published
+        assert published is not None
         printed = {
-            "length": (said.length / INCH, "in"),
-            "mass": (said.mass / OUNCE, "oz"),
-            "z_cm": (said.z_cm / INCH, "in"),
-            "I_cm": (said.inertia_cm / OZ_IN2, "oz in^2"),
-            "I_knob": (said.inertia_knob / OZ_IN2, "oz in^2"),
-            "f_1": (said.bending_frequencies[0], "Hz"),
-            "f_2": (said.bending_frequencies[1], "Hz"),
-            "node 1": (said.barrel_nodes[0] / INCH, "in"),
-            "node 2": (said.barrel_nodes[1] / INCH, "in"),
+            "length": (published.length / INCH, "in"),
+            "mass": (published.mass / OUNCE, "oz"),
+            "z_cm": (published.z_cm / INCH, "in"),
+            "I_cm": (published.inertia_cm / OZ_IN2, "oz in^2"),
+            "I_knob": (published.inertia_knob / OZ_IN2, "oz in^2"),
+            "f_1": (published.bending_frequencies[0], "Hz"),
+            "f_2": (published.bending_frequencies[1], "Hz"),
+            "node 1": (published.barrel_nodes[0] / INCH, "in"),
+            "node 2": (published.barrel_nodes[1] / INCH, "in"),
         }
         for name, (value, unit) in printed.items():
             yield Claim(
@@ -74,36 +74,36 @@ def table_one() -> Iterator[Claim]:
 
 
 def of_drawing(bat: str, name: str) -> float:
-    """Return an entry of Table I, computed from the drawing."""
-    own, free = beam(bat), profiled(bat)[0.0]
+    """Return an entry of Table I as computed from the drawing, in the unit of the table."""
+    bat_beam, profile = beam(bat), profiles_by_swing(bat)[0.0]
     return {
-        "length": own.length / INCH,
-        "mass": own.mass / OUNCE,
-        "z_cm": own.z_cm / INCH,
-        "I_cm": own.inertia_cm / OZ_IN2,
-        "I_knob": own.inertia(33 * INCH) / OZ_IN2,
-        "f_1": float(free.frequencies[0]),
-        "f_2": float(free.frequencies[1]),
-        "node 1": free.nodes[0] / INCH,
-        "node 2": free.nodes[1] / INCH,
+        "length": bat_beam.length / INCH,
+        "mass": bat_beam.mass / OUNCE,
+        "z_cm": bat_beam.z_cm / INCH,
+        "I_cm": bat_beam.inertia_cm / OZ_IN2,
+        "I_knob": bat_beam.inertia(33 * INCH) / OZ_IN2,
+        "f_1": float(profile.frequencies[0]),
+        "f_2": float(profile.frequencies[1]),
+        "node 1": profile.nodes[0] / INCH,
+        "node 2": profile.nodes[1] / INCH,
     }[name]
 
 
-def added(bat: str) -> float:
+def added_weight(bat: str) -> float:
     return body(bat).lumps[-1].mass / OUNCE
 
 
-def percent(what: str, first: str, second: str) -> float:
-    """Return the relative excess of the peak of one bat's curve over another's [%]."""
-    return 100 * (top(first, what).value / top(second, what).value - 1)
+def percent(curve: str, first: str, second: str) -> float:
+    """Return the relative difference of the peaks of a curve, first over second bat [%]."""
+    return 100 * (top(first, curve).value / top(second, curve).value - 1)
 
 
-def farther(what: str) -> float:
-    return top(ALUMINIUM, what).place - top(WOOD, what).place
+def farther(curve: str) -> float:
+    return top(ALUMINIUM, curve).place - top(WOOD, curve).place
 
 
-def slower_there(what: str) -> float:
-    speeds = [float(nominal(bat, top(bat, what).place)) for bat in (WOOD, ALUMINIUM)]
+def slower_there(curve: str) -> float:
+    speeds = [float(nominal(bat, top(bat, curve).place)) for bat in (WOOD, ALUMINIUM)]
     return speeds[0] - speeds[1]
 
 
@@ -113,10 +113,10 @@ def mass_share(light: str, heavy: str) -> float:
 
 
 def thinner_is_livelier() -> float:
-    """Return the gain of peak BPF if EA70 has the thin shell of the loaded bats, without weight."""
+    """Return the increase of peak BPF of EA70 with the thin wall of the loaded bats."""
     struck_body = body(ALUMINIUM).with_wall(_thickness())
-    own, mass = beam_of(struck_body), paper_ball().mass
-    r = recoil_factor_free(mass, own.mass, own.inertia_cm, Z * INCH - own.z_cm)
+    bat_beam, mass = beam_of(struck_body), paper_ball().mass
+    r = recoil_factor_free(mass, bat_beam.mass, bat_beam.inertia_cm, Z * INCH - bat_beam.z_cm)
     e_A = peak_of(ModalModel.of(struck_body, Free()), Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, r))
     return float(e.max()) / 0.5 - top(ALUMINIUM, "BPF").value
@@ -135,11 +135,13 @@ def _thickness() -> float:
 
 
 def node_shift(i: int) -> float:
-    return (profiled(ALUMINIUM)[0.0].nodes[i] - profiled(WOOD)[0.0].nodes[i]) / INCH
+    return (
+        profiles_by_swing(ALUMINIUM)[0.0].nodes[i] - profiles_by_swing(WOOD)[0.0].nodes[i]
+    ) / INCH
 
 
 def loads_apart() -> float:
-    """Return the mass of the barrel-loaded bat less that of the knob-loaded one [oz]."""
+    """Return the mass of the barrel-loaded bat minus that of the knob-loaded bat [oz]."""
     return (beam(BARREL).mass - beam(KNOB).mass) / OUNCE
 
 
@@ -152,12 +154,12 @@ def least_lead(first: str, second: str, *swings: float) -> float:
     return min(lead(first, second, n) for n in swings)
 
 
-def lead_lost(first: str, second: str, n: float, other: float) -> float:
-    return lead(first, second, n) - lead(first, second, other)
+def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
+    return lead(first, second, n) - lead(first, second, n_second)
 
 
 def by_restitution_alone() -> float:
-    """Return the error of R161's v_f at 6 in from its e and the r of the aluminium bat [mph]."""
+    """Return the error of v_f of R161 at 6 in if computed with the r of EA70 [mph]."""
     e = restitution(WOOD, [6.0])
     speeds = [
         float(np.asarray(batted_speed(efficiency_from_restitution(e, recoil(bat, 6.0)), 90, 70))[0])
@@ -166,22 +168,22 @@ def by_restitution_alone() -> float:
     return abs(speeds[1] - speeds[0])
 
 
-def contradictions(what: str) -> float:
-    """Return the number of pairs of the four bats that a metric and v_f rank differently."""
+def contradictions(curve: str) -> float:
+    """Return the number of pairs of the four bats that `curve` and v_f rank differently."""
     return sum(
-        (top(first, what).value - top(second, what).value) * lead(first, second) < 0
+        (top(first, curve).value - top(second, curve).value) * lead(first, second) < 0
         for first, second in combinations(BATS, 2)
     )
 
 
 def with_speed() -> float:
-    """Return the fall of the peak e of R161 from 60 to 160 mph."""
+    """Return the decrease of peak e of R161 from 60 to 160 mph."""
     slow, fast = (restitution(WOOD, Z, speed=v, with_ball=BALL).max() for v in (60.0, 160.0))
     return float(slow - fast)
 
 
 def with_ball() -> float:
-    """Return the change of the peak e of R161 over the NCAA's window of e0, at 60 mph."""
+    """Return the change of peak e of R161 over the e0 window of the NCAA, at 60 mph."""
 
     def peak_e(e0: float) -> float:
         scenes = Scenes.with_ball(

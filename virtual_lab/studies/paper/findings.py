@@ -1,4 +1,4 @@
-"""All claims in the order of the paper, with our results."""
+"""All claims of the paper, in order, with our results."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ CLAIMS: tuple[Claim, ...] = (
 class Findings(StudyResult):
     """The claims with our results."""
 
-    found: tuple[Row, ...]
+    claims: tuple[Row, ...]
 
     name = "paper"
 
     @property
     def title(self) -> str:
         """Title with the number of claims that agree."""
-        return f"The paper of 2003: {self.held} of {len(self.found)} claims hold"
+        return f"The paper of 2003: {self.held} of {len(self.claims)} claims hold"
 
     @property
     def rows(self) -> list[Mapping[str, float | str | bool | None]]:
-        """One row per claim."""
-        return [row.document for row in self.found]
+        """One row per claim, as for JSON."""
+        return [row.document for row in self.claims]
 
     @property
     def text(self) -> str:
         """All claims in a table."""
-        table = table_text([row.cells for row in self.found])
-        return f"{table}\n\n{self.held} of {len(self.found)} hold"
+        table = table_text([row.cells for row in self.claims])
+        return f"{table}\n\n{self.held} of {len(self.claims)} hold"
 
     def draw(self, path: Path) -> None:
         """Draw the paper's Figs. 2 to 4."""
@@ -58,19 +58,19 @@ class Findings(StudyResult):
         """Write table, picture and page."""
         write_csv(self.table, folder / "paper.csv")
         figure = draw_page()
-        write_page(self.found, figure, folder / "paper.html")
+        write_page(self.claims, figure, folder / "paper.html")
         figure.savefig(folder / "paper.png")
 
     @property
     def held(self) -> int:
         """Number of claims that agree."""
-        return sum(row.holds for row in self.found)
+        return sum(row.holds for row in self.claims)
 
     @property
     def document(self) -> Json:
-        """The result for JSON."""
+        """The result as a JSON object."""
         return {
-            "claims": len(self.found),
+            "claims": len(self.claims),
             "hold": self.held,
             "rows": self.rows,
         }
@@ -88,4 +88,4 @@ def paper(*, progress: Progress = quiet) -> Findings:
     for claim in CLAIMS:
         progress("claims", len(rows), len(CLAIMS))
         rows.append(claim.row())
-    return Findings(found=tuple(rows))
+    return Findings(claims=tuple(rows))

@@ -28,10 +28,10 @@ from virtual_lab.studies.paper.computed import (
     beam,
     body,
     centre_of_percussion_in,
-    lost,
+    energy_loss,
     paper_ball,
     peak_of,
-    profiled,
+    profiles_by_swing,
     recoil,
     restitution,
     support,
@@ -48,7 +48,7 @@ def _worst(values: Array) -> float:
 
 
 def frames() -> float:
-    """Return the difference between e_A in the field, by Eq. (2), and in the bat's frame."""
+    """Return the largest difference of e_A by Eq. (2) between the frames of field and bat."""
     e_A = peak_of(WOOD, Z).collision_efficiency
     v_bat = np.linspace(-50, 160, 8)[:, None]
     v_f = e_A * FAST + v_bat  # the bat's frame moves at v_bat
@@ -69,96 +69,103 @@ def symmetrical() -> float:
 
 
 def speed_slope(bat: str) -> float:
-    """Return the size of the change of peak e_A per mph of relative speed about 150 mph."""
+    """Return the absolute slope of peak e_A with relative speed at 150 mph [1/mph]."""
     return abs(_peak_at(bat, 160) - _peak_at(bat, 140)) / 20
 
 
 def _peak_at(bat: str, speed: float) -> float:
-    """Return the peak e_A at a relative speed [mph], with a ball whose e0 falls."""
+    """Return peak e_A at a relative speed [mph], with a ball whose e0 decreases with speed."""
     return float(peak_of(bat, Z, speed=speed, with_ball=BALL).collision_efficiency.max())
 
 
 def explicit_share(v: str) -> float:
-    """Return the share of the explicit factor of Eq. (3) in the change of v_f with a speed."""
+    """Return the share of the explicit factor in Eq. (3) in the slope of v_f with a speed."""
     e_A = top(WOOD, "e_A").value
     factor = e_A if v == "ball" else 1 + e_A
     return factor / (factor + abs(160 * speed_slope(WOOD)))
 
 
-def drop(bat: str, what: str, side: float) -> float:
-    """Return the fall of a curve within 3 in of its peak."""
-    summit, table = top(bat, what), profiled(bat)[0.0].table
-    return summit.value - float(np.interp(summit.place + side, table["z_in"], table[what]))
+def drop(bat: str, curve: str, side: float) -> float:
+    """Return the decrease of a curve from its peak to the distance `side` [in] from it."""
+    summit, table = top(bat, curve), profiles_by_swing(bat)[0.0].table
+    return summit.value - float(np.interp(summit.place + side, table["z_in"], table[curve]))
 
 
 def node_gap() -> float:
-    """Return the largest distance between the peak of e_A and a node, of the four bats [in]."""
+    """Return the largest distance of the peak of e_A from the closest node, of four bats [in]."""
     return max(
-        min(abs(top(bat, "e_A").place - node / INCH) for node in profiled(bat)[0.0].nodes)
+        min(abs(top(bat, "e_A").place - node / INCH) for node in profiles_by_swing(bat)[0.0].nodes)
         for bat in BATS
     )
 
 
-def held(bat: str, held: str) -> float:
-    gap = peak_of(bat, Z, held=held).collision_efficiency - peak_of(bat, Z).collision_efficiency
+def effect_of_support(bat: str, support_name: str) -> float:
+    gap = (
+        peak_of(bat, Z, support_name=support_name).collision_efficiency
+        - peak_of(bat, Z).collision_efficiency
+    )
     return _worst(gap)
 
 
 def firmness() -> float:
-    """Return the difference of v_f between a bat on a spring of 1e6 N/m and a clamped one [mph]."""
-    held = peak_of(WOOD, Z, held="held").collision_efficiency
-    return FAST * _worst(held - peak_of(WOOD, Z, held="clamped").collision_efficiency)
+    """Return the difference of v_f between a bat on a stiff spring and a clamped bat [mph]."""
+    on_spring = peak_of(WOOD, Z, support_name="held").collision_efficiency
+    return FAST * _worst(on_spring - peak_of(WOOD, Z, support_name="clamped").collision_efficiency)
 
 
 def lost_in_cm_frame() -> float:
-    """Return the model's loss over the energy in the frame of the centre of mass, less 1 - e²."""
+    """Return the deviation of the loss of energy in the centre-of-mass frame from 1 - e²."""
     z = np.linspace(2, 10, 9)
-    found, r = peak_of(WOOD, z), recoil(WOOD, z)
-    e = np.asarray(restitution_from_efficiency(found.collision_efficiency, r))
-    return _worst(lost(found) * (1 + r) - (1 - e**2))
+    collisions, r = peak_of(WOOD, z), recoil(WOOD, z)
+    e = np.asarray(restitution_from_efficiency(collisions.collision_efficiency, r))
+    return _worst(energy_loss(collisions) * (1 + r) - (1 - e**2))
 
 
 def fractions(name: str) -> float:
-    """Return the deviation of the model's energies from Eqs. (10)."""
+    """Return the largest deviation of the energies of the model from Eqs. (10)."""
     z = np.linspace(2, 10, 9)
     gaps = []
     for bat in (WOOD, ALUMINIUM):
-        found, r = peak_of(bat, z), recoil(bat, z)
-        e = np.asarray(restitution_from_efficiency(found.collision_efficiency, r))
+        collisions, r = peak_of(bat, z), recoil(bat, z)
+        e = np.asarray(restitution_from_efficiency(collisions.collision_efficiency, r))
         shares = energy_fractions(e, r)
-        energy = found.energy
-        own = {"ball": energy.ball, "bat": energy.rigid, "dissipated": lost(found)}[name]
-        gaps.append(_worst(own - np.asarray(getattr(shares, name))))
+        energy = collisions.energy
+        model_share = {
+            "ball": energy.ball,
+            "bat": energy.rigid,
+            "dissipated": energy_loss(collisions),
+        }[name]
+        gaps.append(_worst(model_share - np.asarray(getattr(shares, name))))
     return max(gaps)
 
 
 def sum_of_shares() -> float:
-    """Return the sum of Eqs. (10) that deviates most from 1, over all e and r."""
+    """Return the sum of Eqs. (10) with the largest deviation from 1, over all e and r."""
     shares = energy_fractions(*E_AND_R)
     total = np.ravel(np.asarray(shares.ball) + shares.bat + shares.dissipated)
     return float(total[np.abs(total - 1).argmax()])
 
 
-def inverse_mass(held: str) -> float:
+def inverse_mass(support_name: str) -> float:
     """Return the relative deviation of Eq. (8) or (9) from the rigid modes of finite elements."""
     z, gaps = np.linspace(0.5, 20, 40), []
     for bat in BATS:
-        modes = modes_of(body(bat), support(held), 0)
+        modes = modes_of(body(bat), support(support_name), 0)
         shapes = modes.shape(z * INCH)[:, : modes.rigid]
-        found = paper_ball().mass * np.sum(shapes**2, axis=1)
-        gaps.append(_worst(found / recoil(bat, z, held) - 1))
+        by_modes = paper_ball().mass * np.sum(shapes**2, axis=1)
+        gaps.append(_worst(by_modes / recoil(bat, z, support_name) - 1))
     return max(gaps)
 
 
 def parallel_axes() -> float:
-    own = beam(WOOD)
-    pivot = own.length - 6 * INCH
-    moved = parallel_axis(own.inertia_cm, own.mass, pivot - own.z_cm)
-    return float(moved) / own.inertia(pivot) - 1
+    bat_beam = beam(WOOD)
+    pivot = bat_beam.length - 6 * INCH
+    moved = parallel_axis(bat_beam.inertia_cm, bat_beam.mass, pivot - bat_beam.z_cm)
+    return float(moved) / bat_beam.inertia(pivot) - 1
 
 
 def nearer_is_heavier() -> float:
-    """Return the smallest relative rise of the effective mass per step to the centre of mass."""
+    """Return the smallest relative increase of effective mass per step toward the COM."""
     least = np.inf
     for bat in BATS:
         z = np.linspace(0, beam(bat).z_cm / INCH, 30)
@@ -167,13 +174,13 @@ def nearer_is_heavier() -> float:
 
 
 def rise_with_lighter_recoil() -> float:
-    """Return the smallest fall of e_A per step of r, over all e."""
+    """Return the smallest decrease of e_A per step of r, over all e."""
     e_A = np.asarray(efficiency_from_restitution(*E_AND_R))
     return float(-np.diff(e_A, axis=0).max())
 
 
 def below_restitution() -> float:
-    curves = [profiled(bat)[0.0].table for bat in BATS]
+    curves = [profiles_by_swing(bat)[0.0].table for bat in BATS]
     return max(float((curve["e_A"] - curve["e"]).max()) for curve in curves)
 
 
@@ -182,7 +189,7 @@ def efficiency(e: float, r: float) -> float:
 
 
 def overestimate(speed: float) -> float:
-    """Return the change of v_f if e_A is tested at `speed` instead of 160 mph [mph], r = 0.25."""
+    """Return the change of v_f [mph] if e is measured at `speed`, not at 160 mph; r = 0.25."""
     e = 0.55 - 0.001 * (speed - SLOW)
     return FAST * (efficiency(e, 0.25) - efficiency(0.45, 0.25))
 
@@ -192,35 +199,35 @@ def overestimate_of_model(speed: float) -> float:
 
 
 def speed_gain(v_rel: float) -> float:
-    """Return the gain of v_f as e goes from 0.50 to 0.55, r = 0.25 [mph]."""
+    """Return the increase of v_f [mph] if e increases from 0.50 to 0.55; r = 0.25."""
     return float(batted_speed_gain(v_rel, 0.05, 0.25))
 
 
 def gain_by_equations() -> float:
     """Return the deviation of `speed_gain` from Eqs. (3) and (6), at 80 and 160 mph [mph]."""
 
-    def apart(v_rel: float) -> float:
+    def deviation(v_rel: float) -> float:
         v_ball = 90 / 160 * v_rel
         v_bat = v_rel - v_ball
-        before, after = (batted(efficiency(e, 0.25), v_ball, v_bat) for e in (0.50, 0.55))
+        before, after = (batted_speed_of(efficiency(e, 0.25), v_ball, v_bat) for e in (0.50, 0.55))
         return abs(after - before - speed_gain(v_rel))
 
-    return max(apart(80.0), apart(FAST))
+    return max(deviation(80.0), deviation(FAST))
 
 
-def total(held: str) -> float:
-    """Return the difference between the energy in a held bat with its vibration and a free one."""
+def energy_with_vibration(support_name: str) -> float:
+    """Return the largest difference of bat energy and losses between a held and a free bat."""
 
     def total(name: str) -> Array:
-        found = peak_of(WOOD, Z, held=name)
-        return np.asarray(found.energy.rigid + lost(found))
+        collisions = peak_of(WOOD, Z, support_name=name)
+        return np.asarray(collisions.energy.rigid + energy_loss(collisions))
 
-    return _worst(total(held) - total("free"))
+    return _worst(total(support_name) - total("free"))
 
 
-def apart(held: str) -> float:
-    """Return the least gap between the rigid-body energy of a free and of a held bat."""
-    gap = peak_of(WOOD, Z, held=held).energy.rigid - peak_of(WOOD, Z).energy.rigid
+def least_energy_gap(support_name: str) -> float:
+    """Return the smallest difference of rigid-body energy between a free and a held bat."""
+    gap = peak_of(WOOD, Z, support_name=support_name).energy.rigid - peak_of(WOOD, Z).energy.rigid
     return float(np.abs(gap[Z < 5]).min())
 
 
@@ -242,21 +249,21 @@ def recoils_at_percussion() -> float:
 
 
 def pivot_speed() -> float:
-    """Return the speed of the pivot of a rigid free bat struck at its centre of percussion.
+    """Return the ratio of the speeds of pivot and impact point, for a rigid free bat.
 
-    Over the speed of the point struck.
+    The impact is at the centre of percussion.
     """
-    own = beam(WOOD)
+    bat_beam = beam(WOOD)
     modes = modes_of(body(WOOD), Free(), 0)
     hit, pivot = modes.shape(
-        np.array([centre_of_percussion_in(WOOD) * INCH, own.length - 6 * INCH])
+        np.array([centre_of_percussion_in(WOOD) * INCH, bat_beam.length - 6 * INCH])
     )
     rigid = slice(modes.rigid)
     return float(hit[rigid] @ pivot[rigid] / (hit[rigid] @ hit[rigid]))
 
 
 def without_hoop() -> float:
-    """Return the peak BPF of the aluminium bat less that of one whose shell cannot ring."""
+    """Return the peak BPF of EA70 minus that with a rigid shell."""
     return top(ALUMINIUM, "BPF").value - dead_shell_factor()
 
 
@@ -268,12 +275,12 @@ def dead_shell_factor() -> float:
 
 
 def softball_factor() -> float:
-    """Return the peak BPF of a slow-pitch bat at 60 mph, free, with the ball of its game."""
+    """Return the peak BPF of a free slow-pitch softball bat at 60 mph with its ball."""
     z, slow = np.arange(4, 9, 0.25), "softball-slowpitch"
-    own, struck_ball = beam("softball-34"), paper_ball(slow)
+    bat_beam, struck_ball = beam("softball-34"), paper_ball(slow)
     e_A = peak_of("softball-34", z, speed=SLOW, with_ball=slow).collision_efficiency
-    off = z * INCH - own.z_cm
-    r = struck_ball.mass * (1 / own.mass + off**2 / own.inertia_cm)
+    distance = z * INCH - bat_beam.z_cm
+    r = struck_ball.mass * (1 / bat_beam.mass + distance**2 / bat_beam.inertia_cm)
     e0 = float(struck_ball.restitution.at(SLOW * MPH))
     return float(np.asarray(restitution_from_efficiency(e_A, r)).max()) / e0
 
@@ -286,7 +293,7 @@ def besr_of(e: float, r: float) -> float:
     return float(besr(efficiency(e, r)))
 
 
-def batted(e_A: float, v_ball: float, v_bat: float) -> float:
+def batted_speed_of(e_A: float, v_ball: float, v_bat: float) -> float:
     return float(batted_speed(e_A, v_ball, v_bat))
 
 

@@ -18,39 +18,39 @@ from virtual_lab.studies.paper.computed import (
     Z,
     beam,
     body,
+    energy_loss,
     game,
-    lost,
     model,
     nominal,
     paper_ball,
     peak_of,
-    profiled,
+    profiles_by_swing,
     recoil,
     top,
     top_of,
 )
 from virtual_lab.units import INCH, MPH, OZ_IN2
 
-INERTIAS = np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2  # range of measured swings
+INERTIAS = np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2  # range of bats in the measured swings
 
 
 def compression_free_restitution() -> float:
-    """Return e0 of the ball's own curve of force: square root of work out over work in."""
-    own = paper_ball()
-    e0 = float(own.restitution.at(160 * MPH))
-    a, b = own.exponent, (own.exponent + 1) / e0**2 - 1
+    """Return e0 from the force law of the ball: square root of work returned over work done."""
+    ball = paper_ball()
+    e0 = float(ball.restitution.at(160 * MPH))
+    a, b = ball.exponent, (ball.exponent + 1) / e0**2 - 1
     u = np.linspace(0, 1, 200_001)
     return float(np.sqrt(np.trapezoid(u**b, u) / np.trapezoid(u**a, u)))
 
 
 def wall_time() -> float:
-    own = paper_ball()
-    given = (own.mass, 160 * MPH, own.stiffness, own.exponent, 0.5)
-    return float(wall_contact(*(np.array(number) for number in given)).time) * 1e3
+    ball = paper_ball()
+    arguments = (ball.mass, 160 * MPH, ball.stiffness, ball.exponent, 0.5)
+    return float(wall_contact(*(np.array(number) for number in arguments)).time) * 1e3
 
 
 def modes_left_out(count: int) -> float:
-    """Return the difference in peak e_A of R161 between `count` modes and all modes used here."""
+    """Return peak e_A of R161 with `count` modes minus that with all modes used here."""
     few = peak_of(model(WOOD, "free", count), Z).collision_efficiency.max()
     return float(few - peak_of(model(WOOD, "free", BENDING_MODES), Z).collision_efficiency.max())
 
@@ -60,8 +60,8 @@ def highest_of(count: int) -> float:
 
 
 def less_lost() -> float:
-    """Return the least share of energy that is lost along EA70 less that along R161."""
-    aluminium, wood = (float(lost(peak_of(bat, Z)).min()) for bat in (ALUMINIUM, WOOD))
+    """Return the smallest energy loss along EA70 minus that along R161, as shares."""
+    aluminium, wood = (float(energy_loss(peak_of(bat, Z)).min()) for bat in (ALUMINIUM, WOOD))
     return aluminium - wood
 
 
@@ -72,7 +72,7 @@ def shell_frequency() -> float:
 
 
 def shell_turns() -> float:
-    """Return the duration of a collision in periods of the shell of EA70."""
+    """Return the contact time of EA70 in periods of its shell."""
     return 1e3 * shell_frequency() * float(peak_of(ALUMINIUM, [6.0]).contact_time[0])
 
 
@@ -81,14 +81,14 @@ def same_speed() -> float:
     return float(np.ptp(speeds) / speeds.mean())
 
 
-def kept(power: float, exponent: float) -> float:
-    """Return the relative variation of I omega^power over the inertias, by Eq. (13)."""
-    kept = INERTIAS * np.asarray(game().swing(exponent).angular_speed(INERTIAS)) ** power
-    return float(np.ptp(kept) / kept.mean())
+def variation_of_power(power: float, exponent: float) -> float:
+    """Return the relative range of I omega^power over `INERTIAS`, by Eq. (13)."""
+    quantity = INERTIAS * np.asarray(game().swing(exponent).angular_speed(INERTIAS)) ** power
+    return float(np.ptp(quantity) / quantity.mean())
 
 
 def best_mass(exponent: float) -> float:
-    """Return the mass [oz] that maximises v_f among bats of R161's shape, e = 0.5, 6 in."""
+    """Return the mass [oz] with the largest v_f, for the shape of R161, e = 0.5, at 6 in."""
     mass = np.arange(8.0, 124.1, 0.5)
     r = float(recoil(WOOD, 6.0)) * 31.0 / mass
     inertia = beam(WOOD).inertia(33 * INCH) * mass / 31.0
@@ -99,10 +99,10 @@ def best_mass(exponent: float) -> float:
 
 
 def energy_speeds() -> np.ndarray:
-    """Return the law of constant energy over the inertias, for bats of R161's shape [rad/s]."""
-    law, own = game().swing(None), beam(WOOD)
-    about_body = own.inertia(own.length + law.axis_beyond_knob)
-    return np.asarray(law.angular_speed(INERTIAS / own.inertia(33 * INCH) * about_body))
+    """Return the angular speed by constant energy [rad/s] at `INERTIAS`, for the shape of R161."""
+    law, bat_beam = game().swing(None), beam(WOOD)
+    about_body = bat_beam.inertia(bat_beam.length + law.axis_beyond_knob)
+    return np.asarray(law.angular_speed(INERTIAS / bat_beam.inertia(33 * INCH) * about_body))
 
 
 def energy_exponent() -> float:
@@ -110,7 +110,7 @@ def energy_exponent() -> float:
 
 
 def laws_apart() -> float:
-    """Return the largest difference of the laws over the inertias, for n = 0.3 [%]."""
+    """Return the largest difference between both swing laws over `INERTIAS`, for n = 0.3 [%]."""
     power = np.asarray(game().swing(0.3).angular_speed(INERTIAS))
     ratio = energy_speeds() / power
     return 100 * float(np.abs(ratio / ratio.mean() - 1).max())
@@ -122,19 +122,20 @@ def without_inertia() -> float:
 
 
 def follows() -> float:
-    """Return the correlation of e_A with e of R161 within 3 in of the peak of each."""
-    table, off = profiled(WOOD)[0.0].table, np.arange(-3, 3.01, 0.25)
+    """Return the correlation of e_A and e of R161 within 3 in of their peaks."""
+    table, distances = profiles_by_swing(WOOD)[0.0].table, np.arange(-3, 3.01, 0.25)
     curves = [
-        np.interp(top(WOOD, what).place + off, table["z_in"], table[what]) for what in ("e", "e_A")
+        np.interp(top(WOOD, curve).place + distances, table["z_in"], table[curve])
+        for curve in ("e", "e_A")
     ]
     return float(np.corrcoef(*curves)[0, 1])
 
 
 def flat_swing() -> float:
-    """Return the place of the peak of v_f less that of e_A if the bat moved alike everywhere."""
-    table = profiled(WOOD)[0.0].table
-    found = top_of(table["z_in"], table["e_A"], 90.0, 70.0)
-    return found.place - top(WOOD, "e_A").place
+    """Return peak position of v_f minus that of e_A [in], at equal bat speed everywhere."""
+    table = profiles_by_swing(WOOD)[0.0].table
+    highest = top_of(table["z_in"], table["e_A"], 90.0, 70.0)
+    return highest.place - top(WOOD, "e_A").place
 
 
 def least_recoil() -> float:
@@ -170,7 +171,7 @@ def peaks_apart(farther: str, nearer: str) -> float:
 
 
 def speed_lost_inward() -> float:
-    """Return v_bat of R161 3 in from the tip less that 9 in from it [mph]."""
+    """Return v_bat of R161 at 3 in from the tip minus that at 9 in [mph]."""
     return float(nominal(WOOD, 3) - nominal(WOOD, 9))
 
 

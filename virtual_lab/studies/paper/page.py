@@ -1,4 +1,4 @@
-"""The paper's Figs. 2 to 4 on one page, as this library computes them, with the table of claims."""
+"""Page with the paper's Figs. 2 to 4, as this program computes them, and the table of claims."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from virtual_lab.output.style import STYLE
 from virtual_lab.studies.bats.compare import BatComparison
 from virtual_lab.studies.bats.curves import plot_comparison, plot_profile
 from virtual_lab.studies.paper.claim import Row
-from virtual_lab.studies.paper.computed import ALUMINIUM, BARREL, KNOB, WOOD, profiled
+from virtual_lab.studies.paper.computed import ALUMINIUM, BARREL, KNOB, WOOD, profiles_by_swing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 def draw_page() -> Figure:
-    """Return Fig. 2 beside Figs. 3 and 4, each bat swung with n = 0 and 0.5."""
+    """Return one figure of the paper's Figs. 2, 3 and 4, for the swing exponents n = 0 and 0.5."""
     from matplotlib import style
     from matplotlib.figure import Figure
 
@@ -27,7 +27,7 @@ def draw_page() -> Figure:
         grid = figure.add_gridspec(1, 3, wspace=0.03)
         parts = [figure.add_subfigure(grid[0, column]) for column in range(3)]
         above, below = parts[0].subplots(2, 1, sharex=True)
-        plot_profile(above, below, profiled(WOOD)[0.0].table)
+        plot_profile(above, below, profiles_by_swing(WOOD)[0.0].table)
         above.set_title("Fig. 2: wood, swung at 45 rad/s")
         bare = []
         pairs = (
@@ -35,7 +35,7 @@ def draw_page() -> Figure:
             ("Fig. 4: barrel- and knob-loaded", BARREL, KNOB),
         )
         for part, (title, first, second) in zip(parts[1:], pairs, strict=True):
-            swung = tuple(profiled(bat)[n] for bat in (first, second) for n in (0.0, 0.5))
+            swung = tuple(profiles_by_swing(bat)[n] for bat in (first, second) for n in (0.0, 0.5))
             top, middle, bottom = panels = part.subplots(3, 1, sharex=True)
             plot_comparison(panels, BatComparison(profiles=swung).curves)
             top.set_title(title)
@@ -50,12 +50,12 @@ def draw_page() -> Figure:
 
 
 def write_page(rows: Sequence[Row], figure: Figure, path: Path) -> None:
-    """Write figure and table as one self-contained HTML page."""
+    """Write the figure and the table of claims as one self-contained HTML page."""
     table = [row.cells | {"reason": row.claim.why} for row in rows]
     title = "Characterizing the performance of baseball bats: the paper and the virtual laboratory"
     words = (
-        "Figs. 2 to 4 of the paper of 2003 as this laboratory computes them, and the numbers and "
-        "claims of its Secs. II to VI: what it says, what we find, how far apart, and how far "
-        "apart they may be, with the reason."
+        "Figs. 2 to 4 of the paper of 2003 as this program computes them, and the numbers and "
+        "statements of its Secs. II to VI: number in the paper, our result, deviation, tolerance, "
+        "and the reason for the tolerance."
     )
     path.write_text(chart_page(title, words, figure, table), encoding="utf-8")
