@@ -1,4 +1,4 @@
-"""Campaigns: studies of many laboratories on disk, made part by part, by one worker or many.
+"""Campaigns: studies of many laboratories, stored on disk in parts that workers compute.
 
-Nothing is imported here: a worker's process listens for its parent before it loads what it needs.
+Nothing is imported here, so that a worker process listens to its parent before slow imports.
 """

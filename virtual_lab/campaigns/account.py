@@ -1,4 +1,4 @@
-"""A campaign's parts by their state (made, made again, missing), in words and as JSON."""
+"""State of the parts of a campaign: numbers of parts made, made again and missing."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ INCOMPLETE = 4  # exit code of the program
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Account:
-    """The state of the parts of a campaign; a part is named by its tests."""
+    """State of the parts of a campaign, by the description of their tests."""
 
     parts: int
     tests: int  # number of tests in the parts
@@ -22,19 +22,19 @@ class Account:
 
     @property
     def code(self) -> int:
-        """The program's exit code."""
+        """Exit code of the program: 0 if no part is missing."""
         return INCOMPLETE if self.missing else 0
 
     @property
     def document(self) -> dict[str, Any]:
-        """The account for JSON."""
+        """The account as a JSON object."""
         return asdict(self)
 
     @property
     def text(self) -> str:
-        """The account for a terminal."""
-        there = self.parts - len(self.missing)
-        lines = [f"{there} of {self.parts} parts are there, {self.made} of them made now"]
+        """The account as text."""
+        present = self.parts - len(self.missing)
+        lines = [f"{present} of {self.parts} parts are there, {self.made} of them made now"]
         lines += [f"made again, {why}: {name}" for name, why in self.again.items()]
         lines += [f"missing, {why}: {name}" for name, why in self.missing.items()]
         if len(self.processors) > 1:

@@ -1,9 +1,9 @@
 """Two digests in the footer of a Parquet file: of the data before it, and of the footer itself.
 
-A Parquet file ends with its footer (the columns and the positions of their data), the footer's
-length in four bytes, and a mark. The footer's own digest is that of its bytes with zeros in the
-place of this digest. So the footer alone shows whether it was changed, and footer and
-data together show it for every byte of the file, on whatever machine the file was written.
+A Parquet file ends with a footer (the columns and the positions of their data), the length of the
+footer in four bytes, and a mark. The digest of the footer is computed with zeros in its place. The
+footer alone therefore shows whether it was changed, and footer and data together show a change of
+any byte of the file.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ CHANGED_LATER = "it was changed after it was made"
 
 
 class ChangedPartError(Exception):
-    """A part's file is changed or unreadable; the text gives the reason."""
+    """Error: the file of a part is changed or unreadable; the text is the reason."""
 
 
 def with_digests(file: bytes) -> bytes:
-    """Return a Parquet file with its digests in place of the zeros in its footer."""
-    data, footer, tail = _divided(file)
+    """Return a Parquet file in which digests replace the zeros in the footer."""
+    data, footer, tail = _split_file(file)
     footer = _with_digest(footer, DATA, sha256(data).hexdigest())
     return data + _with_digest(footer, FOOTER, sha256(footer).hexdigest()) + tail
 
 
 def checked_file(path: Path) -> bytes:
-    """Return the bytes of a Parquet file; `ChangedPartError` if one was changed."""
+    """Return the bytes of a Parquet file. Raises `ChangedPartError` if one was changed."""
     file = read_bytes(path, most=LARGEST_PART)
-    data, footer, _ = _divided(file)
+    data, footer, _ = _split_file(file)
     _require_unchanged(footer)
     if _digest_in(footer, DATA) != sha256(data).hexdigest():
         raise ChangedPartError(f"{CHANGED_LATER} (its data)")
@@ -45,11 +45,14 @@ def checked_file(path: Path) -> bytes:
 
 
 def checked_footer(path: Path) -> bytes:
-    """Return a file with only the footer; `ChangedPartError` if the footer was changed."""
+    """Return a Parquet file reduced to its footer, without data.
+
+    Raises `ChangedPartError` if the footer was changed.
+    """
     end = read_bytes(path, most=LARGEST_PART, last=FIRST_LOOK)
     if len(end) == FIRST_LOOK and _length(end) + TAIL_BYTES > FIRST_LOOK:
         end = read_bytes(path, most=LARGEST_PART)
-    _, footer, tail = _divided(end)
+    _, footer, tail = _split_file(end)
     _require_unchanged(footer)
     return PARQUET_MARK + footer + tail
 
@@ -63,8 +66,8 @@ def _length(end: bytes) -> int:
     return int.from_bytes(end[-TAIL_BYTES : -len(PARQUET_MARK)], "little")
 
 
-def _divided(file: bytes) -> tuple[bytes, bytes, bytes]:
-    """Return data, footer and tail of a Parquet file, or of its end."""
+def _split_file(file: bytes) -> tuple[bytes, bytes, bytes]:
+    """Return data, footer and tail of a Parquet file, or of the last bytes of one."""
     start = len(file) - TAIL_BYTES - _length(file)
     if not file.endswith(PARQUET_MARK) or start < 0:
         raise ChangedPartError("it cannot be read (it is no Parquet file, or was cut short)")
@@ -72,7 +75,7 @@ def _divided(file: bytes) -> tuple[bytes, bytes, bytes]:
 
 
 def _place(footer: bytes, key: str) -> tuple[int, int]:
-    """Return the first byte of a digest in a footer, and the first byte after it."""
+    """Return the positions of the first byte of a digest in a footer, and of the byte after it."""
     digest = rb'"%b": "([0-9a-f]{64})"' % key.encode()
     places = [match.span(1) for match in re.finditer(digest, footer)]
     if len(places) != 1:

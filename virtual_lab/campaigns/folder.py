@@ -1,4 +1,4 @@
-"""A campaign's folder: the study, the sheets that its tests read, and the parts made so far."""
+"""The folder of a campaign: study, data sheets that its tests read, and parts made so far."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ STUDY, STAMP, PARTS = "study.toml", "campaign.json", "parts"
 class Campaign:
     """A study with its parts in a folder.
 
-    `sheets` are the texts of all data sheets that its tests read, by ``kind/name``; they are
-    kept in the folder, so that the catalog may change during a campaign. `layouts` are the
-    columns of its parts, by procedure.
+    `sheets` are the texts of all data sheets that the tests read, by ``kind/name``. They are stored
+    in the folder, so that the catalog may change during a campaign. `layouts` are the columns of
+    the parts, by procedure.
     """
 
     folder: Path
@@ -59,24 +59,24 @@ class Campaign:
         Raises
         ------
         InputError
-            No campaign, one of another version of this program, or a changed one.
+            There is no campaign, it was changed, or it is of another version of this program.
         """
         path, study = Path(folder) / STAMP, read_study(Path(folder) / STUDY)
         stamp = read_json(path)
-        kept = {key: stamp.get(key, {}) for key in ("sheets", "layouts")}
-        found = cls(folder=Path(folder), study=study, **kept)
-        for key, value in {**PROGRAM, "digest": found.digest}.items():
+        stamped = {key: stamp.get(key, {}) for key in ("sheets", "layouts")}
+        campaign = cls(folder=Path(folder), study=study, **stamped)
+        for key, value in {**PROGRAM, "digest": campaign.digest}.items():
             if stamp.get(key) != value:
                 allowed = f"of another version, or changed; allowed in this folder: {value}"
                 raise InputError(str(path), key, stamp.get(key), allowed)
-        return found
+        return campaign
 
     @classmethod
     def begin(cls, study: Study, text: str, folder: Path, progress: Progress = quiet) -> Campaign:
-        """Return the campaign of a study in its folder, which is created if missing.
+        """Return the campaign of a study in a folder, which is created if it is missing.
 
-        `text` is the study's file. `InputError` for what its tests cannot use, and for the folder
-        of another study.
+        `text` is the content of the study file. Raises `InputError` if the tests cannot use a value
+        of the study, or if the folder belongs to another study.
         """
         if not (folder / STAMP).is_file():
             sheets, layouts = study.sheets(progress), layouts_of(study, progress)
@@ -90,34 +90,37 @@ class Campaign:
             except InputError:  # another process may have just begun it
                 if not (folder / STAMP).is_file():
                     raise
-        found = cls.open(folder)
-        if found.study != study or found.sheets != found.sheets_today():
+        campaign = cls.open(folder)
+        if campaign.study != study or campaign.sheets != campaign.sheets_today():
             allowed = "holds another campaign (study, data sheets or version); name another"
             raise InputError("", "output folder", str(folder), allowed)
-        return found
+        return campaign
 
     def sheets_today(self) -> dict[str, str]:
-        """Return the present texts of its sheets in the catalog; `InputError` if one is missing."""
+        """Return the present texts of its sheets in the catalog, by ``kind/name``.
+
+        Raises `InputError` if a sheet is missing.
+        """
         return {key: catalog.text(*key.split("/", 1)) for key in self.sheets}
 
     @cached_property
     def digest(self) -> str:
-        """The hash of study, sheets, columns, version and schema."""
+        """Hash of study, sheets, columns, version and schema."""
         return _hash([PROGRAM, asdict(self.study), self.sheets, self.layouts])
 
     @cached_property
     def cases(self) -> tuple[StudyCase, ...]:
-        """Bats by procedures by changes."""
+        """All combinations of bats, procedures and changes."""
         return self.study.cases
 
     @property
     def parts(self) -> Path:
-        """The folder of the parts."""
+        """Folder of the parts."""
         return self.folder / PARTS
 
     @property
     def blocks(self) -> int:
-        """The number of blocks of the study."""
+        """Number of blocks of the study."""
         return len(self.cases) * self._of_case * self.study.repeats
 
     @property
@@ -125,31 +128,34 @@ class Campaign:
         return -(-self.study.laboratories // ROWS)
 
     def block(self, number: int) -> Block:
-        """Return a block by its number. Blocks are ordered by case, laboratories and day."""
+        """Return a block by its number. Blocks are sorted by case, laboratories and day."""
         rest, repeat = divmod(number, self.study.repeats)
         case, place = divmod(rest, self._of_case)
         first, name = place * ROWS, f"{number:07}-{_hash([self.digest, number])[:16]}.parquet"
         rows = min(ROWS, self.study.laboratories - first)
         return Block(number, self.cases[case], repeat, first, rows, name)
 
-    def share(self, asked: str | None) -> range:
-        """Return the blocks of a share, ``3/40`` for the third fortieth; None for all."""
-        digits = re.fullmatch(r"(\d{1,9})/(\d{1,9})", asked or "1/1")
-        one, many = map(int, digits.groups()) if digits else (0, 0)
-        if not 1 <= one <= many:
-            raise InputError("", "blocks", asked, "allowed: N/M, share N of M, as 1/40 to 40/40")
-        return range(self.blocks * (one - 1) // many, self.blocks * one // many)
+    def share(self, text: str | None) -> range:
+        """Return the numbers of the blocks of a share, such as ``3/40``; None stands for all.
+
+        Raises `InputError` if the text is not a share.
+        """
+        digits = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text or "1/1")
+        number, many = map(int, digits.groups()) if digits else (0, 0)
+        if not 1 <= number <= many:
+            raise InputError("", "blocks", text, "allowed: N/M, share N of M, as 1/40 to 40/40")
+        return range(self.blocks * (number - 1) // many, self.blocks * number // many)
 
     def layout(self, block: Block) -> PartColumns:
-        """Return the columns of a block's part: type and unit by name."""
+        """Return the columns of the part of a block: type and unit by name."""
         layout = self.layouts[block.case.procedure]
         return {name: (type_, unit) for name, (type_, unit) in layout.items()}
 
     def tests(self, numbers: range) -> int:
-        """Return the number of tests in blocks."""
+        """Return the number of tests in a range of blocks."""
 
         def before(number: int) -> int:
-            """Return the number of tests in all blocks before one."""
+            """Return the number of tests in all blocks before block `number`."""
             places, days = divmod(number, self.study.repeats)
             cases, place = divmod(places, self._of_case)
             rows = min(ROWS, self.study.laboratories - place * ROWS)
@@ -161,7 +167,7 @@ class Campaign:
     def numbers_there(self) -> list[int]:
         """Return the numbers of all blocks that have a file, in order.
 
-        `InputError` for a file among the parts that does not belong to this campaign.
+        Raises `InputError` if a file among the parts does not belong to this campaign.
         """
         numbers = []
         for name in sorted(path.name for path in self.parts.iterdir()):
@@ -176,45 +182,45 @@ class Campaign:
         return sorted(numbers)
 
     def part(self, number: int, *, whole: bool = False) -> Part:
-        """Return a part that has a file, read by its footer, or to its last byte if `whole`."""
+        """Return a part that has a file; only its footer is read, or all of it if `whole`."""
         block = self.block(number)
         return read_part(block, self.layout(block), self.parts / block.name, whole=whole)
 
     def states(self, numbers: range, *, whole: bool = False) -> Iterator[Part]:
-        """Yield the parts of blocks, as `part`; also of those without a file.
+        """Yield the parts of a range of blocks, including parts without a file.
 
-        `InputError` as `numbers_there`.
+        Raises `InputError` as `numbers_there` does.
         """
-        there = set(self.numbers_there())
+        present = set(self.numbers_there())
         for number in numbers:
-            lost = None if number in there else Part(self.block(number), NOT_MADE)
+            lost = None if number in present else Part(self.block(number), NOT_MADE)
             yield lost or self.part(number, whole=whole)
 
     def check(self, progress: Progress = quiet) -> Account:
-        """Read every part to its last byte, and account for the blocks."""
+        """Read all parts completely, and return the account of all blocks."""
         return self.account(range(self.blocks), {}, progress, whole=True)
 
     def account(
         self, numbers: range, faults: Mapping[int, str], progress: Progress, *, whole: bool
     ) -> Account:
-        """Account for blocks, as `states`; `faults` has the known reasons for missing parts."""
+        """Return the account of a range of blocks; `faults` are known reasons for missing parts."""
         missing, processors = {}, set()
-        for done, part in enumerate(self.states(numbers, whole=whole)):
+        for finished, part in enumerate(self.states(numbers, whole=whole)):
             processors.add(part.processor)
             if part.wrong:
                 missing[str(part.block)] = faults.get(part.block.number, part.wrong)
-            progress("parts", done, len(numbers))
+            progress("parts", finished, len(numbers))
         families, tests = tuple(sorted(processors - {""})), self.tests(numbers)
         return Account(parts=len(numbers), tests=tests, missing=missing, processors=families)
 
     def summary(self) -> Rows[dict[str, Any]]:
         """Return verdicts, means, errors and coverage [SI], one row per bat, procedure and change.
 
-        `InputError` as `states`.
+        Raises `InputError` as `states` does.
         """
         numbers = range(self.blocks)
         cases = groupby(self.states(numbers, whole=True), key=lambda part: part.block.case)
-        rows = [summary_of(case, own) for case, own in cases]
+        rows = [summary_of(case, parts) for case, parts in cases]
         title = "{laboratories} laboratories of seed {seed}, tests in each: {repeats}"
         about = {"title": title.format_map(asdict(self.study)), "words": SUMMARY_WORDS}
         return Rows(name="campaign", rows=rows, columns=SUMMARY_COLUMNS, **about)
@@ -236,9 +242,9 @@ class Campaign:
 
 
 def read_study(path: Path) -> Study:
-    """Return the study in a file; `InputError` names the key that does not fit."""
+    """Return the study in a file. Raises `InputError` with the key that does not fit."""
     return validate(read_toml(path), str(path), Study)
 
 
-def _hash(known: Any) -> str:
-    return hashlib.blake2b(json.dumps(known, sort_keys=True).encode()).hexdigest()
+def _hash(content: Any) -> str:
+    return hashlib.blake2b(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -64,7 +64,7 @@ PartColumns = Mapping[str, tuple[str, str]]  # type and unit of a part's columns
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A block of consecutive laboratories of one case on one day; it fills one part."""
+    """A block of consecutive laboratories of one case on one day. Its tests fill one part."""
 
     number: int  # number in the campaign, from 0
     case: StudyCase
@@ -81,23 +81,29 @@ class Block:
 
 
 def parquet() -> Any:
-    """Return pyarrow's module of Parquet files; `InputError` without its extra."""
+    """Return the module `pyarrow.parquet`. Raises `InputError` without the extra."""
     return of_extra("pyarrow.parquet", "campaign", "a campaign")
 
 
 def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
     """Return the tests of a block as a table with the columns of `layout`.
 
-    The metadata of a column are its unit and its meaning. A test without a result has blanks. So
-    has a column that only other procedures have. `InputError` as `StudyCase.round_robin`;
-    `ValueError` for a column that `layout` does not have.
+    The metadata of a column are its unit and its meaning. Values are blank in a test without a
+    result, and in a column that only other procedures have.
+
+    Raises
+    ------
+    InputError
+        A sheet cannot be used, or bat, ball, rigs and procedure do not fit.
+    ValueError
+        The tests have a column that is not in `layout`.
     """
     import pyarrow as pa
 
-    made = _made(block, seed)
-    if unforeseen := [name for name, _ in made if name not in layout]:
+    columns_made = _test_block(block, seed)
+    if unforeseen := [name for name, _ in columns_made if name not in layout]:
         raise ValueError(f"its first laboratories have no {', '.join(unforeseen)}")
-    arrays = {name: array for (name, _), array in made.items()}
+    arrays = {name: array for (name, _), array in columns_made.items()}
     blanks = pa.nulls(block.rows, pa.float64())
     columns = [arrays.get(name, blanks) for name in layout]
     types = zip(layout.items(), columns, strict=True)
@@ -109,7 +115,10 @@ def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
 
 
 def meaning_of(column: str) -> str:
-    """Return the meaning of a column of a part. A key that the study changes means its value."""
+    """Return the meaning of a column of a part, in words.
+
+    A column named after a key that the study changes holds the value of this key.
+    """
     if column in MEANINGS:
         return MEANINGS[column]
     if column.startswith(CONTRIBUTION):
@@ -121,12 +130,12 @@ def meaning_of(column: str) -> str:
 
 
 def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
-    """Return the columns of a study's parts, by procedure: the same names, in the same order.
+    """Return the columns of the parts of a study, by procedure. Names and order are the same.
 
-    The first laboratories of the study's cases are tested. Of cases that differ only in the
-    numbers of their changed keys, only the first is tested. A number of 0 makes a separate case,
-    because an uncertainty of 0 contributes nothing and has no column. A column that a procedure
-    does not have has the unit of the first procedure that has it.
+    The columns are found by testing the first laboratories of the cases. Among cases that differ
+    only in the numbers of changed keys, only the first one is tested. The number 0 is a separate
+    case, because an uncertainty of 0 contributes nothing and has no column. A column that a
+    procedure does not have gets the unit of the first procedure that has it.
     """
     alike = {
         (case.bat, case.procedure, *map(_kind, case.change.values())): case
@@ -134,10 +143,10 @@ def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
     }
     layouts: dict[str, dict[str, tuple[str, str]]] = {each: {} for each in study.procedures}
     rows = min(FIRST, study.laboratories)
-    for done, case in enumerate(reversed(alike.values())):
-        progress("columns", done, len(alike))
-        made = _made(Block(0, case, 0, 0, rows, ""), study.seed)
-        columns = {name: (str(array.type), unit) for (name, unit), array in made.items()}
+    for number, case in enumerate(reversed(alike.values())):
+        progress("columns", number, len(alike))
+        columns_made = _test_block(Block(0, case, 0, 0, rows, ""), study.seed)
+        columns = {name: (str(array.type), unit) for (name, unit), array in columns_made.items()}
         layouts[case.procedure] |= columns
     every = {name: each for layout in reversed(layouts.values()) for name, each in layout.items()}
     names = dict.fromkeys(name for layout in layouts.values() for name in layout)
@@ -149,7 +158,7 @@ def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
 
 
 def _kind(value: Value) -> Any:
-    """Return the part of a changed value that may affect the columns: text, or whether it is 0."""
+    """Return the property of a value that decides its columns: its text, or whether it is 0."""
     if isinstance(value, tuple):
         return tuple(map(_kind, value))
     number = str(value).split(" ", maxsplit=1)[0]  # number in a text such as "0.1 mm"
@@ -159,7 +168,7 @@ def _kind(value: Value) -> Any:
         return value
 
 
-def _made(block: Block, seed: int) -> dict[tuple[str, str], pa.Array]:
+def _test_block(block: Block, seed: int) -> dict[tuple[str, str], pa.Array]:
     """Return the tests of a block as columns by name and unit."""
     import pyarrow as pa
 
@@ -170,26 +179,34 @@ def _made(block: Block, seed: int) -> dict[tuple[str, str], pa.Array]:
         parts = [_columns(each) for each in shared.blocks(block.rows, seed, block.first)]
     same = {"bat": case.bat, "procedure": case.procedure, **case.change, "repeat": block.repeat}
     columns = {
-        (name, units.get(name, "")): pa.repeat(one, block.rows) for name, one in same.items()
+        (name, units.get(name, "")): pa.repeat(value, block.rows) for name, value in same.items()
     }
     columns["number", ""] = pa.array(numbers)
     for key in dict.fromkeys(key for part in parts for key in part):
-        # a quantity without uncertainty in a part contributes nothing, and has no column there
-        own = [part[key] if key in part else 0 * part["u", key[1]] for part in parts]
-        columns[key] = pa.array(np.concatenate(own), from_pandas=True)  # NaN is a blank
+        # a quantity without uncertainty contributes nothing and has no column in this part
+        values = [part[key] if key in part else 0 * part["u", key[1]] for part in parts]
+        columns[key] = pa.array(np.concatenate(values), from_pandas=True)  # NaN is a blank
     return columns
 
 
 def _columns(tested: BlockTest) -> Columns:
-    """Return the results of the tests of some laboratories as columns."""
-    found, true = tested.certified, dict(tested.measurands)
-    metric, unit = found.results["metric"], METRICS[found.procedure.metric].si_unit or "1"
-    reach = coverage_factors(metric.dof) * metric.u
-    own = (metric.value, metric.u, metric.value - reach, metric.value + reach, true.pop("metric"))
+    """Return the results of the tests of a block of laboratories as columns."""
+    certified, true = tested.certified, dict(tested.measurands)
+    metric, unit = certified.results["metric"], METRICS[certified.procedure.metric].si_unit or "1"
+    half_width = coverage_factors(metric.dof) * metric.u
+    metric_columns = (
+        metric.value,
+        metric.u,
+        metric.value - half_width,
+        metric.value + half_width,
+        true.pop("metric"),
+    )
     names = ("metric", "u", "low", "high", "true")
-    columns: Columns = {(name, unit): one for name, one in zip(names, own, strict=True)}
+    columns: Columns = {
+        (name, unit): values for name, values in zip(names, metric_columns, strict=True)
+    }
     columns["dof", "1"] = metric.dof
-    for name, budgets in found.results.items():
+    for name, budgets in certified.results.items():
         if name != "metric":
             columns[name, "1"], columns[f"{name}_u", "1"] = budgets.value, budgets.u
     for name, values in true.items():
@@ -197,44 +214,47 @@ def _columns(tested: BlockTest) -> Columns:
     square, _ = metric.components.lines()
     for name, column in zip(metric.components.line_names, np.sqrt(square).T, strict=True):
         columns[f"{CONTRIBUTION}{name}", unit] = column
-    flags = np.full(found.some.size, "", object)
-    for name, where in found.checked.flagged.items():
-        flags[where] = [f"{others} {name}".strip() for others in flags[where]]
-    verdicts = np.array([verdict.value for verdict in found.verdicts], object)
-    blanked = {key: np.where(found.some, one, np.nan) for key, one in columns.items()}
+    flags = np.full(certified.some.size, "", object)
+    for name, where in certified.checked.flagged.items():
+        flags[where] = [f"{earlier_flags} {name}".strip() for earlier_flags in flags[where]]
+    verdicts = np.array([verdict.value for verdict in certified.verdicts], object)
+    blanked = {key: np.where(certified.some, values, np.nan) for key, values in columns.items()}
     return {("verdict", ""): verdicts, ("flags", ""): flags, **blanked}
 
 
 def write_part(table: pa.Table, folder: Path, block: Block) -> None:
-    """Write a part completely or not at all. `OSError` if the folder cannot be written."""
+    """Write a part, completely or not at all. Raises `OSError` if the folder cannot be written."""
     words = {**PROGRAM, "name": block.name, "tests": str(block), "processor": processor()}
     words |= {DATA: NO_DIGEST, FOOTER: NO_DIGEST}
-    made = BytesIO()
-    with parquet().ParquetWriter(made, table.schema, write_page_checksum=True, **FORM) as writer:
+    buffer = BytesIO()
+    with parquet().ParquetWriter(buffer, table.schema, write_page_checksum=True, **FORM) as writer:
         writer.write_table(table)
         writer.add_key_value_metadata({ABOUT: json.dumps(words)})
     with whole_file(folder / block.name) as file:
-        file.write(with_digests(made.getvalue()))
+        file.write(with_digests(buffer.getvalue()))
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """The part of a campaign that one block fills, and its faults."""
+    """A part of a campaign, with the tests of one block."""
 
     block: Block
-    wrong: str  # fault of its file; '' if there is none
-    processor: str = ""  # processor that made it
+    wrong: str  # fault of its file; empty if there is none
+    processor: str = ""  # processor that computed it
     file: bytes = b""  # content of the file, if all of it was read
 
     def table(self, columns: Sequence[str] | None = None) -> pa.Table:
-        """Return its tests."""
+        """Return its tests as a table; by default with all columns."""
         import pyarrow as pa
 
         return parquet().read_table(pa.BufferReader(self.file), columns=columns)
 
 
 def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> Part:
-    """Return the part of a block in a file, checked by its footer, or completely if `whole`."""
+    """Return the part in a file after a check of its footer, or of all of it if `whole`.
+
+    A file that is changed, unreadable or of other tests gives a part with a fault.
+    """
     import pyarrow as pa
 
     try:
@@ -259,7 +279,7 @@ def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> 
 
 @cache
 def processor() -> str:
-    """Return the family of this machine's processor; within it, results agree to the last bit."""
+    """Return the family of the processor. Within one family results agree to the last bit."""
     from llvmlite import binding
 
     return f"{platform.machine()} {binding.get_host_cpu_name()}"

@@ -1,4 +1,4 @@
-"""Running a campaign: its blocks are made in this process, by several processes, or by Dask."""
+"""Run of a campaign in this process, in several processes, or with Dask."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from virtual_lab.campaigns.account import Account
 from virtual_lab.campaigns.folder import Campaign, read_study
 from virtual_lab.campaigns.parts import parquet
 from virtual_lab.campaigns.study import Study
-from virtual_lab.campaigns.workers import made_by
+from virtual_lab.campaigns.workers import make_parts
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import parse_toml, read_text
@@ -20,7 +20,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import Address, Folder, Positive, Share
 from virtual_lab.sheets import AnyStudy, Instruments, toml_text
 
-ATTEMPTS = 2  # number of attempts per block, in case its worker is killed
+ATTEMPTS = 2  # number of attempts per block, because a worker may be killed
 
 
 def campaign(
@@ -33,7 +33,7 @@ def campaign(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Account:
-    """Certify bats in very many laboratories, into a folder of Parquet files.
+    """Certify bats in very many laboratories, and store the tests as Parquet files in a folder.
 
     Finished parts stay if the run is interrupted; the next run makes those that are missing or
     damaged. Exit code 4 if a part is missing in the end: its block failed twice.
@@ -49,7 +49,7 @@ def campaign(
     folder
         Folder of the campaign: a new one, or one of the same study, which is continued.
     workers
-        Number of processes on this machine, each with one thread; 1 means this process.
+        Number of processes on this machine, each with one thread; 1 stands for this process.
     blocks
         Make the Nth of M shares only, ``N/M``, as a job of an array does: ``3/40``.
     dask
@@ -65,46 +65,46 @@ def campaign(
     Raises
     ------
     InputError
-        A study that cannot be used, a folder of another study or version, a foreign file
-        among the parts, a share that does not exist, a scheduler that does not answer, a folder
-        that cannot be written, the extra ``campaign`` or ``dask`` missing.
+        The study or the share is not valid, the folder belongs to another study or version,
+        contains a foreign file or cannot be written, the scheduler does not answer, or the extra
+        ``campaign`` or ``dask`` is missing.
     """
     folder = Path(folder)
     parquet()  # raises an error if the extra is missing
     if workers < 1:
         raise InputError("", "workers", workers, "allowed: 1 and more")
-    known = Campaign.open(folder) if study is None else _begun(study, folder, progress)
-    numbers = known.share(blocks)
-    with draft_in(known.parts):
+    opened = Campaign.open(folder) if study is None else _begin(study, folder, progress)
+    numbers = opened.share(blocks)
+    with draft_in(opened.parts):
         pass  # removes unfinished files of killed processes
-    there = [known.part(number) for number in known.numbers_there() if number in numbers]
-    again = {str(part.block): part.wrong for part in there if part.wrong}
-    made = {part.block.number: part.block.rows for part in there if not part.wrong}
-    done, tests = sum(made.values()), known.tests(numbers)
-    todo: Iterable[int] = (number for number in numbers if number not in made)
+    parts = [opened.part(number) for number in opened.numbers_there() if number in numbers]
+    again = {str(part.block): part.wrong for part in parts if part.wrong}
+    finished = {part.block.number: part.block.rows for part in parts if not part.wrong}
+    done, tests = sum(finished.values()), opened.tests(numbers)
+    todo: Iterable[int] = (number for number in numbers if number not in finished)
     for _ in range(ATTEMPTS):
         progress("laboratories", done, tests)
         faults: dict[int, str] = {}
-        for number, fault in made_by(folder, todo, workers if dask is None else dask):
+        for number, fault in make_parts(folder, todo, workers if dask is None else dask):
             if isinstance(fault, InputError):
                 raise fault
             if fault:
                 faults[number] = fault
             else:
-                done += known.block(number).rows
+                done += opened.block(number).rows
                 progress("laboratories", done, tests)
         todo = list(faults)
         if not todo:
             break
-    account = known.account(numbers, faults, quiet, whole=False)
-    return replace(account, made=len(numbers) - len(made) - len(account.missing), again=again)
+    account = opened.account(numbers, faults, quiet, whole=False)
+    return replace(account, made=len(numbers) - len(finished) - len(account.missing), again=again)
 
 
-def _begun(study: str | Path | Mapping[str, Any], folder: Path, progress: Progress) -> Campaign:
+def _begin(study: str | Path | Mapping[str, Any], folder: Path, progress: Progress) -> Campaign:
     if not isinstance(study, Mapping):
         study = Path(study)
         return Campaign.begin(read_study(study), read_text(study), folder, progress)
     change = {f'"{key}"': values for key, values in dict(study.get("change") or {}).items()}
     text = toml_text({**study, "change": change})
-    asked = validate(parse_toml(text, "study"), "study", Study)
-    return Campaign.begin(asked, text, folder, progress)
+    validated = validate(parse_toml(text, "study"), "study", Study)
+    return Campaign.begin(validated, text, folder, progress)

@@ -1,4 +1,4 @@
-"""The study file of a campaign, its cases, and the sheets that a case changes."""
+"""The study of a campaign, its cases, and the sheets that a case changes."""
 
 from __future__ import annotations
 
@@ -28,12 +28,11 @@ Values: TypeAlias = "tuple[Real, ...] | tuple[str, ...] | tuple[tuple[Real, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study(Spec):
-    """Bats by procedures in numbered laboratories, with changed sheets, on several days.
+    """All combinations of bats, procedures and changed sheets, in laboratories, on several days.
 
-    The laboratories of every bat, procedure and change are those of the seed, from number 0.
-    `change` maps keys of the sheets of a rig or of its instruments to new values:
-    ``"impact.gates.distance_u"`` is the key ``distance_u`` of the instrument that the rig of the
-    impacts names as its gates. Values of several keys are crossed.
+    All cases have the same laboratories, numbered from 0. `change` maps keys of the sheets of a rig
+    or of its instruments to new values: ``"impact.gates.distance_u"`` is the key ``distance_u`` of
+    the instrument that the impact rig names as its gates. Several keys give all combinations.
     """
 
     bats: Annotated[tuple[str, ...], MinLen(1)]
@@ -52,7 +51,7 @@ class Study(Spec):
 
     @property
     def cases(self) -> tuple[StudyCase, ...]:
-        """Bats, procedures and values of the changes, crossed in this order."""
+        """All combinations of bats, procedures and values of the changes, in this order."""
         return tuple(
             StudyCase(bat, procedure, self.individual, dict(zip(self.change, values, strict=True)))
             for bat, procedure in product(self.bats, self.procedures)
@@ -62,11 +61,11 @@ class Study(Spec):
     def sheets(self, progress: Progress = quiet) -> dict[str, str]:
         """Return the texts of all data sheets that its tests read, by ``kind/name``.
 
-        `InputError` for what they cannot use.
+        Raises `InputError` if the tests cannot use a value of the study.
         """
         texts: dict[str, str] = {}
-        for done, case in enumerate(self.cases):
-            progress("cases", done, len(self.cases))
+        for number, case in enumerate(self.cases):
+            progress("cases", number, len(self.cases))
             with catalog.sheets_in_place({}) as used:
                 with catalog.sheets_in_place(case.changed()[0]):
                     case.round_robin(self.seed)
@@ -76,7 +75,7 @@ class Study(Spec):
 
 @dataclass(frozen=True, slots=True)
 class StudyCase:
-    """One bat by one procedure with one value of each changed key."""
+    """One bat, one procedure and one value of each changed key."""
 
     bat: str
     procedure: str
@@ -84,25 +83,29 @@ class StudyCase:
     change: Mapping[str, Value]
 
     def changed(self) -> tuple[dict[Key, str], dict[str, str]]:
-        """Return the texts of the changed sheets, and the unit of the value of each changed key.
+        """Return the texts of the changed sheets, and the unit of each changed key.
 
-        `InputError` for a key that no rig of the procedure, and no instrument of it, has.
+        Raises `InputError` if no rig of the procedure and no instrument of these rigs has the key.
         """
         setup = TestSetup.of(self.bat, procedure=self.procedure)
         texts, units = dict[Key, str](), dict[str, str]()
         for key, value in self.change.items():
             with catalog.sheets_in_place(texts):
-                sheet, own = sheet_at({stage.value: rig for stage, rig in setup.rigs.items()}, key)
-                texts[sheet.kind, sheet.name] = sheet.with_({own: value}).text
-            stated = [datum.unit for datum in catalog.datums(sheet.document) if datum.key == own]
+                sheet, sheet_key = sheet_at(
+                    {stage.value: rig for stage, rig in setup.rigs.items()}, key
+                )
+                texts[sheet.kind, sheet.name] = sheet.with_({sheet_key: value}).text
+            stated = [
+                datum.unit for datum in catalog.datums(sheet.document) if datum.key == sheet_key
+            ]
             units[key] = "" if isinstance(value, str) else "".join(stated)
         return texts, units
 
     def round_robin(self, seed: int, repeat: int = 0) -> RoundRobin:
         """Return the laboratories of this case on a day, with the changed sheets in place.
 
-        `InputError` for sheets that cannot be used, a bat or ball that does not fit the procedure,
-        rigs that cannot simulate several laboratories at once.
+        Raises `InputError` if a sheet cannot be used, if bat or ball does not fit the procedure, or
+        if the rigs cannot simulate several laboratories at once.
         """
         shared = RoundRobin.of(self.bat, self.procedure, individual=self.individual)
         if not shared.in_blocks:

@@ -24,12 +24,14 @@ STATISTICS = ["mean", "sd", "sd_within", "rms_u", "bias", "bias_se", "coverage"]
 STATISTICS += ["coverage_low", "coverage_high", "above", "below"]
 
 
-def _listed(key: str) -> Callable[[Mapping[str, Any]], str]:
+def _list_counts(key: str) -> Callable[[Mapping[str, Any]], str]:
     return lambda row: ", ".join(f"{name} {value}" for name, value in row[key].items())
 
 
 SUMMARY_COLUMNS = {key: Column(key.replace("_", " "), form=".5g") for key in COUNTS + STATISTICS}
-SUMMARY_COLUMNS |= {key: Column(key, form=_listed(key)) for key in ("change", "verdicts", "flags")}
+SUMMARY_COLUMNS |= {
+    key: Column(key, form=_list_counts(key)) for key in ("change", "verdicts", "flags")
+}
 
 
 def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
@@ -52,35 +54,55 @@ def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
             sound = verdict != "INVALID"
             metric, u, low, high, true = (one[sound] for one in numbers)
             if np.isnan(about) and metric.size:
-                about = float(metric[0])  # origin near the mean: sums of squares lose no digits
-            off, error = metric - about, metric - true
-            terms = (off, off**2, u**2, error, error**2, true > high, true < low)
+                about = float(
+                    metric[0]
+                )  # origin close to the mean, to keep the digits of sums of squares
+            deviation, error = metric - about, metric - true
+            terms = (deviation, deviation**2, u**2, error, error**2, true > high, true < low)
             sums[:7] += [np.sum(term) for term in terms]
             of_days.append(np.where(sound, numbers[0] - about, np.nan))
         sums[7:] += _within(of_days)
     tests, counts = verdicts.total(), [dict(sorted(each.items())) for each in (verdicts, flags)]
-    known = (case.bat, case.procedure, dict(case.change), tests, missing, *counts)
-    found = _statistics(tests - verdicts["INVALID"], about, sums)
-    return dict(zip(COUNTS, known, strict=True)) | dict(zip(STATISTICS, found, strict=True))
+    counts_row = (case.bat, case.procedure, dict(case.change), tests, missing, *counts)
+    statistics = _statistics(tests - verdicts["INVALID"], about, sums)
+    return dict(zip(COUNTS, counts_row, strict=True)) | dict(
+        zip(STATISTICS, statistics, strict=True)
+    )
 
 
 def _within(of_days: Sequence[Array]) -> tuple[float, float]:
-    """Return the sum of squares about each laboratory's mean, and its degrees of freedom."""
-    some = np.isfinite(of_days) & bool(of_days)
-    many, values = np.maximum(some.sum(axis=0), 1), np.where(some, of_days, 0.0)
-    off = np.where(some, values - values.sum(axis=0) / many, 0.0)
-    return float(np.sum(off**2)), float(np.sum(many - 1))
+    """Return the sum of squares about the means of the laboratories, and its degrees of freedom.
+
+    `of_days` has one array per day, shape (laboratory,), with NaN for INVALID tests.
+    """
+    finite = np.isfinite(of_days) & bool(of_days)
+    many, values = np.maximum(finite.sum(axis=0), 1), np.where(finite, of_days, 0.0)
+    deviation = np.where(finite, values - values.sum(axis=0) / many, 0.0)
+    return float(np.sum(deviation**2)), float(np.sum(many - 1))
 
 
 def _statistics(count: int, about: float, sums: Array) -> list[float | None]:
-    """Return the `STATISTICS`, computed from the sums over `count` tests."""
-    from scipy.stats import binomtest  # loads in half a second, and no worker needs it
+    """Return the `STATISTICS` [SI] from sums over `count` tests; None for undefined ones."""
+    from scipy.stats import binomtest  # a slow import that no worker needs
 
-    held = count - int(sums[5] + sums[6])
-    bounds = binomtest(held, count).proportion_ci(0.95, "exact") if count else (np.nan, np.nan)
+    covered_count = count - int(sums[5] + sums[6])
+    bounds = (
+        binomtest(covered_count, count).proportion_ci(0.95, "exact") if count else (np.nan, np.nan)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
-        off, square, u, error, own, above, below = sums[:7] / count
-        sd, se = (np.array([square - off**2, own - error**2]) / (count - 1)) ** 0.5
+        deviation, square, u, error, error_square, above, below = sums[:7] / count
+        sd, se = (np.array([square - deviation**2, error_square - error**2]) / (count - 1)) ** 0.5
         within, rms_u, covered = (sums[7] / sums[8]) ** 0.5, u**0.5, 1 - above - below
-    found = [about + off, sd * count**0.5, within, rms_u, error, se, covered, *bounds, above, below]
-    return [float(one) if np.isfinite(one) else None for one in found]
+    statistics = [
+        about + deviation,
+        sd * count**0.5,
+        within,
+        rms_u,
+        error,
+        se,
+        covered,
+        *bounds,
+        above,
+        below,
+    ]
+    return [float(one) if np.isfinite(one) else None for one in statistics]

@@ -1,4 +1,4 @@
-"""Workers that make the blocks of a campaign: processes of this machine, or workers of Dask."""
+"""Workers that compute the parts of a campaign: processes of this machine, or Dask workers."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from virtual_lab.catalog.reading import Key
 from virtual_lab.errors import InputError, of_extra
 from virtual_lab.processes import workers
 
-PATIENCE = 10.0  # longest time until a scheduler answers and has a worker [s]
+PATIENCE = 10.0  # longest wait for a scheduler and its first worker [s]
 NO_ANSWER = "does not answer; allowed: the address of a Dask scheduler, tcp://HOST:8786"
 NO_WORKERS = "has no worker; start one: dask worker ADDRESS --nthreads 1"
-Fault = str | InputError  # text of a fault, '' without one; an InputError ends the run
+Fault = str | InputError  # text of a fault, empty for none; an InputError ends the run
 Outcomes = Iterator[tuple[int, Fault]]  # number and fault of each block
 
 
 def make_part(folder: str, number: int) -> Fault:
-    """Make the part of a block; return its fault, '' if there is none.
+    """Compute and write the part of a block. Return its fault, an empty text if there is none.
 
     The fault is an `InputError` if the folder cannot be used or the disk is full.
     """
     try:
         stamp = Path(folder) / STAMP
-        campaign = _opened(folder, stamp.stat().st_mtime_ns if stamp.exists() else 0)
+        campaign = _open(folder, stamp.stat().st_mtime_ns if stamp.exists() else 0)
         block = campaign.block(number)
         sheets = {tuple(key.split("/", 1)): text for key, text in campaign.sheets.items()}
     except InputError as fault:
@@ -41,7 +41,7 @@ def make_part(folder: str, number: int) -> Fault:
     try:
         with catalog.sheets_in_place(cast("dict[Key, str]", sheets)):
             table = table_of(block, campaign.study.seed, campaign.layout(block))
-    except Exception as fault:  # any error, so that the other blocks are made
+    except Exception as fault:  # any error, so that other blocks can continue
         return f"{type(fault).__name__}: {' '.join(str(fault).split())}"
     try:
         write_part(table, campaign.parts, block)
@@ -51,20 +51,21 @@ def make_part(folder: str, number: int) -> Fault:
     return ""
 
 
-def made_by(folder: Path, numbers: Iterable[int], who: int | str) -> Outcomes:
-    """Yield the outcome of each block, made by `who`: a number of processes or a Dask address.
+def make_parts(folder: Path, numbers: Iterable[int], workers_or_address: int | str) -> Outcomes:
+    """Yield the number of each block and its fault, as soon as its part is made.
 
-    `InputError` if the scheduler does not answer, stops answering, or has no worker.
+    `workers_or_address` is a number of processes, or the address of a Dask scheduler. Raises
+    `InputError` if the scheduler does not answer or has no worker.
     """
-    if isinstance(who, str):
-        return _by_dask(folder, numbers, who)
-    if who > 1:
-        return _by_processes(folder, numbers, who)
+    if isinstance(workers_or_address, str):
+        return _by_dask(folder, numbers, workers_or_address)
+    if workers_or_address > 1:
+        return _by_processes(folder, numbers, workers_or_address)
     return ((number, make_part(str(folder), number)) for number in numbers)
 
 
 @lru_cache(maxsize=1)
-def _opened(folder: str, _changed: int) -> Campaign:
+def _open(folder: str, _changed: int) -> Campaign:
     return Campaign.open(folder)
 
 
@@ -77,12 +78,12 @@ def _by_processes(folder: Path, numbers: Iterable[int], count: int) -> Outcomes:
 def _by_dask(folder: Path, numbers: Iterable[int], address: str) -> Outcomes:
     dask = of_extra("distributed", "dask", "Dask")
     where = str(folder.absolute())
-    getLogger("distributed.client").setLevel(CRITICAL)  # this program reports errors in one line
-    known = {"timeout": PATIENCE, "set_as_default": False}
+    getLogger("distributed.client").setLevel(CRITICAL)  # errors are reported in one line instead
+    options = {"timeout": PATIENCE, "set_as_default": False}
     threads = _threads_at(address)
     try:
-        with dask.Client(address, **known) as client:
-            pool, most = client.get_executor(pure=False), 2 * threads  # no thread waits for a block
+        with dask.Client(address, **options) as client:
+            pool, most = client.get_executor(pure=False), 2 * threads  # so that no thread is idle
             yield from _in_turn(
                 lambda number: pool.submit(make_part, where, number),
                 numbers,
@@ -94,11 +95,11 @@ def _by_dask(folder: Path, numbers: Iterable[int], address: str) -> Outcomes:
 
 
 def _threads_at(address: str) -> int:
-    """Return the number of threads that the workers of a Dask scheduler have, at least 1.
+    """Return the number of threads of the workers of a Dask scheduler, at least 1.
 
-    `InputError` if the scheduler does not answer or has no worker within `PATIENCE`.
+    Raises `InputError` if the scheduler does not answer or has no worker within `PATIENCE`.
     """
-    with ThreadPoolExecutor(1) as beside:  # a notebook's thread already runs an event loop
+    with ThreadPoolExecutor(1) as beside:  # in a notebook this thread already runs an event loop
         return beside.submit(asyncio.run, _count_threads(address)).result()
 
 
@@ -128,9 +129,9 @@ def _in_turn(
     most: int,
     check: Callable[[], object] = lambda: None,
 ) -> Outcomes:
-    """Yield the outcome of each block when it ends, with at most `most` blocks under way.
+    """Yield the number and the fault of each block when it ends, at most `most` at a time.
 
-    `check` is called whenever no block has ended for `PATIENCE`.
+    `check` is called each time that no block has ended for `PATIENCE`.
     """
     rest = iter(numbers)
     pending: dict[Future[Fault], int] = {}
