@@ -85,9 +85,9 @@ def _plain() -> Iterator[Row]:
     for seed, (radius, blur, snr) in enumerate(product(RADII, BLURS, RATIOS)):
         case = Case(radius=radius, blur=blur, snr=snr)
         batch = pictures(case, seed)
-        found = score_places(batch, OURS[EDGE](batch.given))
+        found = score_places(batch, OURS[EDGE](batch.inputs))
         still = pictures(replace(case, quiet=True, phases=32, repeats=1))
-        bias = score_places(still, OURS[EDGE](still.given)).bias
+        bias = score_places(still, OURS[EDGE](still.inputs)).bias
         yield Row(
             part="plain",
             what=f"R {radius:g}, L {blur:g}, SNR {snr:g}: rms",
@@ -105,8 +105,8 @@ def _peers() -> Iterator[Row]:
         few = pictures(replace(case, repeats=SLOW))
         for name, estimator in (ESTIMATORS | TRACKPY).items():
             seen = few if name in TRACKPY else batch
-            found = score_places(seen, estimator(seen.given))
-            spent = seconds_a_picture(estimator, few.given, rounds=1)
+            found = score_places(seen, estimator(seen.inputs))
+            spent = seconds_a_picture(estimator, few.inputs, rounds=1)
             yield Row(
                 part="peers",
                 what=f"{scene}: {name}",

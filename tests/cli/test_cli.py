@@ -349,7 +349,11 @@ inertia_axis = { value = 33, unit = "in", source = "pendulum", verified = true }
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("value = 31", "value = 35.5", ["wood", "no bat of it meets", "misses"]),
+        (
+            "value = 31",
+            "value = 35.5",
+            ["wood", "no bat of this template fits", "misfit of the best one"],
+        ),
         ('"wood"', '"straw"', ["template", "wood"]),
         ("17137", "137", ["less than mass times"]),
         ('unit = "oz"', 'unit = "in"', ["mass", "oz"]),

@@ -25,7 +25,7 @@ def test_score_counts_what_was_put_in() -> None:
     x[3] += 6 * least[3]
     x[15:] += 2 * least[15:]
     found = score_places(
-        BATCH, replace(BATCH.given.start, x=x, y=BATCH.y, x_u=least, y_u=least, flags=flags)
+        BATCH, replace(BATCH.inputs.start, x=x, y=BATCH.y, x_u=least, y_u=least, flags=flags)
     )
     assert (found.lost, found.flagged, found.unsaid) == pytest.approx((0.05, 0.1, 0.05))
     assert found.bias == pytest.approx(12 / 4)
@@ -34,14 +34,14 @@ def test_score_counts_what_was_put_in() -> None:
 
 def test_a_pattern_widens_what_is_believed() -> None:
     least = np.full(20, BATCH.limit)
-    off = replace(BATCH.given.start, x=BATCH.x + 0.1, y=BATCH.y, x_u=least)
+    off = replace(BATCH.inputs.start, x=BATCH.x + 0.1, y=BATCH.y, x_u=least)
     assert wrong_unsaid(BATCH, off).all()
     assert not wrong_unsaid(BATCH, replace(off, pattern_u=np.full(20, 0.021))).any()
 
 
 def test_nothing_found() -> None:
     none = np.full(20, np.nan)
-    found = score_places(BATCH, replace(BATCH.given.start, x=none, y=none))
+    found = score_places(BATCH, replace(BATCH.inputs.start, x=none, y=none))
     assert found.lost == 1
     assert np.isinf(found.rms)
 
@@ -49,5 +49,5 @@ def test_nothing_found() -> None:
 def test_time_is_shared_by_the_pictures() -> None:
     """The method runs three times on the whole batch, not once per picture."""
     calls = []
-    seconds_a_picture(lambda given: calls.append(1) or given.start, BATCH.given, rounds=2)
+    seconds_a_picture(lambda given: calls.append(1) or given.start, BATCH.inputs, rounds=2)
     assert len(calls) == 3

@@ -26,12 +26,12 @@ def test_a_quiet_picture_is_the_exact_one(light: Literal["even", "back"]) -> Non
     behind = level + 0.2 * (np.arange(case.side) - (case.side - 1) / 2)
     for k in range(2):
         x, y = batch.x[k], batch.y[k]
-        x, y = np.array([x, y]) - batch.given.seen.corners[k]
+        x, y = np.array([x, y]) - batch.inputs.regions.corners[k]
         off = (size - case.side) // 2
         inside = slice(off, off + case.side)
         m = disc(size, x + off, y + off, 15, CASE.lens, case.way)[inside, inside]
         exact = behind * (1 - m) + ball * m
-        assert np.abs(batch.given.seen.pixels[k] - exact).max() < 1e-3 * 150
+        assert np.abs(batch.inputs.regions.pixels[k] - exact).max() < 1e-3 * 150
 
 
 def test_noise_is_what_was_asked_for() -> None:
@@ -39,7 +39,7 @@ def test_noise_is_what_was_asked_for() -> None:
     for snr in (96.0, 27.0, 5.0):
         case = Case(snr=snr, phases=1, repeats=20)
         ball, level = case.levels
-        pixels = pictures(case).given.seen.pixels.astype(float)
+        pixels = pictures(case).inputs.regions.pixels.astype(float)
         middle = int((case.side - 1) / 2)
         core = pixels[:, middle - 10 : middle + 10, middle - 10 : middle + 10]
         noise, size = case.noise, core.size
@@ -51,22 +51,22 @@ def test_noise_is_what_was_asked_for() -> None:
 
 def test_blocks_differ_and_repeat() -> None:
     first, again, other = pictures(FEW), pictures(FEW), pictures(FEW, block=1)
-    assert np.array_equal(first.given.seen.pixels, again.given.seen.pixels)
-    assert not np.array_equal(first.given.seen.pixels, other.given.seen.pixels)
+    assert np.array_equal(first.inputs.regions.pixels, again.inputs.regions.pixels)
+    assert not np.array_equal(first.inputs.regions.pixels, other.inputs.regions.pixels)
     assert not np.array_equal(first.x, other.x)
 
 
 def test_what_hides_the_ball() -> None:
     """The frame's edge and the bat each hide a quarter of the diameter."""
-    gone = pictures(replace(FEW, cut=0.25)).given
-    side = gone.seen.pixels.shape[2]
-    right = gone.seen.corners[:, 0] + side - 1
+    gone = pictures(replace(FEW, cut=0.25)).inputs
+    side = gone.regions.pixels.shape[2]
+    right = gone.regions.corners[:, 0] + side - 1
     assert (right == CASE.frame[1] - 1).all()
     away = right + 0.5 - pictures(replace(FEW, cut=0.25)).x
     assert away == pytest.approx(np.full(away.size, 15.0), abs=1.0)
-    behind = pictures(replace(FEW, covered=0.25)).given
-    assert abs(behind.seen.pixels[..., -5:].mean() - CASE.bat) < 0.5
-    hot = pictures(replace(FEW, hot=50)).given.seen.pixels
+    behind = pictures(replace(FEW, covered=0.25)).inputs
+    assert abs(behind.regions.pixels[..., -5:].mean() - CASE.bat) < 0.5
+    hot = pictures(replace(FEW, hot=50)).inputs.regions.pixels
     assert 30 < (hot == FULL_SCALE).sum(axis=(1, 2)).mean() <= 50
 
 
@@ -82,7 +82,7 @@ def test_what_hides_the_ball() -> None:
 def test_the_edge_fit_is_near_the_limit(case: Case) -> None:
     """The errors are within about twice the limit of a plain ball of unknown brightness."""
     batch = pictures(case)
-    found = score_places(batch, OURS[EDGE](batch.given))
+    found = score_places(batch, OURS[EDGE](batch.inputs))
     assert 0.8 < found.rms / batch.limit < 2.2
     assert (found.lost, found.flagged, found.unsaid) == (0, 0, 0)
 
@@ -90,7 +90,7 @@ def test_the_edge_fit_is_near_the_limit(case: Case) -> None:
 def test_hidden_balls_and_their_flags() -> None:
     for case in (replace(FEW, cut=0.25), replace(FEW, covered=0.25)):
         batch = pictures(case)
-        assert score_places(batch, OURS[EDGE](batch.given)).flagged == 1
+        assert score_places(batch, OURS[EDGE](batch.inputs)).flagged == 1
 
 
 def test_peers_do_what_is_known_of_them() -> None:
@@ -109,6 +109,6 @@ def test_peers_do_what_is_known_of_them() -> None:
     }
     assert planned.keys() == CV2.keys()
     for name, usual in planned.items():
-        found = score_places(batch, CV2[name](batch.given))
+        found = score_places(batch, CV2[name](batch.inputs))
         assert usual / 2 < found.rms < 2 * usual, name
         assert found.lost == 0

@@ -19,7 +19,7 @@ ENDS = {
     "contrast over noise": (5, 96),
     "share out of the frame": (0.25,),
     "share behind the bat": (0.25,),
-    "exposure over the right one": (2,),
+    "exposure over the correct one": (2,),
     "hot pixels": (100,),
 }
 
@@ -44,7 +44,7 @@ def test_the_fit_is_good_or_says_why_not(rows: list[Row]) -> None:
     for axis, value in (
         ("share out of the frame", 0.25),
         ("share behind the bat", 0.25),
-        ("exposure over the right one", 2),
+        ("exposure over the correct one", 2),
     ):
         assert state(rows, axis, value) == PictureState.FLAGGED
     assert maps.unsaid_share(rows, EDGE) == 0
@@ -63,7 +63,7 @@ def test_dropped_frames_are_found_by_the_step_they_leave(rows: list[Row]) -> Non
 def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
     text = maps._maps(rows).text
     assert all(axis in text for axis in ENDS)
-    assert "over the whole map" in text
+    assert "over all maps" in text
     json.dumps(rows, allow_nan=False)
     maps._maps(rows).save(tmp_path / "maps")
     assert (tmp_path / "maps" / "stability.png").read_bytes().startswith(b"\x89PNG")

@@ -10,7 +10,7 @@ import pytest
 
 from tests.fidelity.charts import require_files
 from virtual_lab.fidelity import motion_chart as chart
-from virtual_lab.fidelity.naive_pymunk import missed, rod
+from virtual_lab.fidelity.naive_pymunk import missed_share, rod
 from virtual_lab.fidelity.results import SpeedChart
 
 Row = dict[str, Any]
@@ -82,7 +82,7 @@ def test_pymunk_alone_errs_by_its_step(rows: list[Row]) -> None:
 @pytest.mark.parametrize(("speed", "step"), [(40.0, 4e-3), (80.0, 1e-3), (100.0, 5e-3)])
 def test_the_share_missed_is_what_is_jumped(speed: float, step: float) -> None:
     """1 - (R + r) / (v dt), to one of a hundred evenly spaced shots."""
-    share = missed(rod(), speed, step, 100)
+    share = missed_share(rod(), speed, step, 100)
     assert share == pytest.approx(max(0.0, 1 - rod().reach / (speed * step)), abs=0.0101)
 
 

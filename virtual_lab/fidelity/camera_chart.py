@@ -1,8 +1,8 @@
-"""Speed against accuracy of the methods to locate a ball: OpenCV's estimators and ours.
+"""Chart of accuracy against run time of the methods to locate a ball: those of OpenCV and ours.
 
 All methods use the same pictures: a ball with a radius of 30 pixels that moves 2 pixels during the
 exposure, at positions spread over one pixel, with a contrast of 96 times the noise of a pixel.
-Errors are root mean squares along an axis. Times are processor times on one core.
+Errors are rms errors along an axis. Times are processor times on one core.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ def camera_chart(
 ) -> SpeedChart:
     """Return one row per scene and estimator: errors [px], shares, and time per frame [ms].
 
-    The limit is the smallest possible error. The bias, relative to the limit, is that of the worst
-    phase within a pixel, without noise. A stitched ball has no bias, because its pattern differs in
-    each picture. The shares of pictures are: lost without a position, flagged, and wrong by more
-    than five stated standard uncertainties without a flag. Values that do not apply are None.
+    The limit is the smallest possible error. The bias, relative to the limit, is the largest one of
+    all phases within a pixel, without noise; it is not computed for a stitched ball, whose pattern
+    differs in each picture. The shares are those of pictures without a position, with a flag, and
+    with an error above 5 u but without a flag. Values that do not apply are None.
     """
     import cv2
 
@@ -58,12 +58,12 @@ def camera_chart(
         cv2.setNumThreads(threads)
     return SpeedChart(
         name="camera",
-        title="Locating the ball: error over time a frame",
-        words="Root mean square errors along an axis over places spread evenly within a pixel; "
-        "radius 30 px, shift during the exposure 2 px, contrast 96 times a pixel's noise. The "
-        "limit is Cramér and Rao's bound of a plain ball: nothing unbiased does better. A marker "
-        "with a ring is of an estimator that flags these pictures as not to be trusted; one that "
-        "lost more than half of them is not drawn.",
+        title="Locating the ball: error against time per frame",
+        words="Rms errors along an axis for positions spread evenly over a pixel; radius 30 px, "
+        "shift during the exposure 2 px, contrast 96 times the noise of a pixel. The limit is the "
+        "Cramér-Rao bound of a plain ball, the smallest error of an unbiased method. A ring marks "
+        "a method that flags these pictures. A method that does not find the ball in more than "
+        "half of them is not drawn.",
         rows=rows,
         figure=draw_camera,
     )
@@ -74,21 +74,21 @@ def _scene(ball: str, scene: str, case: Case, estimators: Mapping[str, Estimator
     batch = pictures(case)
     still = pictures(replace(case, quiet=True, phases=4 * case.phases, repeats=1))
     for name, estimator in estimators.items():
-        spent = seconds_a_picture(estimator, batch.given, rounds=2)
-        found = score_places(batch, estimator(batch.given))
-        bias = score_places(still, estimator(still.given)).bias if not case.stitched else np.inf
+        spent = seconds_a_picture(estimator, batch.inputs, rounds=2)
+        score = score_places(batch, estimator(batch.inputs))
+        bias = score_places(still, estimator(still.inputs)).bias if not case.stitched else np.inf
         rows.append(
             {
                 "ball": ball,
                 "scene": scene,
                 "estimator": name,
-                "rms_px": found.rms if np.isfinite(found.rms) else None,
+                "rms_px": score.rms if np.isfinite(score.rms) else None,
                 "limit_px": batch.limit,
                 "bias_over_limit": bias if np.isfinite(bias) else None,
                 "ms_a_frame": spent * 1e3,
-                "lost": found.lost,
-                "flagged": found.flagged,
-                "wrong_unsaid": found.unsaid,
+                "lost": score.lost,
+                "flagged": score.flagged,
+                "wrong_unsaid": score.unsaid,
             }
         )
     return rows
@@ -102,8 +102,8 @@ def draw_camera(rows: list[Row], title: str) -> Figure:
     wheel = (
         "#7f7f7f #009e73 #8c564b #bcbd22 #e69f00 #17becf #cc79a7 #d55e00 #aec7e8 #0072b2 #000000"
     )
-    named = dict(zip(ESTIMATORS, wheel.split(), strict=True))
-    colours = {name: named[name] for name in dict.fromkeys(row["estimator"] for row in rows)}
+    colour_of = dict(zip(ESTIMATORS, wheel.split(), strict=True))
+    colours = {name: colour_of[name] for name in dict.fromkeys(row["estimator"] for row in rows)}
     balls = list(dict.fromkeys(row["ball"] for row in rows))
     figure = Figure(figsize=(11.5, 5.4), dpi=150, layout="constrained")
     panels = figure.subplots(1, len(balls), sharex=True, sharey=True, squeeze=False)[0]
@@ -111,7 +111,9 @@ def draw_camera(rows: list[Row], title: str) -> Figure:
         _panel(axes, [row for row in rows if row["ball"] == ball], colours)
         axes.set_title(ball, fontsize=10)
     panels[0].set_ylabel("error along an axis [px]")
-    keys = [Line2D([], [], color=own, linewidth=4, label=name) for name, own in colours.items()]
+    keys = [
+        Line2D([], [], color=colour, linewidth=4, label=name) for name, colour in colours.items()
+    ]
     figure.legend(handles=keys, loc="outside right center", fontsize=8, frameon=False)
     figure.suptitle(title, fontsize=11)
     return figure
@@ -120,12 +122,12 @@ def draw_camera(rows: list[Row], title: str) -> Figure:
 def _panel(axes: Any, rows: list[Row], colours: dict[str, str]) -> None:
     scenes = dict.fromkeys(row["scene"] for row in rows)
     markers = dict(zip(scenes, "osDX", strict=False))
-    drawn = [row for row in rows if row["rms_px"] is not None and row["lost"] <= 0.5]
+    points = [row for row in rows if row["rms_px"] is not None and row["lost"] <= 0.5]
     for name, colour in colours.items():
-        own = [row for row in drawn if row["estimator"] == name]
-        times, errors = ([row[key] for row in own] for key in ("ms_a_frame", "rms_px"))
+        estimator_rows = [row for row in points if row["estimator"] == name]
+        times, errors = ([row[key] for row in estimator_rows] for key in ("ms_a_frame", "rms_px"))
         axes.loglog(times, errors, color=colour, linewidth=0.8, alpha=0.6)
-        for row in own:
+        for row in estimator_rows:
             place = row["ms_a_frame"], row["rms_px"]
             axes.plot(*place, marker=markers[row["scene"]], color=colour, markersize=6)
             if row["flagged"] > 0.5:
@@ -147,7 +149,7 @@ def _panel(axes: Any, rows: list[Row], colours: dict[str, str]) -> None:
         axes.plot([], [], color="0.4", marker=marker, linewidth=0, label=scene)[0]
         for scene, marker in markers.items()
     ]
-    if any(row["flagged"] > 0.5 for row in drawn):
+    if any(row["flagged"] > 0.5 for row in points):
         keys += axes.plot(
             [], [], "o", color="#c00000", markersize=9, markerfacecolor="none", label="flagged"
         )
@@ -156,5 +158,5 @@ def _panel(axes: Any, rows: list[Row], colours: dict[str, str]) -> None:
     ticks = (0.2, 0.5, 1, 2, 5, 10)
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_xticks([], minor=True)
-    axes.set_xlabel("time a frame, one core [ms]")
+    axes.set_xlabel("time per frame, one core [ms]")
     axes.grid(True, which="major", linewidth=0.3)

@@ -24,10 +24,10 @@ ERRORS = (0.002, 0.02, 0.1, 0.5)  # standard deviations of a position [px]
 def dropped_frames(
     counts: Sequence[int] = (0, 1, 2, 3, 5), flights: int = 24
 ) -> list[dict[str, Any]]:
-    """Return rows like those of `camera_stability.picture_cells`, with errors of the speed.
+    """Return one row per cell, as `camera_stability.picture_cells` does, with errors of the speed.
 
-    `counts` are the numbers of consecutive frames dropped, and `flights` the number of balls per
-    cell, each with an incoming and a rebound flight. The positions have the errors `ERRORS`.
+    `counts` are numbers of consecutive dropped frames. `flights` is the number of balls per cell,
+    each with an incoming and a rebound flight. The positions have the errors `ERRORS`.
     """
     return [_cell(count, error, flights) for error in ERRORS for count in counts]
 
@@ -37,31 +37,36 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
     draws = Streams(1)
     name = f"{count} of {error:g}"
     middle = np.round(2 + (frames - 5) * (draws.uniform(f"{name}: where", flights) + 0.5))
-    off, said, beyond = np.empty(flights), np.zeros(flights, bool), np.zeros(flights, bool)
+    relative_error, flagged, beyond = (
+        np.empty(flights),
+        np.zeros(flights, bool),
+        np.zeros(flights, bool),
+    )
     for k, first in enumerate(middle.astype(int)):
         t = np.arange(2 * frames + count) - frames - count + 0.5
         x = np.where(t < 0, speed_in * t, speed_out * t)
         places = np.stack([x, 0.1 * t], axis=1)
-        kept = np.delete(np.arange(t.size), np.arange(first, first + count))
-        seen = (
-            places[kept] + error * draws.normal(f"{name}: places", (kept.size, 2), np.array([k]))[0]
+        frames_left = np.delete(np.arange(t.size), np.arange(first, first + count))
+        measured = (
+            places[frames_left]
+            + error * draws.normal(f"{name}: places", (frames_left.size, 2), np.array([k]))[0]
         )
-        followed, scene = _followed(seen)
-        said[k] = bool(scene.lost(followed)) or len(followed) != 2
-        first_flight = replace(followed[0], u=np.full(len(followed[0].t), error))
+        flights_found, scene = _follow(measured)
+        flagged[k] = bool(scene.lost(flights_found)) or len(flights_found) != 2
+        first_flight = replace(flights_found[0], u=np.full(len(flights_found[0].t), error))
         still = replace(scene, pull=np.zeros(2), drag=(0.0, 0.0))
         speed = estimate_of(_last_speed, fit_flights(still, [first_flight]))
         true = float(np.hypot(speed_in, 0.1))
-        off[k] = speed.value / true - 1
+        relative_error[k] = speed.value / true - 1
         beyond[k] = abs(speed.value - true) > BEYOND * speed.u
-    rms = float(np.sqrt(np.mean(off**2)))
-    unsaid = int((beyond & ~said).sum())
+    rms = float(np.sqrt(np.mean(relative_error**2)))
+    unsaid = int((beyond & ~flagged).sum())
     if unsaid:
         state = PictureState.UNSAID
     elif rms <= 1e-3:
         state = PictureState.GOOD
     else:
-        state = PictureState.FLAGGED if said.mean() >= 0.5 else PictureState.INACCURATE
+        state = PictureState.FLAGGED if flagged.mean() >= 0.5 else PictureState.INACCURATE
     return {
         "map": "frames dropped, no time stamps",
         "value": count,
@@ -71,7 +76,7 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
         "rms_unflagged": rms,
         "pictures": flights,
         "unsaid": unsaid,
-        "flagged": int(said.sum()),
+        "flagged": int(flagged.sum()),
         "lost": 0,
     }
 
@@ -80,15 +85,15 @@ def _last_speed(fit: Fit) -> float:
     return float(np.hypot(*fit.states[0, 2:]))
 
 
-def _followed(places: Array) -> tuple[list[Piece], FlightScene]:
-    """Return the flights through positions, one per frame, and their scene."""
-    found = np.zeros(len(places), BLOB)
-    found["frame"] = np.arange(len(places))
+def _follow(places: Array) -> tuple[list[Piece], FlightScene]:
+    """Return the flights through `places`, shape (frame, 2), and their scene."""
+    blobs = np.zeros(len(places), BLOB)
+    blobs["frame"] = np.arange(len(places))
     for names, values in ((("x", "picture_x"), places[:, 0]), (("y", "picture_y"), places[:, 1])):
         for name in names:
-            found[name] = values
-    found["radius"] = found["length"] = 15.0
+            blobs[name] = values
+    blobs["radius"] = blobs["length"] = 15.0
     time = np.arange(len(places), dtype=float)
-    scene = FlightScene(found=found, time=time, stamped=time, size=(1280, 800), exposure=0.0)
-    flights, _ = flights_of(scene, pieces(found, time))
+    scene = FlightScene(found=blobs, time=time, stamped=time, size=(1280, 800), exposure=0.0)
+    flights, _ = flights_of(scene, pieces(blobs, time))
     return flights, scene

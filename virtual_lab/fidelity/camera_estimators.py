@@ -1,8 +1,8 @@
-"""Methods to locate a ball in a picture, each used as well as possible: OpenCV's and ours.
+"""Methods to locate a ball in a picture: those of OpenCV, each used as well as possible, and ours.
 
-The input of OpenCV's methods is the matte, the share of the ball in each pixel: the difference from
-the background, divided by that of the ball. With the plain difference they would be worse on a
-background with a slope.
+The methods of OpenCV get the matte, which is the share of the ball in each pixel: the difference
+from the background, divided by that of the ball. With the plain difference they would be less
+accurate on a background with a gradient.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Estimator = Callable[[EstimatorInput], Located]
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One region and the start of the search in it, in pixels from the first one of the region."""
+    """One region, and the start of the search in it, in pixels from the corner of the region."""
 
     image: Image
     behind: Image
@@ -40,17 +40,17 @@ class Picture:
 
     @property
     def matte(self) -> Image:
-        """Share of the ball in each pixel."""
+        """Share of the ball in each pixel, shape (row, column)."""
         rows, columns = np.ogrid[: self.image.shape[0], : self.image.shape[1]]
         away = np.hypot(columns - self.x, rows - self.y)
-        reach = self.radius + np.hypot(*self.blur) / 2 + 3.0  # pixels that may show the ball
+        radius_seen = self.radius + np.hypot(*self.blur) / 2 + 3.0  # pixels that may show the ball
         light = np.median(self.image[away < 0.7 * self.radius])
         share = (self.image - self.behind) / (light - self.behind)
-        return np.where(away < reach, np.clip(share, -1, 2), 0).astype(np.float32)
+        return np.where(away < radius_seen, np.clip(share, -1, 2), 0).astype(np.float32)
 
     @property
     def model(self) -> Image:
-        """Matte of a ball at the start position."""
+        """Matte of a ball at the start position, shape (row, column)."""
         rows, columns = np.ogrid[: self.image.shape[0], : self.image.shape[1]]
         width, long = np.sqrt(self.lens**2 + 1 / 12), np.hypot(*self.blur)
         nodes, weights = np.polynomial.legendre.leggauss(int(np.ceil(0.9 * long / width)) + 4)
@@ -63,37 +63,40 @@ class Picture:
 
 
 def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
-    """Return an estimator that locates one picture at a time and drops positions off the ball."""
+    """Return an estimator that applies `place` to one picture at a time.
 
-    def estimator(given: EstimatorInput) -> Located:
-        found = np.full((len(given.seen.pixels), 2), np.nan)
-        for k in range(len(found)):
-            picture = _picture(given, k)
+    A position more than a radius from the start counts as not found.
+    """
+
+    def estimator(inputs: EstimatorInput) -> Located:
+        positions = np.full((len(inputs.regions.pixels), 2), np.nan)
+        for k in range(len(positions)):
+            picture = _picture(inputs, k)
             at = place(picture)
             if at and np.hypot(at[0] - picture.x, at[1] - picture.y) < picture.radius:
-                found[k] = at
-        x, y = (found + given.seen.corners).T
+                positions[k] = at
+        x, y = (positions + inputs.regions.corners).T
         lost = np.where(np.isnan(x), PlaceFlag.NOT_FOUND, 0).astype(np.uint16)
-        return replace(given.start, x=x, y=y, flags=lost)
+        return replace(inputs.start, x=x, y=y, flags=lost)
 
     return estimator
 
 
-def _picture(given: EstimatorInput, k: int) -> Picture:
-    seen, start = given.seen, given.start
+def _picture(inputs: EstimatorInput, k: int) -> Picture:
+    regions, start = inputs.regions, inputs.start
     return Picture(
-        image=seen.pixels[k].astype(np.float32),
-        behind=seen.background[k],
-        x=float(start.x[k] - seen.corners[k, 0]),
-        y=float(start.y[k] - seen.corners[k, 1]),
+        image=regions.pixels[k].astype(np.float32),
+        behind=regions.background[k],
+        x=float(start.x[k] - regions.corners[k, 0]),
+        y=float(start.y[k] - regions.corners[k, 1]),
         radius=float(start.radius[k]),
         blur=(float(start.blur_x[k]), float(start.blur_y[k])),
-        lens=given.lens,
+        lens=inputs.lens,
     )
 
 
 def _by_outline(centre: Callable[[Any, NDArray[Any]], Place | None]) -> Estimator:
-    """Return an estimator from an OpenCV function and the largest contour at half matte."""
+    """Return an estimator that applies a function of OpenCV to the largest contour of the matte."""
 
     def place(picture: Picture) -> Place | None:
         import cv2
@@ -110,8 +113,8 @@ def _matte_moments(picture: Picture) -> Place | None:
     import cv2
 
     matte = picture.matte
-    seen = np.where(matte > 0.05, matte, 0.0)  # smaller values are noise
-    return _centre(cv2.moments(seen.astype(np.float32)))
+    mass = np.where(matte > 0.05, matte, 0.0)  # smaller values are noise
+    return _centre(cv2.moments(mass.astype(np.float32)))
 
 
 def _phase(picture: Picture) -> Place | None:
@@ -122,7 +125,7 @@ def _phase(picture: Picture) -> Place | None:
 
 
 def _template(picture: Picture) -> Place | None:
-    """Return the maximum of the correlation with a smaller model, with parabolas for subpixels."""
+    """Return the maximum of the correlation with a cropped model, interpolated by parabolas."""
     import cv2
 
     edge = 4
@@ -137,7 +140,7 @@ def _template(picture: Picture) -> Place | None:
 
 
 def _ecc(picture: Picture) -> Place | None:
-    """Return the shift of largest correlation; the model is rendered again, as shifts blur it."""
+    """Return the shift of largest correlation, in two passes with a newly rendered model."""
     import cv2
 
     matte, at = picture.matte, picture
@@ -173,8 +176,8 @@ def _pair(point: Any) -> Place:
 
 
 def _vertex(three: Any) -> float:
-    before, here, after = (float(value) for value in three)
-    bend = before - 2 * here + after
+    before, middle, after = (float(value) for value in three)
+    bend = before - 2 * middle + after
     return (before - after) / (2 * bend) if bend else 0.0
 
 
@@ -191,13 +194,13 @@ CV2: dict[str, Estimator] = {
 }
 
 
-def _edge(given: EstimatorInput) -> Located:
-    return fit_edge(given.seen, given.start, noise=given.noise, lens=given.lens)
+def _edge(inputs: EstimatorInput) -> Located:
+    return fit_edge(inputs.regions, inputs.start, noise=inputs.noise, lens=inputs.lens)
 
 
-def _learnt(given: EstimatorInput) -> Located:
-    """Locate the balls as the tracker does, with the noise estimated from the pictures."""
-    return sharp_places(given.clip, given.seen, given.start, lens=given.lens)
+def _learnt(inputs: EstimatorInput) -> Located:
+    """Locate the balls as the tracker does, with the noise estimated from the clip."""
+    return sharp_places(inputs.clip, inputs.regions, inputs.start, lens=inputs.lens)
 
 
 EDGE = "edge fit"

@@ -1,4 +1,4 @@
-"""The pictures of a case, rendered, exposed and cut out, with their true values."""
+"""Rendering of the pictures of a case, with their true values."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from virtual_lab.video.locate.noise import ROUNDING
 
 @dataclass(frozen=True, slots=True)
 class CaseSettings:
-    """Settings common to all cases."""
+    """Settings that all cases share."""
 
     frame: tuple[int, int] = (800, 1280)  # rows, columns
     lens: float = 0.65  # standard deviation of the blur [px]
@@ -41,42 +41,42 @@ CASE = CaseSettings()
 
 
 def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
-    """Return the pictures of a case. Each block has different noise, positions and patterns."""
+    """Return the pictures of a case. Noise, positions and patterns depend on `seed` and `block`."""
     draws, side = Streams(seed), case.side
     count, middle = case.phases * case.repeats, (side - 1) / 2
     slots = block * count + np.arange(count)
     steps = np.repeat(np.arange(case.phases), case.repeats)
-    own = middle - 0.5 + np.stack([steps / case.phases, (0.37 * steps) % 1], axis=1)
-    mean, behind = _means(case, own, draws, slots)
+    centres = middle - 0.5 + np.stack([steps / case.phases, (0.37 * steps) % 1], axis=1)
+    mean, behind = _means(case, centres, draws, slots)
     burn = case.exposure * (1 + 2 * case.flicker * draws.uniform("flicker", slots=slots))
     mean, behind = mean * burn[:, None, None], behind * case.exposure
-    pixels, samples, empty = _exposed(case, mean, behind, draws, slots, block)
+    pixels, samples, empty = _expose(case, mean, behind, draws, slots, block)
     for picture, places in zip(pixels, draws.uniform("hot", case.hot, slots) + 0.5, strict=True):
         picture.flat[(places * picture.size).astype(int)] = FULL_SCALE
     columns = int(middle + case.radius * (1 - 2 * case.cut)) + 1 if case.cut else side
     corners = _corners(case, draws, (side, columns), slots)
-    seen = Regions(
+    regions = Regions(
         pixels=np.ascontiguousarray(pixels[..., :columns]),
         background=np.ascontiguousarray(empty[..., :columns], np.float32),
         corners=corners,
     )
-    x, y = (own + corners).T
-    given = EstimatorInput(
+    x, y = (centres + corners).T
+    inputs = EstimatorInput(
         clip=_clip(samples),
-        seen=seen,
+        regions=regions,
         start=_start(case, x, y, draws, slots),
         noise=case.noise,
         lens=CASE.lens,
     )
-    return Batch(given=given, x=x, y=y, limit=case.limit(CASE.lens))
+    return Batch(inputs=inputs, x=x, y=y, limit=case.limit(CASE.lens))
 
 
-def _means(case: Case, own: Array, draws: Streams, slots: Slots) -> tuple[Array, Array]:
-    """Return expected grey values with the ball at the positions `own`, and those without it."""
-    side, count = case.side, len(own)
+def _means(case: Case, centres: Array, draws: Streams, slots: Slots) -> tuple[Array, Array]:
+    """Return expected grey values [DN] with the balls at `centres`, and without them."""
+    side, count = case.side, len(centres)
     middle = (side - 1) / 2
-    seen = render_balls(
-        own[:, None] + np.array(case.way) / 2 * np.array([[-1.0], [1.0]]),
+    balls = render_balls(
+        centres[:, None] + np.array(case.way) / 2 * np.array([[-1.0], [1.0]]),
         case.radius,
         np.zeros((count, 2)),
         (side, side),
@@ -88,7 +88,7 @@ def _means(case: Case, own: Array, draws: Streams, slots: Slots) -> tuple[Array,
     )
     ball, level = case.levels
     behind = np.broadcast_to(level + case.slope * (np.arange(side) - middle), (side, side))
-    mean = np.asarray(seen.over(behind, ball / CASE.albedo), np.float64)
+    mean = np.asarray(balls.over(behind, ball / CASE.albedo), np.float64)
     if not case.covered:
         return mean, behind
     edge = middle + case.radius * (1 - 2 * case.covered)
@@ -97,7 +97,7 @@ def _means(case: Case, own: Array, draws: Streams, slots: Slots) -> tuple[Array,
 
 
 def _light(name: str) -> Light:
-    """Return the light of a camera in the catalog as seen from above, or uniform light."""
+    """Return the light by name: that of a camera in the catalog, or uniform light."""
     if name in ("even", "back"):
         return Light()
     camera = {"soft": "camera-overhead", "hard side": "camera-side-lit"}[name]
@@ -107,10 +107,10 @@ def _light(name: str) -> Light:
     return Light(ambient=light.ambient, toward=toward, softness=light.softness)
 
 
-def _exposed(
+def _expose(
     case: Case, mean: Array, behind: Array, draws: Streams, slots: Slots, block: int
 ) -> tuple[NDArray[Any], NDArray[np.uint8], Array]:
-    """Return grey values of the means [DN], empty pictures, and the mean of many of those."""
+    """Return exposed pictures [DN], pictures without the ball, and the background [DN]."""
     noise, side = case.noise, mean.shape[1]
     spec = SensorSpec(
         columns=side,
@@ -131,8 +131,8 @@ def _exposed(
 
     def grey(mean: Array, name: str, slots: Slots) -> NDArray[np.uint8]:
         corners = np.zeros((len(mean), 2), np.int64)
-        seen = sensor.expose(mean / noise.gain, corners, draws, name, slots)
-        return np.asarray(seen, np.uint8)
+        counts = sensor.expose(mean / noise.gain, corners, draws, name, slots)
+        return np.asarray(counts, np.uint8)
 
     empty = block * CASE.empty + np.arange(CASE.empty)
     samples = grey(np.broadcast_to(behind, (len(empty), side, side)), "samples", empty)
@@ -147,23 +147,23 @@ def _exposed(
 
 
 def _corners(case: Case, draws: Streams, shape: tuple[int, int], slots: Slots) -> Array:
-    """Return the first pixels of the regions. For a cut ball a region ends with the frame."""
-    room = np.array([CASE.frame[1] - shape[1], CASE.frame[0] - shape[0]])
+    """Return the corners of the regions [px], shape (picture, 2). A cut ball is at the edge."""
+    space = np.array([CASE.frame[1] - shape[1], CASE.frame[0] - shape[0]])
     share = draws.uniform("corners", 2, slots) + 0.5
-    corners: Array = np.floor(share * (room + 1))
+    corners: Array = np.floor(share * (space + 1))
     if case.cut:
-        corners[:, 0] = room[0]
+        corners[:, 0] = space[0]
     return corners
 
 
 def _start(case: Case, x: Array, y: Array, draws: Streams, slots: Slots) -> Located:
-    off = 2 * case.start_off * draws.uniform("start", 2, slots).T
-    places = np.stack([x + off[0], y + off[1]], axis=1)
+    errors = 2 * case.start_off * draws.uniform("start", 2, slots).T
+    places = np.stack([x + errors[0], y + errors[1]], axis=1)
     return Located.start(places, case.radius * (1 + case.radius_off), np.array(case.way))
 
 
 def _clip(samples: NDArray[np.uint8]) -> Clip:
-    """Return an open clip with the statistics of one pass over its frames."""
+    """Return a clip without frames, which has only sample pictures for the noise estimate."""
     return Clip(
         source=Source(path=Path("made"), declared=0, read=lambda _: iter(())),
         times=np.zeros(0),

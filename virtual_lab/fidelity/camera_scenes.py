@@ -1,8 +1,8 @@
-"""Pictures of a ball for the comparison of methods, the same for all, with separate true values.
+"""Cases of pictures for the comparison of methods to locate a ball, with their true values.
 
-A case is a ball of one size, blur and light. Its centres are spread evenly over one pixel, and the
-position in the frame and the noise differ in each picture. The signal-to-noise ratio is that of the
-contrast to a pixel halfway up the edge; a fifth of its variance is dark noise.
+A case is a ball of one size, blur and light. Its centres are spread evenly over one pixel. Position
+in the frame and noise differ between pictures. The signal-to-noise ratio is the contrast over the
+noise of a pixel halfway up the edge; a fifth of this variance is dark noise.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FULL_SCALE = 255.0  # DN
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """Scene of the pictures, in pixels and grey values. Hidden parts are shares of the diameter."""
+    """Conditions of the pictures, in pixels and grey values."""
 
     radius: float = 30.0
     blur: float = 2.0  # shift during the exposure
@@ -31,8 +31,8 @@ class Case:
     slope: float = 0.0  # slope of the background along x [DN/px]
     stitched: bool = False
     light: Literal["even", "soft", "back", "hard side"] = "even"
-    cut: float = 0.0  # share of the ball outside the frame
-    covered: float = 0.0  # share of the ball behind the bat
+    cut: float = 0.0  # share of the diameter outside the frame
+    covered: float = 0.0  # share of the diameter behind the bat
     exposure: float = 1.0  # exposure relative to the correct one; from 1.34 the ball saturates
     hot: int = 0  # number of pixels at full scale in each picture
     flicker: float = 0.0  # amplitude of the light from picture to picture
@@ -44,33 +44,33 @@ class Case:
 
     @property
     def side(self) -> int:
-        """Side of a region as the tracker uses it [px]."""
+        """Side length of the square region that the tracker uses [px]."""
         return 2 * ceil(1.1 * self.radius + self.blur / 2 + MARGIN) + 1
 
     @property
     def way(self) -> tuple[float, float]:
-        """Shift of the ball during the exposure, x and y [px]."""
+        """Shift of the ball during the exposure, in x and y [px]."""
         return self.blur * cos(0.3), self.blur * sin(0.3)
 
     @property
     def levels(self) -> tuple[float, float]:
-        """Grey values of a plain ball and of the background, which set the noise."""
+        """Grey values of a plain ball and of the background, which determine the noise [DN]."""
         contrast = float(np.interp(self.snr, (5.0, 27.0, 96.0), (40.0, 100.0, 150.0)))
         return (4.0, 4.0 + contrast) if self.light == "back" else (40.0 + contrast, 40.0)
 
     def limit(self, lens: float) -> float:
-        """Return the smallest possible u of a plain ball's position along its motion [px].
+        """Return the smallest possible u of the position of a plain ball along its motion [px].
 
-        This is the Cramér-Rao bound in closed form. It is exact for a ball at rest and for a motion
-        blur that is long compared with the edge but not with the ball. `lens` is the standard
-        deviation of the blur of the lens [px].
+        This is the Cramér-Rao bound in closed form. It is exact for a ball at rest, and for a
+        motion blur that is much longer than the edge and much shorter than the ball. `lens` is the
+        standard deviation of the blur of the lens [px].
         """
         still = 2 * sqrt(lens**2 + 1 / 12) / (sqrt(pi) * self.radius)
         return sqrt(max(still, self.blur / (4 * self.radius))) / self.snr
 
     @property
     def noise(self) -> Noise:
-        """Noise of the camera, including rounding."""
+        """Noise model of the camera, including rounding."""
         ball, behind = self.levels
         middle = (abs(ball - behind) / self.snr) ** 2
         return Noise(
@@ -85,7 +85,7 @@ class EstimatorInput:
     """Input of a method to locate the ball."""
 
     clip: Clip
-    seen: Regions
+    regions: Regions
     start: Located
     noise: Noise
     lens: float
@@ -93,9 +93,12 @@ class EstimatorInput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Batch:
-    """Pictures in the order of phases, (phase x repeat), their true values, and the limit."""
+    """Pictures of a case, true positions [px], shape (picture,), and the limit of u.
 
-    given: EstimatorInput
+    The repeats of one phase within a pixel are consecutive.
+    """
+
+    inputs: EstimatorInput
     x: Array
     y: Array
-    limit: float  # smallest possible u of a plain ball's position along an axis [px]
+    limit: float  # smallest possible u of the position of a plain ball along an axis [px]

@@ -1,9 +1,9 @@
 """Maps of the conditions under which the methods to locate a ball work.
 
-A cell holds a few pictures of a plain ball, or of a stitched ball in one light, at positions spread
-over a pixel. An error is *wrong without a flag* if it exceeds five stated standard uncertainties
-and no flag was raised. For dropped frames a cell holds a few flights without time stamps, and the
-error is that of the speed.
+A cell consists of a few pictures of a plain ball, or of a stitched ball in one light, at positions
+spread over a pixel. A position is *wrong without a flag* if its error exceeds five stated standard
+uncertainties and the method raised no flag. For dropped frames a cell consists of a few flights
+without time stamps, and the error is that of the speed.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
     "blur [px]": ("blur", (0, 2, 6, 15, 30, 60, 120)),
     "share out of the frame": ("cut", (0, 0.05, 0.1, 0.25, 0.4, 0.5, 0.6, 0.75)),
     "share behind the bat": ("covered", (0.02, 0.05, 0.1, 0.25, 0.45, 0.6)),
-    "exposure over the right one": ("exposure", (0.2, 0.5, 1, 1.3, 1.5, 2, 3, 5)),
+    "exposure over the correct one": ("exposure", (0.2, 0.5, 1, 1.3, 1.5, 2, 3, 5)),
     "hot pixels": ("hot", (0, 10, 30, 100, 300, 1000)),
     "flicker": ("flicker", (0, 0.02, 0.05, 0.1, 0.2, 0.4)),
-    "radius of the start, off by": ("radius_off", (-0.2, -0.1, -0.02, 0.02, 0.1, 0.2, 0.4)),
-    "place of the start, off by [px]": ("start_off", (0.5, 2, 5, 10, 15)),
+    "relative error of the start radius": ("radius_off", (-0.2, -0.1, -0.02, 0.02, 0.1, 0.2, 0.4)),
+    "error of the start position [px]": ("start_off", (0.5, 2, 5, 10, 15)),
 }
 
 
 def camera_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return one row per cell: its state, the error of unflagged pictures, and counts of pictures.
+    """Return one row per cell: state, rms error of unflagged pictures, and numbers of pictures.
 
-    Errors are in pixels, or relative for dropped frames, and None if there are no positions.
+    Errors are in pixels, for dropped frames relative, and None without a position.
     """
     rows = picture_cells(progress)
     progress("frames dropped")
@@ -59,8 +59,8 @@ def camera_stability(progress: Progress = quiet) -> StabilityMap:
 
 def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
     title = (
-        "Locating the ball: result of each picture; numbers: pictures of a cell wrong and "
-        f"unsaid\n{_summary(rows)}"
+        "Locating the ball: state of each cell; numbers: pictures that are wrong without a flag"
+        f"\n{_summary(rows)}"
     )
     return StabilityMap(
         title="stability of the camera",
@@ -83,30 +83,30 @@ def picture_cells(
     axes: Mapping[str, tuple[str, Sequence[float]]] = AXES,
     balls: Mapping[str, Case] = BALLS,
 ) -> list[Row]:
-    """Return the rows of pictures, for both methods of the tracker."""
+    """Return one row per cell of the maps of pictures, for both methods of the tracker."""
     rows: list[Row] = []
     for axis, (name, values) in axes.items():
         progress(axis)
         for value in values:
             change = {name: int(value) if name == "hot" else value}
             for ball, case in balls.items():
-                seen = replace(case, phases=4, repeats=4, **change)  # type: ignore[arg-type]
-                batch = pictures(seen, block=len(rows))  # different pictures in each cell
+                cell_case = replace(case, phases=4, repeats=4, **change)  # type: ignore[arg-type]
+                batch = pictures(cell_case, block=len(rows))  # different pictures in each cell
                 for method in ("convex hull", EDGE):
-                    found = ESTIMATORS[method](batch.given)
-                    own = {"map": axis, "value": value, "method": method, "ball": ball}
-                    rows.append(own | _cell(batch, found))
+                    located = ESTIMATORS[method](batch.inputs)
+                    position = {"map": axis, "value": value, "method": method, "ball": ball}
+                    rows.append(position | _cell(batch, located))
     return rows
 
 
 def _maps_text(rows: list[Row]) -> str:
-    """Return one table per map for a terminal, with a letter for each state."""
+    """Return one table per map as text, with a letter for each state."""
     parts = [", ".join(f"{state.mark} {state}" for state in PictureState)]
     for axis in dict.fromkeys(row["map"] for row in rows):
         table = []
-        own = [row for row in rows if row["map"] == axis]
-        for method, ball in dict.fromkeys((row["method"], row["ball"]) for row in own):
-            line = [row for row in own if (row["method"], row["ball"]) == (method, ball)]
+        map_rows = [row for row in rows if row["map"] == axis]
+        for method, ball in dict.fromkeys((row["method"], row["ball"]) for row in map_rows):
+            line = [row for row in map_rows if (row["method"], row["ball"]) == (method, ball)]
             marks = {f"{row['value']:g}": PictureState(row["state"]).mark for row in line}
             table.append({"method": method, "ball": ball} | marks)
         parts.append(f"{axis}\n{table_text(table)}")
@@ -114,24 +114,26 @@ def _maps_text(rows: list[Row]) -> str:
 
 
 def unsaid_share(rows: list[Row], method: str) -> float:
-    """Return the share of a method's pictures that are wrong without a flag."""
-    own = [row for row in rows if row["method"] == method]
-    return float(sum(row["unsaid"] for row in own) / sum(row["pictures"] for row in own))
+    """Return the share of the pictures of a method that are wrong without a flag."""
+    method_rows = [row for row in rows if row["method"] == method]
+    return float(
+        sum(row["unsaid"] for row in method_rows) / sum(row["pictures"] for row in method_rows)
+    )
 
 
 def _summary(rows: list[Row]) -> str:
     methods = dict.fromkeys(row["method"] for row in rows)
     shares = ", ".join(f"{method} {unsaid_share(rows, method):.2%}" for method in methods)
-    return f"beyond five standard uncertainties and unsaid, over the whole map: {shares}"
+    return f"wrong (error above 5 u) without a flag, over all maps: {shares}"
 
 
-def _cell(batch: Batch, found: Located) -> Row:
-    """Return the state of a cell and its counts of pictures."""
-    whole = score_places(batch, found)
-    unsaid = int(wrong_unsaid(batch, found).sum())
-    clean = np.isfinite(found.x) & (found.flags == 0)
-    off = np.stack([found.x - batch.x, found.y - batch.y])[:, clean]
-    rms = float(np.sqrt(np.mean(off**2))) if clean.any() else None
+def _cell(batch: Batch, located: Located) -> Row:
+    """Return the state of a cell, its rms error [px], and its numbers of pictures."""
+    whole = score_places(batch, located)
+    unsaid = int(wrong_unsaid(batch, located).sum())
+    clean = np.isfinite(located.x) & (located.flags == 0)
+    errors = np.stack([located.x - batch.x, located.y - batch.y])[:, clean]
+    rms = float(np.sqrt(np.mean(errors**2))) if clean.any() else None
     if unsaid:
         state = PictureState.UNSAID
     elif whole.lost >= 0.5:

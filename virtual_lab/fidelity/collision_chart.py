@@ -1,10 +1,11 @@
-"""Speed against accuracy of the collision models: error of e_A against time per shot.
+"""Chart of accuracy against run time of the collision models: error of e_A and time per shot.
 
-The chart has two panels with different references. The total error of a model (truncation of
-modes, mesh, interpolation and stepping) is measured against 120 modes integrated one scene at a
-time. The error of an integration method is measured against the same modes, integrated one scene
-at a time with steps four times finer. Errors are the largest of random scenes on the barrel, and
-times are medians of repeated batches. Failures are searched for along the whole bat.
+The chart has two panels with different references. The reference of the total error of a model
+(number of modes, mesh, interpolation and integration) has 120 modes, integrated one scene at a
+time. The reference of the error of the integration alone has the same modes as the model,
+integrated one scene at a time with steps four times smaller. Errors are the largest of random
+scenes on the barrel, and times are the shortest of repeated batches. Scenes along the whole bat
+show where a model fails.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ BARREL_IN, WHOLE_IN = (2.0, 12.0), (0.3, 33.0)  # ranges of random scenes: the b
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extent:
-    """Numbers of scenes of the chart."""
+    """Numbers of modes and of scenes of the chart."""
 
     mode_counts: tuple[int, ...] = (4, 6, 8, 10, 14, 20, 30, 40)
     scenes: int = 400  # for our models
@@ -88,7 +89,7 @@ class Extent:
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """A point of the chart: a method to compute e_A, its reference and its number of scenes."""
+    """A point of the chart: a method to compute e_A, its reference, and numbers of scenes."""
 
     panel: Question
     series: Series
@@ -102,19 +103,21 @@ class Point:
 def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> SpeedChart:
     """Return one row per model.
 
-    For scenes on the barrel: largest and rms error of e_A, and time per shot [µs]. For as many
-    scenes along the whole bat: the share with an error above the u of a certificate, and the share
-    refused.
+    For scenes on the barrel the row holds the largest and the rms error of e_A, and the time per
+    shot [µs]. For as many scenes along the whole bat it holds the share with an error above the u
+    of a certificate, and the share of refused scenes.
     """
     rows = []
     for point in _points(catalog.load_bat("r161").spec.body, extent):
         progress(f"{point.series}: {point.setting}")
         barrel, whole = (_scenes(ends, point.scenes) for ends in (BARREL_IN, WHOLE_IN))
         error = np.abs(point.efficiency(barrel) - point.exact(BARREL_IN, point.scenes))
-        found = _answers(point.efficiency, whole)
-        off = np.abs(found - point.exact(WHOLE_IN, point.scenes)) > EFFICIENCY_U  # False for NaN
+        answers = _answers(point.efficiency, whole)
+        is_wrong = (
+            np.abs(answers - point.exact(WHOLE_IN, point.scenes)) > EFFICIENCY_U
+        )  # False for NaN
         batch = _scenes(BARREL_IN, point.timed or point.scenes)
-        _, spent = least_time(partial(point.efficiency, batch))
+        _, seconds = least_time(partial(point.efficiency, batch))
         rows.append(
             {
                 "held_against": point.panel.value,
@@ -123,20 +126,20 @@ def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> Sp
                 "scenes": point.scenes,
                 "worst_error": float(error.max()),
                 "rms_error": float(np.sqrt((error**2).mean())),
-                "us_a_shot": spent / len(batch) * 1e6,
-                "off_along_the_bat": float(off.mean()),
-                "refused_along_the_bat": float(np.isnan(found).mean()),
+                "us_a_shot": seconds / len(batch) * 1e6,
+                "off_along_the_bat": float(is_wrong.mean()),
+                "refused_along_the_bat": float(np.isnan(answers).mean()),
             }
         )
     return SpeedChart(
         name="collision",
-        title="Collision: accuracy over cost, R161, 2 to 12 in, 60 to 160 mph",
-        words="Worst error in e_A over the time a shot takes on one core. Left, what a rung errs "
-        "by in all, against 120 modes stepped one by one; right, what solving the equations adds "
-        "to that, against the same 20 modes stepped one by one four times finer. The dashed line "
-        "decides: the cheapest rung below it is taken, a tenth of the u of e_A that a certificate "
-        "reaches. A red ring marks what is off by more than that u somewhere along the bat, from "
-        "tip to knob, and does not say so; a dotted one what refuses to answer somewhere.",
+        title="Collision models: error against time, R161, 2 to 12 in, 60 to 160 mph",
+        words="Largest error of e_A against the time per shot on one core. Left: total error of a "
+        "collision model; reference: 120 modes, integrated one scene at a time. Right: error of "
+        "the integration alone; reference: the same 20 modes, integrated one scene at a time with "
+        "steps four times smaller. Dashed line: a tenth of the u of e_A on a certificate; the "
+        "fastest model below it is used. Solid ring: the error exceeds u somewhere between tip and "
+        "knob, without a warning. Dotted ring: the model refuses some scenes there.",
         rows=rows,
         figure=draw_collision,
     )
@@ -145,7 +148,7 @@ def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> Sp
 def _points(body: BatBody, extent: Extent) -> Iterator[Point]:
     default = ModalModel.of(body, Free())
     many = replace(ModalModel.of(body, Free(), 120), stepper=OneByOne())
-    exact = _kept(_of(many))
+    exact = _cache_exact(_of(many))
     for series, setting, efficiency in _rungs(body, default, extent.mode_counts):
         dear = series is Series.REFERENCE
         yield Point(
@@ -159,7 +162,7 @@ def _points(body: BatBody, extent: Extent) -> Iterator[Point]:
         )
     # without residual flexibility, as the methods of scipy solve it
     bare = replace(default, stiff=default.stiff.above(default.stiff.count))
-    exact = _kept(_of(replace(bare, stepper=OneByOne(refinement=4.0))))
+    exact = _cache_exact(_of(replace(bare, stepper=OneByOne(refinement=4.0))))
     for series, setting, model in _solvers(bare):
         dear = series is Series.SCIPY
         yield Point(
@@ -211,30 +214,30 @@ def _of(model: CollisionModel) -> Efficiency:
     return lambda scenes: model.collide(scenes).collision_efficiency
 
 
-def _kept(efficiency: Efficiency) -> Callable[[Ends, int], Array]:
-    """Return a function that computes e_A of the scenes of a range once and stores it."""
+def _cache_exact(efficiency: Efficiency) -> Callable[[Ends, int], Array]:
+    """Return a function of a range [in] and a number of scenes that computes e_A once."""
     return cache(lambda ends_in, count: efficiency(_scenes(ends_in, count)))
 
 
 def _answers(efficiency: Efficiency, scenes: Scenes) -> Array:
-    """Return e_A of each scene, NaN if it is refused."""
-    found = np.full(len(scenes), np.nan)
+    """Return e_A of each scene, shape (scene,); NaN if the model refuses it."""
+    efficiencies = np.full(len(scenes), np.nan)
     for i in range(len(scenes)):
         try:
-            found[i] = efficiency(scenes.part(slice(i, i + 1)))[0]
+            efficiencies[i] = efficiency(scenes.part(slice(i, i + 1)))[0]
         except InputError:
             continue
-    return found
+    return efficiencies
 
 
 @cache
 def usual_ball() -> BallSpec:
-    """Return the ball of the charts and maps of collisions."""
+    """Return the ball of the charts and maps of collisions, baseball-2003."""
     return catalog.load("balls", "baseball-2003", BallSpec).spec
 
 
 def _box() -> Box:
-    """Return the box that holds the scenes of this chart on the barrel."""
+    """Return the range of a surrogate that contains all scenes on the barrel."""
     ball = usual_ball()
     return Box(
         impact_position=(1.5 * INCH, 12.5 * INCH),
@@ -248,13 +251,13 @@ def _box() -> Box:
 
 @cache
 def _scenes(ends_in: Ends, count: int) -> Scenes:
-    """Return random scenes, uniform over a range of positions and over the speeds."""
+    """Return `count` random scenes, uniform over positions [in] and over 60 to 160 mph."""
     draws = Streams(1)
 
-    def between(ends: Ends, name: str) -> Array:
+    def uniform(ends: Ends, name: str) -> Array:
         return np.asarray(ends[0] + (ends[1] - ends[0]) * (0.5 + draws.uniform(name, count)))
 
-    place, speed = between(ends_in, "place") * INCH, between((60.0, 160.0), "speed") * MPH
+    place, speed = uniform(ends_in, "place") * INCH, uniform((60.0, 160.0), "speed") * MPH
     return Scenes.with_ball(usual_ball(), impact_position=place, relative_speed=speed)
 
 
@@ -266,9 +269,11 @@ def draw_collision(rows: list[Row], title: str) -> Figure:
     figure = Figure(figsize=(11.5, 5.8), dpi=150, layout="constrained")
     canvas: Any = FigureCanvasAgg(figure)
     panels = dict(zip(Question, figure.subplots(1, len(Question)), strict=True))
-    own = {panel: [row for row in rows if row["held_against"] == panel] for panel in Question}
+    panel_rows = {
+        panel: [row for row in rows if row["held_against"] == panel] for panel in Question
+    }
     for panel, axes in panels.items():
-        _draw_panel(axes, own[panel], panel)
+        _draw_panel(axes, panel_rows[panel], panel)
     figure.legend(loc="outside lower center", ncols=5, fontsize=8, frameon=False)
     figure.suptitle(title, fontsize=11)
     canvas.draw()  # fixes the layout, which the labels need
@@ -277,26 +282,28 @@ def draw_collision(rows: list[Row], title: str) -> Figure:
             axes,
             [
                 (row["us_a_shot"], row["worst_error"], row["setting"], MARKS[row["series"]][1])
-                for row in own[panel]
+                for row in panel_rows[panel]
             ],
         )
     return figure
 
 
 def _draw_panel(axes: Any, rows: list[Row], panel: Question) -> None:
-    """Draw the points, circles around models that fail, and the line of the allowed error."""
+    """Draw the points, rings around models that fail, and the line of the allowed error."""
     first = panel is Question.IN_ALL
     for series, (marker, colour) in MARKS.items():
-        own = [row for row in rows if row["series"] == series]
-        if own:
-            times, errors = zip(*((r["us_a_shot"], r["worst_error"]) for r in own), strict=True)
+        series_rows = [row for row in rows if row["series"] == series]
+        if series_rows:
+            times, errors = zip(
+                *((r["us_a_shot"], r["worst_error"]) for r in series_rows), strict=True
+            )
             width = (
                 0 if series is Series.SCIPY else 1
             )  # the points of this series are different methods
             axes.plot(times, errors, marker=marker, color=colour, linewidth=width, label=series)
     for key, ring, style, words in (
-        ("off_along_the_bat", "#c00000", "solid", "off by more than u elsewhere on the bat"),
-        ("refused_along_the_bat", "#e69f00", "dotted", "refuses elsewhere on the bat"),
+        ("off_along_the_bat", "#c00000", "solid", "error above u elsewhere on the bat"),
+        ("refused_along_the_bat", "#e69f00", "dotted", "refuses scenes elsewhere on the bat"),
     ):
         failed = [(row["us_a_shot"], row["worst_error"]) for row in rows if row[key]]
         look = {"s": 110, "linewidths": 1.4, "zorder": 3, "facecolors": "none"}
@@ -305,7 +312,7 @@ def _draw_panel(axes: Any, rows: list[Row], panel: Question) -> None:
     decides = SHARE * EFFICIENCY_U
     axes.axhline(decides, color="0.3", linestyle="--", linewidth=1)
     axes.annotate(
-        f"what decides: u / 10 = {decides:.0e}",
+        f"allowed error: u / 10 = {decides:.0e}",
         (float(first), decides),
         xycoords=("axes fraction", "data"),
         xytext=(-4 if first else 4, 3),
@@ -314,7 +321,7 @@ def _draw_panel(axes: Any, rows: list[Row], panel: Question) -> None:
         fontsize=7.5,
         color="0.3",
     )
-    against = "of the rung, against 120 modes" if first else "of solving alone, same 20 modes"
+    against = "of the model, against 120 modes" if first else "of the integration, same 20 modes"
     axes.set_title(f"error {against}", fontsize=10)
-    error_axes(axes, "worst error in $e_A$")
+    error_axes(axes, "largest error of $e_A$")
     axes.margins(x=0.22, y=0.1)

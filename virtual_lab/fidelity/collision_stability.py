@@ -1,10 +1,10 @@
-"""Maps of the conditions under which the stepping of the modal model is accurate.
+"""Maps of the conditions under which the integration of the modal model is accurate.
 
-A cell holds a few scenes with wood and hollow bats, integrated in a single pass without second
-tries. The errors of e_A are relative to the same modes integrated one scene at a time. A step is a
-factor on the default steps of modes and ball. One more line shows the default as shipped, with its
-second tries. Steps that the program refuses are computed nevertheless, to test the refusal. Scenes
-without a result have no reference.
+A cell consists of a few scenes with a wooden and a hollow bat, integrated in a single pass without
+repeats. The reference of e_A has the same modes, integrated one scene at a time. The step is stated
+as a factor on the default steps of modes and ball. One more line shows the default, which repeats
+doubtful scenes. Steps that the program refuses are computed, too, to test the refusal. A column for
+which the reference has no result stays empty.
 """
 
 from __future__ import annotations
@@ -84,19 +84,19 @@ AXES: dict[CollisionAxis, tuple[Any, ...]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnePass:
-    """A stepper that makes the first try only."""
+    """A stepper that makes only the first pass."""
 
     stepper: InStep
 
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
-        """Integrate all contacts that begin within `window` [s] of the first touch."""
+        """Integrate all contacts that begin within `window` [s] of the first contact."""
         followed, doubted = self.stepper.one_pass(struck, window)
         none = np.zeros_like(followed.failure)
         return replace(followed, redone=doubted.astype(np.int64), failure=none)
 
 
 class Boundless(Splitting):
-    """A scheme without a stability limit, to test the limit."""
+    """An integration scheme without the stability limit, to test the limit."""
 
     @cached_property
     def limit(self) -> float:
@@ -105,12 +105,12 @@ class Boundless(Splitting):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnOutcome:
-    """Results of all scenes of a column."""
+    """Results of all scenes of a column, arrays of shape (scene,)."""
 
     efficiency: Array
     leak: Array  # error of the energy balance [share of the energy]
-    doubted: Mask  # scenes that the default integrates again
-    given_up: Mask  # scenes that did not reach the first release
+    doubted: Mask  # scenes that the default would repeat
+    given_up: Mask  # scenes without the end of a first contact
 
     @classmethod
     def of(cls, parts: list[Collisions]) -> ColumnOutcome:
@@ -126,9 +126,9 @@ class ColumnOutcome:
 
 
 def collision_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return one row per cell: position, state, largest error of e_A and of the energy balance.
+    """Return one row per cell: state, largest errors of e_A and of the energy balance, counts.
 
-    Refused steps are computed nevertheless.
+    Refused steps are computed, too.
     """
     rows = []
     for axis, values in AXES.items():
@@ -137,13 +137,13 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
         exact = [_exact(column) for column in columns]
         for step, stepper, refused in _steppers():
             for value, column, true in zip(values, columns, exact, strict=True):
-                found = _outcome(column, stepper) if true else None
+                outcome = _outcome(column, stepper) if true else None
                 row = {"map": axis.value, "value": value, "step": step, "refused": refused}
-                rows.append(row | _cell(found, true, step == SHIPPED))
-    down = "step over the default's"
+                rows.append(row | _cell(outcome, true, step == SHIPPED))
+    down = "step over the default step"
     title = (
-        "Stepping of the modal rung: up to 24 scenes a cell in one bare pass, and as shipped; "
-        f"good: all of them to {FINE.tolerance:.0e} in e_A, else how many are not"
+        "Integration of the modal model: up to 24 scenes per cell in one pass, and as shipped; "
+        f"good: error of e_A at most {FINE.tolerance:.0e}; numbers: scenes with a larger error"
     )
     return StabilityMap(
         title="stability of the collision",
@@ -165,7 +165,7 @@ def _steppers() -> Iterator[tuple[str, Stepper, bool]]:
 
 
 def _column(axis: CollisionAxis, value: Any) -> Column:
-    """Return the bats and scenes of one column, in which one quantity is not the usual one."""
+    """Return the bats and scenes of one column, in which one quantity has the given value."""
     if axis is CollisionAxis.CONTACTS:
         return _meeting(int(value))
     ball = usual_ball()
@@ -183,7 +183,7 @@ def _column(axis: CollisionAxis, value: Any) -> Column:
     grid = np.meshgrid(np.array(places) * INCH, np.array(speeds) * MPH, exponents)
     place, speed, exponent = (each.ravel() for each in grid)
     scenes = Scenes.with_ball(ball, impact_position=place, relative_speed=speed)
-    # the force at a compression of 12 mm is the same for every exponent
+    # every exponent gives the same force at a compression of 12 mm
     stiffness = ball.stiffness * 0.012 ** (ball.exponent - exponent)
     scenes = replace(scenes, exponent=exponent, stiffness=stiffness)
     if axis is CollisionAxis.STIFFNESS:
@@ -198,18 +198,18 @@ def _column(axis: CollisionAxis, value: Any) -> Column:
 
 
 def _meeting(contacts: int) -> Column:
-    """Return scenes with this number of contacts, at most as many as usual."""
+    """Return scenes with this number of contacts, at most as many as in other columns."""
     column = []
     for bat in ("r161", "ea70"):
         pool, met = _pool(bat)
-        some = np.flatnonzero(met == contacts)[: len(PLACES_IN) * len(SPEEDS_MPH)]
-        column.append((_model(bat, "free", BENDING_MODES), pool.part(some)))
+        selected = np.flatnonzero(met == contacts)[: len(PLACES_IN) * len(SPEEDS_MPH)]
+        column.append((_model(bat, "free", BENDING_MODES), pool.part(selected)))
     return column
 
 
 @cache
 def _pool(bat: str) -> tuple[Scenes, NDArray[np.int64]]:
-    """Return scenes along a whole bat with balls up to 100 times as hard, and their contacts."""
+    """Return scenes along a whole bat with balls up to 100 times as stiff, and their contacts."""
     ball = usual_ball()
     draws, (slow, fast) = Streams(5), SPEEDS_MPH
     names = ("z", "speed", "harder")
@@ -229,7 +229,7 @@ def _model(bat: str, support: str, count: int) -> ModalModel:
 
 
 def _exact(column: Column) -> ColumnOutcome | None:
-    """Return the reference results of a column, None if the program gives none."""
+    """Return the reference results of a column; None if the model refuses it."""
     try:
         return _outcome(column, OneByOne())
     except InputError:
@@ -237,35 +237,37 @@ def _exact(column: Column) -> ColumnOutcome | None:
 
 
 def _outcome(column: Column, stepper: Stepper) -> ColumnOutcome:
-    (first, scenes), *others = column
+    (first, scenes), *further = column
     with np.errstate(all="ignore"):  # diverging scenes overflow
-        return ColumnOutcome.of(collide_bats([(replace(first, stepper=stepper), scenes), *others]))
+        return ColumnOutcome.of(collide_bats([(replace(first, stepper=stepper), scenes), *further]))
 
 
-def _cell(found: ColumnOutcome | None, true: ColumnOutcome | None, shipped: bool) -> dict[str, Any]:
-    """Return the state of a cell, its errors, and its counts of scenes."""
-    if found is None or true is None:
+def _cell(
+    outcome: ColumnOutcome | None, true: ColumnOutcome | None, shipped: bool
+) -> dict[str, Any]:
+    """Return the state of a cell, its largest errors, and its numbers of scenes."""
+    if outcome is None or true is None:
         counts = dict.fromkeys(("scenes", "off", "doubted"), 0)
         worst = dict.fromkeys(("worst_error", "worst_unnoticed_error", "worst_leak"))
         return {"state": State.NO_RESULT.value} | counts | worst
-    error = np.abs(found.efficiency - true.efficiency)
-    # such values of e_A or of the leak are impossible; comparisons are False for NaN
-    held = (np.abs(found.efficiency) <= 2.0) & (found.leak <= 0.1) | found.given_up
+    error = np.abs(outcome.efficiency - true.efficiency)
+    # other values of e_A or of the leak show an instability; comparisons are False for NaN
+    stable = (np.abs(outcome.efficiency) <= 2.0) & (outcome.leak <= 0.1) | outcome.given_up
     good = error <= FINE.tolerance  # tolerance of the default
-    unnoticed = ~good if shipped else ~good & ~found.doubted
+    unnoticed = ~good if shipped else ~good & ~outcome.doubted
     state = State.GOOD if good.all() else State.INACCURATE if unnoticed.any() else State.NOTICED
     return {
-        "state": (state if held.all() else State.UNSTABLE).value,
+        "state": (state if stable.all() else State.UNSTABLE).value,
         "scenes": len(error),
         "off": int((~good).sum()),
-        "doubted": int(found.doubted.sum()),
+        "doubted": int(outcome.doubted.sum()),
         "worst_error": _worst(error),
-        "worst_unnoticed_error": _worst(error[~found.doubted | shipped]),
-        "worst_leak": _worst(found.leak[~found.given_up]),
+        "worst_unnoticed_error": _worst(error[~outcome.doubted | shipped]),
+        "worst_leak": _worst(outcome.leak[~outcome.given_up]),
     }
 
 
 def _worst(values: Array) -> float | None:
-    """Return the largest value, None if one is not finite, because JSON has no such numbers."""
+    """Return the largest value; None if a value is not finite, which JSON cannot store."""
     worst = float(values.max(initial=0.0))
     return worst if isfinite(worst) else None

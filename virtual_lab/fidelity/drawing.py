@@ -1,4 +1,4 @@
-"""Drawing of charts and maps: cells with states, axes of error against time, labels of points."""
+"""Drawing of maps with coloured cells, of axes of error against time, and of labels of points."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Row = dict[str, Any]
 
 
 class CellState(StrEnum):
-    """Result in a cell of a map: description, letter in a terminal, colour in a picture."""
+    """State of a cell in a map: description, letter for text, colour for a figure."""
 
     mark: str
     colour: str
@@ -28,27 +28,27 @@ class CellState(StrEnum):
 
 
 class State(CellState):
-    """Result in a cell of a map of steps."""
+    """State of a cell in a map of integration steps."""
 
     GOOD = "good", ".", "#6baed6"
-    NOTICED = "inaccurate, and the pass doubts it", "?", "#fee391"
+    NOTICED = "inaccurate, detected by the pass", "?", "#fee391"
     INACCURATE = "inaccurate", "o", "#f16913"
     UNSTABLE = "unstable", "X", "#800026"
     NO_RESULT = "no result is given", "-", "#d9d9d9"
 
 
 class PictureState(CellState):
-    """Result in a cell of a map of pictures."""
+    """State of a cell in a map of pictures."""
 
     GOOD = "good", ".", "#6baed6"
-    INACCURATE = "inaccurate, and says so", "o", "#fee391"
+    INACCURATE = "inaccurate within the stated u", "o", "#fee391"
     FLAGGED = "flagged", "F", "#f16913"
     LOST = "lost", "-", "#bdbdbd"
-    UNSAID = "wrong, unsaid", "X", "#800026"
+    UNSAID = "wrong without a flag", "X", "#800026"
 
 
 def _map_of(row: Row) -> str:
-    """Return the name of a row's map, with the method if there are several."""
+    """Return the name of the map to which a row belongs, including its method, if any."""
     return f"{row['method']}: {row['map']}" if "method" in row else str(row["map"])
 
 
@@ -63,7 +63,7 @@ def _maps(rows: Sequence[Row], map_of: Callable[[Row], str]) -> dict[str, list[R
     return maps
 
 
-def _used(states: type[CellState], rows: Sequence[Row]) -> list[CellState]:
+def _used_states(states: type[CellState], rows: Sequence[Row]) -> list[CellState]:
     return [state for state in states if any(row["state"] == state for row in rows)]
 
 
@@ -74,15 +74,15 @@ def _short(value: float | str) -> str:
 
 
 def maps_text(rows: Sequence[Row], down: str) -> str:
-    """Return one table per map for a terminal, with a letter for each state.
+    """Return one table per map as text, with a letter for each state.
 
-    A row is a cell with its `map`, `value`, `step` and `state`, and whether it is `refused`.
+    Each row is a cell with the keys `map`, `value`, `step`, `state` and `refused`.
     """
-    key = ", ".join(f"{state.mark} {state}" for state in _used(State, rows))
-    parts = [f"down, {down}; {key}; in brackets refused, and what it would be"]
-    for name, own in _maps(rows, _map_of).items():
+    key = ", ".join(f"{state.mark} {state}" for state in _used_states(State, rows))
+    parts = [f"rows: {down}; {key}; in parentheses: refused, with its state"]
+    for name, map_rows in _maps(rows, _map_of).items():
         table: dict[str, Row] = {}
-        for row in own:
+        for row in map_rows:
             mark = State(row["state"]).mark
             line = table.setdefault(_line_of(row), {"step": _line_of(row)})
             line[_short(row["value"])] = f"({mark})" if row["refused"] else mark
@@ -102,10 +102,10 @@ def draw_maps(
     abreast: int = 5,
     framed: str | None = None,
 ) -> None:
-    """Draw the maps of `rows` into a file. Each row is a cell with its `value` and its `state`.
+    """Draw the maps of `rows` into a file. Each row is a cell with the keys `value` and `state`.
 
-    A cell shows its number of scenes with an error (`off`) or of wrong pictures without a flag
-    (`unsaid`), if its row has such a number. A `refused` cell is hatched.
+    The number in a cell counts scenes with too large an error (key `off`) or wrong pictures without
+    a flag (key `unsaid`). A `refused` cell is hatched.
 
     Parameters
     ----------
@@ -116,13 +116,13 @@ def draw_maps(
     states
         Enumeration of the states.
     map_of, line_of
-        Functions that return the map of a row, and its line in the map.
+        Functions that return the name of the map of a row, and its line in the map.
     down
         Label of the lines.
     abreast
-        Number of maps side by side.
+        Number of maps per row of the figure.
     framed
-        Name of the line to frame.
+        Name of the line that gets a frame.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
@@ -131,18 +131,18 @@ def draw_maps(
     high = -(-len(maps) // abreast)
     figure = Figure(figsize=(17, 3.6 * high + 0.6), dpi=110, layout="constrained")
     panels = figure.subplots(high, abreast, squeeze=False).ravel()
-    left: list[str] = []  # labels shared with the maps to the right
-    for k, (axes, (name, own)) in enumerate(zip(panels, maps.items(), strict=False)):
-        labels = _draw_map(axes, own, states, line_of, framed)
+    shared_labels: list[str] = []  # tick labels that maps to the right share
+    for k, (axes, (name, map_rows)) in enumerate(zip(panels, maps.items(), strict=False)):
+        labels = _draw_map(axes, map_rows, states, line_of, framed)
         axes.set_xlabel(name, fontsize=9)
-        if k % abreast and labels == left:
+        if k % abreast and labels == shared_labels:
             axes.set_yticklabels([])
         else:
             axes.set_ylabel(down, fontsize=9)
-            left = labels
+            shared_labels = labels
     for axes in panels[len(maps) :]:
         axes.set_axis_off()
-    keys = [Patch(color=state.colour, label=state) for state in _used(states, rows)]
+    keys = [Patch(color=state.colour, label=state) for state in _used_states(states, rows)]
     if any("refused" in row for row in rows):
         keys.append(Patch(fill=False, hatch="//", edgecolor="0.5", label="refused"))
     figure.legend(handles=keys, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
@@ -157,7 +157,7 @@ def _draw_map(
     line_of: Callable[[Row], str],
     framed: str | None,
 ) -> list[str]:
-    """Draw one map, and return the labels of its lines."""
+    """Draw one map. Return the labels of its lines."""
     from matplotlib.patches import Rectangle
 
     values = list(dict.fromkeys(row["value"] for row in rows))
@@ -187,28 +187,28 @@ def _draw_map(
 
 
 def error_axes(axes: Any, error: str) -> None:
-    """Set up axes of an error against the time per shot."""
+    """Set logarithmic axes of an error against the time per shot."""
     axes.set(xscale="log", yscale="log", xlabel="time per shot, one core [µs]", ylabel=error)
     axes.grid(True, which="major", linewidth=0.3)
 
 
 def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> None:
-    """Write labels at points (x, y, label, colour) where they cover no marker, line or label.
+    """Write labels beside points (x, y, label, colour), if possible without any overlap.
 
-    The figure must have been drawn once, which fixes the positions.
+    The figure must have been drawn once, which fixes the layout.
     """
     from matplotlib.transforms import Bbox
 
     renderer = axes.figure.canvas.get_renderer()
     pixels = axes.transData.transform([point[:2] for point in points])
-    taken = [Bbox.from_bounds(x - 10, y - 10, 20, 20) for x, y in pixels]
-    taken += [text.get_window_extent(renderer) for text in axes.texts]
+    occupied = [Bbox.from_bounds(x - 10, y - 10, 20, 20) for x, y in pixels]
+    occupied += [text.get_window_extent(renderer) for text in axes.texts]
     for line in axes.lines:
         if line.get_linewidth():
             corners = line.get_transform().transform(line.get_xydata())
-            for start, end in pairwise(corners):  # boxes closer together than the length of a word
-                way = start + np.linspace(0.0, 1.0, 60)[:, None] * (end - start)
-                taken += [Bbox.from_bounds(x - 1, y - 1, 2, 2) for x, y in way]
+            for start, end in pairwise(corners):  # boxes along the line
+                positions = start + np.linspace(0.0, 1.0, 60)[:, None] * (end - start)
+                occupied += [Bbox.from_bounds(x - 1, y - 1, 2, 2) for x, y in positions]
     left, right = axes.get_window_extent(renderer).intervalx
     for x, y, words, colour in points:
         tried: list[tuple[int, int, Any]] = []
@@ -224,9 +224,9 @@ def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> 
                 color=colour,
             )
             box = label.get_window_extent(renderer)
-            hidden = box.count_overlaps(taken) + (not left < box.x0 < box.x1 < right)
+            hidden = box.count_overlaps(occupied) + (not left < box.x0 < box.x1 < right)
             tried.append((hidden, len(tried), label))
-        *others, (_, _, best) = sorted(tried, reverse=True)
-        for _, _, label in others:
+        *rejected, (_, _, best) = sorted(tried, reverse=True)
+        for _, _, label in rejected:
             label.remove()
-        taken.append(best.get_window_extent(renderer))
+        occupied.append(best.get_window_extent(renderer))

@@ -1,8 +1,8 @@
-"""Number of modes that a collision needs, with and without contact patch and residual flexibility.
+"""Number of bending modes that a collision needs.
 
 The study computes the largest error of e_A along the barrel of a free bat, for a point contact and
-for a patch, each with and without the flexibility of the omitted modes. The reference of each
-variant has 120 modes and the same contact.
+for a contact patch, each with and without the static flexibility of the omitted modes. The
+reference has 120 modes and the same contact.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> Rows[dict[
     Raises
     ------
     InputError
-        An unknown bat, or a file that cannot be used.
+        A bat is unknown, or its file cannot be used.
     """
     counts, converged = (8, 12, 16, 20, 30), 120
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
@@ -74,7 +74,7 @@ def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> Rows[dict[
                 rows.append(row)
     return Rows(
         name="convergence",
-        title=f"worst error in e_A against {converged} modes, by the number of bending modes",
+        title=f"largest error of e_A against {converged} modes, by the number of bending modes",
         columns={
             "bat": Column("bat"),
             "contact": Column("contact"),

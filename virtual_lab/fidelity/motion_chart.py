@@ -1,7 +1,7 @@
-"""Speed against accuracy of the models of the motion, compared with plain pymunk.
+"""Chart of accuracy against run time of the models of the motion, and of plain pymunk.
 
-Errors are root mean squares over shots whose starts are spread evenly over one step. The reference
-is an independent calculation with vectors. The bat is rigid with one radius, and there is no air
+Errors are rms errors over shots whose starts are spread evenly over one step. The reference is an
+independent calculation with vectors. The bat is rigid with one radius, and there is no air
 and no friction, so that plain pymunk could be exact.
 """
 
@@ -20,7 +20,7 @@ from virtual_lab.fidelity.drawing import error_axes
 from virtual_lab.fidelity.naive_pymunk import (
     Shape,
     energy_lost,
-    missed,
+    missed_share,
     naive_errors,
     rod,
     rod_scene,
@@ -79,10 +79,11 @@ def motion_chart(
     losses: Sequence[float] = (1e-2, 1e-3, 1e-4, 1e-5),
     batch: int = 20_000,
 ) -> SpeedChart:
-    """Return one row per model, scene and setting: errors, shares, time per shot [µs].
+    """Return one row per model, scene and setting: errors, shares, and time per shot [µs].
 
-    The errors are those of e_A, of the ball's velocity [m/s] and of the bat's rate [rad/s]. The
-    shares are those of missed contacts or of lost energy. Values that do not apply are None.
+    The errors are those of e_A, of the velocity of the ball [m/s] and of the angular rate of the
+    bat [rad/s]. The shares are those of missed contacts or of lost energy. Values that do not apply
+    are None.
 
     Parameters
     ----------
@@ -104,19 +105,19 @@ def motion_chart(
     rows += [row for step in losses for row in _losses(step)]
     return SpeedChart(
         name="motion",
-        title="Motion: the rungs beside pymunk left to itself",
-        words="Root mean square errors over starts spread evenly over a step: e_A, the ball's "
-        "velocity, the bat's rate. Shares are of shots missed or of energy lost. An error of less "
-        "than 1e-16 is drawn there.",
+        title="Models of the motion compared with plain pymunk",
+        words="Rms errors over starts spread evenly over a step: of e_A, of the velocity of the "
+        "ball, and of the angular rate of the bat. Shares of missed shots or of lost energy. "
+        "Errors below 1e-16 are drawn at 1e-16.",
         rows=rows,
         figure=draw_motion,
     )
 
 
-def _row(series: str, scene: str, setting: str, **own: float | None) -> Row:
+def _row(series: str, scene: str, setting: str, **values: float | None) -> Row:
     names = ("e_A", "ball_m_s", "bat_rad_s", "share", "us_a_shot")
     return {"series": str(series), "scene": str(scene), "setting": setting} | {
-        name: own.get(name) for name in names
+        name: values.get(name) for name in names
     }
 
 
@@ -130,7 +131,7 @@ def _accuracy(name: Start, steps: Sequence[float], batch: int) -> Iterator[Row]:
     exact = _errors(scene, play_closed_form(scene))
     yield _row(Carrier.CLOSED, name, "exact", us_a_shot=spent / batch * 1e6, **exact)
     for step in steps:
-        yield _of_rung(name, step, partial(_timed, _scene(name, step, 4), step))
+        yield _of_rung(name, step, partial(_time_model, _scene(name, step, 4), step))
     for step in steps:
         scene = _scene(name, step, 20)
         shapes: dict[str, Shape] = {Start.ROUND: "section", Start.TIP: "round tip"}
@@ -141,7 +142,7 @@ def _accuracy(name: Start, steps: Sequence[float], batch: int) -> Iterator[Row]:
 
 
 def _of_rung(scene: str, step: float, work: Callable[[], Mapping[str, float]]) -> Row:
-    """Return the row of a model: the results of `work`, or its refusal."""
+    """Return the row of a setting of the pymunk model: results of `work`, or its refusal."""
     setting = f"{step:.0e} s"
     try:
         return _row(Carrier.RUNG, scene, setting, **work())
@@ -149,13 +150,13 @@ def _of_rung(scene: str, step: float, work: Callable[[], Mapping[str, float]]) -
         return _row(Carrier.RUNG, scene, f"{setting}: refused")
 
 
-def _timed(scene: ShotScene, step: float) -> dict[str, float]:
+def _time_model(scene: ShotScene, step: float) -> dict[str, float]:
     carried, spent = least_time(partial(play_pymunk, scene, PymunkSettings(step=step)))
     return _errors(scene, carried) | {"us_a_shot": spent / scene.shots * 1e6}
 
 
-def _errors(scene: ShotScene, found: PlayedShots) -> dict[str, float]:
-    hit = found.first(Target.BAT)
+def _errors(scene: ShotScene, played: PlayedShots) -> dict[str, float]:
+    hit = played.first(Target.BAT)
     true = [parted_by_hand(scene, shot) for shot in range(scene.shots)]
     e_A = scene.efficiency(hit.place, hit.speed, hit.shot)
     ball = np.array(hit.state[3:6]).T - [each.velocity for each in true]
@@ -167,7 +168,7 @@ def _errors(scene: ShotScene, found: PlayedShots) -> dict[str, float]:
 
 
 def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
-    """Return the state after the contact, computed with vectors, without air and gravity."""
+    """Return the state after the contact of one shot, computed with vectors, without air."""
     bat, start = rod(), scene.start.part(shot)
     velocity, turning = np.array(start[3:6]), np.array([0.0, -float(start.rate), 0.0])
 
@@ -179,9 +180,7 @@ def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
         foot = (arm @ along) * along
         return arm - foot, foot
 
-    behind = float(
-        -start.x / start.vx
-    )  # time at which the ball reaches the rest position of the bat
+    behind = float(-start.x / start.vx)  # time at which the ball reaches the bat at rest
     time = brentq(lambda t: np.linalg.norm(apart(t)[0]) - bat.reach, 0, behind, xtol=1e-16)
     offset, foot = apart(time)
     normal, place = offset / np.linalg.norm(offset), bat.axis - np.linalg.norm(foot)
@@ -197,13 +196,13 @@ def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
 
 def _misses(speed: float, step: float) -> Iterator[Row]:
     scene = f"missed at {speed:g} m/s"
-    share = missed(rod(), speed, step, 100)
+    share = missed_share(rod(), speed, step, 100)
     yield _row(Carrier.ALONE, scene, f"{step:.0e} s", share=share)
     shots = rod_scene(STARTS[Start.SQUARE], speed, step, 20, ahead=0.2, duration=0.03)
 
     def of_rung() -> dict[str, float]:
-        found = play_pymunk(shots, PymunkSettings(step=step))
-        return {"share": 1 - len(found.first(Target.BAT).shot) / shots.shots}
+        played = play_pymunk(shots, PymunkSettings(step=step))
+        return {"share": 1 - len(played.first(Target.BAT).shot) / shots.shots}
 
     yield _of_rung(scene, step, of_rung)
 
@@ -244,44 +243,51 @@ def _draw_errors(axes: Any, rows: list[Row]) -> None:
     for series, colour in COLOURS.items():
         axes.plot([], [], color=colour, linewidth=3, label=series)
         for scene, marker in markers.items():
-            own = [row for row in rows if (row["series"], row["scene"]) == (series, scene)]
-            times = [row["us_a_shot"] for row in own]
-            places = [max(row["ball_m_s"], 1e-16) for row in own]
+            scene_rows = [row for row in rows if (row["series"], row["scene"]) == (series, scene)]
+            times = [row["us_a_shot"] for row in scene_rows]
+            places = [max(row["ball_m_s"], 1e-16) for row in scene_rows]
             axes.plot(times, places, marker=marker, color=colour, linewidth=1, markersize=5)
-            for row, *place in zip(own, times, places, strict=True):
+            for row, *place in zip(scene_rows, times, places, strict=True):
                 if scene == Start.TIP:
                     words = row["setting"].replace("e-0", "e-")
                     axes.annotate(words, place, fontsize=7, rotation=25, color=colour)
     for scene, marker in markers.items():
         axes.plot([], [], color="0.4", marker=marker, linewidth=0, label=scene)
-    error_axes(axes, "error of the ball's velocity [m/s]")
+    error_axes(axes, "error of the velocity of the ball [m/s]")
     low, high = axes.get_xlim()
     axes.set_xlim(low, 3 * high)
     axes.legend(fontsize=7.5, frameon=False, loc="center right")
 
 
 def _draw_misses(axes: Any, rows: list[Row]) -> None:
-    reach = rod().reach
-    way = np.linspace(1e-3, 0.3, 300)
-    axes.plot(way, np.maximum(0.0, 1 - reach / way), color="0.5", label="1 − (R + r) / (v dt)")
+    contact_distance = rod().reach
+    steps_m = np.linspace(1e-3, 0.3, 300)
+    axes.plot(
+        steps_m,
+        np.maximum(0.0, 1 - contact_distance / steps_m),
+        color="0.5",
+        label="1 − (R + r) / (v dt)",
+    )
     for row in rows:
         if row["share"] is not None:
             speed, step = float(row["scene"].split()[2]), float(row["setting"].split()[0])
             marker = "o" if row["series"] == Carrier.ALONE else "x"
             axes.plot(speed * step, row["share"], marker, color=COLOURS[row["series"]])
-    axes.axvspan(reach, way[-1], color=COLOURS[Carrier.RUNG], alpha=0.12, linewidth=0)
-    axes.annotate("refused by the rung", (0.185, 0.04), ha="center", fontsize=7.5, color="#0072b2")
+    axes.axvspan(
+        contact_distance, steps_m[-1], color=COLOURS[Carrier.RUNG], alpha=0.12, linewidth=0
+    )
+    axes.annotate("refused by the model", (0.185, 0.04), ha="center", fontsize=7.5, color="#0072b2")
     axes.set_xlabel("v dt [m]")
-    axes.set_ylabel("share of shots that jump the bat")
+    axes.set_ylabel("share of shots that pass through the bat")
     axes.legend(fontsize=7.5, frameon=False, loc="upper left")
 
 
 def _draw_losses(axes: Any, rows: list[Row]) -> None:
     for series in (Carrier.ALONE, Carrier.RUNG):
-        own = [row for row in rows if row["series"] == series and row["share"] is not None]
-        steps = [float(row["setting"].split()[0]) for row in own]
-        shares = [max(row["share"], 1e-16) for row in own]
+        series_rows = [row for row in rows if row["series"] == series and row["share"] is not None]
+        steps = [float(row["setting"].split()[0]) for row in series_rows]
+        shares = [max(row["share"], 1e-16) for row in series_rows]
         axes.plot(steps, shares, marker="o", color=COLOURS[series], linewidth=1, label=series)
-    error_axes(axes, "energy a turning bat loses in a second")
+    error_axes(axes, "share of energy lost in one second by a rotating bat")
     axes.set_xlabel("step [s]")
     axes.legend(fontsize=7.5, frameon=False, loc="center right")

@@ -1,10 +1,10 @@
 """Maps of the steps at which pymunk is accurate, alone and as a model of the motion.
 
-A cell holds a few shots whose contacts are spread evenly over a step. The bat is rigid with one
-radius, at rest, and struck 6 in from its tip. In the map of slop the bat is swung and the ball
+A cell consists of a few shots whose contacts are spread evenly over a step. The bat is rigid with
+one radius, at rest, and hit 6 in from its tip. In the map of slop the bat is swung and the ball
 comes at an angle; in the map of iterations the impact is 20 in from the tip. The error is that of
-the ball's velocity after the contact, relative to the speed of approach, against the closed form.
-Settings that the model refuses are computed nevertheless, to test the refusal.
+the velocity of the ball after the contact, relative to the speed of approach; the reference is the
+closed form. Settings that the model refuses are computed, too, to test the refusal.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from virtual_lab.units import INCH, MPH
 
 Row = dict[str, Any]
 STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
-BOUNDS = {  # limits of the relative error; at one half the ball passed the bat or gained energy
+BOUNDS = {  # largest relative error; above 0.5 the ball passed the bat or gained energy
     State.GOOD: 1e-4,
     State.INACCURATE: 0.5,
 }
@@ -55,9 +55,9 @@ AXES: dict[MotionAxis, tuple[float, ...]] = {
 
 
 def motion_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return one row per cell: position, state, largest error, and whether it is refused.
+    """Return one row per cell: state, largest error, and whether the model refuses it.
 
-    Refused steps are computed nevertheless.
+    Refused steps are computed, too.
     """
     rows = []
     for method in (Carrier.ALONE, Carrier.RUNG):
@@ -65,9 +65,9 @@ def motion_stability(progress: Progress = quiet) -> StabilityMap:
             progress(f"{method}: {axis}")
             rows += [_cell(axis, method, step, value) for step in STEPS for value in values]
     title = (
-        "Ball off a bat by pymunk alone and by the motion's pymunk rung; good: the ball's velocity "
-        f"to {BOUNDS[State.GOOD]:.0e} of the speed of approach, unstable: not to "
-        f"{BOUNDS[State.INACCURATE]:g}"
+        "Rebound by pymunk alone and by the pymunk model of the motion; error of the velocity of "
+        f"the ball over the speed of approach: good, at most {BOUNDS[State.GOOD]:.0e}; unstable, "
+        f"above {BOUNDS[State.INACCURATE]:g}"
     )
     return StabilityMap(
         title="stability of the motion",
@@ -78,12 +78,12 @@ def motion_stability(progress: Progress = quiet) -> StabilityMap:
 
 
 def _cell(axis: MotionAxis, method: Carrier, step: float, value: float) -> Row:
-    """Return the result of the shots of a cell."""
+    """Return the row of a cell."""
     speed = (value if axis is MotionAxis.SPEED else 60.0) * MPH
-    # iterations matter near the grip, where the load on the joint is large
+    # iterations matter near the handle, where the load on the joint is large
     place = 20 * INCH if axis is MotionAxis.ITERATIONS else 6 * INCH
     start = STARTS[Start.SWUNG] if axis is MotionAxis.SLOP else {"z": place}
-    own: dict[MotionAxis, dict[str, float]] = {
+    starts: dict[MotionAxis, dict[str, float]] = {
         MotionAxis.PLACE: {"z": value * INCH},
         MotionAxis.ACROSS: {"y": value * 1e-3},
     }
@@ -93,13 +93,13 @@ def _cell(axis: MotionAxis, method: Carrier, step: float, value: float) -> Row:
         iterations=int(value) if axis is MotionAxis.ITERATIONS else 10,
     )
     shots = 8 if method == Carrier.ALONE else 3
-    scene = rod_scene(start | own.get(axis, {}), speed, step, shots)
+    scene = rod_scene(start | starts.get(axis, {}), speed, step, shots)
     true = play_closed_form(scene).first(Target.BAT)
     refused = False
     if method == Carrier.RUNG:
-        refused = _refused(scene, settings)
-        found = carry(scene, settings).first(Target.BAT)
-        gap = np.linalg.norm(np.array(found.state[3:6]) - np.array(true.state[3:6]), axis=0)
+        refused = _is_refused(scene, settings)
+        played = carry(scene, settings).first(Target.BAT)
+        gap = np.linalg.norm(np.array(played.state[3:6]) - np.array(true.state[3:6]), axis=0)
     else:
         shapes: dict[MotionAxis, Shape] = {
             MotionAxis.PLACE: "round tip",
@@ -125,7 +125,7 @@ def _cell(axis: MotionAxis, method: Carrier, step: float, value: float) -> Row:
     return row | {"state": state.value, "shots": shots, "worst_error": error}
 
 
-def _refused(scene: ShotScene, settings: PymunkSettings) -> bool:
+def _is_refused(scene: ShotScene, settings: PymunkSettings) -> bool:
     try:
         settings.check(scene)
     except InputError:

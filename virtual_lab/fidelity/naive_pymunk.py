@@ -1,9 +1,8 @@
-"""Plain pymunk, which also computes the collision itself.
+"""Plain pymunk, which also computes the collision, for comparison with the models of the motion.
 
-The bodies have their real centre of mass, elasticities represent the restitution, and any step and
-number of iterations are accepted. This is the comparison for `virtual_lab.simulation.motion`. The
-bat is rigid with one radius, and there is no air and no friction, so that pymunk could be exact.
-The reference is the frictionless contact of rigid bodies.
+The bodies have their real centres of mass, elasticities represent the restitution, and any step and
+number of iterations are accepted. The bat is rigid with one radius, and there is no air and no
+friction, so that pymunk could be exact. The reference is the frictionless contact of rigid bodies.
 """
 
 from __future__ import annotations
@@ -48,22 +47,22 @@ class Rod:
 
     @property
     def reach(self) -> float:
-        """Distance of the ball's centre from the bat's axis at contact [m]."""
+        """Distance between the centre of the ball and the axis of the bat at contact [m]."""
         return self.radius + self.ball_radius
 
     def recoil(self, lever: Any) -> Any:
-        """Return the recoil factor r for an impact at a distance `lever` from the pivot [m]."""
+        """Return the recoil factor r for an impact at the distance `lever` [m] from the pivot."""
         return self.ball_mass * lever**2 / self.inertia
 
     def efficiency(self, place: Array, *_: Any) -> Array:
-        """Return e_A for e = e0, with the signature that `ShotScene` needs."""
+        """Return e_A for e = e0 at `place` [m from the tip]; `ShotScene` passes more arguments."""
         r = self.recoil(self.axis - place)
         return np.asarray((self.restitution - r) / (1 + r))
 
 
 @cache
 def rod() -> Rod:
-    """Return a bat of one radius with the mass and the moment of inertia of a real bat."""
+    """Return a bat of one radius with the mass and the moment of inertia of R161, and its ball."""
     beam = beam_of(catalog.load_bat("r161").spec.body)
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     axis = beam.length - 6 * INCH
@@ -89,16 +88,16 @@ def rod_scene(
     ahead: float = 0.12,
     duration: float | None = None,
 ) -> ShotScene:
-    """Return shots at the bat of `rod` that start `ahead` [m] in front of its axis.
+    """Return shots at the bat of `rod`, whose contacts are spread evenly over a `step` [s].
 
-    The contacts are spread evenly over a `step` [s]. `start` holds the state variables that differ
-    from the usual ones, and `speed` is the ball's [m/s]. By default the shots end 5 ms after the
-    last contact.
+    `start` holds the state variables that are not zero, `speed` is that of the ball [m/s], and
+    `ahead` its smallest distance from the axis of the bat at the start [m]. By default the shots
+    end 5 ms after the last contact.
     """
     bat, many = rod(), np.ones(shots)
-    way = ahead + speed * step * (np.arange(shots) + 0.5) / shots
+    distance = ahead + speed * step * (np.arange(shots) + 0.5) / shots
     return ShotScene(
-        start=ShotState.of(**({"vx": speed} | start | {"x": -way})),
+        start=ShotState.of(**({"vx": speed} | start | {"x": -distance})),
         ball_mass=bat.ball_mass * many,
         ball_drag=0 * many,
         ball_radius=bat.ball_radius,
@@ -108,7 +107,7 @@ def rod_scene(
             bat.inertia,
         ),
         efficiency=bat.efficiency,
-        duration=duration or float(way.max()) / speed + 5e-3,
+        duration=duration or float(distance.max()) / speed + 5e-3,
     )
 
 
@@ -120,26 +119,26 @@ def naive_errors(
     slop: float = 1e-5,
     shape: Shape = "side",
 ) -> Array:
-    """Return the error of the ball's velocity after pymunk's contact, (shot,) [m/s]."""
+    """Return the error of the velocity of the ball after the contact [m/s], shape (shot,)."""
     bat, errors = rod(), np.empty(scene.shots)
     thrown = np.array(play_closed_form(scene).first(Target.BAT).state[3:6]).T
     for shot in range(scene.shots):
-        one = scene.start.part(shot)
+        start = scene.start.part(shot)
         plane = [0, 1] if shape == "section" else [0, 2]
         true = thrown[shot, plane]
         if shape == "round tip":
-            true = _off_round_tip(bat, float(one.z), float(one.vx))
+            true = _off_round_tip(bat, float(start.z), float(start.vx))
         space = _space(iterations, slop)
-        _stand(space, bat, shape, float(one.angle), float(one.rate))
-        found = _hit(space, bat, np.array(one[:3])[plane], np.array(one[3:6])[plane], step)
-        errors[shot] = np.linalg.norm(found - true)
+        _stand(space, bat, shape, float(start.angle), float(start.rate))
+        velocity = _hit(space, bat, np.array(start[:3])[plane], np.array(start[3:6])[plane], step)
+        errors[shot] = np.linalg.norm(velocity - true)
     return errors
 
 
-def missed(bat: Rod, speed: float, step: float, shots: int) -> float:
-    """Return the share of `shots`, spread evenly over a step, that pass through the bat.
+def missed_share(bat: Rod, speed: float, step: float, shots: int) -> float:
+    """Return the share of shots in which the ball passes through the bat without a contact.
 
-    The ball comes at right angles to a position at which it would rebound.
+    The starts are spread evenly over a step. Without this error the ball would rebound.
     """
     passed = 0
     for shot in range(shots):
@@ -151,7 +150,10 @@ def missed(bat: Rod, speed: float, step: float, shots: int) -> float:
 
 
 def energy_lost(bat: Rod, rate: float, step: float) -> float:
-    """Return the share of its energy that a bat loses in one second, free on a `PivotJoint`."""
+    """Return the share of energy that a bat on a `PivotJoint` loses in one second.
+
+    `rate` is its angular rate [rad/s]. The exact value is 0.
+    """
     space = _space()
     body = _stand(space, bat, rate=rate)
     before = body.kinetic_energy
@@ -171,7 +173,7 @@ def _space(iterations: int = 10, slop: float = 1e-5) -> Any:
 def _stand(
     space: Any, bat: Rod, shape: Shape = "side", angle: float = 0.0, rate: float = 0.0
 ) -> Any:
-    """Add the bat to a space, and return its body."""
+    """Add the bat to a space. Return its body."""
     import pymunk
 
     if shape == "section":
@@ -195,7 +197,7 @@ def _stand(
 
 
 def _hit(space: Any, bat: Rod, start: Array, velocity: Array, step: float) -> Array:
-    """Return a ball's velocity two steps after first contact, or after it passed the bat [m/s]."""
+    """Return the velocity of the ball two steps after the contact, or behind the bat [m/s]."""
     import pymunk
 
     ball = pymunk.Body(bat.ball_mass, inf)
@@ -203,8 +205,8 @@ def _hit(space: Any, bat: Rod, start: Array, velocity: Array, step: float) -> Ar
     circle = pymunk.Circle(ball, bat.ball_radius)
     circle.elasticity = 1.0
     space.add(ball, circle)
-    came = ball.velocity
-    while ball.velocity == came and ball.position.x <= 0.1:
+    initial_velocity = ball.velocity
+    while ball.velocity == initial_velocity and ball.position.x <= 0.1:
         space.step(step)
     for _ in range(2):  # steps in which the contact may continue
         space.step(step)
@@ -212,9 +214,9 @@ def _hit(space: Any, bat: Rod, start: Array, velocity: Array, step: float) -> Ar
 
 
 def _off_round_tip(bat: Rod, place: float, speed: float) -> Array:
-    """Return the rebound velocity (x, z) from a bat at rest with a semicircular tip [m/s].
+    """Return the velocity (x, z) of the ball after a bat at rest with a semicircular tip [m/s].
 
-    Up to one radius from the tip the ball hits the circle, beyond it the straight side.
+    Within one radius from the tip the ball hits the semicircle, elsewhere the straight side.
     """
     aside = np.arcsin(min(place - bat.radius, 0.0) / bat.reach)
     normal = np.array([-np.cos(aside), np.sin(aside)])

@@ -1,4 +1,4 @@
-"""Results of the studies of models and methods: charts of speed against accuracy, and maps."""
+"""Results of the studies of models: charts of accuracy against run time, and stability maps."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ Row = dict[str, Any]
 T = TypeVar("T")
 COLUMNS = {  # columns of all charts by key; the title of any other column is its key
     "series": Column("model"),
-    "held_against": Column("held against"),
-    "estimator": Column("way of locating"),
+    "held_against": Column("reference"),
+    "estimator": Column("method"),
     "worst_error": Column("worst error in e_A", form=".1e"),
     "rms_error": Column("rms error", form=".1e"),
     "us_a_shot": Column("time per shot", "µs", ".2g"),
-    "off_along_the_bat": Column("off along the bat", form=".0%"),
+    "off_along_the_bat": Column("wrong along the bat", form=".0%"),
     "refused_along_the_bat": Column("refused there", form=".0%"),
     "e_A": Column("rms error in e_A", form=".1e"),
     "ball_m_s": Column("of the ball's velocity", "m/s", ".1e"),
     "bat_rad_s": Column("of the bat's rate", "rad/s", ".1e"),
     "share": Column("missed or lost", form=".1%"),
     "rms_px": Column("rms error", "px", ".2g"),
-    "limit_px": Column("least scatter possible", "px", ".2g"),
-    "bias_over_limit": Column("bias over that", form=".2g"),
+    "limit_px": Column("smallest possible scatter", "px", ".2g"),
+    "bias_over_limit": Column("bias over it", form=".2g"),
     "ms_a_frame": Column("time per frame", "ms", ".2g"),
     "lost": Column("not found", form=".0%"),
     "flagged": Column("flagged", form=".0%"),
@@ -42,7 +42,7 @@ COLUMNS = {  # columns of all charts by key; the title of any other column is it
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SpeedChart(StudyResult):
-    """Error of each model of a part against its run time, with a figure and a page."""
+    """Error and run time of each model, one row per model and setting, with a figure and a page."""
 
     name: str
     title: str
@@ -52,7 +52,7 @@ class SpeedChart(StudyResult):
 
     @property
     def text(self) -> str:
-        """The rows as a table, with blanks for missing values."""
+        """Table of the rows; missing values are blank."""
         return table_text(self.rows, {key: COLUMNS.get(key, Column(key)) for key in self.rows[0]})
 
     def draw(self, path: Path) -> None:
@@ -60,7 +60,7 @@ class SpeedChart(StudyResult):
         self.figure(self.rows, self.title).savefig(path)
 
     def fill(self, folder: Path) -> None:
-        """Write the rows as CSV, and the figure as PNG and HTML page."""
+        """Write the rows as CSV, the figure as PNG, and a page with both as HTML."""
         figure = self.figure(self.rows, self.title)
         write_csv(self.table, folder / f"{self.name}.csv")
         figure.savefig(folder / f"{self.name}.png")
@@ -70,7 +70,7 @@ class SpeedChart(StudyResult):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StabilityMap(StudyResult):
-    """Maps of the conditions under which the numerical methods of a part are valid."""
+    """Maps of the conditions under which a numerical method is accurate, one row per cell."""
 
     title: str
     text: str
@@ -84,13 +84,13 @@ class StabilityMap(StudyResult):
 
 
 def least_time(work: Callable[[], T]) -> tuple[T, float]:
-    """Return the result of `work`, and its shortest processor time of up to five runs [s].
+    """Return the result of `work`, and the shortest processor time of up to five runs [s].
 
-    Work that takes more than half a second is run once.
+    The runs end when they have taken half a second together.
     """
     times: list[float] = []
     while not times or (len(times) < 5 and sum(times) < 0.5):
         start = time.process_time()
-        done = work()
+        result = work()
         times.append(time.process_time() - start)
-    return done, min(times)
+    return result, min(times)

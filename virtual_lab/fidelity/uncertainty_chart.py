@@ -1,4 +1,4 @@
-"""Chart of the methods to propagate uncertainty: error of u and of the interval against time.
+"""Chart of the methods to propagate uncertainty: errors of u and of the interval against time.
 
 The chart is drawn from ``data/uncertainty/methods.csv``, which a command of the benchmarks writes
 in minutes (CONTRIBUTING.md).
@@ -20,12 +20,12 @@ Row = dict[str, Any]
 PANELS = {"u_error": "of u", "low_error": "of the lower end", "high_error": "of the upper end"}
 MARKERS = {"first-order": "o", "second-order": "s", "monte-carlo": "."}
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
-EXACT = 1e-5  # error of the reference due to its number of draws [u]
-TWO_DIGITS = 0.05, 0.005  # half of the second digit of u, for a u of 1.0 and of 9.9 [u]
+EXACT = 1e-5  # error of the reference, due to its number of draws [u]
+TWO_DIGITS = 0.05, 0.005  # half of the second digit of a u of 1.0 and of 9.9 [u]
 
 
 def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
-    """Return one row per model and method: time, and errors relative to u against 2^27 draws."""
+    """Return one row per model and method: time [ms], and errors over u against 2^27 draws."""
     text = (DATA / "uncertainty" / "methods.csv").read_text("utf-8")
     rows: list[Row] = []
     for line in csv.DictReader(text.splitlines()):
@@ -34,10 +34,10 @@ def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
         rows.append({"model": line["model"], "method": line["method"], "draws": draws} | numbers)
     return SpeedChart(
         name="uncertainty",
-        title="Uncertainty of a model: error of each method over its time",
-        words="Errors over u, against 134 million draws by JCGM 101; of Monte Carlo root mean "
-        "squares over seeds. An error of less than 1e-5 is drawn there. Between the lines lies "
-        "half of the second digit of u.",
+        title="Uncertainty of a model: error of each method against its time",
+        words="Errors over u; reference: 134 million draws by JCGM 101. For Monte Carlo: rms "
+        "errors over seeds. Errors below 1e-5 are drawn at 1e-5. Grey band: half of the second "
+        "digit of u.",
         rows=rows,
         figure=draw_uncertainty,
     )
@@ -54,10 +54,12 @@ def draw_uncertainty(rows: list[Row], title: str) -> Figure:
         axes.axhspan(*TWO_DIGITS[::-1], color="0.9", linewidth=0)
         for model, colour in zip(models, COLOURS, strict=True):
             for method, marker in MARKERS.items():
-                own = [row for row in rows if (row["model"], row["method"]) == (model, method)]
-                errors = [max(row[key], EXACT) for row in own]
+                model_rows = [
+                    row for row in rows if (row["model"], row["method"]) == (model, method)
+                ]
+                errors = [max(row[key], EXACT) for row in model_rows]
                 look = {"marker": marker, "color": colour, "linewidth": 1, "markersize": 6}
-                axes.plot([row["ms"] for row in own], errors, **look)
+                axes.plot([row["ms"] for row in model_rows], errors, **look)
         axes.set(xscale="log", yscale="log", xlabel="time, one core [ms]")
         axes.set_title(f"error {words}, over u", fontsize=10)
         axes.grid(True, which="major", linewidth=0.3)
