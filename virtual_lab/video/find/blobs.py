@@ -107,7 +107,7 @@ def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still)
 
 
 def _inside(box: tuple[int, int, int, int], blob: BlobRow, origin: tuple[int, int]) -> bool:
-    """Whether a box lies in a blob that stands free."""
+    """Return whether a box lies in an isolated blob."""
     _, x, y, _, long, _, _, dirty, *_ = blob
     left, top, wide, high = box[0] + origin[0], box[1] + origin[1], *box[2:]
     away = float(np.hypot(left + wide / 2 - x, top + high / 2 - y))
@@ -157,7 +157,7 @@ def _blob(
     still: Still,
     box: tuple[int, int, int, int],
 ) -> BlobRow | None:
-    """Row of `BLOB` for what a box holds; None where that is no ball."""
+    """Return the row of `BLOB` for the content of a box, None if it is no ball."""
     left, top, wide, high = box
     rows, columns = still.background.shape[:2]
     room = max(6, round(0.6 * max(wide, high)))
@@ -204,7 +204,7 @@ def _blob(
 
 
 def _contrast(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[Hull, float] | None:
-    """Hull at half of a contrast that fits, and that contrast [DN].
+    """Return the hull at half of the contrast that fits, and this contrast [DN].
 
     Parameters
     ----------
@@ -232,14 +232,14 @@ def _contrast(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[Hu
 
 
 def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
-    """Pixels (row, column) nearer to a place than a radius [pixels]."""
+    """Return a mask of the pixels (row, column) nearer to a position than a radius [pixels]."""
     row = np.arange(shape[0])[:, None] - y
     column = np.arange(shape[1]) - x
     return np.asarray(row**2 + column**2 < radius**2)
 
 
 def _hull(off: NDArray[np.float32], level: float) -> Hull | None:
-    """Hull of the largest thing above a level; None where it is no ball."""
+    """Return the hull of the largest object above a level, None if it is no ball."""
     fine = 1
     area = int((off > level).sum())
     if area < _SEARCH.least_area:

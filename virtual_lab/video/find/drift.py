@@ -56,7 +56,7 @@ class Edges:
     design: Array
 
     def drift(self, grey: Image, *starts: Array) -> Array:
-        """Drift (4,) of a picture near the first of several starts, or where it fits far better."""
+        """Return the drift (4,) near the first start, or near one that fits far better."""
         best, least = starts[0], self._cost(grey, starts[0])
         for k, start in enumerate(starts):
             leaps = np.hypot(*(start - best)[:2]) > FAR_OFF
@@ -73,7 +73,7 @@ class Edges:
         return float(np.fmin(np.abs(self._left(grey, drift)), clip).sum())
 
     def _left(self, grey: Image, drift: Array) -> Array:
-        """Brightness at the edges in a drifted picture minus their own [DN]; NaN: outside it."""
+        """Return grey values of a drifted picture at the edges minus those there [DN]; NaN: outside."""
         at = cv2.transform(self.places, matrix_of(drift, grey.shape[1::-1])).astype(np.float32)
         real, (x, y) = grey.astype(np.float32), cv2.split(at)
         seen = cv2.remap(real, x, y, cv2.INTER_LINEAR, borderValue=np.nan).ravel()
@@ -112,7 +112,7 @@ def edges_of(
     *,
     turns: bool = True,
 ) -> Edges:
-    """Steep pixels of a picture (row, column) in the still frame.
+    """Return the steep pixels of a picture (row, column) in the still frame.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def edges_of(
 
 
 def leap_of(before: Image, after: Image) -> Array:
-    """Drift (4,) from one picture to the next, a shift to a few pixels: by phase correlation."""
+    """Return the drift (4,) between two pictures by phase correlation: a shift, to a few pixels."""
     scale = max(1.0, max(before.shape) / _ALIGN.coarse)
     size = tuple(round(side / scale) for side in before.shape[::-1])
     one, other = (
@@ -151,13 +151,13 @@ def leap_of(before: Image, after: Image) -> Array:
 
 
 def upper_median(values: NDArray[Any]) -> NDArray[Any]:
-    """Upper median along the last axis: without numpy's checks, which cost ten times."""
+    """Return the upper median along the last axis; numpy's checks would take ten times as long."""
     place = values.shape[-1] // 2
     return np.asarray(np.partition(values, place, axis=-1)[..., place])
 
 
 def matrix_of(drift: Array, size: tuple[int, ...]) -> Array:
-    """Matrix (2, 3) that takes places to where they lie in a drifted picture of that size."""
+    """Return the matrix (2, 3) from positions to those in a drifted picture of this size."""
     grown, turn, middle = 1 + drift[2], drift[3], (np.array(size) - 1) / 2
     linear = np.array([[grown, -turn], [turn, grown]])
     return np.column_stack([linear, middle + drift[:2] - linear @ middle])

@@ -101,17 +101,17 @@ class Still:
         return bool(self.sampled.any())
 
     def unseen_drift(self, step: float) -> float:
-        """Drift along each axis that the picture may hide [px/frame]; `step`: frame time [s]."""
+        """Return the drift per axis that the picture may hide [px/frame], by frame time [s]."""
         hand = _STILL.hand_drift * max(self.size) * step
         return hand if self.stands_to is None else min(hand, self.stands_to)
 
     @property
     def fastest(self) -> float:
-        """Largest drift along each axis that is looked for [pixels a frame]."""
+        """Largest drift along each axis that is searched [pixels per frame]."""
         return _STILL.swung * max(self.size)
 
     def drift(self, small: Image, guess: Array, before: tuple[Image, Array]) -> Array:
-        """Drift of a small picture from the still frame, (4,) as in `find.drift` [full px].
+        """Return the drift (4,) of a small picture, as in `find.drift` [pixels in full size].
 
         `before`: another small picture and its drift.
         """
@@ -126,11 +126,11 @@ class Still:
         return np.array([self.shrink, self.shrink, 1, 1])
 
     def shrunk(self, picture: Image) -> Image:
-        """Picture in the size that is searched."""
+        """Return a picture in the size that is searched."""
         return _shrunk(picture, self.shrink)
 
     def difference(self, small: Image, drift: Array) -> tuple[Image, Array]:
-        """Difference of a small picture from the background, and ratio of their brightness.
+        """Return the difference of a small picture from the background, and their brightness ratio.
 
         The difference, (row, column) [DN], is that of the channel that differs most, minus the
         pixel's variation without a ball. The ratio, (channel,), is 1.0 if it is within half a
@@ -158,7 +158,7 @@ class Still:
         corner: tuple[int, int],
         size: tuple[int, int],
     ) -> tuple[Image, Image]:
-        """Region of a full picture in the still frame, and the background behind it.
+        """Return a region of a full picture in the still frame, and the background behind it.
 
         Corner (x, y) and size (columns, rows) are of the background.
         """
@@ -168,14 +168,14 @@ class Still:
 
 
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
-    """Difference of two pictures in the channel that differs most, (row, column) [DN]."""
+    """Return the difference of two pictures in the channel with the largest, (row, column) [DN]."""
     return _strongest(cv2.absdiff(part, behind)).astype(np.float32)
 
 
 def still_of(
     samples: Sequence[Frame], depth: int, apart: float = 1.0, *, stands: bool = False
 ) -> Still:
-    """Still frame of some pictures of a clip, the first of which does not drift.
+    """Return the still frame of some pictures of a clip; the first one has no drift.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def still_of(
 
 
 def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None]:
-    """Drifts that align pictures with the first, (picture, 4), and largest hidden drift [pixels].
+    """Return the drifts of pictures from the first, (picture, 4), and the hidden drift [pixels].
 
     Each picture is aligned with the one before it, and then with the median of all. The drifts are
     accepted if the edges then change clearly less than without them. The hidden drift is None if
@@ -254,7 +254,7 @@ def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None
 
 
 def _steep(grey: Image) -> Mask:
-    """Mask of the pixels of a picture, but for its rim, at which an edge shows a drift."""
+    """Return a mask of the pixels at which an edge shows a drift, without the picture's rim."""
     slopes = (cv2.Scharr(grey, cv2.CV_32F, *way, scale=1 / 32) for way in ((1, 0), (0, 1)))
     return np.pad((np.hypot(*slopes) > _STILL.coded_still)[2:-2, 2:-2], 2)
 
@@ -274,7 +274,7 @@ def _shown(grey: Image) -> int:
 
 
 def _slope(shifts: Array) -> float:
-    """Twice the slope of shifts (picture, 2), or twice its standard uncertainty [pixels]."""
+    """Return twice the slope of shifts (picture, 2), or twice its standard uncertainty [pixels]."""
     if len(shifts) < 3:
         return 0.0
     (slope, _), spread = np.polyfit(np.arange(len(shifts)), shifts, 1, cov=True)
@@ -282,7 +282,7 @@ def _slope(shifts: Array) -> float:
 
 
 def _change(greys: Sequence[Image], drifts: Array, behind: Image, steep: Mask) -> Array:
-    """Upper quartile of the pictures' differences from a background at edges, by part [DN]."""
+    """Return the upper quartile of differences from a background at edges, for each part [DN]."""
     size, flags = greys[0].shape[1::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     back = [
         cv2.warpAffine(
@@ -299,7 +299,7 @@ def _change(greys: Sequence[Image], drifts: Array, behind: Image, steep: Mask) -
 
 
 def eight_bits(frame: Frame, depth: int) -> Image:
-    """Picture cut to 8 bits, of three channels or one."""
+    """Return a picture reduced to 8 bits, with three channels or one."""
     if frame.ndim == 3 and frame.shape[2] != 3:
         frame = frame[..., :3] if frame.shape[2] == 4 else frame[..., 0]
     if frame.dtype == np.uint8:
@@ -310,7 +310,7 @@ def eight_bits(frame: Frame, depth: int) -> Image:
 def warp_back(
     picture: Image, drift: Array, corner: Sequence[int], behind: Image, every: int = 1
 ) -> Image:
-    """Drifted picture where it lies before a background, elsewhere the background.
+    """Return a drifted picture in the still frame, filled with the background elsewhere.
 
     `corner` (x, y) is the corner of the background in the still frame. The background holds every
     `every`-th pixel of the still frame along each axis.
@@ -337,7 +337,7 @@ def warp_back(
 
 
 def share_of(pictures: Sequence[Image]) -> float:
-    """Quantile at which the background is found.
+    """Return the quantile of the pictures that is the background.
 
     It is the median, except for a grey camera, as used in laboratories: there a slow ball may cover
     a pixel for most of the time. It covers most of the pixels that it touches for less than half of
@@ -357,7 +357,7 @@ def share_of(pictures: Sequence[Image]) -> float:
 def _panorama(
     pictures: Sequence[Image], drifts: Array, share: float = 0.5, grid: int = 1
 ) -> tuple[Image, tuple[int, int]]:
-    """Quantile of drifted pictures over all that they show, and x, y of its first pixel.
+    """Return a quantile of drifted pictures over their whole range, and x, y of its first pixel.
 
     The first pixel lies on multiples of `grid`. A pixel that a picture does not show is taken from
     the picture before it. It is black if no picture shows it.
@@ -381,7 +381,7 @@ def _panorama(
 
 
 def of_rank(stack: NDArray[np.uint8], rank: int) -> Image:
-    """Value of a rank among pictures, by bisection: much quicker than sorting."""
+    """Return the value of a rank among pictures, by bisection (much faster than sorting)."""
     found = np.zeros(stack.shape[1:], np.uint8)
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):
         below = (stack < found + np.uint8(bit)).sum(axis=0, dtype=np.uint8)
@@ -390,7 +390,7 @@ def of_rank(stack: NDArray[np.uint8], rank: int) -> Image:
 
 
 def _shrunk(picture: Image, shrink: int) -> Image:
-    """Picture halved some times over: much quicker than at once."""
+    """Return a picture halved several times, which is much faster than one reduction."""
     while shrink > 1:
         rows, columns = (2 * (side // 2) for side in picture.shape[:2])
         size = (columns // 2, rows // 2)
@@ -400,7 +400,7 @@ def _shrunk(picture: Image, shrink: int) -> Image:
 
 
 def _soft(picture: Image) -> Image:
-    """Smoothed grey picture for the alignment: noise and a codec's blocks have steep edges."""
+    """Return a smoothed grey picture: noise and a codec's blocks have steep edges."""
     return np.asarray(cv2.GaussianBlur(grey_of(picture), (5, 5), 1.0), np.uint8)
 
 
@@ -412,7 +412,7 @@ def _strongest(apart: NDArray[Any]) -> NDArray[Any]:
 
 
 def _as_bright(behind: Image, light: Array) -> Image:
-    """Background as bright as a picture is, channel by channel."""
+    """Return the background scaled to the brightness of a picture, per channel."""
     if (light == 1.0).all():
         return behind
     values = np.clip(np.rint(np.arange(256)[:, None] * light), 0, 255).astype(np.uint8)

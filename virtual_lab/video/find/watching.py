@@ -110,7 +110,7 @@ def watch(
 
 
 def _has_combs(clip: Clip, found: Blobs) -> bool:
-    """Whether alternate rows of moving blobs show two different moments (interlaced fields).
+    """Return whether alternate rows of moving blobs show two times (interlaced fields).
 
     A row then differs more from its neighbours than from the rows next to those. In a whole frame
     it differs less, or equally if there is only noise.
@@ -135,7 +135,7 @@ def _has_combs(clip: Clip, found: Blobs) -> bool:
 
 
 def in_region(found: Blobs, region: tuple[float, float, float, float] | None) -> Blobs:
-    """Blobs of a region: x, y, width, height [pixels]."""
+    """Return the blobs in a region: x, y, width, height [pixels]."""
     if region is None:
         return found
     x, y, wide, high = region
@@ -144,7 +144,7 @@ def in_region(found: Blobs, region: tuple[float, float, float, float] | None) ->
 
 
 def repeats(watched: Watched) -> Mask:
-    """Frames that show the same as the one before, (frame,): nothing round moves in them.
+    """Return a mask of the frames equal to the one before, (frame,): no round object moves.
 
     A ball at the top of a low hop hardly changes a picture, but for where it is.
     """
@@ -163,7 +163,7 @@ def repeats(watched: Watched) -> Mask:
 
 
 def lulls(change: Array) -> Mask:
-    """Frames that show the same as the one before, (frame,), by `change` around them [DN].
+    """Return a mask of the frames equal to the one before, (frame,), from their `change` [DN].
 
     Both sides must show more change: a key frame or the end of a motion is on one side only.
     """
