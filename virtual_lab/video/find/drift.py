@@ -73,7 +73,7 @@ class Edges:
         return float(np.fmin(np.abs(self._left(grey, drift)), clip).sum())
 
     def _left(self, grey: Image, drift: Array) -> Array:
-        """Return grey values of a drifted picture at the edges minus those there [DN]; NaN: outside."""
+        """Return grey values of a drifted picture at the edges minus their own [DN], or NaN."""
         at = cv2.transform(self.places, matrix_of(drift, grey.shape[1::-1])).astype(np.float32)
         real, (x, y) = grey.astype(np.float32), cv2.split(at)
         seen = cv2.remap(real, x, y, cv2.INTER_LINEAR, borderValue=np.nan).ravel()
