@@ -180,6 +180,22 @@ def test_a_blob_is_where_and_as_large_as_the_ball(blur: tuple[float, float]) -> 
     assert not blob["cut"]
 
 
+def test_a_ball_lit_from_the_side_keeps_its_place_before_a_lighter_wall() -> None:
+    """At half of its contrast the outline of its dark side moves by three pixels."""
+
+    def place(wall: int) -> float:
+        y, x = np.mgrid[:480, :640] / 4.0
+        fine = np.where(np.hypot(x - 80, y - 60) < 12, 180 + 4 * (x - 80), wall)
+        small = cv2.resize(fine.astype(np.float32), (160, 120), interpolation=cv2.INTER_AREA)
+        shown = cv2.GaussianBlur(small, (0, 0), 0.8).round().astype(np.uint8)
+        still = still_of([np.full(shown.shape, wall, np.uint8)] * 8, 8, stands=True)
+        (ball,) = blobs(0, shown, still.shrunk(shown), np.zeros(4), still)
+        return float(ball["x"])
+
+    assert place(70) == pytest.approx(79.6, abs=0.7)
+    assert abs(place(110) - place(70)) < 0.7
+
+
 def test_a_ball_that_is_held_or_cut_is_said_to_be() -> None:
     behind = np.full((120, 160), 60, np.uint8)
     still = still_of([behind], 8, stands=True)

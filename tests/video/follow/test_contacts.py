@@ -88,6 +88,6 @@ def test_residuals_alike_in_neighbours_widen_the_u_of_a_speed() -> None:
     for errors in (draw.normal(0, 0.5, (2, 800)), noise):
         found = blobs_of(places + errors.T, noise=0.0)
         scene = FlightScene(found=found, time=t, stamped=t, size=SIZE, exposure=0.2)
-        fit = fit_flights(scene, [Piece.of(found, np.arange(800), t)], drag=False, tilted=False)
+        fit = fit_flights(scene, [Piece.of(found, np.arange(800), t)], drag=False, tilt=np.zeros(2))
         speeds_u.append(float(np.sqrt(fit.covariance[-2, -2])))
     assert speeds_u[1] / speeds_u[0] == pytest.approx(2.0, rel=0.15)

@@ -194,6 +194,7 @@ def _blob(
     outer, inward = (
         np.sqrt(float((near > level * contrast).sum()) / np.pi) for level in _SEARCH.edge_levels
     )
+    x, y = (_hull(off, _SEARCH.edge_levels[0] * contrast) or (x, y))[:2]
     corner = (x0 + still.origin[0], y0 + still.origin[1])
     at = [fine * (p + 0.5) - 0.5 + first for p, first in zip((x, y), corner, strict=True)]
     short, long, edge = (fine * p for p in (short, long, outer - inward))

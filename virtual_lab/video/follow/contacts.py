@@ -9,11 +9,11 @@ from functools import partial
 import numpy as np
 
 from virtual_lab.uncertainty.estimate import Estimate
-from virtual_lab.units import DEGREE, Array
+from virtual_lab.units import Array
 from virtual_lab.video.follow.flights import bends, meetings
-from virtual_lab.video.follow.joint import Fit, estimate_of
+from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, estimate_of
 from virtual_lab.video.follow.known import Note
-from virtual_lab.video.follow.models import FittedFlights
+from virtual_lab.video.follow.models import OFF_NORMAL, FittedFlights
 from virtual_lab.video.follow.pieces import GROWTH, Piece
 from virtual_lab.video.follow.ruler import RULER, Ruler
 from virtual_lab.video.follow.scene import FlightScene
@@ -24,10 +24,6 @@ from virtual_lab.video.follow.sharpening import SharpBall
 class ContactSettings:
     """Thresholds for a contact, for its kind, and for stating its restitution."""
 
-    # largest angle between a change of velocity and the normal [rad]
-    off_normal: float = 35 * DEGREE
-    # u of the slope of a floor or a wall to g [rad]: 4 mm in a metre are allowed
-    slant_u: float = 0.2 * DEGREE
     # smallest speed along a floor or wall, before and after, that shows a reversal [share of the
     # speed into it]: the ball struck two things
     turned_back: float = 0.2
@@ -64,10 +60,9 @@ def contacts_of(
     """Contacts, and notes against them; `step`: duration of a step of time [s]."""
     notes: list[Note] = []
     found = []
-    fit, others = model.fit, [*model.parabolas, *model.rest]
-    # a tilt that is fitted, and one of a few degrees, change restitutions less than speeds
+    fit, others = model.fit, model.rest
+    # without a floor's line, a fitted tilt of a few degrees spoils restitutions
     by = model.level or model
-    beside = [*by.parabolas, *by.rest]
     for k, near in meetings(ways, fit):
         t, into, out = _closest(fit, k, near)
         one, other = ways[k], ways[k + 1]
@@ -83,7 +78,7 @@ def contacts_of(
         frame, ratio = _frame(scene, one, other, t), None
         shown = min(len(one.t), len(other.t)) >= (3 if sharp else GROWTH.least_places)
         if shown and kind != "other":
-            ratio, flag, why = _restitution(by.fit, beside, k, t, normal, kind, sharp is not None)
+            ratio, flag, why = _restitution(by.fit, by.rest, k, t, normal, kind, sharp is not None)
             if flag:
                 notes.append((flag, f"contact at frame {frame:.1f}: {why}"))
         if sharp:
@@ -126,8 +121,7 @@ def _outside(ways: Sequence[Piece], k: int, t: float, step: float) -> Note:
 
 def _place(axis: int, first: int, t: float, fit: Fit) -> float:
     """Place where two flights are nearest to each other near a time, along an axis [pixels]."""
-    met = _closest(fit, first, t)[0]
-    return float((fit.at(first, met) + fit.at(first + 1, met))[0, axis]) / 2
+    return float(fit.meeting(first, t)[axis])
 
 
 def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
@@ -143,13 +137,13 @@ def _normal(
     scene: FlightScene, fit: Fit, change: Array, ways: list[Piece]
 ) -> tuple[Array | None, str]:
     """Find the normal (2,) and kind of what was struck; None: only speeds can be compared."""
-    along, size = change / np.hypot(*change), float(np.hypot(*fit.pull[0]))
-    if size == 0 or not (bends(ways, fit) or scene.pull is not None):
+    along = change / np.hypot(*change)
+    if not fit.down or not (bends(ways, fit) or scene.pull is not None):
         return None, "struck"
-    up = -fit.pull[0] / size
+    up = -np.array([fit.down.real, fit.down.imag])
     side = np.array([-up[1], up[0]])
     for normal, kind in ((up, "floor"), (side, "wall"), (-side, "wall")):
-        if along @ normal > np.cos(CONTACTS.off_normal):
+        if along @ normal > np.cos(OFF_NORMAL):
             return normal, kind
     # if g is known, only the ratio of speeds is computed for a hit in any other direction
     return None, "other" if scene.pull is None else "struck"
@@ -178,21 +172,18 @@ def _restitution(
 ) -> tuple[Estimate | None, str, str]:
     """Restitution, or None with a flag and the reason."""
 
-    def ratio_of(turn: complex, some: Fit) -> float:
+    def ratio_of(turns: bool, some: Fit) -> float:
         _, before, after = _closest(some, first, t)
         if normal is None:
             return float(np.hypot(*after) / np.hypot(*before))
-        across = complex(*normal) * turn
+        across = complex(*normal)
+        if turns and (some.pull != fit.pull).any():  # a hidden drift turns no normal
+            across *= some.down / fit.down
         before, after = (each @ [across.real, across.imag] for each in (before, after))
         return float(-after / before)
 
-    ratio = estimate_of(partial(ratio_of, 1), fit)
-    # a floor is perpendicular to g and a wall is parallel to it, with the g of each fit
-    down = [complex(*each.pull.mean(axis=0)) for each in (fit, *(other for other, _ in others))]
-    beside = [
-        share * (ratio.value - ratio_of(pull / (down[0] or 1), other))
-        for pull, (other, share) in zip(down[1:], others, strict=True)
-    ]
+    ratio = estimate_of(partial(ratio_of, bool(fit.floor)), fit)
+    beside = [share * (ratio.value - ratio_of(True, other)) for other, share in others]
     ratio = replace(ratio, u=float(np.linalg.norm([ratio.u, *beside])))
     if normal is not None:  # a floor is level and a wall is upright within `slant_u`
         _, before, after = _closest(fit, first, t)
@@ -202,8 +193,8 @@ def _restitution(
             why = f"the ball turns back along the {kind}, too: it met two; no restitution is given"
             return None, "CONTACT_UNCLEAR", why
         slope = float((after + ratio.value * before) @ side / (before @ normal))
-        if not sharp:
-            ratio = replace(ratio, u=float(np.hypot(ratio.u, CONTACTS.slant_u * slope)))
+        if not sharp and not (kind == "floor" and fit.floor):
+            ratio = replace(ratio, u=float(np.hypot(ratio.u, FLIGHT_FIT.slant_u * slope)))
     if ratio.value - CONTACTS.coverage * ratio.u > 1:
         why = (
             f"the speeds have the ratio {ratio.value:.3g}, and nothing at rest gives back more "

@@ -76,7 +76,7 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
 def bends(flights: Sequence[Piece], fit: Fit, radii: float = FLIGHTS.sag) -> bool:
     """Return whether g bends the longest flight off its chord by so many radii of the ball."""
     longest = max(float(np.ptp(each.t)) for each in flights)
-    sag = float(np.hypot(*fit.pull[0])) * longest**2 / 8
+    sag = fit.size * longest**2 / 8
     return sag >= radii * flights[0].radius
 
 
@@ -151,7 +151,8 @@ class _Bend:
     def slowed(self) -> float:
         """Acceleration that drag may add at its mean speed [pixels/frame²]."""
         speed = float(np.hypot(*(self.piece.xy[-1] - self.piece.xy[0])) / np.ptp(self.t))
-        return (FLIGHT_FIT.drag + FLIGHT_FIT.drag_u) / self.piece.radius * speed**2
+        drag = FLIGHT_FIT.drag * float(np.exp(3 * FLIGHT_FIT.drag_u))
+        return drag / self.piece.radius * speed**2
 
     def shares(self, other: _Bend) -> tuple[bool, bool]:
         """Whether another piece may have the same acceleration, and whether it surely has."""

@@ -234,8 +234,7 @@ def _flights(
 ) -> list[Flight]:
     """Flights in metres and seconds."""
     fit = model.fit
-    without_drag = model.dragless if scale.source == GRAVITY else model.parabolas
-    others = [*without_drag, *model.rest, *model.longest]
+    others = [*model.rest, *model.longest]
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
@@ -273,7 +272,7 @@ def _falls(
     step: float,
 ) -> tuple[Estimate, list[Estimate]]:
     """Acceleration that flights share, and that of each flight alone, by a ruler [m/s²]."""
-    own = refit(scene, ways, model.fit, shared=False, tilted=False)
+    own = refit(scene, ways, model.fit, shared=False, tilt=np.zeros(2))
     known = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
     shared = estimate_of(partial(_pull, 0), model.fit, (), **known)
     alone = [estimate_of(partial(_pull, k), own, (), **known) for k in range(len(ways))]

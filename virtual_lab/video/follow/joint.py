@@ -8,8 +8,11 @@ size of this effect comes from the pictures, its slowness from residuals.
 
 Pixels and frames throughout. Drag takes k v² off the speed; for a sphere of radius r and density
 ρ_b k r = 3/8 C_d ρ/ρ_b: 0.0002 for a golf ball, 0.0025 for a table tennis ball, 0.01 for a ball
-blown up (20 kg/m³; C_d 0.45, ρ 1.2 kg/m³). This prior knowledge keeps the fitted drag from
-absorbing other effects if the flights are too short to show drag.
+blown up (20 kg/m³; C_d 0.45, ρ 1.2 kg/m³). The fit has its logarithm as a parameter, so that drag
+is positive and prior knowledge keeps it from absorbing other effects.
+
+Contacts with one floor lie on a line that is level to `slant_u`. Without this a drag, a turned
+camera and a slanting picture look alike in places that a codec moves by tenths of a pixel.
 """
 
 from __future__ import annotations
@@ -27,15 +30,15 @@ from virtual_lab.video.follow.pieces import FAR_U, Piece
 from virtual_lab.video.follow.scene import FlightScene
 
 Ints = NDArray[np.intp]
+Floor = Sequence[tuple[int, float]]  # contacts: number of the flight before, and time [frames]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightFit:
     """Assumptions of the joint fit of flights, and its criteria for the end."""
 
-    drag: float = 0.003  # expected k r before the clip is evaluated
-    drag_u: float = 0.008
-    focal: float = 0.8  # focal length of a phone [longer sides of the picture]
+    drag: float = 0.0005  # expected k r before the clip is evaluated
+    drag_u: float = 1.1  # relative u: a factor of 3
     # number of steps from a flight's middle to a place; the error is 1e-6 of the distance
     runge_kutta_steps: int = 2
     rounds: int = 12
@@ -46,6 +49,7 @@ class FlightFit:
     correlation: float = 0.8  # largest correlation of neighbouring residuals
     # range of the correlation time of a pattern [durations of the flight]
     lags: tuple[float, float] = (0.02, 30.0)
+    slant_u: float = 0.0035  # u of the slope of a floor or a wall to g: 4 mm in a metre are allowed
 
 
 FLIGHT_FIT = FlightFit()
@@ -67,6 +71,22 @@ class Fit:
     spread: float  # robust standard deviation of a coordinate's residual
     cost: float  # sum of squares, far ones clipped
     readout: float  # [frames]
+    floor: Floor  # contacts with one floor
+
+    @property
+    def size(self) -> float:
+        """Size of the acceleration of the first flight [px/frame²]."""
+        return float(np.hypot(*self.pull[0]))
+
+    @property
+    def down(self) -> complex:
+        """Direction into the floor by contacts that show its line, else that of g; 0: unknown."""
+        down = complex(*self.pull.mean(axis=0))
+        if self.floor:
+            first, *_, last = (complex(*self.meeting(*each)) for each in self.floor)
+            across = 1j * (last - first)
+            down = across if (across / down).real > 0 else -across
+        return down / (abs(down) or 1.0)
 
     def with_vector(self, vector: Array) -> Fit:
         """Fit with other parameters."""
@@ -84,6 +104,10 @@ class Fit:
         dt = np.atleast_1d(np.asarray(t, float)) - self.middles[flight]
         states = np.broadcast_to(self.states[flight], (len(dt), 4))
         return _fly(states, self.pull[flight], self.drag, dt)
+
+    def meeting(self, flight: int, t: float) -> Array:
+        """Place (2,) where a flight and the next one meet, near a time [pixels]."""
+        return _meeting(self.at(flight, t)[0], self.at(flight + 1, t)[0])
 
     def in_picture(self, flight: int, t: Array | float) -> Array:
         """Places of a flight as the picture shows them, (time, 2) [pixels]."""
@@ -122,7 +146,8 @@ def fit_flights(
     readout: float | None = None,
     drag: bool = True,
     shared: bool = True,
-    tilted: bool = True,
+    tilt: Array | None = None,
+    floor: Floor = (),
 ) -> Fit:
     """Joint fit of flights of four places or more each, of three where g is known.
 
@@ -132,8 +157,10 @@ def fit_flights(
         Readout from the first row to the last [frames]; None: the scene's, 0 if that is unknown.
     drag, shared
         Whether there is drag, and one g for all.
-    tilted
-        Whether there is a perspective; there is none for places of a calibrated camera.
+    tilt
+        Tilt of the perspective, (2,) [1/px]; None: it is fitted.
+    floor
+        Contacts with one floor, which is level to `slant_u`.
     """
     readout = (scene.readout or 0.0) if readout is None else readout
     times = [each.t + readout * scene.late(each.blobs) for each in flights]
@@ -149,19 +176,22 @@ def fit_flights(
         sharp=flights[0].u is not None,
         centre=(np.array(scene.size) - 1) / 2,
         radius=radius,
+        middles=middles,
+        floor=floor,
     )
     k = 2 if shared else 2 * len(flights)  # drag's place in the vector, before the tilt's
     before = np.zeros(k + 3 + 4 * len(flights))
     u = np.full(len(before), np.inf)
     if scene.pull is not None:
         before[:k], u[:k] = np.tile(scene.pull, k // 2), 0.0
-    if drag:
-        length = radius if scene.in_radii or scene.drag is None else 1.0
-        said = scene.drag or (FLIGHT_FIT.drag, FLIGHT_FIT.drag_u)
-        before[k], u[k] = np.array(said) / length
+    said = scene.drag or (FLIGHT_FIT.drag, FLIGHT_FIT.drag * FLIGHT_FIT.drag_u)
+    length = radius if scene.in_radii or scene.drag is None else 1.0
+    before[k] = np.log(said[0] / length) if drag and said[0] else -np.inf
+    u[k] = said[1] / said[0] if drag and said[0] else 0.0
+    if tilt is None:
+        u[k + 1 : k + 3] = scene.tilt_u
     else:
-        u[k] = 0.0
-    u[k + 1 : k + 3] = tilted * np.tan(scene.level_u) / FLIGHT_FIT.focal / max(scene.size)
+        before[k + 1 : k + 3], u[k + 1 : k + 3] = tilt, 0.0
     # drag and tilt are held: a pattern would be taken for drag, and the plane is known
     if model.sharp:
         u[k : k + 3] = 0.0
@@ -201,6 +231,7 @@ def fit_flights(
         spread=scatter * float(np.median(model.own)),
         cost=float(clipped.sum()),
         readout=readout,
+        floor=model.floor,
     )
 
 
@@ -218,13 +249,13 @@ def _solve(
     alike
         Number of places whose errors count as one.
     """
-    free, vector, dragless = np.flatnonzero(u > 0), before.copy(), False
+    free, vector = np.flatnonzero(u > 0), before.copy()
     for n in range(model.of[-1] + 1):
         vector[k + 3 + 4 * n :][:2] = model.xy[model.of == n].mean(axis=0)
     reach = max(1.0, float(np.abs(model.dt).max()))
     steps = np.tile([0.1, 0.1, 0.1 / reach, 0.1 / reach], model.of[-1] + 1)
-    steps = np.concatenate([np.full(k, 0.1 / reach**2), [1e-4 / model.radius, 1e-6, 1e-6], steps])
-    for _ in range(FLIGHT_FIT.rounds):
+    steps = np.concatenate([np.full(k, 0.1 / reach**2), [1e-2, 1e-6, 1e-6], steps])
+    for turn in range(FLIGHT_FIT.rounds):
         left = (model.xy - model.places(vector)) / model.own[:, None]
         off = np.hypot(*left.T)
         spread = max(FLIGHT_FIT.least_spread, float(np.median(off)) / 1.1774)
@@ -239,19 +270,20 @@ def _solve(
         normal = np.einsum("rci,rcj->ij", weighted, jacobian) / power
         right = np.einsum("rci,rc->i", weighted, left) / power
         normal[np.diag_indices_from(normal)] += 1 / u[free] ** 2
-        right += (before - vector)[free] / u[free] ** 2
+        right += (before[free] - vector[free]) / u[free] ** 2
+        if model.floor and turn:  # the flights of the first round meet nowhere
+            slants = model.slants(vector)
+            change = (model.slants(vector + np.diag(steps)[free]) - slants).T / steps[free]
+            normal += change.T @ change / FLIGHT_FIT.slant_u**2
+            right -= change.T @ slants / FLIGHT_FIT.slant_u**2
         scale = np.sqrt(np.diagonal(normal)) + 1e-12
         inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-12)
         inverse = inverse / np.outer(scale, scale)
         step = inverse @ right
-        if dragless:  # drag would be negative, so the others are solved without it
-            others = free != k
-            step = np.zeros(len(free))
-            step[others] = np.linalg.solve(normal[np.ix_(others, others)], right[others])
+        if u[k] and (leap := abs(step[free == k][0])) > 1:
+            step /= leap
         vector[free] += step
-        if vector[k] < 0:
-            vector[k], dragless = 0.0, True
-        elif np.abs(step * scale).max() < FLIGHT_FIT.settled_u:
+        if np.abs(step * scale).max() < FLIGHT_FIT.settled_u:
             break
     return vector, inverse / spread**2, room
 
@@ -288,7 +320,7 @@ def _parts(vector: Array, flights: int) -> dict[str, Any]:
     some, k = vector.shape[:-1], vector.shape[-1] - 4 * flights - 3
     return {
         "pull": np.broadcast_to(vector[..., :k].reshape(*some, -1, 2), (*some, flights, 2)),
-        "drag": np.maximum(0.0, vector[..., k]),
+        "drag": np.exp(vector[..., k]),
         "tilt": vector[..., k + 1 : k + 3],
         "states": vector[..., k + 3 :].reshape(*some, flights, 4),
     }
@@ -305,6 +337,23 @@ class _FlightModel:
     sharp: bool  # True if u is known
     centre: Array
     radius: float
+    middles: Array  # (flight,) [frames]
+    floor: Floor
+
+    def slants(self, vector: Array) -> Array:
+        """Slopes to g of the lines from the first contact with the floor, (…, contact - 1)."""
+        parts = _parts(vector, self.of[-1] + 1)
+        first, t = (np.array(each) for each in zip(*self.floor, strict=True))
+        states, pull = parts["states"], parts["pull"]
+        ends = [
+            _fly(states[..., n, :], pull[..., n, :], parts["drag"], t - self.middles[n])
+            for n in (first, first + 1)
+        ]
+        places = _meeting(*ends)
+        lines = places[..., 1:, :] - places[..., :1, :]
+        down = pull.mean(axis=-2, keepdims=True)
+        across = lines[..., 0] * down[..., 1] - lines[..., 1] * down[..., 0]
+        return np.asarray((lines * down).sum(axis=-1) / across)
 
     def places(self, vector: Array) -> Array:
         """Places of vectors (…, parameter), (…, place, 2)."""
@@ -317,6 +366,14 @@ class _FlightModel:
         """Jacobian of places by steps of the parameters, (place, 2, parameter)."""
         change = self.places(vector + np.diag(steps)) - self.places(vector)
         return np.moveaxis(change, 0, -1) / steps
+
+
+def _meeting(before: Array, after: Array) -> Array:
+    """Place where two flights meet (…, 2), by their states (…, 4) at a time close to that."""
+    apart, change = np.split(after - before, 2, axis=-1)
+    late = -(apart * change).sum(axis=-1) / (change**2).sum(axis=-1)
+    place, velocity = np.split((before + after) / 2, 2, axis=-1)
+    return np.asarray(place + late[..., None] * velocity)
 
 
 def _alike(left: Array, of: Ints) -> float:

@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.units import DEGREE
-from virtual_lab.video.follow.flights import readout_of
-from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, fit_flights
-from virtual_lab.video.follow.pieces import Piece
-from virtual_lab.video.follow.scene import FlightScene
+from virtual_lab.video.follow.flights import meetings, readout_of
+from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, Floor, fit_flights
+from virtual_lab.video.follow.pieces import FAR_U, Piece
+from virtual_lab.video.follow.scene import FOCAL, FlightScene
 
 # share of a difference that is u, if all values up to it are equally likely
 EVEN_SHARE = 1 / np.sqrt(3)
 # angle off level, or off square to the flight, beyond which a clip is flagged [rad]
 STEEPEST = 10 * DEGREE
 DRAG_SHARE = 0.35  # share of the difference between fits with and without drag that is u
+OFF_NORMAL = 35 * DEGREE  # largest angle between a change of velocity and the normal [rad]
 
 Others = Sequence[tuple[Fit, float]]  # fits, with the share of the difference to each that is u
 
@@ -33,10 +34,9 @@ class FittedFlights:
     fit: Fit
     rest: Others
     tilted: bool = False  # the camera looks up or down by more than a level one does
-    # the same fits for a level camera, for restitutions; None: the camera is tilted, or calibrated
+    # fit for a level camera, for restitutions; None: the camera is tilted or calibrated, or the
+    # contacts show the floor's line
     level: FittedFlights | None = None
-    dragless: Others = ()  # fits without drag, with one g for all flights
-    parabolas: Others = ()  # fits without drag, with one g per flight
     longest: Others = ()  # fits with the longest readout
 
     @classmethod
@@ -48,36 +48,41 @@ class FittedFlights:
             more = fit_flights(replace(scene, drag=(drag + u, 0.0)), ways)
             return cls(fit=fit, rest=[(more, 1.0)])
         fit = fit_flights(scene, ways, readout=readout_of(scene, ways))
-        tilt = float(np.hypot(*fit.tilt)) * max(scene.size) * FLIGHT_FIT.focal
-        flat = refit(scene, ways, fit, tilted=False)
-        if tilt > np.tan(STEEPEST):
-            found = cls._beside(scene, ways, fit, drift)
-            return replace(found, tilted=True, rest=[*found.rest, (flat, 1.0)])
-        level = cls._beside(replace(scene, level_u=0.0), ways, flat, drift)
-        level = replace(level, rest=[*level.rest, (fit, 1.0)])
-        return replace(cls._beside(scene, ways, fit, drift), level=level)
-
-    @classmethod
-    def _beside(
-        cls, scene: FlightScene, ways: Sequence[Piece], fit: Fit, drift: float
-    ) -> FittedFlights:
-        """Fit of a scene with the fits by alternative models."""
+        fit = refit(scene, ways, fit, floor=_floor(ways, fit))
+        flat = refit(scene, ways, fit, tilt=np.zeros(2))
+        rest: list[tuple[Fit, float]] = []
+        beside: list[tuple[Fit, float]] = []
+        for found, one, other, tilt in ((rest, fit, flat, None), (beside, flat, fit, np.zeros(2))):
+            found += [(one.with_drift(each), 1.0) for each in drift * np.eye(2) if drift]
+            if scene.drag is None:
+                found.append((refit(scene, ways, fit, drag=False, tilt=tilt), DRAG_SHARE))
+            found.append((other, 1.0))
         longest = []
         if scene.readout is None:
             longest = [(refit(scene, ways, fit, readout=1.0), EVEN_SHARE)]
-        dragless, parabolas = [], []
-        if scene.drag is None:
-            dragless = [(refit(scene, ways, fit, drag=False), DRAG_SHARE)]
-            parabolas = [(refit(scene, ways, fit, drag=False, shared=False), DRAG_SHARE)]
-        return cls(
-            fit=fit,
-            rest=[(fit.with_drift(each), 1.0) for each in drift * np.eye(2) if drift],
-            dragless=dragless,
-            parabolas=parabolas,
-            longest=longest,
-        )
+        if np.hypot(*fit.tilt) > np.tan(STEEPEST) / FOCAL / max(scene.size):
+            return cls(fit=fit, rest=rest, tilted=True, longest=longest)
+        level = None if fit.floor else cls(fit=flat, rest=beside)
+        return cls(fit=fit, rest=rest[:-1], longest=longest, level=level)
 
 
 def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:
     """Fit by the same model but for what is changed."""
-    return fit_flights(scene, ways, **{"readout": fit.readout} | changed)
+    same: dict[str, Any] = {"readout": fit.readout, "floor": fit.floor}
+    return fit_flights(scene, ways, **same | changed)
+
+
+def _floor(ways: Sequence[Piece], fit: Fit) -> Floor:
+    """Contacts with one floor, far enough apart to show its slope better than floors are level."""
+    found: list[tuple[int, float]] = []
+    u = np.hypot(FLIGHT_FIT.slant_u, np.sqrt(np.trace(fit.covariance[:2, :2])) / fit.size)
+    for k, t in meetings(ways, fit):
+        change = fit.at(k, t)[0, 2:] - fit.at(k + 1, t)[0, 2:]
+        if abs(np.angle(complex(*change) / fit.down)) > OFF_NORMAL:
+            continue
+        first = fit.meeting(*(found or [(k, t)])[0])
+        line = complex(*(fit.meeting(k, t) - first)) / fit.down
+        far = abs(line) > fit.spread / FLIGHT_FIT.slant_u
+        if not found or (far and abs(line.real / line.imag) < FAR_U * u):
+            found.append((k, t))
+    return found if len(found) > 1 else ()

@@ -88,7 +88,7 @@ class Ruler(PixelScale):
         """Scale by a fit [m/pixel]."""
         if self.fall is None:
             return self.metres_per_pixel
-        return self.fall / float(np.hypot(*fit.pull[0]))
+        return self.fall / fit.size
 
 
 def off_u(one: PixelScale, other: PixelScale) -> float:
@@ -190,9 +190,9 @@ def _by_gravity(
     rest_u = float(np.linalg.norm(rest))
     fall = known.gravity * step**2
     found = estimate_of(
-        lambda f: fall / float(np.hypot(*f.pull[0])),
+        lambda f: fall / f.size,
         model.fit,
-        [*model.dragless, *model.rest, *model.longest],
+        [*model.rest, *model.longest],
         relative_u=rest_u,
     )
     relative = found.u / found.value

@@ -13,6 +13,8 @@ from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.known import LEVEL_U
 from virtual_lab.video.follow.pieces import Piece
 
+FOCAL = 0.8  # focal length of a phone [longer sides of the picture]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightScene:
@@ -29,8 +31,13 @@ class FlightScene:
     in_radii: bool = True
     readout: float | None = 0.0  # [frames]; None: unknown, up to one
     pull: Array | None = None  # (2,) g where it is known [px/frame²]
-    level_u: float = LEVEL_U
+    level_u: float = LEVEL_U  # u of the camera's angle off level, and off square [rad]
     readout_axis: tuple[int, int] = (1, 1)  # axis of the picture (0: x), and its sense
+
+    @property
+    def tilt_u(self) -> float:
+        """U of the tilt of the perspective [1/px]."""
+        return float(np.tan(self.level_u) / FOCAL / max(self.size))
 
     def expected(self, radius: float) -> float | None:
         """Gravity [px/frame²] where scale and rate are known, for a ball of a radius [pixels]."""
