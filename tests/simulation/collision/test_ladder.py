@@ -17,7 +17,6 @@ from virtual_lab.simulation.collision.ladder import (
     PROBING,
     Ladder,
     choose,
-    choose_efficiency,
     probing_scenes,
 )
 from virtual_lab.simulation.collision.modal import ModalModel
@@ -201,7 +200,9 @@ def test_unknown_rungs_and_useless_uncertainties_are_refused() -> None:
 )
 def test_efficiency_alone_may_come_from_a_surrogate(farthest: float, u: float, rung: str) -> None:
     scenes = usual(np.linspace(3, farthest, 500))
-    choice = choose_efficiency(WOOD, Free(), PROBE, Box.about(scenes), standard_uncertainty=u)
+    models = ladder(standard_uncertainty=u, box=Box.about(scenes))
+    models.efficiencies(EVERY, Free(), scenes)
+    choice = models.fitted[WOOD, Free()]
     assert choice.rung == rung
     assert choice.error <= 0.1 * u
     if rung in ("surrogate", "modal"):

@@ -207,18 +207,6 @@ def _because(choice: Choice, why: str, probe: Scenes, allowed: float | None = No
     return replace(choice, reason=f"{choice.name} {why}: {said}{again}{most}")
 
 
-def choose_efficiency(
-    body: BatBody, support: Support, probe: Scenes, box: Box, *, standard_uncertainty: float
-) -> Choice:
-    """Return the cheapest way to e_A of many scenes, nothing else of them being needed.
-
-    As `choose`, with the surrogate between rigid and modal: it is built over `box`, unless a
-    scene in there re-loads.
-    """
-    choice = choose(body, support, probe, standard_uncertainty=standard_uncertainty)
-    return _with_surrogate(choice, probe, box, standard_uncertainty)
-
-
 def _with_surrogate(choice: Choice, probe: Scenes, box: Box, standard_uncertainty: float) -> Choice:
     error, allowed = choice.error + PROBING.surrogate_tolerance, SHARE * standard_uncertainty
     if not isinstance(choice.model, ModalModel) or error > allowed:
