@@ -124,7 +124,11 @@ RUN = """
 import json, sys, virtual_lab as vl
 found = {}
 for procedure in sys.argv[1:]:
-    result = vl.certify("r161", procedure=procedure, reality="ideal")
+    try:
+        result = vl.certify("r161", procedure=procedure, reality="ideal")
+    except Exception:  # a mistake may leave no test at all
+        found[procedure] = dict.fromkeys(("metric", "recoil_factor", "place"), (None, 0.0))
+        continue
     true = result.sealed.measurand
     found[procedure] = {
         "metric": (result.document["metric"]["value"], true["metric"]),

@@ -201,7 +201,7 @@ def test_unknown_rungs_and_useless_uncertainties_are_refused() -> None:
 def test_efficiency_alone_may_come_from_a_surrogate(farthest: float, u: float, rung: str) -> None:
     scenes = usual(np.linspace(3, farthest, 500))
     models = ladder(standard_uncertainty=u, box=Box.about(scenes))
-    models.efficiencies(EVERY, Free(), scenes)
+    models.efficiencies(EVERY, Free(), scenes.part(np.arange(1)))
     choice = models.fitted[WOOD, Free()]
     assert choice.rung == rung
     assert choice.error <= 0.1 * u
