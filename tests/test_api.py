@@ -77,7 +77,7 @@ def test_the_names_load_nothing_heavy() -> None:
         ({"OMP_NUM_THREADS": "2"}, "None"),  # setting for all libraries with threads
     ],
 )
-def test_linear_algebra_takes_one_thread_unless_told(chosen: dict[str, str], found: str) -> None:
+def test_linear_algebra_uses_one_thread_by_default(chosen: dict[str, str], found: str) -> None:
     """The system counts the threads after a QR as large as that of a recoil fit."""
     code = """if True:
         import os, virtual_lab, numpy
@@ -119,7 +119,7 @@ def test_without_a_writable_home_compiled_code_goes_to_a_private_folder(tmp_path
     assert str(another) in said
 
 
-def test_a_certificate_in_numbers(tested: vl.Certificate) -> None:
+def test_a_certificate_has_the_numbers_of_its_document(tested: vl.Certificate) -> None:
     """They are those of ``certificate.json``; a seed that was drawn is not shown."""
     metric = tested.document["metric"]
     assert (tested.value, tested.u) == (metric["value"], metric["u"])
@@ -133,7 +133,7 @@ def test_a_certificate_in_numbers(tested: vl.Certificate) -> None:
     assert speed.value == pytest.approx(speed.document["metric"]["value"] / 0.44704)
 
 
-def test_a_certificate_is_drawn(tested: vl.Certificate, tmp_path: Path) -> None:
+def test_a_certificate_plots_its_hits(tested: vl.Certificate, tmp_path: Path) -> None:
     axes = tested.plot(tmp_path / "hits.png").axes[0]
     assert len(axes.lines[0].get_ydata()) == tested.document["valid_hits"]
     assert (tmp_path / "hits.png").read_bytes().startswith(b"\x89PNG")
@@ -142,7 +142,7 @@ def test_a_certificate_is_drawn(tested: vl.Certificate, tmp_path: Path) -> None:
     )
 
 
-def test_a_scan_is_drawn_over_the_place_with_its_curve() -> None:
+def test_a_scan_is_plotted_over_the_position_with_its_curve() -> None:
     """The curve passes through the result, which is read from it."""
     scanned = vl.certify("r161", procedure="ncaa-besr", seed=7)
     axes = scanned.plot().axes[0]
@@ -157,7 +157,7 @@ def test_a_scan_is_drawn_over_the_place_with_its_curve() -> None:
     assert value == scanned.value
 
 
-def test_a_test_without_a_result_says_so(tmp_path: Path) -> None:
+def test_a_test_without_a_result_states_the_reason(tmp_path: Path) -> None:
     """A request for a number raises an error; a sweep shows the reason and NaN."""
     rules = vl.procedure("astm-f1881").with_({"windows.speed_tolerance": "0.001 mph"})
     nothing = vl.certify("r161", procedure=rules, seed=2)
@@ -172,7 +172,7 @@ def test_a_test_without_a_result_says_so(tmp_path: Path) -> None:
     assert np.isnan([row["value"], row["true"], row["restitution_true"]]).all()
 
 
-def test_a_sweep_tells_why_a_bat_fails() -> None:
+def test_a_sweep_states_why_a_bat_fails() -> None:
     """R161 is at the limit, 34 in and 31 oz; the public rules exempt one-piece wood."""
     rules = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 2.5, "limit": 0.4})
     row = vl.sweep("r161", procedures=rules, laboratories=1, seed=0, progress=quiet).iloc[0]
@@ -188,7 +188,7 @@ def test_a_sweep_tells_why_a_bat_fails() -> None:
     )
 
 
-def test_a_procedure_changed_in_a_call(tested: vl.Certificate, tmp_path: Path) -> None:
+def test_a_procedure_may_be_changed_in_a_call(tested: vl.Certificate, tmp_path: Path) -> None:
     """The certificate names the change, and its records alone give the same result."""
     rules = vl.procedure("astm-f1881").with_({"windows.speed_tolerance": "1 m/s"}, valid_hits=9)
     assert rules.spec.windows.speed_tolerance == 1.0
@@ -210,7 +210,7 @@ def test_a_procedure_changed_in_a_call(tested: vl.Certificate, tmp_path: Path) -
     assert vl.certify("r161", procedure=vl.procedure("astm-f1881"), seed=7).value == tested.value
 
 
-def test_an_instrument_changed_in_a_call(tested: vl.Certificate) -> None:
+def test_an_instrument_may_be_changed_in_a_call(tested: vl.Certificate) -> None:
     """The u of the gate distances changes in this call only; the next test has the catalog's."""
     worse = vl.instrument("pivot-gates").with_(distance_u="0.73 mm")
     found = vl.certify("r161", instruments=[worse], seed=7)
@@ -223,7 +223,7 @@ def test_an_instrument_changed_in_a_call(tested: vl.Certificate) -> None:
     assert vl.certify("r161", seed=7).value == tested.value
 
 
-def test_bats_and_balls_as_sheets() -> None:
+def test_bats_and_balls_may_be_sheets() -> None:
     bat = vl.bat("r161").with_({"body.material.density": 700.0})
     assert bat.spec.body.material.density == 700.0
     heavier = vl.certify(bat, seed=7).document["bat"]
@@ -256,14 +256,14 @@ def test_bats_and_balls_as_sheets() -> None:
         ("instrument", {"distance": 1}, "did you mean distance"),
     ],
 )
-def test_a_change_that_cannot_be_made(sheet: str, changes: dict, said: str) -> None:
+def test_an_impossible_change_is_refused(sheet: str, changes: dict, said: str) -> None:
     name = {"procedure": "astm-f1881", "bat": "r161", "instrument": "pivot-gates"}[sheet]
     with pytest.raises(vl.InputError, match=said) as caught:
         getattr(vl, sheet)(name).with_(changes)
     assert "\n" not in str(caught.value)
 
 
-def test_data_sheets_say_which_instruments_they_were() -> None:
+def test_a_certificate_lists_its_instruments() -> None:
     """An overdue calibration is flagged; the verdict is unchanged."""
     plain = vl.certify("r161", seed=7)
     stated = plain.document["particulars"]["instruments"]
@@ -279,7 +279,7 @@ def test_data_sheets_say_which_instruments_they_were() -> None:
         vl.certify("r161", instruments=[wrong])
 
 
-def test_an_instrument_that_cannot_be_used() -> None:
+def test_an_invalid_instrument_is_refused() -> None:
     with pytest.raises(vl.InputError, match="distance_u"):
         vl.certify("r161", instruments=[vl.instrument("pivot-gates").with_(distance_u=-1.0)])
     with pytest.raises(vl.InputError, match="instruments"):
@@ -459,13 +459,15 @@ WRONG_CALLS = {  # calls with a mistake, and a part of the message that states t
 
 
 @pytest.mark.parametrize("call", WRONG_CALLS)
-def test_a_wrong_call_says_what_to_write(call: str, tested: vl.Certificate) -> None:
+def test_the_message_of_a_wrong_call_states_the_correct_form(
+    call: str, tested: vl.Certificate
+) -> None:
     with pytest.raises(vl.InputError, match=WRONG_CALLS[call]) as caught:
         eval(call, {"vl": vl, "tested": tested})
     assert "\n" not in str(caught.value)
 
 
-def test_arguments_in_other_forms_mean_the_same(tested: vl.Certificate) -> None:
+def test_arguments_may_have_equivalent_forms(tested: vl.Certificate) -> None:
     """One instrument without a list, numpy types, a path for a name, a rig as a sheet."""
     gates = vl.instrument("pivot-gates")
     assert vl.certify("r161", seed=np.uint8(7), instruments=gates).value == tested.value
@@ -483,14 +485,14 @@ def test_every_public_function_reads_its_arguments() -> None:
                 function(nonsense=1)
 
 
-def test_a_seed_of_anybodys_kind() -> None:
+def test_a_seed_may_be_a_numpy_integer() -> None:
     """The result is that of the same Python integer."""
     setup = lab.TestSetup.of("ea70", procedure="astm-f1881", seed=3)
     plain = lab.certify_bat(setup).certification.metric.value
     assert vl.certify("ea70", seed=np.int64(3)).value == plain
 
 
-def test_what_a_prompt_shows_is_short_or_the_text() -> None:
+def test_the_repr_of_a_result_is_short() -> None:
     """A table indexed by a name refers to `.table`; the result of `show` is its text."""
     assert repr(vl.show("bbcor")).startswith("bbcor: Ball-bat coefficient of restitution")
     with pytest.raises(vl.InputError, match=r"\.table has columns by name"):

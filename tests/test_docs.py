@@ -40,13 +40,13 @@ def test_a_tutorial_runs_as_it_stands(
                 assert cli.main(words, standalone_mode=False) in (None, 0), line
 
 
-def test_a_wrong_word_in_a_tutorial_shows() -> None:
+def test_a_wrong_output_in_a_tutorial_fails() -> None:
     runner = doctest.DocTestRunner(optionflags=OPTIONS)
     example = doctest.DocTestParser().get_doctest(">>> 1 + 1\n3\n", {}, "x", "x", 0)
     runner.run(example, out=lambda _: None)
     assert runner.failures == 1
 
 
-def test_the_page_of_tasks_has_sixteen() -> None:
+def test_the_page_of_tasks_has_sixteen_tasks() -> None:
     text = (DOCS / "how-do-i.md").read_text("utf-8")
     assert len(re.findall(r"^\d+\. \*\*", text, re.MULTILINE)) == 16

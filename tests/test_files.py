@@ -45,7 +45,7 @@ def hidden(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir() if path.name.startswith(".")}
 
 
-def test_the_draft_of_a_killed_process_is_swept_up(tmp_path: Path) -> None:
+def test_the_draft_of_a_killed_process_is_removed(tmp_path: Path) -> None:
     """The next process that writes there removes it, but nothing that only looks like a draft."""
     mine = {".cache", ".virtual-lab-draft-", ".virtual-lab-draft-of-my-thesis", ".second.ab12cd34"}
     for name in mine:
@@ -74,7 +74,7 @@ def test_the_draft_of_a_process_at_work_is_left_alone(tmp_path: Path) -> None:
         assert (tmp_path / draft / "half.txt").read_text() == "half of a certificate"
 
 
-def test_a_folder_within_a_draft(tmp_path: Path) -> None:
+def test_a_folder_may_be_written_within_a_draft(tmp_path: Path) -> None:
     """The outer draft, as that of a control bat, is not mistaken for an abandoned one."""
     with new_folder(tmp_path / "outer") as draft:
         write(draft / "inner")
@@ -84,7 +84,7 @@ def test_a_folder_within_a_draft(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("new", [new_folder, new_files])
-def test_a_fault_leaves_nothing(
+def test_an_error_leaves_no_files(
     new: Callable[[Path], AbstractContextManager[Path]], tmp_path: Path
 ) -> None:
     def fail(draft: Path) -> None:
@@ -134,7 +134,7 @@ def test_two_processes_never_compile_one_function_at_the_same_time(tmp_path: Pat
     assert log.read_text().split() == ["begins", "ends"] * 2
 
 
-def test_every_generalised_function_is_compiled_so() -> None:
+def test_every_generalised_function_is_compiled_by_one_process_at_a_time() -> None:
     for file in (Path(__file__).parents[1] / "virtual_lab").rglob("*.py"):
         text = file.read_text("utf-8")
         alone = text.count("@one_process_at_a_time(\n    guvectorize(")

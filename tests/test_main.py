@@ -76,7 +76,9 @@ def start(folder: Path, *words: str, body: str = "", before: str = "") -> subpro
         ("a handler of errors", signal.SIGTERM),
     ],
 )
-def test_a_signal_stops_it_wherever_it_is(busy: str, stop: signal.Signals, tmp_path: Path) -> None:
+def test_a_signal_stops_the_program_at_any_stage(
+    busy: str, stop: signal.Signals, tmp_path: Path
+) -> None:
     """The exit code is that of the signal; there is one line and nothing half-written."""
     with start(tmp_path, body=BUSY[busy]) as process:
         assert process.stdout is not None
@@ -94,7 +96,7 @@ def test_a_signal_stops_it_wherever_it_is(busy: str, stop: signal.Signals, tmp_p
         ("coverage r161", signal.SIGTERM, 2.0),
     ],
 )
-def test_commands_are_stopped(
+def test_a_signal_stops_a_command(
     words: str, stop: signal.Signals, after: float, tmp_path: Path
 ) -> None:
     """A command stops during imports or compilation, and reports no fault of its own."""
@@ -108,7 +110,7 @@ def test_commands_are_stopped(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_told_to_ignore_a_signal_goes_on(tmp_path: Path) -> None:
+def test_an_ignored_signal_does_not_stop_the_program(tmp_path: Path) -> None:
     """The case is ``nohup virtual-lab coverage … &`` after the terminal closes."""
     body = "os.kill(os.getpid(), signal.SIGHUP); print('still here')"
     before = "signal.signal(signal.SIGHUP, signal.SIG_IGN)"

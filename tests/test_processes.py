@@ -23,7 +23,7 @@ def worker() -> Iterator[Worker]:
     worker.end()
 
 
-def test_a_worker_that_dies_is_told_and_replaced(worker: Worker) -> None:
+def test_a_worker_that_dies_is_reported_and_replaced(worker: Worker) -> None:
     assert worker.call(abs, -2) == 2
     first = worker.process
     with pytest.raises(WorkerLostError, match="its worker ended with 3"):
@@ -33,7 +33,7 @@ def test_a_worker_that_dies_is_told_and_replaced(worker: Worker) -> None:
     assert worker.process is not first
 
 
-def test_what_a_call_raises_is_raised_here_and_the_worker_goes_on(worker: Worker) -> None:
+def test_an_error_of_a_call_is_raised_here_and_the_worker_continues(worker: Worker) -> None:
     with pytest.raises(ValueError, match="invalid literal"):
         worker.call(int, "x")
     with pytest.raises(InputError, match="knots"):
@@ -45,7 +45,7 @@ def _refuse(unit: str) -> None:
     raise InputError("", "unit", unit, "allowed: mph")
 
 
-def test_what_a_call_prints_is_no_answer(worker: Worker) -> None:
+def test_printed_text_is_no_answer(worker: Worker) -> None:
     assert worker.call(print, "aside") is None
 
 
@@ -82,7 +82,7 @@ def test_a_worker_dismissed_between_two_calls_or_before_one_is_lost(worker: Work
     assert worker.process is None
 
 
-def test_a_script_without_a_guard_shares_its_work(tmp_path: Path) -> None:
+def test_a_script_without_a_main_guard_can_use_workers(tmp_path: Path) -> None:
     """Python's own pools import the script again in each process; these do not."""
     script = tmp_path / "script.py"
     script.write_text(

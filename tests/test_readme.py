@@ -90,7 +90,7 @@ def test_every_file_named_exists(page: Path) -> None:
         assert "NAME" in name or list(ROOT.glob(name.rstrip("/"))), (page, name)
 
 
-def test_every_place_in_the_house_exists() -> None:
+def test_every_path_in_the_overview_exists() -> None:
     house = (ROOT / "virtual_lab" / "README.md").read_text("utf-8")
     named = [name for name in re.findall(r"`([\w./-]+/[\w./-]*)`", house) if "NAME" not in name]
     assert len(named) > 15
@@ -98,7 +98,7 @@ def test_every_place_in_the_house_exists() -> None:
         assert any((top / name).exists() for top in (ROOT, ROOT / "virtual_lab")), name
 
 
-def test_the_coverage_table_is_the_one_on_file() -> None:
+def test_the_coverage_table_matches_its_file() -> None:
     """Every row is printed; each 95 % interval contains the truth in about 94 % or more."""
     (path,) = (ROOT / "tests" / "studies").glob("coverage-*.csv")
     assert path.stem.removeprefix("coverage-") in STUDIES
@@ -117,7 +117,7 @@ def test_the_coverage_table_is_the_one_on_file() -> None:
             assert f"| {row['laboratories']} |" in STUDIES
 
 
-def test_the_tenths_are_those_on_file() -> None:
+def test_the_tenths_match_their_file() -> None:
     """Single tests and tests with a history, in which no tenth of 1000 tests is below 90 %."""
     for kind, words in (("coverage", "alone"), ("history", "history")):
         (path,) = (ROOT / "tests" / "studies").glob(f"{kind}-*.csv")
@@ -137,7 +137,7 @@ def test_the_tenths_are_those_on_file() -> None:
                 assert min(by_u + by_dof) >= 90
 
 
-def test_the_table_of_faults_is_the_one_on_file() -> None:
+def test_the_table_of_faults_matches_its_file() -> None:
     """The page states the number of detected faults and of flagged sound laboratories."""
     (path,) = (ROOT / "tests" / "studies").glob("faults-*.csv")
     assert f"`tests/studies/{path.name}`" in STUDIES
@@ -157,7 +157,7 @@ def test_the_table_of_faults_is_the_one_on_file() -> None:
     assert f"of {total} sound laboratories {flagged} was flagged" in " ".join(STUDIES.split())
 
 
-def test_the_table_of_clips_is_the_one_on_file() -> None:
+def test_the_table_of_clips_matches_its_file() -> None:
     """Every interval contains the truth in about 94 % of the clips, within the sampling error."""
     (path,) = (ROOT / "tests" / "studies").glob("clips-*.csv")
     assert f"`tests/studies/{path.name}`" in STUDIES
@@ -171,7 +171,7 @@ def test_the_table_of_clips_is_the_one_on_file() -> None:
         assert start in STUDIES, start
 
 
-def test_the_table_of_draws_is_the_one_on_file() -> None:
+def test_the_table_of_draws_matches_its_file() -> None:
     (path,) = (ROOT / "tests" / "studies").glob("distributions-*.csv")
     assert f"`tests/studies/{path.name}`" in STUDIES
     with path.open() as lines:
@@ -185,7 +185,7 @@ def test_the_table_of_draws_is_the_one_on_file() -> None:
         assert line in STUDIES, line
 
 
-def test_the_chart_table_is_the_one_on_file() -> None:
+def test_the_chart_table_matches_its_file() -> None:
     """The table has eleven points of the picture: errors to one digit, times to two."""
     with (ROOT / "data" / "figures" / "collision.csv").open() as lines:
         rows = list(csv.DictReader(lines))
@@ -199,7 +199,7 @@ def test_the_chart_table_is_the_one_on_file() -> None:
         assert line.split(" | ", 1)[1].removesuffix(" |") in points, line
 
 
-def test_the_benchmark_table_is_the_one_on_file() -> None:
+def test_the_benchmark_table_matches_its_file() -> None:
     (path,) = (ROOT / "tests" / "benchmarks").glob("collision-*.txt")
     assert f"`tests/benchmarks/{path.name}`" in BENCHMARKS
     lines = [line.split() for line in path.read_text().splitlines()]
@@ -225,7 +225,7 @@ def file_named_in(page: str, pattern: str) -> str:
     return path.read_text("utf-8")
 
 
-def test_the_shots_a_second_are_those_on_file() -> None:
+def test_the_shots_per_second_match_their_file() -> None:
     lines = re.findall(
         r"  ([\w-]+), (.*?) +(\d+) (\S+).*", file_named_in(BENCHMARKS, "throughput-*")
     )
@@ -241,7 +241,7 @@ def test_the_shots_a_second_are_those_on_file() -> None:
         assert (known[name, "a certificate, summed"], a_second[name]) == (normals, certificates)
 
 
-def test_the_errors_of_located_balls_are_those_on_file() -> None:
+def test_the_errors_of_located_balls_match_their_file() -> None:
     shots = re.findall(
         r"  (\w+): (.*?), e_A of a shot +([\d.]+) %", file_named_in(BENCHMARKS, "locating-*")
     )
@@ -252,7 +252,7 @@ def test_the_errors_of_located_balls_are_those_on_file() -> None:
             assert f"{known[light, method]:.2g}" == f"{float(cell.rstrip(' %')):.2g}", name
 
 
-def test_the_times_of_propagation_are_those_on_file() -> None:
+def test_the_times_of_propagation_match_their_file() -> None:
     rows = list(csv.DictReader(file_named_in(BENCHMARKS, "uncertainty-*").splitlines()))
     known = {row["what"]: row for row in rows}
     for name, first_order, draws, *errors in cells(BENCHMARKS, "| | first order, µs |"):
@@ -273,7 +273,7 @@ def test_the_times_of_propagation_are_those_on_file() -> None:
             assert (row["value"], float(row["note"].split()[0])) == (met, float(draws))
 
 
-def test_the_times_of_the_rehearsal_bench_are_those_on_file() -> None:
+def test_the_times_of_the_rehearsal_bench_match_their_file() -> None:
     """Median and worst time of a row are adjacent in a line of the file."""
     lines = [line.split() for line in file_named_in(BENCHMARKS, "rehearsal-*").splitlines()]
     pairs = {pair for line in lines for pair in pairwise(line)}
@@ -283,7 +283,7 @@ def test_the_times_of_the_rehearsal_bench_are_those_on_file() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_no_page_states_a_ratio_of_speeds_by_heart(page: Path) -> None:
+def test_no_page_states_a_ratio_of_speeds_in_a_sentence(page: Path) -> None:
     """Tables of speeds are compared with files; a ratio in a sentence would become outdated."""
     text = " ".join(page.read_text("utf-8").split())
     assert not re.findall(r"times (?:as (?:fast|slow)|faster|slower)", text)

@@ -74,7 +74,7 @@ def test_the_oracle_gives_the_known_answers(counter: str, key: str, answer: str)
     each=st.integers(1, 7),
     laboratory=WORDS,
 )
-def test_every_number_is_that_of_its_counter(
+def test_every_number_depends_only_on_its_key_and_counter(
     seed: int, branch: list[int], name: str, slots: list[int], each: int, laboratory: int
 ) -> None:
     """The key is from seed, branch and name; the counter from laboratory, slot and index."""
@@ -100,13 +100,13 @@ def test_a_laboratory_draws_in_a_block_what_it_draws_alone(each: int) -> None:
 
 
 @pytest.mark.parametrize("laboratory", [-1, 2**32, np.array([3, -1]), np.array([2**32, 0])])
-def test_laboratories_that_cannot_be_counted_are_refused(laboratory: int) -> None:
+def test_laboratory_numbers_out_of_range_are_refused(laboratory: int) -> None:
     with pytest.raises(InputError, match=r"laboratory = .*allowed: 0 to 2\^32 - 1"):
         Streams(1, (), laboratory)
 
 
 @pytest.mark.parametrize("each", [1, 2, 3, 255, 256, 257, 511, 512, 513, 1537])
-def test_many_numbers_are_counted_alike(each: int) -> None:
+def test_long_arrays_have_the_same_counters(each: int) -> None:
     """Across the chunks of the compiled code, each slot agrees with itself alone and the oracle."""
     slots = np.array([5, 0, 2**32 - 1, 7, 7, 300])
     found = Streams(3).uniform("many", each, slots)
@@ -116,7 +116,7 @@ def test_many_numbers_are_counted_alike(each: int) -> None:
             assert row[index] == uniform_of(3, (), "many", int(slot), index)
 
 
-def test_slots_by_the_thousand() -> None:
+def test_a_row_depends_only_on_its_slot() -> None:
     """5000 slots in any order, with odd and even numbers per slot."""
     slots = np.random.default_rng(1).permutation(5000)
     for each in (1, 2, 5, 6):
@@ -135,7 +135,7 @@ def test_normal_numbers_are_the_quantiles_of_the_uniform_ones() -> None:
     assert np.abs(normal).max() > 4.5
 
 
-def test_the_farthest_tails() -> None:
+def test_the_normal_quantile_is_right_in_the_farthest_tails() -> None:
     """Tails down to 2^-53, which one number in 5e15 reaches; the oracle is scipy."""
     from virtual_lab.streams import philox as compiled
 
@@ -148,7 +148,7 @@ def test_the_farthest_tails() -> None:
     assert exact.max() > 8.2
 
 
-def test_words_at_the_ends_stay_between_the_halves() -> None:
+def test_uniform_numbers_stay_inside_a_half() -> None:
     """Numbers are odd multiples of 2^-53: never 0, and symmetric within ±1/2."""
     n = 200_000
     steps = Streams(8).uniform("x", n) * 2.0**53
@@ -157,7 +157,7 @@ def test_words_at_the_ends_stay_between_the_halves() -> None:
 
 
 @pytest.mark.parametrize("slots", [[-1], [0, 2**32], [3, -7]])
-def test_slots_that_cannot_be_counted_are_refused(slots: list[int]) -> None:
+def test_slots_out_of_range_are_refused(slots: list[int]) -> None:
     with pytest.raises(InputError, match="allowed as slots"):
         Streams(1).normal("a", 2, np.array(slots))
     one = np.zeros(1, np.int64)
@@ -230,7 +230,7 @@ def test_distributions_are_the_standard_ones() -> None:
     assert np.abs(ones - 50_000).max() < 4.5 * sqrt(25_000)
 
 
-def test_shapes() -> None:
+def test_a_draw_has_the_requested_shape() -> None:
     """A number without a shape, an array with one, and a leading axis of slots."""
     for draws in (Streams(1), Quiet()):
         for draw in (draws.normal, draws.uniform):
@@ -242,7 +242,7 @@ def test_shapes() -> None:
             assert np.shape(draw("x", (3, 1), np.arange(0))) == (0, 3, 1)
 
 
-def test_shapes_of_a_block() -> None:
+def test_a_block_has_a_leading_axis_of_laboratories() -> None:
     """The axis is there with slots per laboratory or without."""
     for draws in (Streams(1, (), np.arange(4)), Quiet(np.arange(4))):
         for draw in (draws.normal, draws.uniform):
@@ -263,7 +263,7 @@ def test_readings_in_turn_count_laboratory_after_laboratory() -> None:
     assert slots.tolist() == [0, 1, 2]
 
 
-def test_one_laboratory_alone_owns_every_shot() -> None:
+def test_one_laboratory_owns_every_shot() -> None:
     """Its draws are the same, and its numbers remain numbers."""
     assert Streams(1, (), 5).at(...) == Streams(1, (), 5)
     assert isinstance(of_owners(2.5, ...), float)
@@ -271,20 +271,20 @@ def test_one_laboratory_alone_owns_every_shot() -> None:
 
 
 @given(name=NAMES, slot=WORDS)
-def test_quiet_is_zero(name: str, slot: int) -> None:
+def test_quiet_draws_are_zero(name: str, slot: int) -> None:
     """The mean of a standard normal and of a uniform about zero is 0."""
     assert not Quiet().normal(name, (3, 2), np.array([slot])).any()
     assert not Quiet().uniform(name, 5).any()
 
 
-def test_commitment_known_answer() -> None:
+def test_the_commitment_is_the_known_hash() -> None:
     """The oracle is SHA-256 of sixteen zero bytes and the digits 42, by hashlib."""
     assert commitment(bytes(16), 42) == hashlib.sha256(b"\0" * 16 + b"42").hexdigest()
     assert commitment(bytes(16), 42) == COMMITMENT
 
 
 @given(a=SEEDS, b=SEEDS, salt=st.binary(min_size=16, max_size=16))
-def test_commitment_binds(a: int, b: int, salt: bytes) -> None:
+def test_the_commitment_binds_the_seed(a: int, b: int, salt: bytes) -> None:
     """Under a salt of fixed length each seed has its own hash; another salt gives another hash."""
     assert (commitment(salt, a) == commitment(salt, b)) == (a == b)
     flipped = bytes([salt[0] ^ 1]) + salt[1:]
@@ -292,7 +292,7 @@ def test_commitment_binds(a: int, b: int, salt: bytes) -> None:
 
 
 @pytest.mark.parametrize("seed", [-1, 2**128, 10**5000], ids=["negative", "longer", "huge"])
-def test_a_number_longer_than_a_drawn_seed_is_none(seed: int) -> None:
+def test_seeds_out_of_range_are_refused(seed: int) -> None:
     for draw in (Streams, lambda seed: generator(seed, "a", 0)):
         with pytest.raises(InputError, match=r"seed = .*0 to 2\^128 - 1"):
             draw(seed)

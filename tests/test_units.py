@@ -70,7 +70,7 @@ def test_constants_are_the_legal_ones() -> None:
 
 
 @pytest.mark.parametrize(("dimension", "unit"), EVERY)
-def test_factor_of_every_unit(dimension: str, unit: str) -> None:
+def test_the_factor_of_every_unit_is_its_definition(dimension: str, unit: str) -> None:
     """The oracle is a fraction from the definitions above; a unit without one fails here."""
     defined = DEFINED[dimension][unit]
     assert isclose(units.to_si(1.0, unit, dimension), defined, rel_tol=ROUNDING)
@@ -79,13 +79,15 @@ def test_factor_of_every_unit(dimension: str, unit: str) -> None:
 @pytest.mark.parametrize(("dimension", "unit"), EVERY)
 @given(value=st.floats(1e-250, 1e250) | st.floats(-1e250, -1e-250) | st.just(0.0))
 @settings(max_examples=20)
-def test_there_and_back(dimension: str, unit: str, value: float) -> None:
+def test_conversion_there_and_back_returns_the_value(
+    dimension: str, unit: str, value: float
+) -> None:
     """A product and its quotient differ from the start by at most two roundings (IEEE 754)."""
     back = units.from_si(units.to_si(value, unit, dimension), unit, dimension)
     assert isclose(back, value, rel_tol=ROUNDING)
 
 
-def test_miles_per_hour() -> None:
+def test_60_mph_are_26_8224_m_per_s() -> None:
     assert isclose(units.miles_per_hour(26.8224), 60.0, rel_tol=ROUNDING)  # 60 mph = 88 ft/s
 
 

@@ -39,7 +39,7 @@ def python(*arguments: str, folder: Path = ROOT) -> subprocess.CompletedProcess[
     )
 
 
-def test_import_contracts() -> None:
+def test_the_import_contracts_are_kept() -> None:
     """The contracts are in [tool.importlinter] in pyproject.toml."""
     done = python("-c", LINT)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -75,7 +75,9 @@ BREACHES = [
 
 
 @pytest.mark.parametrize("breaches", BREACHES)
-def test_contracts_catch_a_breach(breaches: list[tuple[str, str, str]], tmp_path: Path) -> None:
+def test_a_forbidden_import_breaks_its_contract(
+    breaches: list[tuple[str, str, str]], tmp_path: Path
+) -> None:
     """Forbidden imports, some of them indirect, are added to a copy and break their contracts."""
     for top in ("virtual_lab", "rigs"):
         shutil.copytree(ROOT / top, tmp_path / top, ignore=shutil.ignore_patterns("__pycache__"))
@@ -111,12 +113,14 @@ def room(module: str) -> str:
     return "rigs" if top == "rigs" else rest.partition(".")[0] or "__init__"
 
 
-def test_no_modules_import_each_other(imports: dict[str, set[str]]) -> None:
+def test_imports_have_no_cycle(imports: dict[str, set[str]]) -> None:
     """A cycle raises `graphlib.CycleError`, which names its modules."""
     assert len(list(TopologicalSorter(imports).static_order())) == len(imports)
 
 
-def test_the_wings_share_no_formula_of_a_result(imports: dict[str, set[str]]) -> None:
+def test_simulation_and_measurement_share_no_formula_of_a_result(
+    imports: dict[str, set[str]],
+) -> None:
     """They share flight, pendulum, pinhole, board and air, but not e, r, e0 or a metric.
 
     So a wrong formula on either side shows as an error of an ideal test.
@@ -141,7 +145,7 @@ def test_the_wings_share_no_formula_of_a_result(imports: dict[str, set[str]]) ->
     assert functions == set()
 
 
-def test_rooms_and_floors_are_few(imports: dict[str, set[str]]) -> None:
+def test_packages_and_layers_are_few(imports: dict[str, set[str]]) -> None:
     """At most 27 packages, 10 layers (the longest chain of packages) and nine loose modules."""
     below: dict[str, set[str]] = {room(module): set() for module in imports}
     for module, others in imports.items():
@@ -155,7 +159,7 @@ def test_rooms_and_floors_are_few(imports: dict[str, set[str]]) -> None:
 
 
 @pytest.mark.parametrize("module", ["virtual_lab", "virtual_lab.cli"])
-def test_import_is_light(module: str) -> None:
+def test_the_import_loads_no_slow_module(module: str) -> None:
     """Modules that take seconds to load are loaded only when they are used."""
     done = python("-c", f"import sys; import {module}; print(*sorted(sys.modules))")
     assert done.returncode == 0, done.stderr
@@ -177,7 +181,7 @@ def draws_of_its_own(tree: ast.AST) -> Iterator[int]:
             yield node.lineno
 
 
-def test_randomness_has_one_door() -> None:
+def test_only_streams_draws_random_numbers() -> None:
     """No module outside `virtual_lab.streams` uses np.random or random."""
     offenders = [
         f"{path.relative_to(ROOT)}:{line}"
@@ -192,7 +196,7 @@ def test_randomness_has_one_door() -> None:
     "code",
     ["import random", "from numpy.random import default_rng", "np.random.default_rng(1)"],
 )
-def test_a_second_door_is_seen(code: str) -> None:
+def test_other_random_numbers_are_detected(code: str) -> None:
     assert list(draws_of_its_own(ast.parse(code))) == [1]
 
 
@@ -227,7 +231,7 @@ def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
             yield from statements(getattr(each, inner, []))
 
 
-def test_no_public_name_stands_for_two_things() -> None:
+def test_no_public_name_has_two_meanings() -> None:
     """The test covers public classes and functions, and constants that other modules import."""
     bodies = {path: ast.parse(path.read_text("utf-8")).body for path in MODULES}
     imported = {
@@ -254,7 +258,7 @@ def test_no_public_name_stands_for_two_things() -> None:
     assert not twice, twice
 
 
-def test_no_file_holds_two_sides_of_a_merge() -> None:
+def test_no_file_has_merge_markers() -> None:
     kinds = {".py", ".md", ".toml", ".html", ".css", ".js"}
     tops = [ROOT / name for name in ("virtual_lab", "rigs", "tests", "data")]
     paths = [*ROOT.glob("*.md"), *(path for top in tops for path in top.rglob("*"))]

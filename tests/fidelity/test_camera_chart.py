@@ -33,12 +33,12 @@ def rows(drawn: SpeedChart) -> list[Row]:
     return drawn.rows
 
 
-def test_every_estimator_in_every_scene(rows: list[Row]) -> None:
+def test_the_chart_has_every_estimator_in_every_scene(rows: list[Row]) -> None:
     assert len(rows) == 3 * len(SOME)
     assert all(row["ms_a_frame"] > 0 for row in rows)
 
 
-def test_what_the_chart_is_to_show(rows: list[Row]) -> None:
+def test_the_edge_fit_is_near_the_limit_and_outlines_are_not(rows: list[Row]) -> None:
     """On a plain ball the edge fit is within 3 limits, and contour moments exceed 5 limits."""
     for row in rows:
         if row["ball"] != "plain ball":
@@ -51,5 +51,5 @@ def test_what_the_chart_is_to_show(rows: list[Row]) -> None:
             assert row["bias_over_limit"] > 5
 
 
-def test_text_and_files(drawn: SpeedChart, tmp_path: Path) -> None:
+def test_the_text_and_the_files_have_every_row(drawn: SpeedChart, tmp_path: Path) -> None:
     require_files(drawn, tmp_path / "chart")

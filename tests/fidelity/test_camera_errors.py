@@ -15,7 +15,7 @@ from virtual_lab.video.locate.located import PlaceFlag
 BATCH = pictures(Case(radius=15, phases=4, repeats=5))
 
 
-def test_score_counts_what_was_put_in() -> None:
+def test_the_score_counts_each_kind_of_error() -> None:
     """One position is lost, one flagged, one wrong and flagged, one wrong only, a phase biased."""
     least = np.full(20, BATCH.limit)
     x, flags = BATCH.x.copy(), np.zeros(20, np.uint16)
@@ -32,21 +32,21 @@ def test_score_counts_what_was_put_in() -> None:
     assert found.rms == pytest.approx(BATCH.limit * np.sqrt((2 * 36 + 5 * 4) / 38))
 
 
-def test_a_pattern_widens_what_is_believed() -> None:
+def test_a_pattern_uncertainty_excuses_an_error() -> None:
     least = np.full(20, BATCH.limit)
     off = replace(BATCH.inputs.start, x=BATCH.x + 0.1, y=BATCH.y, x_u=least)
     assert wrong_unsaid(BATCH, off).all()
     assert not wrong_unsaid(BATCH, replace(off, pattern_u=np.full(20, 0.021))).any()
 
 
-def test_nothing_found() -> None:
+def test_a_batch_without_positions_is_all_lost() -> None:
     none = np.full(20, np.nan)
     found = score_places(BATCH, replace(BATCH.inputs.start, x=none, y=none))
     assert found.lost == 1
     assert np.isinf(found.rms)
 
 
-def test_time_is_shared_by_the_pictures() -> None:
+def test_the_time_is_divided_by_the_number_of_pictures() -> None:
     """The method runs three times on the whole batch, not once per picture."""
     calls = []
     seconds_a_picture(lambda given: calls.append(1) or given.start, BATCH.inputs, rounds=2)

@@ -34,7 +34,7 @@ def test_a_quiet_picture_is_the_exact_one(light: Literal["even", "back"]) -> Non
         assert np.abs(batch.inputs.regions.pixels[k] - exact).max() < 1e-3 * 150
 
 
-def test_noise_is_what_was_asked_for() -> None:
+def test_the_noise_gives_the_requested_contrast() -> None:
     """Contrast over the standard deviation halfway up the edge; bound of 4 standard errors."""
     for snr in (96.0, 27.0, 5.0):
         case = Case(snr=snr, phases=1, repeats=20)
@@ -49,14 +49,14 @@ def test_noise_is_what_was_asked_for() -> None:
         assert (ball - level) / half == pytest.approx(snr, rel=0.02)
 
 
-def test_blocks_differ_and_repeat() -> None:
+def test_blocks_differ_and_are_reproducible() -> None:
     first, again, other = pictures(FEW), pictures(FEW), pictures(FEW, block=1)
     assert np.array_equal(first.inputs.regions.pixels, again.inputs.regions.pixels)
     assert not np.array_equal(first.inputs.regions.pixels, other.inputs.regions.pixels)
     assert not np.array_equal(first.x, other.x)
 
 
-def test_what_hides_the_ball() -> None:
+def test_the_frame_and_the_bat_hide_a_part_of_the_ball() -> None:
     """The frame's edge and the bat each hide a quarter of the diameter."""
     gone = pictures(replace(FEW, cut=0.25)).inputs
     side = gone.regions.pixels.shape[2]
@@ -87,13 +87,13 @@ def test_the_edge_fit_is_near_the_limit(case: Case) -> None:
     assert (found.lost, found.flagged, found.unsaid) == (0, 0, 0)
 
 
-def test_hidden_balls_and_their_flags() -> None:
+def test_hidden_balls_are_flagged() -> None:
     for case in (replace(FEW, cut=0.25), replace(FEW, covered=0.25)):
         batch = pictures(case)
         assert score_places(batch, OURS[EDGE](batch.inputs)).flagged == 1
 
 
-def test_peers_do_what_is_known_of_them() -> None:
+def test_estimators_of_opencv_have_their_known_errors() -> None:
     """Errors are within a factor of two of those measured beforehand [px]."""
     batch = pictures(Case(phases=4, repeats=5))
     planned = {

@@ -37,7 +37,7 @@ def state(rows: list[Row], axis: str, value: float, method: str = EDGE) -> str:
     return str(found["state"])
 
 
-def test_the_fit_is_good_or_says_why_not(rows: list[Row]) -> None:
+def test_the_fit_is_good_or_flagged(rows: list[Row]) -> None:
     assert state(rows, "contrast over noise", 5) == PictureState.GOOD
     assert state(rows, "contrast over noise", 96) == PictureState.GOOD
     assert state(rows, "hot pixels", 100) == PictureState.GOOD
@@ -50,7 +50,7 @@ def test_the_fit_is_good_or_says_why_not(rows: list[Row]) -> None:
     assert maps.unsaid_share(rows, EDGE) == 0
 
 
-def test_dropped_frames_are_found_by_the_step_they_leave(rows: list[Row]) -> None:
+def test_dropped_frames_are_detected(rows: list[Row]) -> None:
     own = {(row["ball"], row["value"]): row for row in rows if row["method"] == "followed"}
     assert len(own) == 2 * 4
     for (ball, count), row in own.items():
@@ -60,7 +60,7 @@ def test_dropped_frames_are_found_by_the_step_they_leave(rows: list[Row]) -> Non
             assert row["flagged"] == (4 if count else 0)
 
 
-def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
+def test_the_text_and_the_files_have_every_row(rows: list[Row], tmp_path: Path) -> None:
     text = maps._maps(rows).text
     assert all(axis in text for axis in ENDS)
     assert "over all maps" in text
@@ -71,7 +71,7 @@ def test_text_and_files(rows: list[Row], tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words", [["stability", "camera"], ["chart", "camera"]])
-def test_the_commands_stop_at_a_folder_that_is_not_new(words: list[str], tmp_path: Path) -> None:
+def test_the_commands_refuse_a_folder_that_is_not_empty(words: list[str], tmp_path: Path) -> None:
     from click.testing import CliRunner
 
     (tmp_path / "kept").write_text("")

@@ -41,7 +41,7 @@ def of(rows: Rows, series: str) -> Rows:
     return [row for row in rows if row["series"] == series]
 
 
-def test_more_modes_and_smaller_steps_err_less(rows: Rows) -> None:
+def test_more_modes_and_smaller_steps_reduce_the_error(rows: Rows) -> None:
     """Only errors are tested; times are for the reader."""
     for series in (Series.MODES, Series.STEPS):
         errors = np.array([row["worst_error"] for row in of(rows, series)])
@@ -62,13 +62,13 @@ def test_each_question_has_a_reference_of_its_own(rows: Rows) -> None:
     assert max(row["worst_error"] for row in of(rows, Series.SCIPY)) < 5e-3
 
 
-def test_a_surrogate_errs_as_its_modes_do_and_by_its_tolerance(rows: Rows) -> None:
+def test_the_error_of_a_surrogate_is_that_of_its_modes_within_its_tolerance(rows: Rows) -> None:
     default = next(row for row in of(rows, Series.MODES) if row["setting"] == "20 modes")
     for row, tolerance in zip(of(rows, Series.SURROGATE), (1e-3, 1e-4, 1e-5), strict=True):
         assert abs(row["worst_error"] - default["worst_error"]) <= 2 * tolerance
 
 
-def test_where_methods_fail_is_looked_for_all_along_the_bat(rows: Rows) -> None:
+def test_failures_are_counted_along_the_whole_bat(rows: Rows) -> None:
     whole = chart._scenes(chart.WHOLE_IN, 24).impact_position / INCH
     outside = np.mean((whole < 1.5) | (whole > 12.5))
     assert 0.4 < outside < 0.9
@@ -79,7 +79,7 @@ def test_where_methods_fail_is_looked_for_all_along_the_bat(rows: Rows) -> None:
     assert many["off_along_the_bat"] == many["refused_along_the_bat"] == 0
 
 
-def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_and_refusals_are_counted_separately(monkeypatch: pytest.MonkeyPatch) -> None:
     """Far from the barrel the error is just above or just below the u of a certificate."""
 
     def poor(scenes: Scenes) -> np.ndarray:
@@ -107,7 +107,7 @@ def test_what_is_off_and_what_refuses_are_counted_apart(monkeypatch: pytest.Monk
     assert row["worst_error"] == pytest.approx(1e-5)
 
 
-def test_the_picture_shows_what_decides_and_its_words_do_not_overlap() -> None:
+def test_the_labels_of_the_picture_do_not_overlap() -> None:
     """The picture has the rows of the README, and marks the limit u/10."""
     rows = pd.read_csv(SHIPPED).to_dict("records")
     figure: Any = draw_collision(rows, "Collision")  # type: ignore[arg-type]
@@ -127,7 +127,7 @@ def test_the_picture_shows_what_decides_and_its_words_do_not_overlap() -> None:
     assert set(settings) >= {row["setting"] for row in rows}
 
 
-def test_files(drawn: SpeedChart, tmp_path: Path) -> None:
+def test_the_chart_writes_its_files(drawn: SpeedChart, tmp_path: Path) -> None:
     page = require_files(drawn, tmp_path / "chart")
     assert page.count("<svg") == 1
     assert "http" not in page.replace("http://www.w3.org", "").split("</metadata>")[-1]

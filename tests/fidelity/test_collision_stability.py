@@ -43,19 +43,19 @@ def no_result(row: dict[str, Any]) -> bool:
     return bool((row["map"], row["value"]) == (maps.CollisionAxis.RESTITUTION, 0.005))
 
 
-def test_what_is_shipped_is_good_everywhere_or_gives_no_result(rows: list[dict[str, Any]]) -> None:
+def test_the_shipped_steps_are_good_or_give_no_result(rows: list[dict[str, Any]]) -> None:
     for row in at(rows, maps.SHIPPED):
         assert row["state"] == (State.NO_RESULT if no_result(row) else State.GOOD), row
         assert (row["scenes"] > 0) != no_result(row), row
 
 
-def test_the_default_knows_which_scenes_it_got_wrong(rows: list[dict[str, Any]]) -> None:
+def test_the_default_notices_its_errors(rows: list[dict[str, Any]]) -> None:
     known = [row for row in at(rows, "0.5", "1") if not no_result(row)]
     assert {row["state"] for row in known} == {State.GOOD, State.NOTICED}
     assert max(row["worst_unnoticed_error"] for row in known) < FINE.tolerance
 
 
-def test_scenes_are_of_the_contacts_that_their_column_says() -> None:
+def test_scenes_have_the_contacts_of_their_column() -> None:
     for contacts in (1, 3):
         for model, scenes in maps._column(maps.CollisionAxis.CONTACTS, contacts):
             exact = replace(model, stepper=OneByOne(refinement=2.0)).collide(scenes)
@@ -63,14 +63,14 @@ def test_scenes_are_of_the_contacts_that_their_column_says() -> None:
             assert (exact.contacts == contacts).all()
 
 
-def test_what_is_not_refused_is_stable(rows: list[dict[str, Any]]) -> None:
+def test_accepted_steps_are_stable(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         assert row["refused"] == (row["step"] in ("1.5", "4")), row
         assert row["refused"] or row["state"] != State.UNSTABLE, row
     assert State.UNSTABLE in {row["state"] for row in at(rows, "4")}
 
 
-def test_states_are_told_apart() -> None:
+def test_each_outcome_has_its_state() -> None:
     def state(error: float, leak: float, doubted: bool, given_up: bool = False) -> str:
         def outcome(efficiency: float) -> maps.ColumnOutcome:
             return maps.ColumnOutcome(
@@ -91,7 +91,7 @@ def test_states_are_told_apart() -> None:
     assert state(np.nan, np.nan, True) == State.UNSTABLE
 
 
-def test_text_and_files(found: StabilityMap, tmp_path: Path) -> None:
+def test_the_text_and_the_files_have_every_row(found: StabilityMap, tmp_path: Path) -> None:
     text, rows = found.text, found.rows
     assert text.count(maps.SHIPPED) == len(maps.AXES)
     assert "(X)" in text
@@ -102,7 +102,7 @@ def test_text_and_files(found: StabilityMap, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("share", "state"), [(0.99, "good"), (1.01, "inaccurate")])
-def test_good_is_what_the_default_promises(share: float, state: str) -> None:
+def test_a_state_is_good_within_the_tolerance_of_the_default(share: float, state: str) -> None:
     """One of two scenes has an unnoticed error just below or just above the tolerance."""
 
     def outcome(efficiency: float) -> ColumnOutcome:

@@ -12,7 +12,7 @@ from virtual_lab.simulation.collision.ladder import SHARE
 PARTS = ("collision", "motion", "gates", "encoder", "camera", "uncertainty")
 
 
-def test_every_part_ships_the_cheapest_rung_that_is_good_enough_or_says_why(tmp_path: Path) -> None:
+def test_every_part_uses_the_cheapest_sufficient_model_or_states_a_reason(tmp_path: Path) -> None:
     """A model suffices if its effect is below u/10, within two standard errors."""
     chart = api.chart("laboratory")
     assert {row["part"] for row in chart.rows} == set(PARTS)

@@ -36,7 +36,7 @@ def of(rows: list[Row], series: str, **own: str) -> list[Row]:
     return [row for row in rows if all(row[name] == value for name, value in wanted.items())]
 
 
-def test_pymunk_alone_misses_and_loses_what_it_was_seen_to(rows: list[Row]) -> None:
+def test_plain_pymunk_misses_and_loses_the_measured_shares(rows: list[Row]) -> None:
     """The shares were measured on pymunk before our models were written."""
     misses = {("26.8", "1e-02"): 0.74, ("62.6", "2e-03"): 0.45, ("62.6", "1e-03"): 0.0}
     losses = {"1e-02": 0.41, "1e-03": 0.07, "1e-04": 0.0075}
@@ -50,7 +50,7 @@ def test_pymunk_alone_misses_and_loses_what_it_was_seen_to(rows: list[Row]) -> N
             assert row["share"] == pytest.approx(losses[step], rel=0.05)
 
 
-def test_our_rungs_are_exact_or_refuse(rows: list[Row]) -> None:
+def test_our_models_are_exact_or_refuse(rows: list[Row]) -> None:
     for series in (chart.Carrier.RUNG, chart.Carrier.CLOSED):
         for scene in chart.STARTS:
             for row in of(rows, series, scene=scene):
@@ -68,7 +68,7 @@ def test_our_rungs_are_exact_or_refuse(rows: list[Row]) -> None:
     assert sum("refused" in row["setting"] for row in rows) == 4 + 2 + 1
 
 
-def test_pymunk_alone_errs_by_its_step(rows: list[Row]) -> None:
+def test_the_error_of_plain_pymunk_is_proportional_to_its_step(rows: list[Row]) -> None:
     """The order is 1 on a round barrel and at the tip."""
     for scene in (chart.Start.ROUND, chart.Start.TIP):
         errors = [row["ball_m_s"] for row in of(rows, chart.Carrier.ALONE, scene=scene)][1:]
@@ -80,11 +80,11 @@ def test_pymunk_alone_errs_by_its_step(rows: list[Row]) -> None:
 
 
 @pytest.mark.parametrize(("speed", "step"), [(40.0, 4e-3), (80.0, 1e-3), (100.0, 5e-3)])
-def test_the_share_missed_is_what_is_jumped(speed: float, step: float) -> None:
+def test_the_share_of_missed_balls_is_that_of_jumped_bats(speed: float, step: float) -> None:
     """1 - (R + r) / (v dt), to one of a hundred evenly spaced shots."""
     share = missed_share(rod(), speed, step, 100)
     assert share == pytest.approx(max(0.0, 1 - rod().reach / (speed * step)), abs=0.0101)
 
 
-def test_text_and_files(drawn: SpeedChart, tmp_path: Path) -> None:
+def test_the_text_and_the_files_have_every_row(drawn: SpeedChart, tmp_path: Path) -> None:
     require_files(drawn, tmp_path / "chart")

@@ -36,7 +36,7 @@ def state(rows: list[Row], method: str, axis: str, step: float, value: float) ->
     return str(found["state"])
 
 
-def test_the_rung_is_good_wherever_it_answers(rows: list[Row]) -> None:
+def test_our_model_is_good_wherever_it_gives_a_result(rows: list[Row]) -> None:
     own = [row for row in rows if row["method"] == maps.Carrier.RUNG]
     assert {row["state"] for row in own if not row["refused"]} == {State.GOOD}
     for row in own:
@@ -49,7 +49,7 @@ def test_the_rung_is_good_wherever_it_answers(rows: list[Row]) -> None:
         assert row["refused"] == (long or slop or few), row
 
 
-def test_pymunk_alone_is_refused_nothing_and_wrong_in_places(rows: list[Row]) -> None:
+def test_plain_pymunk_refuses_nothing_and_is_wrong_in_places(rows: list[Row]) -> None:
     """A flat hit is right until it is jumped; the tip, a round bat and one iteration are wrong."""
     assert not any(row["refused"] for row in rows if row["method"] == maps.Carrier.ALONE)
     assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.SPEED, 1e-2, 10) == State.GOOD
@@ -62,7 +62,7 @@ def test_pymunk_alone_is_refused_nothing_and_wrong_in_places(rows: list[Row]) ->
     assert state(rows, maps.Carrier.ALONE, maps.MotionAxis.ITERATIONS, 1e-4, 50) == State.GOOD
 
 
-def test_text_and_files(found: StabilityMap, tmp_path: Path) -> None:
+def test_the_text_and_the_files_have_every_row(found: StabilityMap, tmp_path: Path) -> None:
     text, rows = found.text, found.rows
     assert text.count(maps.Carrier.RUNG) == text.count(maps.Carrier.ALONE) == len(maps.AXES)
     assert "(.)" in text
@@ -73,7 +73,7 @@ def test_text_and_files(found: StabilityMap, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words", [["stability", "motion"], ["chart", "motion"]])
-def test_the_commands_stop_at_a_folder_that_is_not_new(words: list[str], tmp_path: Path) -> None:
+def test_the_commands_refuse_a_folder_that_is_not_empty(words: list[str], tmp_path: Path) -> None:
     from click.testing import CliRunner
 
     (tmp_path / "kept").write_text("")

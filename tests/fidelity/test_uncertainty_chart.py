@@ -15,7 +15,7 @@ from virtual_lab.fidelity.uncertainty_chart import MARKERS, PANELS
 from virtual_lab.uncertainty.propagating import propagate_inputs
 
 
-def test_more_draws_take_longer_and_err_less(tmp_path: Path) -> None:
+def test_more_draws_take_longer_and_reduce_the_error(tmp_path: Path) -> None:
     """With 8 times the draws an error falls by √8, within the scatter of a few seeds."""
     chart = api.chart("uncertainty")
     assert {row["method"] for row in chart.rows} == set(MARKERS)
@@ -28,7 +28,7 @@ def test_more_draws_take_longer_and_err_less(tmp_path: Path) -> None:
     require_files(chart, tmp_path / "chart")
 
 
-def test_the_table_is_that_of_the_methods() -> None:
+def test_the_table_has_the_errors_of_the_methods() -> None:
     """The first order of squares has a wrong u and a low end below 0, the largest errors."""
     rows = {(row["model"], row["method"]): row for row in api.chart("uncertainty").rows}
     found = propagate_inputs(models.squares, models.SQUARES)

@@ -156,7 +156,7 @@ def play(
     return Result(error=error, budget=budget)
 
 
-def test_e0_lies_on_the_line_through_the_speeds_at_which_the_wall_was_hit() -> None:
+def test_e0_uses_the_actual_speeds_at_the_wall() -> None:
     """The cannon is 2 m/s slow at one nominal speed and 1 m/s fast at the other.
 
     The e0 of a ball is linear in speed, 0.6 less 0.002 per m/s plus its own constant.
@@ -202,7 +202,7 @@ SCHEMES = {
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_the_walls_part_is_the_closed_form(scheme: str) -> None:
+def test_the_component_of_the_wall_is_the_closed_form(scheme: str) -> None:
     """The balls' component of the budget, squared, with s as the laboratory measured it.
 
     The e0 of the balls differs by 0.2 % from the mean, which the closed form neglects: 2 %.
@@ -260,7 +260,7 @@ def test_played_results_scatter_as_the_closed_form_says(scheme: str) -> None:
 @pytest.mark.parametrize(
     ("scheme", "hit"), [("one ball", 0.002), ("one ball", 0.01), ("six balls", 0.01)]
 )
-def test_intervals_hold(scheme: str, hit: float) -> None:
+def test_intervals_contain_the_truth_in_95_percent(scheme: str, hit: float) -> None:
     """300 laboratories, wall scatter 0.01; the count is within 0.1 % limits of the binomial law.
 
     For one ball in all six hits it was 64 % when its noise was treated as that of the lot.

@@ -18,7 +18,7 @@ def with_exponent(session: Session, exponent: float) -> Session:
     return replace(session, procedure_text=text)
 
 
-def test_each_exponent_is_what_its_own_rules_would_give() -> None:
+def test_each_exponent_gives_the_result_of_rules_with_that_exponent() -> None:
     """Value, position and u equal those of a certificate from the same records."""
     tested = by_the_book(opened("ea70", procedure="proposed", seed=4)).of(0)
     results = tested.certification.swings
@@ -33,6 +33,6 @@ def test_each_exponent_is_what_its_own_rules_would_give() -> None:
     assert speeds == sorted(speeds)  # gain of a light bat with n
 
 
-def test_rules_that_name_none_give_none() -> None:
+def test_rules_without_exponents_give_no_swing_range() -> None:
     tested = by_the_book(opened("r161", procedure="ncaa-modified", seed=4)).of(0)
     assert tested.certification.swings == ()

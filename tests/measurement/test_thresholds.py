@@ -54,7 +54,7 @@ def flags_of(answers: Iterable[Raised]) -> list[Flag]:
         ({"density": 6999.0}, {"density": 7015.0}),  # density of a bat of 20 kg
     ],
 )
-def test_a_bat_of_no_likely_shape_is_remarked(
+def test_an_unlikely_shape_of_a_bat_is_a_remark(
     within: dict[str, float], beyond: dict[str, float]
 ) -> None:
     assert flags_of(bat_shape(shape(**within))) == []
@@ -84,7 +84,9 @@ def test_an_axis_of_another_rig_is_refused(off: float, refused: bool) -> None:
 
 
 @pytest.mark.parametrize(("bad", "flagged"), [(1, False), (2, True)])
-def test_more_shots_off_their_flight_than_scraps_explain(bad: int, flagged: bool) -> None:
+def test_more_than_a_tenth_of_the_shots_off_their_flight_is_flagged(
+    bad: int, flagged: bool
+) -> None:
     """One of ten shots, and two of ten."""
     seen = SimpleNamespace(
         off_flight=np.arange(10) < bad,
@@ -105,7 +107,7 @@ def test_more_shots_off_their_flight_than_scraps_explain(bad: int, flagged: bool
         (0.5545, True, ""),
     ],
 )
-def test_a_ball_far_outside_the_windows_or_fired_all_the_same_is_told(
+def test_a_ball_far_outside_the_windows_or_fired_in_spite_of_them_is_flagged(
     e0: float, fired: bool, said: str
 ) -> None:
     """The window is .525 to .555 at 60 mph; no sound ball is more than 5e-3 outside."""

@@ -56,7 +56,7 @@ def unseen(output: RigOutput) -> np.ndarray:
     return gone.reshape(*gone.shape[:3], -1).all(axis=-1)
 
 
-def test_a_ball_that_a_frame_throws_back_is_a_missing_and_a_wild_time() -> None:
+def test_a_ball_that_a_frame_throws_back_has_a_missing_and_a_wrong_time() -> None:
     """The ball strikes the upper bar of the near frame, and never reaches the bat.
 
     By hand: it returns from the face of the bar at the bar's restitution times its speed.
@@ -89,7 +89,7 @@ def test_a_ball_that_the_far_frame_throws_back_leaves_no_time_at_all(rig: str) -
 
 
 @pytest.mark.parametrize("rig", RIGS)
-def test_a_frame_on_the_way_back_hides_the_gates_beyond_it_by_every_rung(rig: str) -> None:
+def test_a_frame_struck_after_the_bat_hides_the_gates_beyond_it(rig: str) -> None:
     """A low rebound strikes the lower bars: edges, sums and pymunk miss the same gates."""
     changes: dict[str, Any] = {"frame": {"bottom": -0.06, "top": 0.2}}
     usual = play(rig, {})
@@ -132,7 +132,7 @@ def test_the_stop_shows_in_the_counts() -> None:
     )
 
 
-def test_a_bat_that_meets_the_ball_again_throws_it_back_faster() -> None:
+def test_a_second_contact_throws_the_ball_back_faster() -> None:
     """With a stop close behind the bat and a weak rebound, the boards see the second rebound."""
     changes = {"place": 3.5 * INCH, "speed": 60.0}
     lively = {"stop": {"angle": 0.01, "restitution": 1.0}}

@@ -76,7 +76,7 @@ def test_a_ball_followed_off_a_wall_has_its_restitution(exponent: float, stiffne
     assert wall_restitution(scenes) == pytest.approx(scenes.ball_restitution, rel=1e-13)
 
 
-def test_a_wall_contact_of_the_same_law_returns_that_speed() -> None:
+def test_the_work_of_a_wall_contact_is_the_kinetic_energy() -> None:
     """The work up to the peak, k u²/2, equals m v²/2."""
     contact = wall_contact(*(np.array(x) for x in (0.145, 50.0, 3.5e6, 1.0, 0.5)))
     work = 3.5e6 * contact.compression**2 / 2
@@ -97,7 +97,7 @@ def test_a_tilted_hit_keeps_the_speed_along_the_surface(tilt: float) -> None:
 
 
 @pytest.mark.parametrize(("sd", "loss"), [(0.03, 0.0003), (0.05, 0.0009), (0.10, 0.0037)])
-def test_hits_across_the_axis_cost_what_was_found_in_planning(sd: float, loss: float) -> None:
+def test_scatter_across_the_axis_lowers_bpf_as_computed_by_hand(sd: float, loss: float) -> None:
     """Mean over a normal scatter [in] by Gauss-Hermite quadrature; radii 1.45 in and 1.25 in."""
     x, weight = np.polynomial.hermite_e.hermegauss(20)
     tilt = np.arcsin(sd * x / (1.45 + 1.25))

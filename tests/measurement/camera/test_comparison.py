@@ -62,7 +62,9 @@ def test_sound_gates_and_camera_agree(name: str, comparisons: list[CameraCompari
 
 
 @pytest.mark.parametrize("name", COMPARED)
-def test_joined_is_between_and_no_less_sure(name: str, comparisons: list[CameraComparison]) -> None:
+def test_the_combined_result_is_between_both_and_at_least_as_certain(
+    name: str, comparisons: list[CameraComparison]
+) -> None:
     """The share is from 0 to 1, and the constants contribute no more u than in either method."""
     for each in comparisons:
         told = each.quantities[name]
@@ -73,13 +75,15 @@ def test_joined_is_between_and_no_less_sure(name: str, comparisons: list[CameraC
         assert told.joined.u_type_b <= shared * 1.05
 
 
-def test_an_ideal_day_gives_the_same_twice() -> None:
+def test_gates_and_video_agree_on_an_ideal_day() -> None:
     """Without errors and noise, gates and video agree in e_A to 1e-5, for any geometry."""
     told = camera_of(1, reality=Reality.IDEAL).quantities["collision_efficiency"]
     assert told.video.value == pytest.approx(told.gates.value, abs=1e-5)
 
 
-def test_speeds_of_every_shot(certifications: list[Certification]) -> None:
+def test_the_speeds_of_camera_and_gates_agree_within_their_geometry(
+    certifications: list[Certification],
+) -> None:
     """The ratio of median speeds scatters as plane, height and base of the gates allow.
 
     The camera contributes 1 mm and 0.2 mm in 2 m and 1e-4 of the lens, 5.2e-4 together; the boards
@@ -100,7 +104,7 @@ def test_speeds_of_every_shot(certifications: list[Certification]) -> None:
     assert 3e-4 < off.std() < 9e-4
 
 
-def test_each_shot_scatters_with_its_heights_as_it_says(
+def test_the_scatter_due_to_the_heights_is_the_stated_one(
     certifications: list[Certification],
 ) -> None:
     """Noise of 20 µm in the heights, ten times: χ² of the changes within 5 of its deviations.
@@ -144,7 +148,7 @@ def test_each_shot_scatters_with_its_heights_as_it_says(
         assert abs(np.sum(scores**2) - scores.size) < 5 * np.sqrt(2 * scores.size), name
 
 
-def test_a_camera_at_another_scale_shows_in_the_restitution(
+def test_a_wrong_frame_rate_shows_in_bpf(
     certifications: list[Certification],
 ) -> None:
     """A frame rate 2 % off changes both speeds alike, so e_A is unchanged, but not e0 at the speed.
@@ -164,7 +168,7 @@ def test_a_camera_at_another_scale_shows_in_the_restitution(
     assert not again.camera.quantities["bat_performance_factor"].agree
 
 
-def test_a_moved_gate_is_told_by_the_camera(certifications: list[Certification]) -> None:
+def test_the_camera_detects_a_moved_gate(certifications: list[Certification]) -> None:
     """One board has moved by 1 mm after its survey, so gates and camera disagree in speed.
 
     The ratio of the speeds changes alike in six laboratories.
@@ -183,7 +187,7 @@ def test_a_moved_gate_is_told_by_the_camera(certifications: list[Certification])
     assert np.ptp(change) < 0.1 * np.abs(change).mean()
 
 
-def test_the_certificate_tells_both(certifications: list[Certification]) -> None:
+def test_the_certificate_states_both_results(certifications: list[Certification]) -> None:
     """Document, text and shot table of a filmed test state the video results."""
     certification = certifications[3]
     document = certificate(certification)
@@ -220,7 +224,9 @@ def test_the_certificate_tells_both(certifications: list[Certification]) -> None
 
 
 @pytest.mark.parametrize("name", COMPARED)
-def test_joined_is_of_least_variance(name: str, comparisons: list[CameraComparison]) -> None:
+def test_the_combined_result_has_the_smallest_variance(
+    name: str, comparisons: list[CameraComparison]
+) -> None:
     """The oracle is a grid of shares: constants add with their signs, noise is independent.
 
     The noise of each method is half of the difference's variance; the scatter of the hits is common

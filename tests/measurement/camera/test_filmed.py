@@ -50,7 +50,7 @@ def measured(camera, course: Course, seen: Sightings, **changed: np.ndarray) -> 
 
 
 @pytest.mark.parametrize("name", ["camera-overhead", "camera-backlit"])
-def test_a_camera_without_errors_gives_back_the_flights(name: str) -> None:
+def test_a_camera_without_errors_measures_the_true_flights(name: str) -> None:
     """Drag, gravity, slopes, tilted and distorted lens: speeds to 1e-5, positions to 2 µm.
 
     The remaining error is the first-order treatment of the lens that deforms a sphere's outline,
@@ -66,7 +66,7 @@ def test_a_camera_without_errors_gives_back_the_flights(name: str) -> None:
     assert got.angle_in == pytest.approx(np.zeros(SHOTS), abs=1e-5)
 
 
-def test_windows_of_a_plain_ball_give_back_the_flights() -> None:
+def test_windows_of_a_plain_ball_give_the_true_flights() -> None:
     """Noiseless pixels with the bat in view: speeds to 1e-4 from twelve frames and more.
 
     An error of 0.01 px over twelve frames at 13 m/s would be 1e-3.
@@ -82,7 +82,7 @@ def test_windows_of_a_plain_ball_give_back_the_flights() -> None:
     assert got.place == pytest.approx(OVER - course.along, abs=2e-5)
 
 
-def test_speeds_of_a_stitched_ball_at_1500_rpm() -> None:
+def test_speeds_of_a_stitched_ball_at_1500_rpm_are_right_to_1e_4() -> None:
     """62.6 m/s at 5 kHz, full noise, known scale, depth and drag: both speeds to 1e-4.
 
     No error exceeds 4 u.
@@ -105,7 +105,7 @@ def test_speeds_of_a_stitched_ball_at_1500_rpm() -> None:
         assert np.abs((found - true) / sure).max() < 4
 
 
-def test_speeds_scatter_as_they_say() -> None:
+def test_speeds_scatter_by_their_stated_uncertainty() -> None:
     """χ² of (measured - true)/u of speeds, position and angle, over 150 batches of three; p > 1e-3.
 
     Rebounds are level, because the error due to a slope (test above) is no scatter of the frames.
@@ -132,7 +132,7 @@ def test_speeds_scatter_as_they_say() -> None:
         assert 5e-4 < two_sided < 1 - 5e-4
 
 
-def test_uncertainty_of_a_line_in_closed_form() -> None:
+def test_the_uncertainty_of_a_line_is_the_closed_form() -> None:
     """The oracle is σ_v = σ √(12/(N (N² - 1)))/dt for N equidistant frames of equal σ."""
     frames, dt, sigma = 24, 2e-4, 0.02
     spec = spec_of("camera-overhead").ideal()
@@ -176,7 +176,9 @@ def test_uncertainty_of_a_line_in_closed_form() -> None:
         ("place_z", None, 1e-3),  # higher camera: more distance per pixel
     ],
 )
-def test_what_a_wrong_constant_does(name: str, step: float | None, effect: float) -> None:
+def test_a_wrong_constant_changes_both_speeds_alike(
+    name: str, step: float | None, effect: float
+) -> None:
     """An error of 0.1 % in a constant changes both speeds by 0.1 %, and e_A not at all."""
     spec = spec_of("camera-overhead", frames_in=30, frames_out=30).ideal()
     camera, course = camera_of(spec, Quiet()), course_of()
@@ -194,7 +196,7 @@ def test_what_a_wrong_constant_does(name: str, step: float | None, effect: float
     assert ratio == pytest.approx(sound.speed_out / sound.speed_in, rel=4e-5)
 
 
-def test_a_rebound_the_gates_missed_gives_none() -> None:
+def test_a_rebound_that_the_gates_missed_has_no_speed() -> None:
     """Without its height the distance of the ball is unknown: NaN; the speed in is unaffected."""
     spec = spec_of("camera-overhead").ideal()
     camera, course = camera_of(spec, Quiet()), course_of()

@@ -37,13 +37,13 @@ def test_a_laboratory_without_noise_is_never_flagged(procedure: str, reality: Re
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor", "proposed", "ncaa-besr"])
-def test_sound_days_are_quiet(procedure: str) -> None:
+def test_sound_days_raise_no_flag(procedure: str) -> None:
     """None of 5 sound days is flagged, which has 95 % probability at the allowed 1 % per day."""
     for seed in range(300, 305):
         assert certified("r161", procedure=procedure, seed=seed).certification.flags == ()
 
 
-def test_chance_is_students() -> None:
+def test_the_p_value_is_students_t() -> None:
     """The oracle is scipy's t for one component of scatter and no lower limit."""
     for value, dof in ((2.0, 5.0), (3.3, 40.0), (-4.0, 11.0)):
         scatter = types_a("scatter", np.zeros(1), np.ones(1), dof)
@@ -66,7 +66,7 @@ SPOKEN = {  # check that responds to each fault, by the ASTM procedure
 
 
 @pytest.mark.parametrize("fault", SPOKEN)
-def test_each_check_speaks(fault: str) -> None:
+def test_each_check_raises_its_flag(fault: str) -> None:
     """One day per fault, chosen so that its check responds; the table of faults has the rates."""
     found = certified("r161", procedure="astm-f1881", seed=13, faults=(fault,)).certification
     assert SPOKEN[fault] in [flag.name for flag in found.flags]
@@ -75,12 +75,12 @@ def test_each_check_speaks(fault: str) -> None:
 @pytest.mark.parametrize(
     ("fault", "check"), [("gate-moved", "boards-in-line"), ("sabot-trip", "edges")]
 )
-def test_each_check_of_boards_speaks(fault: str, check: str) -> None:
+def test_each_check_of_boards_raises_its_flag(fault: str, check: str) -> None:
     found = certified("r161", procedure="bbcor", seed=12, faults=(fault,)).certification
     assert check in [flag.name for flag in found.flags]
 
 
-def test_a_flag_stands_on_every_certificate() -> None:
+def test_a_flag_is_on_every_certificate() -> None:
     found = certified("r161", procedure="astm-f1881", seed=12, faults=("aim-across",))
     document = certificate(found.certification)
     (flag,) = document.flags
@@ -105,12 +105,12 @@ def test_a_softball_bat_under_a_baseball_procedure_is_flagged() -> None:
     assert "ball is of softball" in certify_session(swapped).flags[0].sentence
 
 
-def test_a_bat_of_the_same_sport_is_not() -> None:
+def test_a_softball_bat_under_a_softball_procedure_is_not_flagged() -> None:
     found = certified("softball-34", procedure="asa", seed=0, reality=Reality.IDEAL)
     assert found.certification.flags == ()
 
 
-def test_a_check_standard_is_no_bat_that_passed() -> None:
+def test_a_check_standard_does_not_count_as_a_bat_that_passed() -> None:
     """The cylinder meets the limits of the rules, but the certificate says that no bat passed."""
     found = certified("check-cylinder", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
     assert found.certification.verdict.value == "PASS"
@@ -146,13 +146,13 @@ def test_gates_of_a_single_beam_are_no_fault(sound: Session) -> None:
     assert certify_session(seen).flags == ()
 
 
-def test_an_encoder_that_trembles_at_rest_too_is_no_fault(sound: Session) -> None:
+def test_encoder_noise_that_is_also_present_at_rest_is_no_fault(sound: Session) -> None:
     counts = sound.records["impact"]["encoder"].counts
     noise = np.rint(np.random.default_rng(6).normal(0, 1, counts.shape))
     assert certify_session(changed(sound, "impact", "encoder", counts=counts + noise)).flags == ()
 
 
-def test_gates_and_encoder_on_separate_triggers_decide_nothing(sound: Session) -> None:
+def test_a_late_encoder_trigger_makes_a_test_invalid(sound: Session) -> None:
     """Five milliseconds late, the impact is inside the fitted part, so no shot is valid."""
     record = sound.records["impact"]["encoder"]
     found = certify_session(changed(sound, "impact", "encoder", times=record.times + 5e-3))
@@ -172,7 +172,7 @@ def pair(value: float, u: float, **given: float) -> Pairs:
 
 
 @pytest.mark.parametrize(("chance_of", "raised"), [(6e-4, None), (4e-4, False), (9e-6, True)])
-def test_a_pair_is_remarked_on_below_5e_4_and_contradicts_below_1e_5(
+def test_a_p_value_below_5e_4_is_a_remark_and_below_1e_5_invalidates(
     chance_of: float, raised: bool | None
 ) -> None:
     """The difference is the two-sided normal quantile of the p-value, in units of u."""
@@ -186,7 +186,7 @@ def test_a_pair_is_remarked_on_below_5e_4_and_contradicts_below_1e_5(
         assert flag is None or flag.sentence == f"said, {apart:.1f} standard uncertainties"
 
 
-def test_a_difference_that_hardly_moves_the_result_is_no_more_than_a_remark() -> None:
+def test_a_difference_that_barely_changes_the_result_is_only_a_remark() -> None:
     """The difference is 20 u of its own; a change of the result by u/20 counts as noise."""
     given = {"value": 20.0, "u": 1.0, "least": 1e-9}
     harmless = pair(moves=0.001, **given).row(0)
@@ -201,7 +201,7 @@ def test_a_difference_that_hardly_moves_the_result_is_no_more_than_a_remark() ->
     assert pair(moves=0.0, **given).harmful == 1.0
 
 
-def test_the_worst_of_several_is_less_surprising() -> None:
+def test_the_p_value_accounts_for_the_number_of_comparisons() -> None:
     """The p-value of the worst of six is 1 - (1 - p)^6."""
     given = {"value": 3.0, "u": 1.0, "least": 1e-9}
     one, six = pair(**given), pair(among=6, **given)
@@ -209,7 +209,7 @@ def test_the_worst_of_several_is_less_surprising() -> None:
 
 
 @pytest.mark.parametrize(("factor", "raised"), [(1.004, None), (1.010, False), (1.016, True)])
-def test_recoil_and_rebound_on_both_sides_of_each_limit(
+def test_recoil_and_rebound_are_flagged_on_the_right_side_of_each_limit(
     sound: Session, factor: float, raised: bool | None
 ) -> None:
     """The encoder reads less than its certificate states, by 0.4, 1.0 and 1.6 %."""
@@ -224,9 +224,7 @@ def test_recoil_and_rebound_on_both_sides_of_each_limit(
 
 
 @pytest.mark.parametrize("left", [1, 2])
-def test_one_rebound_is_a_comparison_where_the_aim_marks_show_the_scatter(
-    sound: Session, left: int
-) -> None:
+def test_one_rebound_is_enough_to_detect_a_wrong_encoder(sound: Session, left: int) -> None:
     """All other rebounds are removed; the aim marks give the scatter. The encoder is 5 % off."""
     times = sound.records["impact"]["gates"].times.copy()
     back = np.flatnonzero(np.isfinite(times[:, 1]).all(axis=(1, 2)))
@@ -239,7 +237,7 @@ def test_one_rebound_is_a_comparison_where_the_aim_marks_show_the_scatter(
     assert found.reasons == ("by the flag recoil-and-rebound",)
 
 
-def test_a_contradiction_stands_on_every_certificate(sound: Session) -> None:
+def test_a_contradiction_is_on_every_certificate(sound: Session) -> None:
     key = "impact.encoder.scale"
     scale = replace(sound.calibration[key], value=1.03 * sound.calibration[key].value)
     found = certify_session(replace(sound, calibration={**sound.calibration, key: scale}))
@@ -252,7 +250,7 @@ def test_a_contradiction_stands_on_every_certificate(sound: Session) -> None:
     assert "by the flag recoil-and-rebound" in certificate_page(document)
 
 
-def test_a_slow_slip_that_hides_in_the_residual_decides_nothing(sound: Session) -> None:
+def test_a_slow_slip_within_the_residual_makes_a_test_invalid(sound: Session) -> None:
     """Two counts lost over 20 ms keep the residual below its limit, yet move the result by 4 u."""
     record = sound.records["impact"]["encoder"]
     lost = np.round(2 * np.clip((record.times - 0.04) / 0.02, 0, 1))
@@ -264,7 +262,7 @@ def test_a_slow_slip_that_hides_in_the_residual_decides_nothing(sound: Session) 
     assert " of its u, in shots 1, 2, 3, 4, 5, 6, " in said
 
 
-def test_an_encoder_record_filed_for_two_shots_decides_nothing(sound: Session) -> None:
+def test_a_repeated_encoder_record_makes_a_test_invalid(sound: Session) -> None:
     """The rates would scatter too little. Two equal records of a bat at rest are no repetition."""
     counts = sound.records["impact"]["encoder"].counts.copy()
     counts[[0, 1]] = 17.0
@@ -285,7 +283,7 @@ def filed(session: Session, stage: str, of: int, shots: list[int]) -> Session:
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
-def test_a_record_of_the_gates_filed_for_two_shots_decides_nothing(procedure: str) -> None:
+def test_a_repeated_gate_record_makes_a_test_invalid(procedure: str) -> None:
     """At the wall or at the bat; the ball or the encoder shows that these were two shots."""
     session = certified("r161", procedure=procedure, seed=300).certification.session
     for stage in ("balls", "impact"):
@@ -305,7 +303,7 @@ def test_a_record_of_the_gates_filed_for_two_shots_decides_nothing(procedure: st
         )
 
 
-def test_a_ball_that_came_in_alike_once_is_chance(sound: Session) -> None:
+def test_one_repeated_flight_in_may_be_chance(sound: Session) -> None:
     """Without a rebound, six edges in steps of a microsecond may repeat once, but not twice."""
     times = sound.records["impact"]["gates"].times.copy()
     times[:, 1] = np.nan
@@ -317,7 +315,9 @@ def test_a_ball_that_came_in_alike_once_is_chance(sound: Session) -> None:
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
-def test_a_passage_of_the_pendulum_lost_or_counted_twice_decides_nothing(procedure: str) -> None:
+def test_a_pendulum_passage_lost_or_doubled_in_every_release_makes_a_test_invalid(
+    procedure: str,
+) -> None:
     """Of ten swings nine remain, one twice as long, so their mean is 10/9 of the true one.
 
     With a passage counted twice eleven swings remain, two of them halves; their mean is 10/11.
@@ -339,7 +339,7 @@ def test_a_passage_of_the_pendulum_lost_or_counted_twice_decides_nothing(procedu
 
 
 @pytest.mark.parametrize(("off", "raised"), [(3.3, False), (-3.7, True), (9.0, True)])
-def test_air_as_it_was_read_is_compared_with_air_as_it_was_stated(
+def test_measured_and_stated_air_densities_are_compared(
     sound: Session, off: float, raised: bool
 ) -> None:
     """Deviations on both sides of the limit, 3.48 u; the measured density has u .0022 kg/m³.
@@ -365,7 +365,7 @@ def test_air_as_it_was_read_is_compared_with_air_as_it_was_stated(
 
 
 @pytest.mark.parametrize(("sigmas", "raised"), [(3.2, None), (-4.4, False), (40.0, True)])
-def test_a_scale_that_drifts_is_told_by_the_reference_mass(
+def test_the_reference_mass_detects_a_drift_of_the_scale(
     sound: Session, sigmas: float, raised: bool | None
 ) -> None:
     """Five readings before and after, standard deviation 0.1 g, resolution 0.1 g.
@@ -386,7 +386,7 @@ def test_a_scale_that_drifts_is_told_by_the_reference_mass(
     assert f"reference mass {sigmas * u * 1e3:+.2f} g heavier after" in pair.sentence
 
 
-def test_without_a_reference_mass_a_drift_is_said_to_be_unchecked(sound: Session) -> None:
+def test_without_a_reference_mass_the_drift_is_listed_as_not_checked(sound: Session) -> None:
     assert certify_session(sound).not_checked == ()
     bench = {name: each for name, each in sound.records["bench"].items() if "reference" not in name}
     found = certify_session(replace(sound, records={**sound.records, "bench": bench}))
@@ -409,9 +409,7 @@ def test_a_reference_mass_is_weighed_before_and_after_and_more_than_once(
 
 @pytest.mark.parametrize("way", [0, 1])
 @pytest.mark.parametrize("lost", [1, 24])
-def test_hits_at_the_wall_that_are_not_seen_are_counted(
-    sound: Session, way: int, lost: int
-) -> None:
+def test_missing_passages_at_the_wall_are_counted(sound: Session, way: int, lost: int) -> None:
     """The wall returns every ball, so a missing passage is a fault in either direction; 48 hits."""
     times = sound.records["balls"]["gates"].times.copy()
     assert len(times) == 48
@@ -433,7 +431,7 @@ def with_a_gap(session: Session, releases: list[int], passage: int, by: float) -
 @pytest.mark.parametrize(
     ("releases", "passage", "by", "shown"), [([2], 5, 1.0, "2.00"), ([4, 1], 10, -0.5, "0.50")]
 )
-def test_a_release_with_a_passage_lost_or_counted_twice_is_left_out_and_named(
+def test_a_release_with_a_passage_lost_or_doubled_is_left_out_and_named(
     procedure: str, releases: list[int], passage: int, by: float, shown: str
 ) -> None:
     """The result is that of the other releases, to u/5; with this release it is 7 u off."""
@@ -451,7 +449,7 @@ def test_a_release_with_a_passage_lost_or_counted_twice_is_left_out_and_named(
     assert f"; {len(releases)} of 5 releases are like this" in flag.sentence
 
 
-def test_releases_too_few_to_tell_which_are_right_decide_nothing(sound: Session) -> None:
+def test_too_few_consistent_releases_make_a_test_invalid(sound: Session) -> None:
     """Three of five releases are wrong, or one of two."""
     record = sound.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
@@ -474,7 +472,7 @@ def test_a_release_far_from_the_others_is_judged_by_their_scatter(sound: Session
 
 
 @pytest.mark.parametrize("releases", [4, 5, 8])
-def test_the_worst_release_is_as_rarely_far_off_as_chance_says(releases: int) -> None:
+def test_the_p_value_of_the_worst_release_is_right(releases: int) -> None:
     """40 000 laboratories with normal scatter; counts agree to four standard deviations.
 
     The same holds for INVALID, if each difference changes the result by as many u.
@@ -488,13 +486,13 @@ def test_the_worst_release_is_as_rarely_far_off_as_chance_says(releases: int) ->
     assert np.sum(found.likely < 0.05) > 0.9 * 0.05 * len(apart)
 
 
-def test_marks_off_the_aim_decide_nothing_where_the_result_hangs_on_them() -> None:
+def test_marks_far_off_the_aim_make_a_test_invalid() -> None:
     """Half an inch along the bat is 7.7 u of the bbcor result."""
     found = certified("r161", procedure="bbcor", seed=12, faults=("aim-along",)).certification
     assert "by the flag aim" in found.reasons
 
 
-def test_what_a_recorder_that_sums_up_cannot_show_is_said() -> None:
+def test_the_certificate_lists_the_checks_that_summed_records_cannot_make() -> None:
     found = certify("r161", procedure="astm-f1881", seed=300, detail=RecordDetail.SUMMED)
     assert found.certification.not_checked == (
         "chords",
@@ -510,7 +508,7 @@ def test_what_a_recorder_that_sums_up_cannot_show_is_said() -> None:
     )
 
 
-def test_a_bat_of_an_impossible_density_decides_nothing(sound: Session) -> None:
+def test_an_impossible_density_makes_a_test_invalid(sound: Session) -> None:
     """Ounces were entered as grams, so the bat is lighter than balsa."""
     mass = sound.records["bench"]["bat-mass"]
     light = certify_session(changed(sound, "bench", "bat-mass", readings=mass.readings * 0.0353))
@@ -519,7 +517,7 @@ def test_a_bat_of_an_impossible_density_decides_nothing(sound: Session) -> None:
     assert "kg/m³, possible 100 to 12000" in said
 
 
-def test_an_uncertainty_that_cannot_decide_gives_no_verdict(sound: Session) -> None:
+def test_an_uncertainty_above_the_limit_makes_a_test_invalid(sound: Session) -> None:
     """The u of the result is just below or just above the largest permitted u."""
     at = certify_session(sound).metric
     assert at is not None
@@ -545,7 +543,7 @@ def with_survey(session: Session, **off: float) -> Session:
 @pytest.mark.parametrize(
     ("board", "off", "said"), [(1, 1e-3, 1.0), (1, -1e-3, -1.0), (0, 1e-3, -0.5), (2, 1e-3, -0.5)]
 )
-def test_a_board_surveyed_too_far_out_stands_off_the_flight_outwards(
+def test_a_wrong_board_distance_is_stated_with_sign_and_size(
     board: int, off: float, said: float
 ) -> None:
     """Three equidistant boards; an error at either end shifts the middle board by half of it."""
@@ -574,7 +572,7 @@ def counted_from_another_beam(session: Session, boards: list[int], beams: int) -
         ([0, 1, 2], {"board 2": 0.0, "marks": 8.0}),
     ],
 )
-def test_beams_counted_from_the_next_one_leave_no_verdict(
+def test_a_shifted_beam_count_makes_a_test_invalid(
     boards: list[int], said: dict[str, float]
 ) -> None:
     """Beams are 8 mm apart on boards at 0.50, 0.35 and 0.20 m.
@@ -592,7 +590,7 @@ def test_beams_counted_from_the_next_one_leave_no_verdict(
 
 
 @pytest.mark.parametrize("procedure", ["bbcor", "ncaa-besr"])
-def test_a_board_that_counts_its_beams_from_above_leaves_no_verdict(procedure: str) -> None:
+def test_a_board_with_reversed_beams_makes_a_test_invalid(procedure: str) -> None:
     """For balls near the middle of the board the mean height is right; only differences reverse."""
     session = certified("r161", procedure=procedure, seed=3).certification.session
     times = session.records["impact"]["gates"].times.copy()
@@ -604,7 +602,7 @@ def test_a_board_that_counts_its_beams_from_above_leaves_no_verdict(procedure: s
 
 
 @pytest.mark.parametrize("procedure", ["bbcor", "ncaa-besr"])
-def test_a_board_that_is_late_on_the_way_back_leaves_no_verdict(procedure: str) -> None:
+def test_a_board_that_is_late_on_the_flight_out_makes_a_test_invalid(procedure: str) -> None:
     """One millisecond at any board moves the result by up to 80 u; the flight in shows nothing."""
     session = certified("r161", procedure=procedure, seed=3).certification.session
     for board in range(3):
@@ -618,7 +616,7 @@ def test_a_board_that_is_late_on_the_way_back_leaves_no_verdict(procedure: str) 
 
 
 @pytest.mark.parametrize("side", [0.9, 1.1])
-def test_a_trend_of_the_lot_is_judged_as_a_regression_is(side: float) -> None:
+def test_the_p_value_of_a_trend_is_that_of_a_regression(side: float) -> None:
     """Four balls leave two degrees of freedom; scipy's p-value is just above or below the limit."""
     e0, scatter = 0.54 + 0 * np.arange(4.0), np.array([1.0, -1.5, 0.0, 0.5]) * 1e-4
 
@@ -646,9 +644,7 @@ def test_a_trend_of_the_lot_is_judged_as_a_regression_is(side: float) -> None:
 
 
 @pytest.mark.parametrize(("size", "flagged"), [(1.0, False), (1.015, False), (1.03, True)])
-def test_chords_are_of_balls_at_the_speed_they_have_at_the_gate(
-    sound: Session, size: float, flagged: bool
-) -> None:
+def test_chords_use_the_speed_at_the_gate(sound: Session, size: float, flagged: bool) -> None:
     """With ten times the drag, a ball is 3 % faster at the far gate than at the bat.
 
     By hand: the edges are the passage ± radius over the local speed.
@@ -695,7 +691,7 @@ def through_thick_beams(session: Session, thickness: float) -> Session:
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
-def test_balls_look_no_larger_in_beams_whose_thickness_is_stated(procedure: str) -> None:
+def test_a_stated_beam_thickness_is_corrected(procedure: str) -> None:
     """3 mm are 4 % of a ball. Once stated, no flag remains, and the metric is unchanged."""
     session = certified("r161", procedure=procedure, seed=300).certification.session
     thick = through_thick_beams(session, 3e-3)
@@ -709,7 +705,7 @@ def test_balls_look_no_larger_in_beams_whose_thickness_is_stated(procedure: str)
     assert found.metric == wide.metric
 
 
-def test_a_sentence_tells_the_size_of_what_is_wrong() -> None:
+def test_a_flag_states_the_size_of_the_fault() -> None:
     """The nearest board has moved by 1 mm, so the middle board is off the flight by half of it."""
     found = certified("r161", procedure="bbcor", seed=12, faults=("gate-moved",)).certification
     (said,) = [flag.sentence for flag in found.flags if flag.name == "boards-in-line"]

@@ -49,7 +49,7 @@ def test_the_shortfall_is_the_mean_of_a_truncated_normal() -> None:
     assert lost.u[0] == pytest.approx(sqrt(moment(2) - moment(1) ** 2), rel=1e-6)
 
 
-def test_the_result_is_raised_by_the_mean() -> None:
+def test_the_result_is_raised_by_the_mean_shortfall() -> None:
     """√(rms² - mean²) is one component; without a shortfall the budget is unchanged."""
     lost = Shortfalls(mean=np.array([3e-4, 0.0]), rms=np.array([5e-4, 0.0]))
     budgets = combined(np.array([0.5, 0.5]), types_a("other", np.full(2, 0.5), np.zeros(2)))
@@ -62,7 +62,7 @@ def test_the_result_is_raised_by_the_mean() -> None:
     assert with_choice(budgets, Shortfalls(np.zeros(2), np.zeros(2))) is budgets
 
 
-def test_both_sides_are_missed_alike() -> None:
+def test_the_interval_misses_the_truth_equally_often_on_both_sides() -> None:
     """1000 scans of a parabola with a random peak: 2.5 % per side, within 0.1 % limits.
 
     Without the correction, of 3000 scans the truth was above the interval in 4.5 % and below in 1.3

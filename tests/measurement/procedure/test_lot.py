@@ -46,7 +46,7 @@ def test_a_heavy_ball_is_set_aside() -> None:
     assert (ball.ball, ball.reason) == (2, "5.300 oz, allowed 5.000 to 5.250 oz")
 
 
-def test_a_ball_that_misses_a_window_by_little_does_not_look_admitted() -> None:
+def test_a_ball_just_outside_a_window_is_printed_with_enough_digits() -> None:
     mass = np.array([5.125, 5.25004, 5.125]) * OUNCE
     e0 = np.array([0.474, 0.474, 0.47900002])
     lot = set_aside(RULES, balls(mass=mass, restitution=e0))
@@ -56,7 +56,7 @@ def test_a_ball_that_misses_a_window_by_little_does_not_look_admitted() -> None:
     ]
 
 
-def test_where_no_ball_is_admitted_every_shot_is_rejected_later() -> None:
+def test_a_lot_without_an_admissible_ball_is_used_and_its_shots_rejected() -> None:
     lot = balls(restitution=np.full(3, 0.5))
     assert admitted(RULES, lot).all()
     assert len(set_aside(RULES, lot)) == 3
@@ -72,7 +72,7 @@ def lively() -> Laboratory:
     return replace(laboratory, specimen=specimen)
 
 
-def test_they_are_not_fired_and_the_certificate_says_so(lively: Laboratory) -> None:
+def test_balls_set_aside_are_not_fired_and_the_certificate_names_them(lively: Laboratory) -> None:
     tested = by_the_book(lively).of(0)
     found = tested.certification
     assert {each.ball for each in found.set_aside} == {3, 7}

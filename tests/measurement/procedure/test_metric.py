@@ -40,7 +40,7 @@ def of(procedure: Procedure, at: Curve, **known) -> float:
     return float(metric_of(procedure, **known)(at, BAT)[0])
 
 
-def test_each_metric_of_one_collision() -> None:
+def test_each_metric_of_one_collision_is_that_by_hand() -> None:
     """e_A 0.2 and r 0.25: e = 0.2 x 1.25 + 0.25 = 0.5, BPF = 0.5/0.5 = 1, BESR = 0.7."""
     at = curve(0.2, 0.25, 0.5)
     assert of(BBCOR, at) == pytest.approx(0.5, rel=1e-14)
@@ -60,7 +60,7 @@ def test_the_ncaa_limit_is_97_miles_an_hour() -> None:
     assert back == pytest.approx(0.728, abs=5e-4)
 
 
-def test_away_from_six_inches_the_bat_is_slower_or_faster() -> None:
+def test_the_bat_speed_is_proportional_to_the_distance_from_the_axis() -> None:
     """The axis is 6 in from the knob of a 34 in bat, so the speed is 66 mph x (28 - z)/22."""
     for z in (3, 6, 9):
         pitch, swing = field_speeds(BESR, np.array([z * INCH]), BAT)
@@ -68,7 +68,7 @@ def test_away_from_six_inches_the_bat_is_slower_or_faster() -> None:
         assert swing[0] / MPH == pytest.approx(66 * (28 - z) / 22, rel=1e-12)
 
 
-def test_standard_game_conditions() -> None:
+def test_the_standard_game_conditions_are_those_by_hand() -> None:
     """A bat of the reference inertia turns at 45 rad/s, which is 69.03 mph 27 in from the axis."""
     game = PROPOSED.game
     assert game is not None
@@ -81,7 +81,7 @@ def test_standard_game_conditions() -> None:
     assert scaled[0] / swing[0] == pytest.approx((17_000 / about) ** 0.3, rel=1e-12)
 
 
-def test_a_softball_swing_goes_with_the_fourth_root_of_the_mass() -> None:
+def test_a_softball_swing_speed_falls_with_the_fourth_root_of_the_mass() -> None:
     """60 mph at any position with 30 oz, (30/31)^¼ of it with 31 oz; the pitch is 10 mph."""
     for z in (4 * INCH, 8 * INCH):
         pitch, swing = field_speeds(ASA, np.array([z]), BAT)
@@ -98,7 +98,7 @@ def corrected(method: str, e: float, e0: float, *, standard: float = 0.5, **know
     return of(rules, curve((e - 0.25) / 1.25, 0.25, e0), **known)
 
 
-def test_balls_a_hundredth_off_the_standard() -> None:
+def test_the_corrections_of_e_for_a_ball_a_hundredth_off_the_standard() -> None:
     """For e 0.50 and e0 0.49: +0.0102 by the ratio, +0.0097 by the stiffness of the shell."""
     assert corrected("none", 0.5, 0.49) == pytest.approx(0.5, rel=1e-12)
     assert corrected("ratio", 0.5, 0.49) - 0.5 == pytest.approx(0.5 / 49, rel=1e-12)
@@ -113,7 +113,9 @@ def test_balls_a_hundredth_off_the_standard() -> None:
 @pytest.mark.parametrize(
     ("e0", "bpf"), [(0.45, 1.222), (0.50, 1.173), (0.525, 1.153), (0.55, 1.135)]
 )
-def test_a_shell_seven_times_stiffer_than_the_ball(e0: float, bpf: float) -> None:
+def test_the_trampoline_correction_is_exact_for_a_shell_seven_times_stiffer(
+    e0: float, bpf: float
+) -> None:
     """e² = (7 e0² + 1)/8: BPF of four balls, and e of each ball computed from each other ball."""
     e = sqrt((7 * e0**2 + 1) / 8)
     assert e / e0 == pytest.approx(bpf, abs=6e-4)
@@ -122,14 +124,14 @@ def test_a_shell_seven_times_stiffer_than_the_ball(e0: float, bpf: float) -> Non
         assert restitution_of_standard_ball(e, e0, other) == pytest.approx(expected, rel=1e-12)
 
 
-def test_without_a_spring_e_goes_with_e0() -> None:
+def test_for_a_rigid_shell_both_corrections_agree() -> None:
     """A rigid shell has e = e0 less its bending loss, so the trampoline correction is the ratio."""
     assert restitution_of_standard_ball(0.45, 0.50, 0.48) == pytest.approx(0.45 * 0.96, rel=1e-12)
     both = restitution_of_standard_ball(np.array([0.499999, 0.500001]), 0.5, 0.48)
     assert both == pytest.approx(0.48, abs=5e-6)  # continuity of the two formulas
 
 
-def test_the_peak_of_a_curve_with_a_known_one() -> None:
+def test_the_peak_of_a_sine_and_of_a_line() -> None:
     """A sine's maximum lies between two points, with an error of h⁴; a line's is at its end."""
     places = np.linspace(0.08, 0.22, 41)
     wave = np.sin((places - 0.0713) * 20)

@@ -30,7 +30,7 @@ def parabola(place: np.ndarray, curvature: float = 30.0) -> np.ndarray:
     curvature=st.floats(10, 60),
     skew=st.floats(-60, 60),
 )
-def test_a_cubic_without_noise_is_read_at_its_very_top(
+def test_a_cubic_without_noise_is_read_at_its_maximum(
     top: float, curvature: float, skew: float
 ) -> None:
     """The maximum of 0.7 - c x²/2 + s x³ is 0.7 at x = 0, and the weights add up to 1."""
@@ -77,7 +77,7 @@ def test_of_ten_fresh_hits_the_last_six_are_the_result() -> None:
     assert again.weights[PLACES.size :] == pytest.approx([0.0] * 6 + [0.25] * 4)
 
 
-def test_two_places_are_no_scan() -> None:
+def test_two_positions_are_no_scan() -> None:
     """Two positions, or one hit, give no weights but a reason."""
     two = PLACES < 5.7 * INCH
     outcome = outcome_of(RULES, PLACES[two], ALL[two], parabola(PLACES[two]))
@@ -90,7 +90,7 @@ def test_two_places_are_no_scan() -> None:
 
 
 @pytest.mark.parametrize(("sigma", "curvature"), [(0.004, 30.0), (0.002, 30.0), (0.004, 60.0)])
-def test_noise_lifts_a_fitted_top_as_predicted(sigma: float, curvature: float) -> None:
+def test_noise_raises_a_fitted_peak_by_the_predicted_bias(sigma: float, curvature: float) -> None:
     """The mean excess of 2000 scans is ½ Var(slope)/|curvature|, within 4 standard errors.
 
     The oracle is the variance of a cubic's slope at 0, from the normal equations, with six hits at
@@ -130,7 +130,7 @@ def test_besr_is_read_where_the_speed_is_greatest() -> None:
     assert outcome.weights.sum() == pytest.approx(1, abs=1e-10)
 
 
-def test_effects_are_those_of_moving_each_hit() -> None:
+def test_the_effects_are_the_derivatives_by_each_hit() -> None:
     """The oracle is central differences: a hit changes the result, and where it is read."""
     noise = 0.002 * Streams(12).normal("noise", PLACES.size)
     besr = 0.7 + 0.4 * (PLACES - TOP) - 15 * (PLACES - TOP) ** 2 + noise

@@ -34,7 +34,7 @@ def skewed(curvature: float, skew: float, top: float) -> np.ndarray:
     curvature=st.floats(0.02, 0.05),
     skew=st.integers(-20, 20).map(lambda steps: steps * 1e-4),
 )
-def test_a_curve_without_noise_gives_its_own_crossings(
+def test_the_width_of_an_exact_curve_is_that_between_its_crossings(
     top: float, curvature: float, skew: float
 ) -> None:
     """The ends are the roots of -0.01 = -c x²/2 + s x³ nearest to 0 on either side."""
@@ -50,7 +50,7 @@ def test_a_curve_without_noise_gives_its_own_crossings(
     assert found.span.whole
 
 
-def test_hits_that_do_not_count_say_nothing() -> None:
+def test_invalid_hits_do_not_change_the_width() -> None:
     metric, valid = skewed(0.03, 0.0, 6 * INCH), ALL.copy()
     alone = width_of(RULES, PLACES, ALL, metric)
     place = np.append(PLACES, 6 * INCH)
@@ -95,7 +95,7 @@ def test_a_curve_that_never_falls_is_at_least_as_wide_as_the_hits() -> None:
     assert (falling.span.low_cut_off, falling.span.high_cut_off) == (True, False)
 
 
-def test_no_width_is_told_where_none_is_asked_for_or_places_are_few() -> None:
+def test_no_width_is_given_if_not_requested_or_with_few_positions() -> None:
     metric = skewed(0.03, 0.0, 6 * INCH)
     assert RULES.scan is not None
     silent = replace(RULES, scan=replace(RULES.scan, width_drop=None))
@@ -103,7 +103,7 @@ def test_no_width_is_told_where_none_is_asked_for_or_places_are_few() -> None:
     assert width_of(RULES, PLACES, PLACES < 6.75 * INCH, metric) is None
 
 
-def test_a_drop_of_nothing_or_of_a_speed_is_refused() -> None:
+def test_a_drop_of_zero_or_of_a_speed_is_refused() -> None:
     assert RULES.scan is not None
     with pytest.raises(ValueError, match="width_drop is 0; it must be greater"):
         replace(RULES.scan, width_drop=0.0)
@@ -111,7 +111,7 @@ def test_a_drop_of_nothing_or_of_a_speed_is_refused() -> None:
         replace(RULES, metric="batted_speed", limit=None, largest_u=None, largest_speed_u=0.4)
 
 
-def test_the_interval_holds_the_true_width_in_most_laboratories() -> None:
+def test_the_interval_contains_the_true_width_in_most_laboratories() -> None:
     """At least 19 of 24 intervals at 95 % contain it, with probability 0.999."""
     held = 0
     for tested in RoundRobin.of("r161", "bbcor").run(24, 70_000):

@@ -87,7 +87,7 @@ def reason(**change: float) -> str:
     return judge(RULES, *shots(change), AIMED, 0.0).reasons[0]
 
 
-def test_a_good_shot_counts() -> None:
+def test_a_good_shot_is_valid() -> None:
     """The shot is in the middle of every window of data/procedures/astm-f1881.toml."""
     judgement = judge(RULES, *shots({}, {}), AIMED, 0.0)
     assert judgement == Judgement(reasons=("", ""))
@@ -136,7 +136,7 @@ def test_each_window_rejects_with_its_sentence(change: dict[str, float], sentenc
         {"rate_u": 66.0},  # limit of 0.3 % of 22 000
     ],
 )
-def test_at_the_edge_a_shot_counts(change: dict[str, float]) -> None:
+def test_a_shot_at_the_edge_of_a_window_is_valid(change: dict[str, float]) -> None:
     """Windows include their limits."""
     assert reason(**change) == ""
 
@@ -150,7 +150,7 @@ def test_the_first_window_missed_is_named() -> None:
     assert reasons[2].startswith("ball of 6.000 oz")
 
 
-def test_a_shot_that_missed_the_bat_is_rejected_not_raised() -> None:
+def test_a_shot_that_missed_the_bat_is_rejected_without_an_error() -> None:
     """A recoil of 0 counts/s gives a reason, and no warning of a division by zero."""
     missed = reason(rate=0.0, recoil_rate=0.0, rate_u=1.0)
     assert re.match(r"recoil known to .*, allowed 0\.30%", missed)
@@ -175,7 +175,7 @@ def unmet(rules: Procedure, bat: BatProperties, *values: float) -> list[tuple[st
     return [sentences_of(found, Verdict.FAIL, i) for i in range(len(values))]
 
 
-def test_each_rule_not_met_is_named() -> None:
+def test_each_unmet_rule_is_named() -> None:
     """The limit of the shipped procedure is 1.2; a value at the limit is within it."""
     rules = replace(RULES, eligibility=Eligibility(length_less_weight=3.0))
     values = (1.2, np.nextafter(1.2, 2), 0.5, 1.3, nan)
@@ -184,7 +184,7 @@ def test_each_rule_not_met_is_named() -> None:
     assert unmet(rules, bat, *values) == [(), (above,), (LIGHT,), (LIGHT, ABOVE), ()]
 
 
-def test_a_limit_not_met_is_said_in_the_unit_of_print() -> None:
+def test_an_unmet_limit_is_stated_in_the_printed_unit() -> None:
     slow = catalog.load("procedures", "asa", Procedure).spec
     ((said,),) = unmet(slow, bats(31.0), slow.metric_limit + 0.1 * MPH)
     printed = slow.metric_limit / MPH
@@ -218,7 +218,7 @@ def test_without_a_limit_a_bat_is_measured_or_fails_by_another_rule() -> None:
 
 
 @pytest.mark.parametrize(("hits", "said"), [(5, "5 valid hits of 6"), (6, ""), (7, "")])
-def test_fewer_hits_than_asked_for_are_no_test(hits: int, said: str) -> None:
+def test_fewer_valid_hits_than_required_are_no_test(hits: int, said: str) -> None:
     """The shipped procedure requires six; the weights are equal in any case."""
     outcome = outcome_of(RULES, np.full(hits, 0.16), np.ones(hits, dtype=bool), np.ones(hits))
     assert outcome.reasons[0] == said
@@ -229,7 +229,7 @@ BAT = {"mass": 31 * OUNCE, "length": 34 * 0.0254, "z_cm": 11.3 * 0.0254}
 BAT["inertia_cm"] = 2539 * OUNCE * 0.0254**2
 
 
-def test_aimed_place_of_the_papers_bat() -> None:
+def test_the_aimed_position_of_the_papers_bat_is_its_centre_of_percussion() -> None:
     """Aim z_cm - I/(M d), d = 34 - 6 - 11.3 = 16.7 in: 11.3 - 2539/(31 x 16.7) = 6.3956 in."""
     by_hand = (11.3 - 2539 / (31 * 16.7)) * 0.0254
     exact = aimed_place(BAT, 6 * 0.0254)
@@ -240,7 +240,7 @@ def test_aimed_place_of_the_papers_bat() -> None:
     assert exact == pytest.approx(28 * 0.0254 - length, rel=1e-12)
 
 
-def test_aimed_place_is_set_in_half_millimetres() -> None:
+def test_the_aimed_position_is_set_in_half_millimetres() -> None:
     """6.3956 in is 162.45 mm, so the operator sets 162.5 mm."""
     place = np.array([aimed_place(BAT, 6 * 0.0254)])
     assert to_set(place, exact=False) == pytest.approx(0.1625, abs=1e-12)
@@ -269,7 +269,7 @@ def test_rules_that_no_test_can_meet_are_refused(old: str, new: str, said: str) 
         catalog.read(text.replace(old, new), "mine.toml", Procedure)
 
 
-def test_a_scan_has_no_slope_of_its_place() -> None:
+def test_a_scan_with_a_place_slope_is_refused() -> None:
     text = catalog.load("procedures", "bbcor", Procedure).text
     slope = 'place_slope = { value = 0.01, unit = "1/in", source = "x", verified = false }\n'
     with pytest.raises(InputError, match="a test at one place"):

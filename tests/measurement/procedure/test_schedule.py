@@ -54,7 +54,7 @@ widths = st.floats(2 * INCH, 12 * INCH)
 
 
 @given(tops, widths, widths, st.sampled_from([BBCOR, BESR]), st.booleans())
-def test_a_scan_brackets_the_greatest_place(
+def test_a_scan_finds_the_maximum(
     top: float, left: float, right: float, procedure: Procedure, exact: bool
 ) -> None:
     """The result is within a fine step of the true maximum, or the reason says there is none."""
@@ -81,7 +81,7 @@ def test_a_curve_that_only_rises_has_no_maximum(procedure: Procedure, rising: fl
     assert test.place.size <= procedure.attempts
 
 
-def test_hits_that_do_not_count_are_fired_again() -> None:
+def test_invalid_hits_are_repeated() -> None:
     """With every third shot invalid, each position gets six hits, and the result is the same."""
 
     def metric(place: np.ndarray) -> np.ndarray:
@@ -95,13 +95,13 @@ def test_hits_that_do_not_count_are_fired_again() -> None:
     assert not spoilt.outcome.weights[~spoilt.valid].any()
 
 
-def test_the_attempts_end_a_test_that_nothing_counts_in() -> None:
+def test_the_attempts_limit_a_test_without_valid_hits() -> None:
     test = Test(BESR, lambda z: curve(z, 0.15, 0.2, 0.2), lambda *_: True)
     assert test.place.size == BESR.attempts
     assert np.isnan(test.outcome.weights).all()
 
 
-def test_a_place_no_ball_comes_back_from_is_given_up() -> None:
+def test_a_position_without_rebounds_is_given_up() -> None:
     """Two coarse balls are lost at 3 in and two at 4 in; the maximum at 6.5 in is found."""
 
     def metric(place: np.ndarray) -> np.ndarray:
@@ -113,7 +113,7 @@ def test_a_place_no_ball_comes_back_from_is_given_up() -> None:
     assert test.outcome.place == pytest.approx(6.5 * INCH, abs=2.5e-4)
 
 
-def test_nothing_comes_back_from_anywhere() -> None:
+def test_a_scan_without_any_rebound_ends() -> None:
     """It fires two balls at each of seven coarse positions, and no more."""
     test = Test(BBCOR, lambda z: np.full(z.shape, np.nan))
     assert test.place.size == 14
@@ -129,7 +129,7 @@ def test_the_final_hits_are_fresh_ones() -> None:
     assert int((test.place == test.place[-1]).sum()) == 12
 
 
-def test_a_walk_of_many_fine_steps_arrives() -> None:
+def test_a_walk_of_many_fine_steps_reaches_the_maximum() -> None:
     """A coarse step is 25 fine ones; the walk is as long as necessary."""
     scan = replace(
         BBCOR.scan, low=0.05, high=0.15, coarse_step=0.05, fine_step=0.002, fit_half_width=0.004
@@ -140,7 +140,7 @@ def test_a_walk_of_many_fine_steps_arrives() -> None:
     assert test.outcome.place == pytest.approx(0.124, abs=2e-3)
 
 
-def test_a_better_place_at_the_rim_of_the_fit_is_walked_to() -> None:
+def test_a_better_position_at_the_edge_of_the_fit_is_visited() -> None:
     """A dip beside the best coarse position hides a higher one two steps away."""
     bump = {12: 0.50, 13: 0.48, 14: 0.52, 15: 0.47, 16: 0.46}
 
@@ -157,7 +157,7 @@ def test_a_better_place_at_the_rim_of_the_fit_is_walked_to() -> None:
         assert int((np.abs(test.place - at) < 3e-4).sum()) >= BESR.valid_hits
 
 
-def test_a_scan_whose_end_is_between_two_steps_stays_within_it() -> None:
+def test_a_scan_stays_within_an_end_between_two_steps() -> None:
     rules = replace(BBCOR, scan=replace(BBCOR.scan, high=8.9 * INCH))
     test = Test(rules, lambda z: 0.4 + z)
     assert test.place.max() <= 8.9 * INCH + 2.5e-4
@@ -175,7 +175,7 @@ SCAN = {name: getattr(BBCOR.scan, name) for name in Scan.__dataclass_fields__}
         ({"high": 0.12}, "holds no two steps"),
     ],
 )
-def test_scans_that_cannot_be_are_refused(change: dict[str, float], said: str) -> None:
+def test_impossible_scans_are_refused(change: dict[str, float], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         Scan(**(SCAN | change))
 
@@ -188,7 +188,7 @@ def test_more_coarse_hits_than_a_place_takes_are_refused() -> None:
         catalog.read(changed, "mine.toml", Procedure)
 
 
-def test_an_invalid_shot_begins_consecutive_hits_again() -> None:
+def test_an_invalid_shot_restarts_the_consecutive_hits() -> None:
     """After four of six consecutive hits and an invalid one, six more are required."""
     rules = catalog.load("procedures", "bbcor", Procedure).spec
     assert rules.scan is not None

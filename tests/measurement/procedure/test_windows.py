@@ -86,7 +86,7 @@ def why(
     return judge(procedure, ShotResults(**results), readings, 0.15, turn_rate).reasons[0]
 
 
-def test_good_shots_count() -> None:
+def test_good_shots_are_valid() -> None:
     assert why() == ""
     assert why(BBCOR) == ""
 
@@ -142,11 +142,11 @@ def test_each_window_rejects_with_its_sentence(change: dict, sentence: str) -> N
         {"angle": -2.999},
     ],
 )
-def test_at_the_edge_a_shot_counts(change: dict) -> None:
+def test_a_shot_at_the_edge_of_a_window_is_valid(change: dict) -> None:
     assert why(**change) == ""
 
 
-def test_recoil_and_rebound_must_agree_where_that_is_asked() -> None:
+def test_recoil_and_rebound_must_agree_if_the_rules_require_it() -> None:
     """The limit is 0.01; a rebound that was not seen is no disagreement."""
     strict = replace(F1881, windows=replace(F1881.windows, agreement=0.01))
     shot = {"place": 0.15, "rebound_speed": 7.0, "recoil_rate": 14.0, "recoil": True}
@@ -156,7 +156,7 @@ def test_recoil_and_rebound_must_agree_where_that_is_asked() -> None:
     assert why(strict, recoil_efficiency=0.2, rebound_efficiency=nan, **shot) == ""
 
 
-def test_a_turn_that_no_fit_follows_does_not_count() -> None:
+def test_a_shot_whose_encoder_record_does_not_fit_is_not_valid() -> None:
     """Counting leaves 0.4 and noise at rest 0.3, together 0.5, so up to 0.75 is allowed."""
     struck = {"place": 0.15, "rebound_speed": 7.0, "recoil_rate": 14.0, "recoil": True}
     for asked in ({"procedure": F1881, **struck}, {}):
@@ -199,12 +199,14 @@ def bat(
         ({"length": 33.5, "inertia": 9033}, 2),
     ],
 )
-def test_each_rule_of_eligibility_at_its_edge(change: dict[str, float], missed: int | None) -> None:
+def test_each_rule_of_eligibility_includes_its_limit(
+    change: dict[str, float], missed: int | None
+) -> None:
     found = findings(BBCOR, bat(**change))
     assert [finding.met for finding in found] == [index != missed for index in range(3)]
 
 
-def test_rules_speak_in_inches_and_ounces() -> None:
+def test_findings_are_in_inches_and_ounces() -> None:
     assert [finding.sentence for finding in findings(BBCOR, bat())] == [
         "length less weight 3.00 (in, oz), allowed up to 3",
         "barrel 2.600 in across, the ring passes 2.610 in",
@@ -212,7 +214,7 @@ def test_rules_speak_in_inches_and_ounces() -> None:
     ]
 
 
-def test_a_rule_that_is_missed_by_little_does_not_look_met() -> None:
+def test_a_barely_unmet_rule_is_printed_with_enough_digits() -> None:
     found = findings(BBCOR, bat(barrel=2.6101, inertia=9529.96))
     said = [finding.sentence.partition(" (")[0] for finding in found if not finding.met]
     assert said == [
@@ -221,7 +223,7 @@ def test_a_rule_that_is_missed_by_little_does_not_look_met() -> None:
     ]
 
 
-def test_what_is_not_asked_for_is_not_found() -> None:
+def test_rules_that_a_procedure_lacks_give_no_finding() -> None:
     assert findings(F1881, bat()) == ()
     assert findings(replace(BBCOR, eligibility=Eligibility()), bat()) == ()
 

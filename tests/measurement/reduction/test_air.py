@@ -48,7 +48,7 @@ def test_the_measured_density_scatters_about_the_true_one_as_its_u_says() -> Non
     assert known.u.max() < 0.002
 
 
-def test_the_density_is_that_of_the_readings_where_there_are_any() -> None:
+def test_the_density_is_computed_from_the_readings_if_there_are_any() -> None:
     """At 20 °C, 50 % and 1013.25 hPa it is 1.1993 kg/m³; a stated density is then ignored."""
     session = certified().certification.session
     none = {f"bench.climate.{name}": 0.0 for name in ("temperature", "humidity", "pressure")}
@@ -63,7 +63,7 @@ def test_the_density_is_that_of_the_readings_where_there_are_any() -> None:
     assert not any(name.startswith("bench.climate") for name in prepare(read).constants)
 
 
-def test_a_certificate_tells_the_climate_and_one_without_readings_the_sheets_density() -> None:
+def test_a_certificate_states_the_climate_or_the_density_of_the_sheet() -> None:
     session = certified().certification.session
     told = certificate(certify_session(session))
     assert [each.name for each in told.conditions] == ["temperature", "humidity", "pressure"]

@@ -108,7 +108,7 @@ FLIGHTS = [
 
 
 @pytest.mark.parametrize("flight", FLIGHTS)
-def test_speeds_offset_and_slope_of_a_flown_ball(flight: dict[str, float]) -> None:
+def test_speeds_offset_and_slope_of_a_flight_are_recovered(flight: dict[str, float]) -> None:
     """The reduction neglects the curvature over a ball's width and the effect of drag on the rise.
 
     Gravity bends the flight by g (R/v)²/2 while the ball passes a beam, drag raises a rising ball
@@ -131,7 +131,7 @@ def test_speeds_offset_and_slope_of_a_flown_ball(flight: dict[str, float]) -> No
 
 
 @pytest.mark.parametrize("flight", FLIGHTS)
-def test_the_boards_write_the_edges_of_a_flown_ball(flight: dict[str, float]) -> None:
+def test_the_boards_record_the_edges_of_a_flight(flight: dict[str, float]) -> None:
     """The instrument flies straight at each board; the error is the curvature, some micrometres."""
     spec = nominal_boards().ideal()
     assert (spec.distances, spec.lowest, spec.pitch) == (DISTANCES, LOWEST, PITCH)
@@ -159,7 +159,7 @@ def test_the_boards_write_the_edges_of_a_flown_ball(flight: dict[str, float]) ->
     assert apart[deep.repeat(2, axis=-1) if deep.shape[-1] == 1 else deep].max() < 5e-5 + 2 * bend
 
 
-def test_air_matters_at_the_boards() -> None:
+def test_the_boards_need_the_drag() -> None:
     """Without drag the reduced speed is off by κ x, with x the mean distance of the boards."""
     _, found = reduced(record_of(60.8, 14.0), drag=0.0)
     assert found.speed_in / 60.8 - 1 == pytest.approx(DRAG * 0.35, rel=0.02)
@@ -174,7 +174,7 @@ def changed(record: BoardRecord, edges: tuple, value: float) -> BoardRecord:
 GOOD = dict(FLIGHTS[1])
 
 
-def test_a_board_that_saw_nothing_is_done_without() -> None:
+def test_two_boards_are_enough() -> None:
     """If one board saw nothing, speed and height are as accurate as before."""
     for board in range(3):
         _, found = reduced(changed(record_of(**GOOD), np.s_[0, :, board], np.nan))
@@ -183,7 +183,7 @@ def test_a_board_that_saw_nothing_is_done_without() -> None:
         assert found.offset == pytest.approx(3.3e-3, abs=1e-5)
 
 
-def test_one_board_tells_no_speed() -> None:
+def test_one_board_gives_no_speed() -> None:
     _, found = reduced(changed(record_of(**GOOD), np.s_[0, 1, :2], np.nan))
     assert np.isnan(found.speed_out[0])
     assert np.isnan(found.slope_out[0])
@@ -202,7 +202,7 @@ def test_fewer_than_four_beams_are_no_passage(left: int, seen: bool) -> None:
     assert flight.speed_in == pytest.approx(60.8, rel=2e-5)
 
 
-def test_beams_that_missed_do_no_harm() -> None:
+def test_two_dead_beams_per_board_do_no_harm() -> None:
     """Two adjacent beams of each board are dead; only the noise grows."""
     for dead in (15, 18, 20):
         _, found = reduced(changed(record_of(**GOOD), np.s_[0, :, :, dead : dead + 2], np.nan))
@@ -211,7 +211,7 @@ def test_beams_that_missed_do_no_harm() -> None:
         assert found.offset == pytest.approx(3.3e-3, abs=2e-5)
 
 
-def test_a_ball_half_below_the_curtain_is_known_by_its_upper_beams() -> None:
+def test_a_ball_half_below_the_curtain_is_measured_by_its_upper_beams() -> None:
     """At 2.95 m/s it falls 135 to 146 mm by the far board, whose lowest beam is at -150 mm."""
     seen, found = reduced(record_of(60.8, 2.95))
     broken = np.isfinite(record_of(60.8, 2.95).times[0, 1, 0, :, 0])
@@ -223,7 +223,7 @@ def test_a_ball_half_below_the_curtain_is_known_by_its_upper_beams() -> None:
 
 @pytest.mark.parametrize("beams", [1, 2, 4])
 @pytest.mark.parametrize("ahead", [0.01, 0.03, 0.10])
-def test_a_scrap_of_the_sabot_is_found_out_or_harmless(beams: int, ahead: float) -> None:
+def test_a_scrap_of_the_sabot_is_detected_or_harmless(beams: int, ahead: float) -> None:
     """Some beams of the far board break early: the misfit is too large, or the speed is right."""
     record = record_of(**GOOD)
     for first in range(14, 24 - beams):
@@ -235,7 +235,7 @@ def test_a_scrap_of_the_sabot_is_found_out_or_harmless(beams: int, ahead: float)
     assert np.isfinite(record.times[0, 0, 0, 16:20]).all()
 
 
-def test_a_doubled_edge_is_found_out() -> None:
+def test_a_doubled_edge_is_detected() -> None:
     """A flickering beam clears 5 mm of flight late, at any one board and in either direction."""
     record = record_of(**GOOD)
     for way, speed in ((0, 60.8), (1, 14.0)):
@@ -290,7 +290,7 @@ def test_ideal_boards_have_no_misfit() -> None:
 
 
 @pytest.mark.parametrize("slope", [0.0, -0.25])
-def test_heights_scatter_as_they_say(slope: float) -> None:
+def test_heights_scatter_by_their_stated_uncertainty(slope: float) -> None:
     """150 boards with noise against noiseless ones: rms of the errors over that of their u.
 
     Edges and thresholds both scatter. A ball is level, or half outside the far board, where u is
@@ -368,7 +368,7 @@ def test_moved_heights_have_the_covariance_of_a_line(blind: int | None) -> None:
         ({"lowest": 0.01}, "none at the line of fire"),
     ],
 )
-def test_boards_that_cannot_be_are_refused(change: dict, said: str) -> None:
+def test_impossible_boards_are_refused(change: dict, said: str) -> None:
     spec = catalog.load("instruments", "light-boards", LightBoardSpec).spec
     with pytest.raises(ValueError, match=said):
         replace(spec, **change)

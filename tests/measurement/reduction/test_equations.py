@@ -107,7 +107,7 @@ def test_a_mistake_in_any_equation_shows(
 
 
 @pytest.mark.parametrize("procedure", [ASTM, BESR, PROPOSED])
-def test_compiled_and_on_arrays_the_equations_give_the_same(
+def test_compiled_equations_agree_with_arrays(
     procedure: str, played: Play, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All results of all shots of a real laboratory agree."""

@@ -48,7 +48,9 @@ def record_of(speed_in: float, speed_out: float, drag: float) -> GateRecord:
 
 @pytest.mark.parametrize("drag", [0.0, DRAG])
 @pytest.mark.parametrize(("speed_in", "speed_out"), [(26.8224, 7.0), (60.0, 14.0)])
-def test_speeds_of_a_flown_ball(speed_in: float, speed_out: float, drag: float) -> None:
+def test_the_speeds_of_a_flight_are_recovered(
+    speed_in: float, speed_out: float, drag: float
+) -> None:
     """The oracle is solve_ivp; the mean of two edges is off the passage by (κR)²/6 ≈ 3e-7."""
     record = record_of(speed_in, speed_out, drag)
     seen = flights(SURVEYED, "impact", passages(record), np.array([drag]))
@@ -56,7 +58,7 @@ def test_speeds_of_a_flown_ball(speed_in: float, speed_out: float, drag: float) 
     assert seen.speed_out == pytest.approx(speed_out, rel=1e-6)
 
 
-def test_a_flight_through_thick_air_is_that_of_both_ways() -> None:
+def test_the_reduction_is_exact_in_thick_air() -> None:
     """With κ x = 1.2 at the far gate a series in κ x would not suffice.
 
     The passages are those of a point, without a radius.
@@ -70,7 +72,7 @@ def test_a_flight_through_thick_air_is_that_of_both_ways() -> None:
     assert seen.speed_out == pytest.approx(15, rel=1e-9)
 
 
-def test_air_matters() -> None:
+def test_gates_need_the_drag() -> None:
     """Without drag the same record is off by κ x, so the test above is sensitive to air."""
     record = record_of(26.8224, 7.0, DRAG)
     still = flights(SURVEYED, "impact", passages(record), np.zeros(1)).speed_in
@@ -78,7 +80,7 @@ def test_air_matters() -> None:
     assert still / 26.8224 - 1 == pytest.approx(DRAG * middle, rel=0.05)
 
 
-def test_a_ball_that_is_not_seen_gives_nan() -> None:
+def test_a_passage_with_a_missing_edge_is_nan() -> None:
     """A missing edge is a missing passage; the other direction is unaffected."""
     times = np.array(record_of(26.8224, 7.0, 0.0).times)
     times[0, 1, 0, 1] = np.nan
@@ -90,7 +92,7 @@ def test_a_ball_that_is_not_seen_gives_nan() -> None:
     assert readings.passages.times.shape == (1, 2, 2)
 
 
-def test_three_gates_show_how_well_they_know_a_speed() -> None:
+def test_three_gates_show_the_uncertainty_of_a_speed() -> None:
     """Noise σ per time, n = 3: u(v) = v² σ/√Σ(d - d̄)², u(t) = σ √(1/n + d̄²/Σ(d - d̄)²).
 
     A gate 0.3 mm off shifts all balls alike, so it is no part of this scatter. 4000 balls: 5 %.
@@ -109,7 +111,7 @@ def test_three_gates_show_how_well_they_know_a_speed() -> None:
     assert raw_u.contact == pytest.approx(at_bat, rel=0.05)
 
 
-def test_two_gates_do_not_show_how_well_they_know_a_speed() -> None:
+def test_two_gates_do_not_show_the_uncertainty_of_a_speed() -> None:
     known = {name: Estimate(value=float(value)) for name, value in SURVEYED.items()}
     raw_u = GateReadings.of(record_of(26.8224, 7.0, 0.0), known, "impact").raw_u
     assert np.isnan(raw_u.speed_in).all()

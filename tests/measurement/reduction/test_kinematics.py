@@ -12,7 +12,7 @@ M, Z_CM, I_CM = 31 * OUNCE, 11.3 * INCH, 2539 * OZ_IN2
 fractions = st.floats(0.05, 0.95)
 
 
-def test_worked_example_of_the_paper() -> None:
+def test_the_worked_example_of_the_paper_is_reproduced() -> None:
     e_A = k.efficiency_from_restitution(0.5, 0.25)
     assert e_A == pytest.approx(0.2)
     assert k.besr(e_A) == pytest.approx(0.7)
@@ -20,25 +20,25 @@ def test_worked_example_of_the_paper() -> None:
     assert k.batted_speed(e_A, 0.0, 1.0) == pytest.approx(1.2)
 
 
-def test_a_twentieth_of_restitution_is_worth_six_miles_an_hour() -> None:
+def test_a_change_of_e_by_0_05_is_worth_6_4_mph() -> None:
     assert k.batted_speed_gain(160.0, 0.05, 0.25) == pytest.approx(6.4)
     assert k.batted_speed_gain(80.0, 0.05, 0.25) == pytest.approx(3.2)
 
 
-def test_restitution_at_the_wrong_speed_misleads_by_the_papers_numbers() -> None:
+def test_restitution_at_the_wrong_speed_is_worth_12_8_mph() -> None:
     slow, fast = (k.efficiency_from_restitution(e, 0.25) for e in (0.55, 0.45))
     assert (slow, fast) == (pytest.approx(0.24), pytest.approx(0.16))
     gap = k.batted_speed(slow, 90.0, 70.0) - k.batted_speed(fast, 90.0, 70.0)
     assert gap == pytest.approx(12.8)
 
 
-def test_the_limit_of_the_swing_machine() -> None:
+def test_the_besr_limit_is_97_mph() -> None:
     e_A = 0.728 - 0.5
     assert k.batted_speed(e_A, 70.0, 66.0) == pytest.approx(97, abs=0.05)
 
 
 @given(fractions, fractions, st.floats(10, 60), st.floats(0, 40))
-def test_speeds_and_restitution_go_back_and_forth(
+def test_speeds_and_restitution_convert_both_ways(
     e: float, r: float, v_ball: float, v_bat: float
 ) -> None:
     e_A = k.efficiency_from_restitution(e, r)
@@ -57,7 +57,7 @@ def test_energy_fractions_add_to_one_and_the_ball_keeps_the_square_of_its_speed(
 
 
 @given(st.floats(0.1, 0.3), fractions, st.floats(10, 60), st.floats(0.2, 0.7), st.floats(0.1, 1))
-def test_the_recoil_tells_the_rebound(
+def test_the_rebound_follows_from_the_recoil(
     m: float, e: float, v_ball: float, b: float, I_p: float
 ) -> None:
     r = k.recoil_factor_pivoted(m, I_p, b)
@@ -77,16 +77,16 @@ def test_free_and_pivoted_recoil_agree_at_the_centre_of_percussion_only() -> Non
         assert (free == pytest.approx(pivoted, rel=1e-12)) == same
 
 
-def test_inertia_about_the_knob_in_table_one() -> None:
+def test_the_inertia_about_the_knob_is_that_of_table_one() -> None:
     about = k.parallel_axis(2539.0, 31.0, 33 - 11.3)
     assert about == pytest.approx(17137, abs=0.5)
 
 
-def test_everything_broadcasts() -> None:
+def test_the_equations_broadcast() -> None:
     assert np.shape(k.batted_speed(np.zeros((3, 1)), np.ones(4), 2.0)) == (3, 4)
 
 
-def test_a_lost_rebound_stays_not_a_number() -> None:
+def test_a_missing_rebound_gives_nan() -> None:
     assert np.isnan(k.collision_efficiency(30.0, 0.0, float("nan")))
 
 

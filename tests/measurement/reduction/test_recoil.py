@@ -97,13 +97,13 @@ def test_rings_are_found() -> None:
     assert np.mean(right) >= 0.95
 
 
-def test_residual_is_what_counting_leaves() -> None:
+def test_the_residual_is_that_of_counting() -> None:
     """The floor of a real number has a uniform error: rms 1/√12 = 0.289 counts, here to 15 %."""
     residual = np.concatenate([fit.residual for _, fit in fitted()])
     assert residual.mean() == pytest.approx(12**-0.5, rel=0.15)
 
 
-def test_a_bat_at_rest_before_contact() -> None:
+def test_the_rate_before_contact_is_measured() -> None:
     """Constant counts have a rate of 0; a rotation is seen with the resolution of 18 ms."""
     one = make(1)
     assert fit_recoil(one.record, one.contact).before == pytest.approx(0, abs=1e-9)
@@ -115,7 +115,7 @@ def test_a_bat_at_rest_before_contact() -> None:
 
 @pytest.mark.parametrize("signed", [False, True])
 @pytest.mark.parametrize("period", [2**10, 2**12, 2**16, 2**32, COUNTS])
-def test_a_counter_that_starts_again_is_read_on(period: int, signed: bool) -> None:
+def test_a_counter_overflow_is_unwrapped(period: int, signed: bool) -> None:
     """By definition the range of such a counter begins at 0, or half of it is below 0."""
     one = make(3)
     counts = one.record.counts
@@ -131,7 +131,7 @@ def test_a_counter_that_starts_again_is_read_on(period: int, signed: bool) -> No
     assert np.abs(found.counts[np.arange(SHOTS), at]).max() <= period / 2
 
 
-def test_a_counter_that_jumps_by_what_no_counter_starts_again_at_stays_as_it_is() -> None:
+def test_a_jump_that_is_no_overflow_is_kept() -> None:
     """The jump is 300 counts, more than half of the 9-bit range that holds all counts."""
     one = make(3, counts=300)
     jumped = one.record.counts + 300.0 * (one.record.times > 0.07)
@@ -141,7 +141,7 @@ def test_a_counter_that_jumps_by_what_no_counter_starts_again_at_stays_as_it_is(
         assert unwrapped(seen, 300, one.contact) is seen
 
 
-def test_without_rings() -> None:
+def test_a_record_without_rings_is_fitted() -> None:
     """A stiff bat does not ring: no ring is found, and the rate is right."""
     one = make(2, rings=0)
     fit = fit_recoil(one.record, one.contact)
@@ -150,7 +150,7 @@ def test_without_rings() -> None:
 
 
 @pytest.mark.parametrize("counts", [2_000, 40_000, 1_000_000])
-def test_other_encoders(counts: int) -> None:
+def test_coarse_and_fine_encoders_give_the_rate(counts: int) -> None:
     """Where the counts are very fine, the error of the cubic remains, about 1e-5."""
     for seed in range(20):
         one = make(seed, counts=counts)
@@ -158,7 +158,7 @@ def test_other_encoders(counts: int) -> None:
         assert fit.rate == pytest.approx(one.rate, rel=max(1e-4, 3 / counts))
 
 
-def test_real_valued_counts() -> None:
+def test_real_valued_counts_are_fitted() -> None:
     """An encoder without steps resolves the ring; the rate is within 1e-4."""
     for seed in range(40):
         one = make(seed, whole=False)
@@ -166,7 +166,7 @@ def test_real_valued_counts() -> None:
         assert fit.rate == pytest.approx(one.rate, rel=1e-4)
 
 
-def test_a_shot_the_gates_did_not_see() -> None:
+def test_a_shot_without_a_contact_time_has_no_rate() -> None:
     """The rate of the shot is unknown; the other shots are unaffected."""
     one = make(3)
     contact = one.contact.copy()
@@ -177,7 +177,7 @@ def test_a_shot_the_gates_did_not_see() -> None:
     assert fit.rate[seen] == pytest.approx(one.rate[seen], rel=1e-3)
 
 
-def test_a_record_that_ends_too_soon() -> None:
+def test_a_record_that_ends_too_soon_is_refused() -> None:
     """The fit raises the documented `ValueError`."""
     one = make(4)
     short = EncoderRecord(counts=one.record.counts[:, :300], times=one.record.times[:300])
@@ -246,7 +246,7 @@ def test_one_odd_shot_does_not_shorten_the_others() -> None:
     assert fit.misfit[2] > 1.5
 
 
-def test_a_stop_right_after_contact_leaves_no_shot() -> None:
+def test_a_stop_right_after_contact_leaves_no_valid_fit() -> None:
     """The time before the stop is too short, and the whole record has a large misfit."""
     one = make(6)
     fit = fit_recoil(stopped(one, 0.2 * farthest(one).min()), one.contact)
@@ -263,7 +263,7 @@ def test_counts_in_steps_of_four_are_no_misfit() -> None:
         assert fit.misfit.max() < 1.2
 
 
-def test_half_a_record_says_the_same() -> None:
+def test_half_a_record_agrees_with_the_whole() -> None:
     """1800 shots: the difference over its u scatters by 1 (to 20 %), at least 90 % within 2.
 
     By Gauss and Markov a least-squares fit of the whole is uncorrelated with its difference from
@@ -275,7 +275,7 @@ def test_half_a_record_says_the_same() -> None:
     assert np.mean(np.abs(z) < 2) > 0.9
 
 
-def test_u_of_the_halves_is_what_the_whole_has_less() -> None:
+def test_u_of_half_minus_whole_is_the_root_of_the_difference_of_variances() -> None:
     """Without rings, from the normal equations of a cubic: u² = u_half² - u_whole², over σ²."""
     one = make(2, rings=0)
     fit = fit_recoil(one.record, one.contact)

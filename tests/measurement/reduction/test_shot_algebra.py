@@ -97,7 +97,7 @@ def _best(session: Session) -> dict[str, np.ndarray]:
     return {key: np.array(each.row(0).value) for key, each in known.items()}
 
 
-def test_inertia_from_an_integrated_pendulum(bench: Session) -> None:
+def test_the_inertia_of_an_integrated_pendulum_is_recovered(bench: Session) -> None:
     """The oracle is solve_ivp of the full equation at 0.2 rad.
 
     The reduction uses the amplitude at the middle of each swing, an error of second order in the
@@ -122,7 +122,7 @@ def test_every_correction_is_made(bench: Session, constant: str) -> None:
     assert abs(bat_properties(wrong).inertia_cm / INERTIA_CM - 1) > 1e-4
 
 
-def test_across_constant() -> None:
+def test_the_mean_square_of_the_lateral_marks_and_its_u() -> None:
     """The mean square of 3 and 4 mm is 12.5 mm², and its u is √(2/n) of it (chi-square)."""
     log = ShotLog(ball=np.zeros(1), nominal_speed=np.ones(1), place=np.ones(1))
     marks = AimMarks(along=np.zeros(2), across=np.array([3e-3, -4e-3]))
@@ -218,7 +218,7 @@ def worked(x: dict[str, np.ndarray]):
     return shot_results(ShotResults, x, bat, balls, readings, asked)
 
 
-def test_a_collision_by_hand() -> None:
+def test_a_collision_gives_the_results_by_hand() -> None:
     """Angular momentum: I ω = m b (v + v_f); r = m b²/I; e = e_A (1 + r) + r; BPF = e/e0."""
     rebound = I_P * OMEGA / (M * B) - V
     e_A, r = rebound / V, M * B**2 / I_P
@@ -234,7 +234,7 @@ def test_a_collision_by_hand() -> None:
     assert got.restitution[0] == pytest.approx((rebound + B * OMEGA) / V, rel=1e-11)
 
 
-def test_offset_across_the_bat() -> None:
+def test_an_offset_across_the_bat_is_corrected() -> None:
     """The head-on e satisfies e cos² - sin² = measured e_A, with θ = asin(y/R)."""
     y = 5e-3
     sine2 = (y / (R_BARREL + R_BALL)) ** 2
@@ -244,7 +244,7 @@ def test_offset_across_the_bat() -> None:
     assert e_A * (1 - sine2) - sine2 == pytest.approx(seen, rel=1e-11)
 
 
-def test_e_a_is_carried_to_the_place_asked_for() -> None:
+def test_e_a_is_corrected_to_the_aimed_position() -> None:
     """The hit is 2 mm off, with its own lever, and e_A has a slope of 0.5 per metre: 0.001 less."""
     along = {"impact.cannon.along": 2e-3}
     beside = worked(constants(**along))
@@ -261,7 +261,7 @@ def test_e_a_is_carried_to_the_place_asked_for() -> None:
     assert got.recoil_efficiency[0] == beside.recoil_efficiency[0]
 
 
-def test_e_is_that_of_the_place_struck_and_r_on_paper_that_of_the_place_asked_for() -> None:
+def test_e_belongs_to_the_struck_position_and_the_printed_r_to_the_aimed_one() -> None:
     """Eq. (6) and r = m b²/I with b 2 mm shorter at the struck position; e_A is unchanged."""
     got, recoil = worked(constants(**{"impact.cannon.along": 2e-3})), M * (B - 2e-3) ** 2 / I_P
     e_A = got.collision_efficiency[0]
@@ -273,7 +273,7 @@ def test_e_is_that_of_the_place_struck_and_r_on_paper_that_of_the_place_asked_fo
     assert got.lot_collision_efficiency[0] == pytest.approx(lot_e_A, rel=1e-11)
 
 
-def test_a_fast_clock_cancels_in_nothing_but_ratios() -> None:
+def test_a_fast_clock_cancels_only_in_ratios() -> None:
     """A clock 1 % fast shows longer times: v and ω are 1 % higher than shown; e_A is unchanged."""
     plain, fast = worked(constants()), worked(constants(**{"impact.gates.clock": 1.01}))
     assert fast.speed[0] == pytest.approx(1.01 * V, rel=1e-12)
@@ -281,7 +281,7 @@ def test_a_fast_clock_cancels_in_nothing_but_ratios() -> None:
     assert fast.collision_efficiency[0] == pytest.approx(plain.collision_efficiency[0], rel=1e-10)
 
 
-def test_e0_is_carried_to_the_shots_speed() -> None:
+def test_e0_is_corrected_to_the_speed_of_the_shot() -> None:
     """As e0 falls by 0.001 per mph, at v it is E0 - slope (26.8224 - v)."""
     slope = -0.001 / 0.44704
     got = worked(constants(**{"ball.restitution_slope": slope}))

@@ -38,7 +38,7 @@ def fitted(angles: np.ndarray, contact: np.ndarray, reach: float = 0.0, *, whole
     return fit_swing(record, contact, np.full(contact.shape, reach))
 
 
-def test_an_even_turn_is_exact() -> None:
+def test_an_even_rotation_is_exact() -> None:
     """Exact for any time of contact, and for a parabolic angle."""
     for contact, droop in ((0.0298, 0.0), (0.0212, -0.2), (0.035, 5.0)):
         angles, rate = turn(contact=contact, angle=0.011, droop=droop)
@@ -63,7 +63,7 @@ def test_ripple_leaves_a_bias_below_its_fourth_derivative(phase: float) -> None:
         assert bound < 5e-4
 
 
-def test_the_bias_of_the_ripple_is_there() -> None:
+def test_the_bias_of_the_ripple_is_above_a_tenth_of_its_bound() -> None:
     """Without this lower bound, the upper bound above would be no test."""
     biases = []
     for phase in np.arange(8) * pi / 4:
@@ -85,7 +85,7 @@ def test_a_bat_out_of_step_is_met_early_or_late(angle: float) -> None:
     assert found.rate / COUNTS == pytest.approx(rate, rel=1e-6)
 
 
-def test_whole_counts_scatter_as_is_said() -> None:
+def test_whole_counts_scatter_by_the_stated_uncertainty() -> None:
     """The u of 300 rates is that of 1/√12 counts through Legendre polynomials.
 
     It is √(Σ (2k + 1) P_k'(x)² / n) 2/T at x = 1 + 2 ms/T, and the rates scatter by it.
@@ -116,12 +116,12 @@ def test_a_ball_that_was_not_seen_has_no_rate() -> None:
 @pytest.mark.parametrize(
     ("contact", "said"), [(np.nan, "saw no ball"), (1e-3, "too little before contact")]
 )
-def test_nothing_to_fit_at_all_is_said(contact: float, said: str) -> None:
+def test_a_record_with_nothing_to_fit_is_refused(contact: float, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         fitted(turn()[0], np.array([contact]))
 
 
-def test_u_of_half_against_whole_is_that_of_the_difference_of_their_weights() -> None:
+def test_u_of_half_minus_whole_is_that_of_the_difference_of_their_weights() -> None:
     """A record with a single count gives the weight of that sample in both rates."""
     before = int(np.searchsorted(TIMES, CONTACT - 1e-3))
     record = EncoderRecord(counts=np.eye(TIMES.size)[:before], times=TIMES)
@@ -130,7 +130,7 @@ def test_u_of_half_against_whole_is_that_of_the_difference_of_their_weights() ->
     assert found.by_half_u / found.rate_u == pytest.approx(np.full(before, half / whole), rel=1e-6)
 
 
-def test_u_of_a_swing_is_its_scatter_and_so_is_that_of_its_halves() -> None:
+def test_u_of_a_swing_and_of_its_halves_is_their_scatter() -> None:
     """4000 shots with white noise: z of both has variance 1, within four times √(2/4000).
 
     With a divisor of n instead of n - 4 for a cubic, the variance of z would be larger by 4/600. So
@@ -156,7 +156,7 @@ def test_u_of_a_swing_is_its_scatter_and_so_is_that_of_its_halves() -> None:
     assert found.span == pytest.approx((samples - 1) / 20e3)
 
 
-def test_a_jump_in_the_turn_shows() -> None:
+def test_a_jump_of_the_counts_shows_in_the_misfit() -> None:
     """20 counts gained at once raise the residual far above 1/√12."""
     angles, _ = turn()
     jumped = angles + 20 / COUNTS * (TIMES > CONTACT / 2)

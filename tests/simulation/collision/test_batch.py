@@ -50,7 +50,7 @@ def test_the_default_keeps_its_tolerance_all_over_the_bat(which: int) -> None:
     assert set(found.redone) == {0, 1, 2, 3}
 
 
-def test_a_scene_does_not_know_its_batch() -> None:
+def test_a_scene_does_not_depend_on_its_batch() -> None:
     """The results are the same bits in any order, in any lane and beside any neighbours."""
     model, scenes = bats()[1], WIDE.draw(500, 30)
     whole, order = columns(model.collide(scenes)), np.random.default_rng(31).permutation(500)
@@ -62,7 +62,7 @@ def test_a_scene_does_not_know_its_batch() -> None:
     assert set(whole["redone"]) == {0, 1, 2, 3}
 
 
-def test_bats_in_one_batch_are_each_alone() -> None:
+def test_a_bat_in_a_batch_gives_the_same_bits_as_alone() -> None:
     """Bats with other supports, with or without a hoop mode, give the same bits as alone."""
     batch = [(model, WIDE.draw(400, 40 + i)) for i, model in enumerate(bats())]
     for (model, scenes), together in zip(batch, collide_bats(batch), strict=True):
@@ -72,7 +72,7 @@ def test_bats_in_one_batch_are_each_alone() -> None:
             assert np.array_equal(values, alone[name]), name
 
 
-def test_a_bat_of_few_modes_beside_one_of_many() -> None:
+def test_a_bat_of_few_modes_is_unchanged_beside_one_of_many() -> None:
     """Scenes stepped together give the same bits; scenes followed one by one agree to 1e-9."""
     few = ModalModel.of(load_bat("r161").spec.body, Free(), 7)
     bare = replace(few, stiff=few.stiff.above(few.stiff.count))  # no residual flexibility
@@ -87,7 +87,7 @@ def test_a_bat_of_few_modes_beside_one_of_many() -> None:
 
 
 @pytest.mark.parametrize("which", range(4))
-def test_splines_over_the_place_stand_for_the_shapes(which: int) -> None:
+def test_splines_replace_the_mode_shapes(which: int) -> None:
     """The oracle has exact mode shapes; in all other tests, every stepper has the same splines."""
     model, scenes = replace(bats()[which], stepper=OneByOne()), WIDE.draw(300, 60 + which)
 
@@ -111,7 +111,7 @@ def test_splines_over_the_place_stand_for_the_shapes(which: int) -> None:
         (3, 0.534214198658705, 30.09602348039845, 0.337094863262, 583718281.405, 1.80876662943),
     ],
 )
-def test_a_return_to_the_peak_that_one_step_would_hide(
+def test_one_step_does_not_hide_a_second_peak(
     which: int, z: float, speed: float, e0: float, stiffness: float, exponent: float
 ) -> None:
     """The ball is compressed slightly deeper the second time; one-by-one stepping is the oracle."""

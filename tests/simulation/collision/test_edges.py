@@ -73,7 +73,7 @@ def light(body: BatBody, share: float = 1 / 20) -> BatBody:
 
 
 @BODIES
-def test_at_the_tip_the_ball_goes_on(body: BatBody) -> None:
+def test_at_the_tip_the_ball_carries_on(body: BatBody) -> None:
     scenes = scattered(200, 0.0, 0.6, seed=1)
     found = holds(body, scenes)
     assert found.collision_efficiency.max() < 0
@@ -119,7 +119,7 @@ def test_a_bat_lighter_than_the_ball_is_swept_along(body: BatBody) -> None:
 
 
 @BODIES
-def test_a_ball_of_ten_times_the_stiffness(body: BatBody) -> None:
+def test_a_ball_ten_times_stiffer_agrees_with_the_slow_steps(body: BatBody) -> None:
     scenes = scattered(150, 0.5, 30, seed=5)
     scenes = replace(scenes, stiffness=10 * scenes.stiffness)
     found = holds(body, scenes)
@@ -128,7 +128,9 @@ def test_a_ball_of_ten_times_the_stiffness(body: BatBody) -> None:
 
 
 @BODIES
-def test_a_ball_of_a_hundred_times_the_stiffness_that_meets_four_times(body: BatBody) -> None:
+def test_a_ball_a_hundred_times_stiffer_with_four_contacts_agrees_with_the_slow_steps(
+    body: BatBody,
+) -> None:
     """Each contact enlarges the error of the last, so two finer tries may agree and be wrong."""
     scenes = usual([1.0, 4.0, 6.5], stiffness=3.5e8, ball_restitution=0.45)
     contacts = holds(body, scenes).contacts
@@ -136,7 +138,9 @@ def test_a_ball_of_a_hundred_times_the_stiffness_that_meets_four_times(body: Bat
 
 
 @pytest.mark.parametrize("turns", [0.5, 0.8, 1.0, 1.25, 2.0])
-def test_a_hoop_that_rings_about_once_a_contact(turns: float) -> None:
+def test_a_hoop_mode_with_a_period_near_the_contact_time_agrees_with_the_slow_steps(
+    turns: float,
+) -> None:
     ball = usual(6.0)
     time = wall_contact(
         ball.ball_mass, ball.relative_speed, ball.stiffness, ball.exponent, ball.ball_restitution
@@ -148,7 +152,7 @@ def test_a_hoop_that_rings_about_once_a_contact(turns: float) -> None:
     holds_to_the_reference(body, usual([6.0, 20.0]))
 
 
-def test_a_touch_after_a_release_that_grazes() -> None:
+def test_a_grazing_second_contact_agrees_with_the_slow_steps() -> None:
     """The scenes have two contacts, and the first try was in doubt."""
     model = model_of(WOOD)
     many = scattered(1500, 13, 17, seed=11)
@@ -168,7 +172,7 @@ def test_a_touch_after_a_release_that_grazes() -> None:
 
 
 @BODIES
-def test_a_linear_ball_that_creeps_is_one_that_flies(body: BatBody) -> None:
+def test_the_e_a_of_a_linear_ball_does_not_depend_on_speed(body: BatBody) -> None:
     scenes = with_all(scattered(100, 0.5, 30, seed=6), exponent=1.0, stiffness=3.5e6)
     fast = holds(body, scenes).collision_efficiency
     for speed in (1e-6, 1e-9):
@@ -177,7 +181,7 @@ def test_a_linear_ball_that_creeps_is_one_that_flies(body: BatBody) -> None:
 
 
 @BODIES
-def test_a_hard_ball_that_creeps_cannot_tell_a_bat_from_a_rigid_one(body: BatBody) -> None:
+def test_a_slow_hard_ball_finds_a_bat_rigid(body: BatBody) -> None:
     """At 1 µm/s the contact lasts over 50 ms; e_A and energy are those of a rigid bat."""
     scenes = usual([5.0, 15.0], relative_speed=1e-6, exponent=2.0, stiffness=3e8)
     model, rigid = model_of(body), RigidModel.of(body, Free())
@@ -191,7 +195,7 @@ def test_a_hard_ball_that_creeps_cannot_tell_a_bat_from_a_rigid_one(body: BatBod
         assert np.abs(total(found) - 1).max() < 1e-6
 
 
-def test_a_ball_that_rests_is_refused() -> None:
+def test_a_ball_at_rest_is_refused() -> None:
     for speed in (0.0, -0.0, -1.0):
         with pytest.raises(InputError, match=r"scenes: relative_speed = .*; allowed: 1e-09 to"):
             usual([5.0], relative_speed=speed)
@@ -199,7 +203,7 @@ def test_a_ball_that_rests_is_refused() -> None:
 
 @BODIES
 @pytest.mark.parametrize("e0", [0.2, 0.999, 1.0])
-def test_balls_nearly_dead_and_quite_alive(body: BatBody, e0: float) -> None:
+def test_very_low_and_very_high_e0_agree_with_the_slow_steps(body: BatBody, e0: float) -> None:
     scenes = with_all(scattered(150, 0.5, 30, seed=7), ball_restitution=e0)
     found = holds(body, scenes)
     if e0 == 1:

@@ -42,7 +42,7 @@ HELD = {"free": Free(), "pinned at 0.7112 m": Pinned(28 * INCH), "clamped at 0.7
         *((held, "stiffness", 1e14, "k 1e+14 N/m^1") for held in HELD),
     ],
 )
-def test_what_does_not_close_or_end_is_an_error(
+def test_a_scene_without_energy_balance_or_end_is_an_error(
     held: str, key: str, value: float, said: str
 ) -> None:
     """Without the check, these scenes gave an e_A of 3e156, 2e17, 2e19 and 151."""
@@ -60,7 +60,7 @@ def test_what_does_not_close_or_end_is_an_error(
         assert f"no result for a bat {held}, " in text
 
 
-def test_the_reference_says_what_it_cannot_follow() -> None:
+def test_the_reference_refuses_a_scene_it_cannot_follow() -> None:
     model = ReferenceModel.of(WOOD, Free(), 4)
     assert model.collide(usual([6.0])).contacts[0] == 1
     with pytest.raises(InputError, match=r"collision: no end is found; .* e0 0\.004,"):
@@ -70,7 +70,7 @@ def test_the_reference_says_what_it_cannot_follow() -> None:
         loose.collide(usual([20.0], ball_restitution=0.02, stiffness=1e9))
 
 
-def test_what_finer_steps_disagree_on_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_disagreement_of_finer_steps_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """The check applies to scenes that are followed one by one, and to no others."""
     hard = usual([1.0], stiffness=3.5e8, ball_restitution=0.45)
     assert wood().collide(hard).redone[0] == 3
@@ -89,7 +89,7 @@ def test_what_finer_steps_disagree_on_is_an_error(monkeypatch: pytest.MonkeyPatc
     assert wood().collide(usual([6.0])).redone[0] == 0
 
 
-def test_the_energy_of_what_is_followed_one_by_one_is_looked_at(
+def test_the_energy_of_scenes_followed_one_by_one_is_checked(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     hard = usual([1.0], stiffness=3.5e8, ball_restitution=0.45)
@@ -99,7 +99,7 @@ def test_the_energy_of_what_is_followed_one_by_one_is_looked_at(
 
 
 @pytest.mark.parametrize("speed", [1e-3, 1e-9])
-def test_balls_that_creep_are_right_or_refused(speed: float) -> None:
+def test_slow_balls_are_right_or_refused(speed: float) -> None:
     """The e_A of a linear ball is independent of speed; a stiffening ball at 1 nm/s is refused."""
     model, places = wood(), [1.0, 6.0, 16.0]
     fast = model.collide(usual(places, relative_speed=50.0)).collision_efficiency
@@ -132,9 +132,7 @@ def followed(model: ModalModel, scenes: Scenes, window: float) -> np.ndarray:
 
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
 @pytest.mark.parametrize("support", [Free(), Pinned(28 * INCH), Pinned(28 * INCH, 1e6)])
-def test_nothing_comes_after_the_time_in_which_contacts_count(
-    body: object, support: Support
-) -> None:
+def test_no_contact_begins_after_the_contact_window(body: object, support: Support) -> None:
     model = ModalModel.of(body, support)  # type: ignore[arg-type]
     scenes = scattered(300, 0.3, 24, seed=21)
     speeds = followed(model, scenes, WINDOW)
@@ -142,7 +140,7 @@ def test_nothing_comes_after_the_time_in_which_contacts_count(
         assert np.array_equal(followed(model, scenes, window), speeds)
 
 
-def test_a_clamped_bat_that_swings_back_does_not_count() -> None:
+def test_a_late_contact_of_a_clamped_bat_does_not_count() -> None:
     model, scenes = wood(CLAMPED), scattered(300, 0.5, 24, seed=22)
     speeds = followed(model, scenes, WINDOW)
     assert np.abs(followed(model, scenes, 0.006) - speeds).max() < 1e-6
@@ -151,7 +149,7 @@ def test_a_clamped_bat_that_swings_back_does_not_count() -> None:
     assert late.max() > 0.3
 
 
-def test_what_comes_too_late_agrees_with_the_reference() -> None:
+def test_the_contact_window_agrees_with_the_reference() -> None:
     modes = modes_of(WOOD, CLAMPED, 6)
     scenes = scattered(12, 0.5, 12, seed=23)
     found = ModalModel(modes=modes, stiff=modes.above(6)).collide(scenes)

@@ -41,13 +41,13 @@ def ladder(**other: Any) -> Ladder:
 
 
 @pytest.mark.parametrize("rung", COLLISION_RUNGS)
-def test_a_rung_asked_for_is_given(rung: str) -> None:
+def test_a_requested_model_is_chosen(rung: str) -> None:
     choice = choose(WOOD, Free(), PROBE, rung=rung)
     assert choice.model.rung == rung
     assert " was asked for: its e_A errs by up to " in choice.reason
 
 
-def test_modal_is_the_default() -> None:
+def test_the_modal_model_is_the_default() -> None:
     choice = choose(WOOD, Free(), PROBE)
     assert choice.reason.startswith("modal, 20 modes, is the default: its e_A errs by up to ")
     assert choice.reason.endswith(" at 4 to 8 in from the tip")
@@ -65,7 +65,7 @@ def test_modal_is_the_default() -> None:
         ("ea70", 2e-4, "modal, 20 modes,"),
     ],
 )
-def test_the_cheapest_good_enough_is_taken(bat: str, u: float, name: str) -> None:
+def test_the_cheapest_sufficient_model_is_chosen(bat: str, u: float, name: str) -> None:
     choice = choose(load_bat(bat).spec.body, PIVOT, PROBE, standard_uncertainty=u)
     assert choice.name == name
     assert choice.error <= 0.1 * u
@@ -116,7 +116,9 @@ def stated_and_found(
         ("softball-34", Free(), 160),
     ],
 )
-def test_errors_hold_at_other_places(bat: str, support: Support, speed: float) -> None:
+def test_the_stated_errors_hold_at_other_positions(
+    bat: str, support: Support, speed: float
+) -> None:
     for name, (error, found, _) in stated_and_found(bat, support, speed, (3, 9), 60).items():
         worst = float(found.max())
         print(f"{name} {error:.1e} stated, {worst:.1e} found")
@@ -131,7 +133,7 @@ def test_errors_hold_at_other_places(bat: str, support: Support, speed: float) -
         ("softball-wood-34", 60, (12, 20)),
     ],
 )
-def test_errors_hold_where_ball_and_bat_meet_again(
+def test_errors_hold_where_ball_and_bat_touch_twice(
     bat: str, speed: float, ends_in: tuple[float, float]
 ) -> None:
     """The stated error covers 2.2e-4 near a tip and 5e-3 beyond 12 in.
@@ -150,7 +152,7 @@ def test_errors_hold_where_ball_and_bat_meet_again(
     assert stated["modal, 20 modes,"][0] > 2.2e-4
 
 
-def test_what_is_said_of_a_rung_names_the_places_and_that_they_meet_again() -> None:
+def test_the_reason_names_the_positions_and_a_second_contact() -> None:
     ball = load("balls", "baseball-2003", BallSpec).spec
     said = [
         choose(WOOD, PIVOT, probing_scenes(ball, 60 * MPH, (5 * INCH, end * INCH))).reason
@@ -160,7 +162,7 @@ def test_what_is_said_of_a_rung_names_the_places_and_that_they_meet_again() -> N
     assert " at 3 to 16 in from the tip, more where a touch comes or goes: ball and bat" in said[1]
 
 
-def test_the_reference_errs_too() -> None:
+def test_the_reference_has_an_error_too() -> None:
     """The hundred modes of the reference have no residual flexibility."""
     choice = choose(WOOD, Free(), PROBE, rung="reference")
     many = ModalModel.of(WOOD, Free(), 150).collide(PROBE).collision_efficiency
@@ -168,21 +170,21 @@ def test_the_reference_errs_too() -> None:
     assert gap.max() < choice.error < 1e-5
 
 
-def test_the_error_of_the_rigid_rung_is_measured() -> None:
+def test_the_error_of_the_rigid_model_is_measured() -> None:
     default = choose(WOOD, Free(), PROBE).error
     sweet = choose(WOOD, Free(), usual([5.5]), rung="rigid").error
     tip = choose(WOOD, Free(), usual([2.0]), rung="rigid").error
     assert default < sweet < 0.03 < tip
 
 
-def test_a_probe_that_nothing_can_follow_is_refused() -> None:
+def test_a_probe_that_no_model_can_follow_is_refused() -> None:
     with pytest.raises(
         InputError, match=r"collision: .*; no result for a bat free, struck 0\.1524"
     ):
         choose(WOOD, Free(), usual([6.0], ball_restitution=0.005), standard_uncertainty=2e-3)
 
 
-def test_unknown_rungs_and_useless_uncertainties_are_refused() -> None:
+def test_unknown_models_and_invalid_uncertainties_are_refused() -> None:
     with pytest.raises(InputError, match="rigid, modal, reference"):
         choose(WOOD, Free(), PROBE, rung="best")
     with pytest.raises(InputError, match="standard_uncertainty"):
@@ -211,7 +213,7 @@ def test_efficiency_alone_may_come_from_a_surrogate(farthest: float, u: float, r
     assert ("no surrogate" in choice.reason) == (rung == "modal")
 
 
-def test_a_scene_outside_the_box_goes_to_the_modal_rung_alone() -> None:
+def test_only_scenes_outside_the_box_use_the_modal_model() -> None:
     """The e_A of a scene has the same bits in any order and any subset."""
     modal, scenes = choose(WOOD, Free(), PROBE).model, usual(np.linspace(3, 9, 601))
     box = Box.about(usual([4.0, 8.0]))
@@ -235,13 +237,13 @@ def test_without_a_box_there_is_no_surrogate() -> None:
     assert np.array_equal(found, modal)
 
 
-def test_a_rung_asked_for_is_no_surrogate() -> None:
+def test_a_requested_model_is_not_replaced_by_a_surrogate() -> None:
     asked = ladder(rung="rigid", box=BOX)
     asked.efficiencies(EVERY, Free(), usual(np.linspace(4, 8, 60)))
     assert asked.report().rung == "rigid"
 
 
-def test_an_individual_takes_the_rung_of_the_nominal_bat_with_its_own_modes() -> None:
+def test_an_individual_uses_the_model_of_the_nominal_bat_with_its_own_modes() -> None:
     """A bat three times as stiff on another axis needs fewer modes, but gets the nominal number.
 
     The report does not depend on the individual.
@@ -258,7 +260,7 @@ def test_an_individual_takes_the_rung_of_the_nominal_bat_with_its_own_modes() ->
 
 
 @pytest.mark.parametrize("rung", COLLISION_RUNGS)
-def test_a_rung_asked_for_is_each_individuals(rung: str) -> None:
+def test_a_requested_model_is_used_for_every_individual(rung: str) -> None:
     model = ladder(rung=rung)(ALUMINIUM, PIVOT)
     own = choose(ALUMINIUM, PIVOT, PROBE, rung=rung).model
     assert model.rung == rung
@@ -290,7 +292,7 @@ def test_the_error_of_the_nominal_bat_holds_for_its_individuals(bat: str, lot: s
 
 
 @pytest.mark.parametrize(("rung", "modes"), [(None, 14), ("modal", 20), ("rigid", 20)])
-def test_the_truth_rests_on_the_rung_of_the_shots_but_never_on_a_rigid_bat(
+def test_the_truth_uses_the_model_of_the_shots_but_never_a_rigid_bat(
     rung: str | None, modes: int
 ) -> None:
     struck = [(ALUMINIUM, slice(None))]

@@ -22,7 +22,7 @@ BARREL = np.linspace(3, 8, 11)
 
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
 @pytest.mark.parametrize("support", [Free(), Pinned(PIVOT), Pinned(PIVOT, 1e6), Clamped(31 * INCH)])
-def test_energy_is_accounted_for(body: BatBody, support: Support) -> None:
+def test_the_shares_of_energy_add_up_to_one(body: BatBody, support: Support) -> None:
     # hysteresis: computed from the area of the force law, not as the remainder
     result = ModalModel.of(body, support).collide(scattered(60, 0.5, 24, seed=1))
     e = result.energy
@@ -31,7 +31,7 @@ def test_energy_is_accounted_for(body: BatBody, support: Support) -> None:
 
 
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
-def test_a_free_bat_takes_the_momentum_the_ball_gave(body: BatBody) -> None:
+def test_a_free_bat_takes_the_momentum_of_the_ball(body: BatBody) -> None:
     model, beam = ModalModel.of(body, Free()), beam_of(body)
     scenes = scattered(60, 0.5, 30, seed=2)
     result = model.collide(scenes)
@@ -114,7 +114,7 @@ def test_with_a_linear_ball_nothing_depends_on_the_speed() -> None:
     assert np.abs(gap).max() > 1e-3
 
 
-def test_an_added_weight_far_from_the_impact_is_not_felt() -> None:
+def test_an_added_weight_far_from_the_impact_has_no_effect() -> None:
     loaded = replace(WOOD, lumps=(Lump(name="weight", z=33 * INCH, mass=0.1),))
     plain, heavy = (
         ModalModel.of(body, Free()).collide(usual([4.0])).collision_efficiency
@@ -155,7 +155,7 @@ def test_a_yielding_pivot_lies_between_a_free_bat_and_a_rigid_pin() -> None:
 
 
 @pytest.mark.parametrize("place", [0.16, 0.01])
-def test_a_patch_presses_as_half_a_cosine(place: float) -> None:
+def test_the_patch_pressure_is_half_a_cosine(place: float) -> None:
     """Mean deflection of each mode under cos(πx/2h); h = 15 mm, or the 10 mm to the tip.
 
     The oracle is Simpson's rule with 2001 points; a uniform pressure would differ by 1e-3.
@@ -171,7 +171,7 @@ def test_a_patch_presses_as_half_a_cosine(place: float) -> None:
 
 
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
-def test_at_release_the_ball_lies_on_the_bat(body: BatBody) -> None:
+def test_at_release_the_ball_touches_the_bat_surface(body: BatBody) -> None:
     """The path of the ball, v t - ∫∫F/m, equals the deflection of all modes under the patch.
 
     ∫∫F follows from the rigid rotation about the pin. The tolerance is 1e-4 of a compression.

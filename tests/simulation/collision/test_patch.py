@@ -27,14 +27,14 @@ def test_tiles_join_to_one_spline_of_the_whole_bat() -> None:
         np.testing.assert_allclose(table(places), CubicSpline(knots, waves(knots))(places), 1e-14)
 
 
-def test_each_place_has_its_value_whatever_is_asked_beside_it() -> None:
+def test_a_value_does_not_depend_on_the_other_positions() -> None:
     """The bits of a value are the same alone and beside others, so no shot depends on another."""
     z = np.linspace(0, LENGTH, 301)
     alone = np.concatenate([PatchTable(waves, LENGTH, WIDTH)(z[i : i + 1]) for i in range(z.size)])
     np.testing.assert_array_equal(PatchTable(waves, LENGTH, WIDTH)(z), alone)
 
 
-def test_a_few_places_ask_for_a_part_of_the_bat_alone() -> None:
+def test_a_few_positions_compute_only_a_part_of_the_bat() -> None:
     asked: list[int] = []
 
     def counted(z: np.ndarray) -> np.ndarray:
@@ -49,7 +49,7 @@ def test_a_few_places_ask_for_a_part_of_the_bat_alone() -> None:
 
 
 @pytest.mark.parametrize("end", [0.0, WIDTH / 2, LENGTH - WIDTH / 2, LENGTH])
-def test_the_ends_of_bat_and_patch_are_places_like_others(end: float) -> None:
+def test_the_ends_of_bat_and_patch_are_valid_positions(end: float) -> None:
     read = PatchTable(waves, LENGTH, WIDTH)
     assert read(np.array([end])) == pytest.approx(waves(np.array([end])), abs=1e-9)
     assert read(np.zeros(0)).shape[0] == 0

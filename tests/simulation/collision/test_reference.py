@@ -115,7 +115,7 @@ def test_steps_converge_at_order_six(exponent: float) -> None:
 
 
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])
-def test_the_modes_left_out_cost_no_more_than_stated(body: BatBody) -> None:
+def test_the_omitted_modes_cause_no_more_than_the_stated_error(body: BatBody) -> None:
     scenes = usual([1.5, 4.0, 6.0, 9.0, 10.5])
     reference = replace(ReferenceModel.of(body, Free()), **QUICK)
     gap = (
@@ -125,7 +125,7 @@ def test_the_modes_left_out_cost_no_more_than_stated(body: BatBody) -> None:
     assert 1e-8 < np.abs(gap).max() < choose(body, Free(), scenes).error
 
 
-def test_residual_flexibility_is_worth_ten_times() -> None:
+def test_residual_flexibility_reduces_the_error_ten_times() -> None:
     scenes = usual([4.0, 6.0, 8.0])
     truth = ModalModel.of(WOOD, Free(), 80).collide(scenes).collision_efficiency
     model = ModalModel.of(WOOD, Free(), 20)
@@ -136,7 +136,7 @@ def test_residual_flexibility_is_worth_ten_times() -> None:
 
 @pytest.mark.parametrize("law", [PowerLaw.of, HuntCrossley.of])
 @pytest.mark.parametrize(("exponent", "e0"), [(1.0, 0.5), (1.5, 0.45), (2.0, 0.9)])
-def test_a_wall_gives_back_e0(law: LawOfBall, exponent: float, e0: float) -> None:
+def test_the_restitution_on_a_wall_is_e0(law: LawOfBall, exponent: float, e0: float) -> None:
     """A rod of 200 000 t against the closed form (power law) or quadrature (Hunt and Crossley)."""
     k = 3.5e6 * 0.012 ** (1 - exponent)
     scenes = usual([20.0], exponent=exponent, stiffness=k, ball_restitution=e0)
@@ -153,7 +153,7 @@ def test_a_wall_gives_back_e0(law: LawOfBall, exponent: float, e0: float) -> Non
 
 
 @pytest.mark.parametrize("law", [PowerLaw.of, HuntCrossley.of])
-def test_a_rigid_bat_that_recoils_has_e_of_the_wall(law: LawOfBall) -> None:
+def test_the_restitution_of_a_recoiling_rigid_bat_is_e0(law: LawOfBall) -> None:
     """Without bending modes e = e0 for any reduced mass; e_A follows by Eq. (6)."""
     modes = modes_of(WOOD, Free(), 0)
     scenes = usual([3.0, 6.0, 20.0])
@@ -173,7 +173,7 @@ def test_every_law_accounts_for_its_energy(body: BatBody, law: LawOfBall) -> Non
 
 
 @pytest.mark.parametrize("damping", [1e2, 1e3, 1e4])
-def test_a_dashpot_at_the_pivot_is_not_felt(
+def test_a_dashpot_at_the_pivot_has_no_effect(
     damping: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A weak or strong dashpot changes e_A less than the omitted modes do, so no model has one."""

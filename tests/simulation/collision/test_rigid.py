@@ -35,7 +35,7 @@ def test_clamped_bat_is_a_wall() -> None:
 
 
 @pytest.mark.parametrize("support", [Free(), Pinned(0.8)])
-def test_modal_rung_tends_to_the_rigid_one_as_the_bat_stiffens(support: Free | Pinned) -> None:
+def test_the_modal_model_tends_to_the_rigid_one_as_the_bat_stiffens(support: Free | Pinned) -> None:
     scenes = usual([2.0, 6.0, 15.0], exponent=1.5, stiffness=3e7, ball_restitution=[0.4, 0.5, 1])
     rigid = RigidModel.of(STIFF, support).collide(scenes)
     modal = ModalModel.of(STIFF, support, 4).collide(scenes)

@@ -53,7 +53,7 @@ def test_shapes_that_do_not_match_are_refused() -> None:
 
 
 @pytest.mark.parametrize("model", [RigidModel, ModalModel, ReferenceModel])
-def test_places_off_the_bat_are_refused(model: type[RigidModel]) -> None:
+def test_positions_off_the_bat_are_refused(model: type[RigidModel]) -> None:
     bat: CollisionModel = model.of(rod(), Free())
     with pytest.raises(InputError, match="impact_position = 1"):
         bat.collide(usual(5.0, impact_position=[0.1, 1.0001]))

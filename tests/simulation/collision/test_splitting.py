@@ -23,7 +23,7 @@ def run(scheme: Splitting, force: np.ufunc, steps: int, time: float) -> tuple[fl
 
 
 @pytest.mark.parametrize("force", [np.positive, np.sin], ids=["oscillator", "pendulum"])
-def test_observed_orders(force: np.ufunc) -> None:
+def test_the_observed_order_is_the_nominal_one(force: np.ufunc) -> None:
     exact = (np.cos(6.0), -np.sin(6.0)) if force is np.positive else run(SRKN_11, force, 200, 6.0)
     errors = [np.hypot(*np.subtract(run(SRKN_11, force, n, 6.0), exact)) for n in (8, 16)]
     order = np.log2(errors[0] / errors[1])
@@ -31,7 +31,7 @@ def test_observed_orders(force: np.ufunc) -> None:
     assert order == pytest.approx(SRKN_11.order, abs=0.4)
 
 
-def test_shares_add_to_one_and_read_the_same_backwards() -> None:
+def test_the_coefficients_add_up_to_one_and_are_symmetric() -> None:
     for shares in (SRKN_11.kicks, SRKN_11.drifts):
         assert shares.sum() == pytest.approx(1, abs=1e-14)
         assert np.array_equal(shares, shares[::-1])
@@ -57,7 +57,7 @@ def test_the_limit_is_where_an_eigenvalue_leaves_the_circle() -> None:
     assert modulus(limit + 1e-5) > 1 + 1e-5
 
 
-def test_limit_measured() -> None:
+def test_the_limit_has_its_known_value() -> None:
     assert pytest.approx(3.1414311, abs=1e-7) == SRKN_11.limit
 
 

@@ -38,7 +38,9 @@ def surrogate(model: ModalModel) -> Surrogate:
     return Surrogate.build(model, BOX, tolerance=TOLERANCE)
 
 
-def test_error_on_fresh_points(surrogate: Surrogate, model: ModalModel) -> None:
+def test_the_error_at_new_points_is_below_the_tolerance(
+    surrogate: Surrogate, model: ModalModel
+) -> None:
     """Neither the fit nor its check used these 600 points; a third of them are corners."""
     unit = np.random.default_rng(77).uniform(-1, 1, (4, 600))
     unit[:, :200] = np.sign(unit[:, :200])
@@ -79,7 +81,7 @@ def test_the_kernel_is_the_chebyshev_series(shape: tuple[int, ...]) -> None:
         ({"exponent": 1.5}, "exponent"),
     ],
 )
-def test_outside_its_box_it_refuses(
+def test_the_surrogate_refuses_scenes_outside_its_box(
     change: dict[str, float], key: str, surrogate: Surrogate
 ) -> None:
     inside = {
@@ -95,7 +97,7 @@ def test_outside_its_box_it_refuses(
         surrogate.efficiency(Scenes.of(**(inside | change)))
 
 
-def test_where_scenes_reload_it_is_not_built() -> None:
+def test_no_surrogate_is_built_where_scenes_reload() -> None:
     """A free wooden bat reloads beyond 14 in."""
     wood = ModalModel.of(load_bat("r161").spec.body, Free())
     box = replace(BOX, impact_position=(14 * INCH, 28 * INCH))
@@ -103,17 +105,17 @@ def test_where_scenes_reload_it_is_not_built() -> None:
         Surrogate.build(wood, box, tolerance=TOLERANCE)
 
 
-def test_a_tolerance_out_of_reach_is_said(model: ModalModel) -> None:
+def test_an_unreachable_tolerance_is_an_error(model: ModalModel) -> None:
     with pytest.raises(InputError, match="tolerance"):
         Surrogate.build(model, BOX, tolerance=1e-12)
 
 
-def test_a_box_upside_down_is_refused() -> None:
+def test_a_box_with_reversed_ends_is_refused() -> None:
     with pytest.raises(InputError, match="relative_speed"):
         replace(BOX, relative_speed=(80.0, 20.0))
 
 
-def test_what_lies_in_a_box() -> None:
+def test_a_box_includes_its_ends() -> None:
     """The ends of each axis lie in the box; points beyond either end do not."""
     for axis in ("impact_position", "relative_speed", "ball_restitution", "ball_mass"):
         low, high = getattr(BOX, axis)

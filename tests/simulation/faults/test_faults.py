@@ -41,7 +41,7 @@ def test_every_fault_has_its_file_and_every_file_its_fault() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_fault_reads(name: str) -> None:
+def test_every_fault_sheet_is_valid(name: str) -> None:
     """Each prediction names a procedure whose rig the fault can befall, and an existing check."""
     sheet = catalog.load("faults", name, FaultSheet).spec
     assert sheet.name == name
@@ -53,7 +53,7 @@ def test_every_fault_reads(name: str) -> None:
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
-def test_edges_of_an_egg_shaped_ball_are_in_the_order_a_reader_asks_for(procedure: str) -> None:
+def test_edge_times_of_an_egg_shaped_ball_are_in_order(procedure: str) -> None:
     """The outer beams of a board see the ball for less time than its shape removes."""
     day = certified(procedure=procedure, seed=3, faults=("ball-out-of-round",))
     for stage, records in day.certification.session.records.items():
@@ -72,7 +72,7 @@ def test_a_fault_that_cannot_befall_the_rig_names_those_it_can() -> None:
         certify("r161", procedure="bbcor", seed=1, faults=("encoder-slip",))
 
 
-def test_a_rig_of_another_maker_meets_the_faults_of_what_it_offers() -> None:
+def test_faults_befall_a_rig_of_another_maker_by_its_instruments() -> None:
     """The rig has gates and air, but neither our cannon nor an encoder; no fault names it."""
 
     def befalls(name: str) -> bool:
@@ -173,7 +173,7 @@ def test_a_slipped_encoder_loses_its_counts() -> None:
     assert (np.diff(lost, axis=1) >= 0).all()
 
 
-def test_play_is_taken_up_and_no_more() -> None:
+def test_the_encoder_lags_by_the_play_at_most() -> None:
     """Play of 0.3 degrees is 8 of 10 000 counts; the encoder lags by at most 8 and never leads."""
     sound, slack = record("encoder").counts, record("encoder", "encoder-play").counts
     shots = min(len(sound), len(slack))
@@ -182,7 +182,7 @@ def test_play_is_taken_up_and_no_more() -> None:
     assert lag.max() == 8
 
 
-def test_the_log_keeps_what_was_asked() -> None:
+def test_the_log_has_the_nominal_speed() -> None:
     log = record("log", "cannon-slow")
     assert log.nominal_speed == pytest.approx(60 * MPH)
     assert played("cannon-slow").sealed.shots["speed"].mean() == pytest.approx(
@@ -190,14 +190,14 @@ def test_the_log_keeps_what_was_asked() -> None:
     )
 
 
-def test_ounces_are_not_grams() -> None:
+def test_ounces_entered_as_grams_are_wrong_by_their_ratio() -> None:
     sound, mistaken = (
         record("ball-mass", *on, stage="bench").readings for on in ((), ("ounces-as-grams",))
     )
     assert sound / mistaken == pytest.approx(OUNCE / 1e-3)
 
 
-def test_swapped_records_are_the_same_records() -> None:
+def test_swapped_records_have_the_same_contents() -> None:
     sound, swapped = (record("gates", *on).times for on in ((), ("records-swapped",)))
     assert np.array_equal(swapped[[0, 4, 2, 3, 1, 5]], sound, equal_nan=True)
 
@@ -216,7 +216,7 @@ def test_a_fault_that_comes_and_goes_spares_some_shots() -> None:
     assert 1 / 3 < np.mean(np.array(struck) > 0) < 0.9
 
 
-def test_order_does_not_depend_on_the_names_given_twice() -> None:
+def test_a_fault_given_twice_counts_once() -> None:
     day = FaultSet.of(("gate-moved", "aim-along", "gate-moved"), rig="astm-pivot")
     assert day.names == ("gate-moved", "aim-along")
     assert all(one != other for one, other in pairwise(day.names))

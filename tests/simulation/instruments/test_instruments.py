@@ -98,7 +98,7 @@ def test_calibration_and_errors_name_the_same_constants(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", KIND)
-def test_ideal_is_ideal(name: str) -> None:
+def test_an_ideal_instrument_has_no_uncertainty_and_no_error(name: str) -> None:
     """The certificate has no uncertainty, and its constants are the true ones, for any seed."""
     instrument = MAKERS[KIND[name]].commission(spec_of(name).ideal(), Streams(1), name)
     known = instrument.calibration()
@@ -141,7 +141,7 @@ def test_true_constants_scatter_as_the_calibration_says(name: str) -> None:
     value=st.floats(-1e6, 1e6),
     step=st.sampled_from([1e-6, 1e-4, 0.5e-3, 0.1, 1.0, 3.0]),
 )
-def test_quantise(value: float, step: float) -> None:
+def test_quantising_rounds_to_the_nearest_step(value: float, step: float) -> None:
     """The result is a whole number of steps, within half a step; a step of 0 changes nothing."""
     shown = float(quantise(value, step))
     assert abs(shown - value) <= step / 2 * (1 + 1e-9) + 1e-9 * abs(value)
@@ -209,7 +209,7 @@ def test_rule_reads_length_plus_offset() -> None:
 
 
 @pytest.mark.parametrize("maker", [Scale, Rule])
-def test_ideal_indicators_show_what_their_certificate_says_of_the_truth(maker) -> None:
+def test_ideal_indicators_read_the_truth_by_their_certificate(maker) -> None:
     """The reading is span x mass + zero, or length + offset, and nothing else."""
     name = {"Scale": "lab-scale", "Rule": "steel-rule"}[maker.__name__]
     ideal = maker.commission(spec_of(name).ideal(), Streams(1), "i")
@@ -247,7 +247,7 @@ def test_cannon_marks_tell_its_aim() -> None:
     assert np.abs(steps - np.rint(steps)).max() < 1e-9
 
 
-def test_drag_rate_by_hand() -> None:
+def test_the_drag_rate_is_that_by_hand() -> None:
     """κ = ρ C_d π R²/(2 m): 1.2 x 0.4 x π x 0.0366² / (2 x 0.145) = 6.9655e-3 per metre."""
     spec = HallAirSpec(
         kind="air",
@@ -289,7 +289,7 @@ def passage(n: int = 1, **changes) -> Passage:
     return Passage(**(given | changes))
 
 
-def test_ideal_gates_without_air() -> None:
+def test_ideal_gates_without_air_record_distance_over_speed() -> None:
     """Time is distance over speed; the front breaks the beam, the rear clears it, both ways."""
     gates = LightGates.commission(GATES.ideal(), Streams(1), "g")
     record = gates.watch(passage(), np.array([0.1]), np.array([0.101]), Streams(2), "g", FIRST)
@@ -302,7 +302,7 @@ def test_ideal_gates_without_air() -> None:
     assert gates.arrival(passage())[0] == pytest.approx((0.6 + radius) / 30, rel=1e-14)
 
 
-def test_gates_with_air() -> None:
+def test_gates_with_air_record_the_time_in_closed_form() -> None:
     """dv/dx = -κ v gives v = v0 e^(-κx), so the ball takes (e^(κx) - 1)/(κ v0) back to 0.4 m."""
     gates = LightGates.commission(GATES.ideal(), Quiet(), "g")
     drag = np.array([0.02])
@@ -338,7 +338,7 @@ def test_gates_show_jitter_clock_and_ticks() -> None:
     assert gates.distances[0] != 0.6
 
 
-def test_a_clock_that_starts_anywhere_shows_no_edge_early_or_late_in_the_mean() -> None:
+def test_a_clock_with_a_random_phase_has_no_mean_error() -> None:
     """Without jitter, whole ticks with a uniform phase have the mean of the true time.
 
     The mean of each edge of 4000 shots lies within 5 tick/√(4 n). With a fixed phase, each edge
@@ -370,7 +370,7 @@ def test_a_clock_that_starts_anywhere_shows_no_edge_early_or_late_in_the_mean() 
         ({"gravity": 9.80665, "speed_out": np.array([6.6])}, True),
     ],
 )
-def test_which_rebounds_the_curtains_see(changes: dict, seen: bool) -> None:
+def test_the_curtains_see_rebounds_within_their_height(changes: dict, seen: bool) -> None:
     """Heights by hand against a half height of 50 mm; the flight in is always seen."""
     gates = LightGates.commission(GATES.ideal(), Quiet(), "g")
     record = gates.watch(passage(**changes), np.array([0.1]), np.array([0.1]), Quiet(), "g", FIRST)
@@ -388,7 +388,7 @@ ENCODER = EncoderSpec(
 )
 
 
-def test_encoder_counts() -> None:
+def test_the_encoder_shows_the_angle_within_one_count() -> None:
     """An angle of 1 rad gives scale x 4000/2π counts, to less than one count at any rest phase."""
     encoder = Encoder.commission(ENCODER, Streams(11), "e")
     angle = np.linspace(0, 1, 500)[None, :].repeat(200, axis=0)
@@ -550,7 +550,7 @@ def test_the_u_on_a_certificate_is_the_root_of_chi_square(dof: float) -> None:
     assert error.max() < 2e-11
 
 
-def test_how_well_a_certificate_knows_u_does_not_move_the_instrument() -> None:
+def test_the_degrees_of_freedom_of_u_do_not_change_the_instrument() -> None:
     """ν belongs to the certificate: with the same draws, only u depends on it."""
     sheets = ({"x": Estimate(value=2.0, u=0.1, dof=dof)} for dof in (3.0, inf))
     (few, true_of_few), (many, true) = (drawn(sheet, Streams(5), "n") for sheet in sheets)

@@ -90,7 +90,7 @@ def errors(
         ("swing-boards", 31.3, 8.0, 0.0),  # balls half below the far curtain
     ],
 )
-def test_boards_that_sum_up_scatter_as_their_edges_do(
+def test_summed_boards_scatter_as_their_edges_do(
     name: str, speed_in: float, speed_out: float, rise: float
 ) -> None:
     """Two speeds, offset and slope of 80 laboratories with random thresholds, 20 shots each."""
@@ -108,7 +108,7 @@ def test_boards_that_sum_up_scatter_as_their_edges_do(
         assert abs(apart) < 4 * 1.25 * sqrt(2) * usual[0] / sqrt(LABS), quantity
 
 
-def test_the_edges_jitter_alone() -> None:
+def test_boards_without_threshold_spread_scatter_as_their_edges_do() -> None:
     """Without a spread of the thresholds, the noise is the clock's jitter."""
     full, summed = (
         errors("light-boards", 60.8, 12.0, 0.05, detail, trip_spread=0.0)
@@ -126,7 +126,7 @@ def gains(centre: np.ndarray, beams: int, radius: float | np.ndarray) -> np.ndar
     return found.reshape(3, *centre.shape)
 
 
-def test_gains_of_a_full_diameter_of_beams() -> None:
+def test_the_gains_of_many_beams_are_the_closed_forms() -> None:
     """Closed forms for many beams, n = 2R/pitch, with a height from the thresholds alone.
 
     The passage is the mean of n midpoints: 1/√(2n). Thresholds change the squares of all chords
@@ -142,7 +142,7 @@ def test_gains_of_a_full_diameter_of_beams() -> None:
     assert trip == pytest.approx(by_hand, rel=0.02)
 
 
-def test_too_few_beams_and_no_ball_give_nothing() -> None:
+def test_too_few_beams_give_no_gain() -> None:
     """Beams at 0 to 9 and a ball of radius 2.2: four beams are broken from a centre of 1 on."""
     centre = np.array([[0.5, 1.0, 5.0, 8.0, 8.5], [np.nan, -30.0, 40.0, 4.5, 5.2]])
     seen = [[False, True, True, True, False], [False, False, False, True, True]]
@@ -150,7 +150,7 @@ def test_too_few_beams_and_no_ball_give_nothing() -> None:
         assert np.isfinite(gain).tolist() == seen
 
 
-def test_gates_that_sum_up_scatter_as_their_edges_do() -> None:
+def test_summed_gates_scatter_as_their_edges_do() -> None:
     """Two edges per gate: times of 20 000 shots scatter alike, to four standard errors, 2.8 %."""
     n = 20_000
     spec = catalog.load("instruments", "pivot-gates", LightGateSpec).spec
@@ -210,7 +210,7 @@ def plan(
 
 
 @pytest.mark.parametrize(("bat", "place"), [("r161", 0.16), ("ea70", 0.10)])
-def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> None:
+def test_a_summed_recoil_scatters_as_its_counts_do(bat: str, place: float) -> None:
     """Errors of the recoil rate against momentum conservation, 3 laboratories of 150 shots."""
     errors: dict[RecordDetail, list[np.ndarray]] = {detail: [] for detail in RecordDetail}
     for seed in (3, 4, 5):
@@ -244,7 +244,7 @@ def test_recoil_summed_up_scatters_as_its_counts_do(bat: str, place: float) -> N
     assert abs(summed.mean() - full.mean()) < 5 * full.std() * sqrt(2 / full.size)
 
 
-def test_swing_summed_up_scatters_as_its_counts_do() -> None:
+def test_a_summed_swing_scatters_as_its_counts_do() -> None:
     """Rates of 36 to 50 rad/s of 30 bats; rounding is white over many bats, not for each."""
     errors: dict[RecordDetail, list[np.ndarray]] = {detail: [] for detail in RecordDetail}
     angles: list[np.ndarray] = []
@@ -280,7 +280,7 @@ def test_swing_summed_up_scatters_as_its_counts_do() -> None:
 
 
 @pytest.mark.parametrize("missing", [0, 3, 7])
-def test_gains_of_a_ball_that_passes_the_end_of_a_board(missing: int) -> None:
+def test_the_gain_of_a_ball_at_the_end_of_a_board_is_that_of_a_line(missing: int) -> None:
     """The oracle is the intercept of numpy.polyfit at the ball's centre, through the beams left.
 
     The midpoint of a beam has two edges. Beams on one side give the passage with a larger
@@ -294,7 +294,7 @@ def test_gains_of_a_ball_that_passes_the_end_of_a_board(missing: int) -> None:
 
 
 @pytest.mark.parametrize("missing", [0, 3, 7])
-def test_gains_of_the_height_are_those_of_a_weighted_parabola(missing: int) -> None:
+def test_the_gains_of_the_height_are_those_of_a_weighted_parabola(missing: int) -> None:
     """The oracle is numpy.polyfit through the squares of the chords: slope at the ball's centre.
 
     An error of half a chord changes its square by 2 √square of it; a chord has two edges.
@@ -309,7 +309,7 @@ def test_gains_of_the_height_are_those_of_a_weighted_parabola(missing: int) -> N
     assert trip == pytest.approx(sqrt((slopes**2).sum()), rel=1e-9)
 
 
-def test_a_ball_keeps_its_gains_among_balls_of_other_radii() -> None:
+def test_the_gains_of_a_ball_do_not_depend_on_other_balls() -> None:
     """Balls of two radii, in mixed order, give the same bits as alone."""
     centre, radius = np.array([5.1, 5.1, 5.1, 6.3]), np.array([7.0, 7.3, 7.0, 7.3])
     together = gains(centre, 40, radius)

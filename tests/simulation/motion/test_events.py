@@ -97,7 +97,7 @@ def weak_shots(count: int, stops: Sequence[dict[str, float]] = STOPS) -> Iterato
 
 
 @COUNTS
-def test_as_pymunk_plays_them(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_events_agree_with_pymunk(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same contacts, to 1e-9 of each number, with pymunk's overlap tolerance made small.
 
     Without a frame the two differ by about 1e-14, for any step of pymunk.
@@ -122,7 +122,7 @@ def test_as_pymunk_plays_them(count: int, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @COUNTS
-def test_as_scipy_integrates_them(count: int) -> None:
+def test_events_agree_with_scipy(count: int) -> None:
     """All equations stepped and contacts as events: contact times and speeds agree to 1e-11."""
     for shots in weak_shots(count):
         scene = shots.scene()

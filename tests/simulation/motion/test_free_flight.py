@@ -6,7 +6,7 @@ import pytest
 from virtual_lab.relations.flight import distance_after, speed_after, time_after
 
 
-def test_flight_is_turned_round() -> None:
+def test_distance_and_time_are_inverse() -> None:
     """The distance flown in the time of a distance is that distance; without air it is v t."""
     for drag in (0.0, 1e-12, 0.006, 0.5):
         time = time_after(2.0, 30.0, drag)

@@ -80,7 +80,7 @@ def test_a_frame_without_an_opening_is_refused() -> None:
 
 
 @EVERY
-def test_what_no_rung_can_do_is_said(rung: str) -> None:
+def test_every_model_refuses_an_impossible_shot(rung: str) -> None:
     """A ball on the edge of the tip, and an e_A at which the bat would pass through the ball."""
     played = scene(z=[-0.02, 6 * INCH], efficiency=constant(-0.9))
     outcome = play(played, rung)
@@ -105,7 +105,7 @@ def test_a_ball_past_the_tip_misses(rung: str) -> None:
 
 
 @EVERY
-def test_a_graze_ends_and_is_no_fault(rung: str) -> None:
+def test_a_grazing_hit_does_not_fail(rung: str) -> None:
     """Contacts deeper than the resolution are played; those about it may be refused or missed."""
     touching = 0.0366 + float(scene().bat.radius(np.array(6 * INCH)))
     depth = np.array([1e-5, 1e-6, 1e-8, 0.0, -1e-8, -1e-6])
@@ -118,7 +118,7 @@ def test_a_graze_ends_and_is_no_fault(rung: str) -> None:
     assert (hit.speed > 0).all()
 
 
-def test_a_frame_pymunk_does_not_feel_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_frame_that_pymunk_ignores_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """The test changes pymunk so that it ignores every contact."""
 
     def ignore(_: Any, arbiter: Any, *__: Any) -> None:
@@ -141,7 +141,7 @@ def test_a_ball_on_the_edge_of_either_end_is_refused(rung: str, z: float) -> Non
     assert "edge of the bat's end" in str(play(scene(z=z), rung).refused[0])
 
 
-def test_a_bar_is_as_thick_as_it_is() -> None:
+def test_a_frame_lets_a_ball_through_clear_of_its_bars() -> None:
     """Opening of ±200 mm, bars of 40 mm, ball of 73.2 mm, plane 10 mm up: clear up to 163.4 mm.
 
     From 276.6 mm on the ball passes outside the bar.
@@ -162,7 +162,7 @@ def test_no_outline_is_steeper_than_its_bound() -> None:
         assert 0.5 * bat.steepest / 1.5 < steepest <= bat.steepest
 
 
-def test_a_place_on_the_bat_slides_as_it_is_seen_to() -> None:
+def test_the_sliding_rate_is_the_derivative_of_the_position() -> None:
     """The oracle is a central difference of the position, with random motions and without air."""
     played = scattered(12, seed=4, drag=0.0, gravity=0.0)
     every, step = np.arange(12), 1e-6

@@ -56,7 +56,7 @@ def assert_as_reference(played: ShotScene, outcome: PlayedShots, shot: int, with
 
 
 @EVERY
-def test_as_scipy_integrates_it(rung: str) -> None:
+def test_every_model_agrees_with_scipy(rung: str) -> None:
     """Bat at rest or swung, ball oblique and off the axis, with drag and gravity."""
     played = scattered(25, seed=1)
     outcome = play(played, rung)
@@ -66,7 +66,7 @@ def test_as_scipy_integrates_it(rung: str) -> None:
         assert_as_reference(played, outcome, shot, 1e-10)
 
 
-def test_the_rungs_agree_whatever_the_step() -> None:
+def test_the_models_agree_for_any_step() -> None:
     played = scattered(6, seed=2)
     times = np.linspace(0, 0.12, 9)
     closed = play(played, "closed-form")
@@ -126,7 +126,7 @@ def test_any_moment_is_the_end_of_a_shorter_record(rung: str) -> None:
         assert found[..., column] == pytest.approx(end(play(shorter, rung), shorter), abs=1e-11)
 
 
-def test_at_rest_and_square_it_is_the_textbook() -> None:
+def test_a_square_hit_on_a_bat_at_rest_is_the_textbook_case() -> None:
     """By hand: time from distance, e_A, angular momentum, and the speed after drag."""
     z = np.array([5, 8]) * INCH
     played = scene(z=z, gravity=0.0)
@@ -146,7 +146,7 @@ def test_at_rest_and_square_it_is_the_textbook() -> None:
 
 
 @EVERY
-def test_off_the_axis_the_ball_is_smooth(rung: str) -> None:
+def test_a_ball_off_the_axis_slides_without_friction(rung: str) -> None:
     """The speed back along the line of fire is e_A cos² - sin² of the speed in."""
     y = np.array([-0.02, 0.01, 0.03])
     played = scene(y=y, gravity=0.0, drag=0.0)
@@ -186,7 +186,7 @@ def test_a_lossless_collision_keeps_energy_and_angular_momentum(rung: str) -> No
 
 
 @CARRIED
-def test_a_post_stands_in_the_way_of_one_shot_alone(rung: str) -> None:
+def test_a_post_affects_only_the_shots_that_strike_it(rung: str) -> None:
     """The other shots have the contacts of the closed form."""
     z = np.array([5 * INCH, 0.38, 7 * INCH, 0.366])
     played = scene(z=z, duration=0.08, frames=(frame_at(-0.6),))
@@ -222,7 +222,7 @@ def test_a_full_turn_of_the_bat_is_a_second_contact(rung: str) -> None:
 
 
 @CARRIED
-def test_a_frame_lets_through_what_its_opening_lets(rung: str) -> None:
+def test_a_frame_stops_only_a_ball_that_strikes_a_bar(rung: str) -> None:
     """Four balls in the same plane: between the bars, onto one, over and under them."""
     played = scene(y=[0.15, 0.17, 0.29, -0.3], frames=(frame_at(-0.5),), gravity=0.0, duration=0.03)
     outcome = play(played, rung)
@@ -245,7 +245,7 @@ def test_a_ball_on_the_end_of_a_bar_strikes_its_post(rung: str, aside: float) ->
 
 
 @CARRIED
-def test_a_ball_that_comes_down_on_a_bar_rolls_over_it(rung: str) -> None:
+def test_a_ball_that_descends_while_over_a_bar_does_not_strike_it(rung: str) -> None:
     """It is over the bar from 11 to 39 ms and clears it to 17; the bat meets its stop at 20 ms."""
     frame = frame_at(-0.5, bottom=-0.038)
     played = scene(vx=4.0, x=-0.6, y=0.0, rate=10.0, stop=stop(0.2), frames=(frame,), duration=0.1)
@@ -253,7 +253,7 @@ def test_a_ball_that_comes_down_on_a_bar_rolls_over_it(rung: str) -> None:
 
 
 @EVERY
-def test_a_ball_let_fall_strikes_from_above(rung: str) -> None:
+def test_a_falling_ball_strikes_from_above(rung: str) -> None:
     """Gravity alone moves the ball: v² = 2 g h, and it rebounds straight up."""
     played = scene(x=0.0, y=0.2, vx=0.0, z=6 * INCH, duration=0.2)
     hit = play(played, rung).first(Target.BAT)
@@ -265,7 +265,7 @@ def test_a_ball_let_fall_strikes_from_above(rung: str) -> None:
 
 
 @CARRIED
-def test_a_ball_between_two_bars_meets_them_too_often(rung: str) -> None:
+def test_a_ball_trapped_between_two_bars_is_refused(rung: str) -> None:
     frames = frame_at(-0.5, restitution=1.0), frame_at(-0.7, restitution=1.0)
     played = scene(x=-0.6, y=0.2, gravity=0.0, drag=0.0, duration=0.5, frames=frames)
     assert play(played, rung).refused.tolist() == ["more than 100 contacts in one record"]

@@ -29,7 +29,9 @@ def written_out(ball: list[int], speed: list[float], rest: float) -> list[float]
 
 
 @given(hits=hits, rest=st.floats(0.0, 1e6))
-def test_as_written_out(hits: list[tuple[int, float]], rest: float) -> None:
+def test_the_loss_is_the_explicit_sum_over_earlier_hits(
+    hits: list[tuple[int, float]], rest: float
+) -> None:
     ball, speed = [hit[0] for hit in hits], [hit[1] for hit in hits]
     found = loss_of_restitution(AGEING, np.array(ball, dtype=int), np.array(speed), rest)
     assert found.tolist() == pytest.approx(written_out(ball, speed, rest), rel=1e-12, abs=1e-18)

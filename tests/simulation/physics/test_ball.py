@@ -16,7 +16,7 @@ MASS, SPEED = 0.145, 40.0
 
 
 @pytest.mark.parametrize(("a", "e0", "k"), [(1.0, 0.5, 3.5e6), (1.5, 0.45, 3e7), (2.0, 1.0, 3e8)])
-def test_wall_contact_is_what_the_law_integrates_to(a: float, e0: float, k: float) -> None:
+def test_wall_contact_is_the_integral_of_the_force_law(a: float, e0: float, k: float) -> None:
     b = (a + 1) / e0**2 - 1  # exponent from the ratio of the two areas
 
     def load(_: float, y: np.ndarray) -> list[float]:
@@ -59,7 +59,7 @@ def test_restitution_fixes_the_unloading_exponent() -> None:
 
 @pytest.mark.parametrize("e0", [0.05, 0.3, 0.5, 0.9, 0.999, 1.0])
 @pytest.mark.parametrize("a", [1.0, 1.5, 2.0])
-def test_hunt_crossley_on_a_wall_is_what_its_force_integrates_to(a: float, e0: float) -> None:
+def test_hunt_crossley_on_a_wall_is_the_integral_of_its_force(a: float, e0: float) -> None:
     """The quadrature of the law against step-by-step integration."""
     law = HuntCrossley.of(stiffness=3e6 * 0.01 ** (1 - a), exponent=a, restitution=e0, speed=SPEED)
     branch = law.branch(Event.TOUCH, 0.0, None)
@@ -95,7 +95,7 @@ def test_hunt_crossley_without_loss_is_the_power_law() -> None:
         assert one == pytest.approx(other, rel=1e-8)
 
 
-def test_hunt_crossley_restitution_falls_with_speed_and_never_pulls() -> None:
+def test_hunt_crossley_damping_follows_from_e0_and_the_force_never_pulls() -> None:
     """Its c belongs to one speed; to first order e = 1 - 2/3 c v (Hunt and Crossley)."""
     law = HuntCrossley(stiffness=3e6, exponent=1.0, damping=1e-4)
     slow = HuntCrossley.of(stiffness=3e6, exponent=1.0, restitution=1 - 2 / 3 * 1e-3, speed=10.0)

@@ -11,7 +11,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import Clamped, Pinned, beam_of, outer_diameter
 
 
-def test_solid_rod() -> None:
+def test_a_solid_rod_has_the_textbook_properties() -> None:
     beam = beam_of(rod((0.05, 0.05), 0.9))
     mass = 700 * np.pi / 4 * 0.05**2 * 0.9
     assert beam.mass == pytest.approx(mass, rel=1e-13)
@@ -19,7 +19,7 @@ def test_solid_rod() -> None:
     assert beam.inertia_cm == pytest.approx(mass * (0.9**2 / 12 + 0.05**2 / 16), rel=1e-12)
 
 
-def test_tube() -> None:
+def test_a_tube_has_the_textbook_properties() -> None:
     beam = beam_of(rod((0.06, 0.06), 0.9, wall=0.003))
     mass = 700 * np.pi / 4 * (0.06**2 - 0.054**2) * 0.9
     assert beam.mass == pytest.approx(mass, rel=1e-13)
@@ -27,7 +27,7 @@ def test_tube() -> None:
     assert beam.inertia_cm == pytest.approx(mass * (0.9**2 / 12 + rotary), rel=1e-12)
 
 
-def test_truncated_cone() -> None:
+def test_a_truncated_cone_has_the_integrated_properties() -> None:
     # oracle: exact integrals of polynomials, not the beam's quadrature
     d = np.polynomial.Polynomial([0.06, -0.03])
     z = np.polynomial.Polynomial([0.0, 1.0])

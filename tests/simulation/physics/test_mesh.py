@@ -22,7 +22,7 @@ def test_interpolation_at_the_nodes_returns_the_nodes_own_values() -> None:
     )
 
 
-def test_weights_sum_a_row_of_places() -> None:
+def test_weights_sum_over_a_row_of_points() -> None:
     mesh = mesh_through((0.0, 1.0), (0.0, 1.0), size=0.25, order=6)
     sums = mesh.interpolation(np.array([[0.1, 0.6]]), np.array([2.0, -1.0])) @ mesh.nodes**2
     assert sums == pytest.approx([2 * 0.01 - 0.36], abs=1e-14)
@@ -35,13 +35,13 @@ def test_differentiation_is_exact_for_its_own_polynomials() -> None:
     )
 
 
-def test_kept_boundaries_keep_their_last_bit_and_close_ones_give_way() -> None:
+def test_fixed_boundaries_are_exact_and_close_ones_are_dropped() -> None:
     pin = 0.1 + 0.2
     mesh = mesh_through((0.0, 0.3 + 1e-6, 0.5, 0.5 + 1e-7, 1.0), (0.0, pin, 1.0), size=1, order=4)
     assert mesh.boundaries.tolist() == [0.0, pin, 0.5, 1.0]
     assert pin in mesh.nodes
 
 
-def test_no_element_is_longer_than_asked() -> None:
+def test_no_element_is_longer_than_requested() -> None:
     mesh = mesh_through((0.0, 0.13, 1.0), (0.0, 1.0), size=0.1, order=4)
     assert np.diff(mesh.boundaries).max() <= 0.1 + 1e-12

@@ -179,7 +179,7 @@ def test_rotation_is_the_slope_of_a_needle() -> None:
     assert turned == pytest.approx(-slope, rel=1e-4, abs=1e-6 * np.abs(turned).max())
 
 
-def test_nodes_of_the_uniform_rod() -> None:
+def test_the_nodes_of_a_uniform_rod_are_the_textbook_ones() -> None:
     # textbook values: 0.2242 and 0.1321 of the length
     assert barrel_nodes(modes_of(slender(), Free(), 2)) == pytest.approx(
         (0.224157, 0.132110), abs=2e-5
@@ -202,7 +202,7 @@ def test_hoop_mode_comes_last_and_turns_nothing() -> None:
     assert len(modes.bending_frequencies) == 4
 
 
-def test_first_and_above_share_out_the_modes() -> None:
+def test_first_and_above_divide_the_modes() -> None:
     modes = modes_of(rod(hoop=HoopMode(frequency=2000, modal_mass=0.25)), Free(), 6)
     first, above = modes.first(4), modes.above(4)
     assert (first.count, above.count) == (2 + 4 + 1, 2)
@@ -210,14 +210,14 @@ def test_first_and_above_share_out_the_modes() -> None:
     assert np.array_equal(above.shape(0.2), modes.shape(0.2)[6:8])
 
 
-def test_shapes_broadcast_over_places() -> None:
+def test_shapes_broadcast_over_positions() -> None:
     modes = modes_of(BAT, Free(), 3)
     assert modes.shape(np.zeros((2, 4))).shape == (2, 4, 5)
     assert modes.rotation(0.5).shape == (5,)
 
 
 @pytest.mark.parametrize("z", [-1e-9, 0.8600001, float("nan")])
-def test_places_off_the_bat_are_refused(z: float) -> None:
+def test_positions_off_the_bat_are_refused(z: float) -> None:
     with pytest.raises(InputError, match=r"0 to 0\.86 m"):
         modes_of(BAT, Free(), 2).shape(z)
 
@@ -227,7 +227,7 @@ def test_more_modes_than_the_mesh_has_are_refused() -> None:
         modes_of(BAT, Free(), 10_000)
 
 
-def test_a_stiff_rod_bounces_on_its_spring_as_a_rigid_one() -> None:
+def test_a_stiff_rod_bounces_on_its_spring_as_a_rigid_body() -> None:
     """On one pivot spring k the rotation is free, and the other mode has w^2 = k / M_eff."""
     body = rod((0.05, 0.06), youngs_modulus=1e13, shear_modulus=4e12)
     beam, modes = beam_of(body), modes_of(body, Pinned(0.8, 1e4), 2)
@@ -249,7 +249,7 @@ def test_modes_over_a_spring_are_orthonormal_and_hold_its_energy(stiffness: floa
     assert np.abs(energy - np.diag(squares)).max() < 1e-7 * squares.max()
 
 
-def test_a_pivot_spring_runs_from_free_to_rigid() -> None:
+def test_a_pivot_spring_tends_to_the_free_and_the_pinned_bat() -> None:
     """The gap to a pinned bat's frequencies is proportional to 1/k, that to a free bat's to k."""
     rigid = modes_of(BAT, Pinned(0.7), 4).angular_frequencies[1:]
     free = modes_of(BAT, Free(), 4).angular_frequencies[2:]
@@ -272,7 +272,7 @@ def test_a_pivot_without_stiffness_is_refused(stiffness: float) -> None:
 
 
 @pytest.mark.parametrize("youngs_modulus", [1e10, 1e13, 1e15])
-def test_the_least_stiffness_is_told_and_enough(youngs_modulus: float) -> None:
+def test_the_smallest_stiffness_is_in_the_message_and_sufficient(youngs_modulus: float) -> None:
     """From this stiffness on the bounce is that of a rigid bat on its spring: w^2 = k / M_eff."""
     body = rod(youngs_modulus=youngs_modulus, shear_modulus=0.4 * youngs_modulus)
     beam = beam_of(body, Pinned(0.7))

@@ -28,7 +28,7 @@ SPEED = 60 * MPH
     ("bat", "ounces", "first_mode"),
     [("softball-34", (28, 30), (150, 240)), ("softball-wood-34", (28, 34), (140, 200))],
 )
-def test_a_softball_bat_is_one(
+def test_a_softball_bat_has_usual_properties(
     bat: str, ounces: tuple[float, float], first_mode: tuple[float, float]
 ) -> None:
     """34 in long, 2.25 in thick and 7000 to 10 000 oz in² about 6 in from the knob."""
@@ -44,7 +44,7 @@ def test_a_softball_bat_is_one(
         assert 1000 <= body.hoop.frequency <= 2500
 
 
-def test_a_softball_touches_a_wall_for_a_millisecond_or_so() -> None:
+def test_a_softball_touches_a_wall_for_about_a_millisecond() -> None:
     """The oracle is a linear loading and a steep unloading branch, by the gamma function."""
     ball = catalog.load("balls", "softball-slowpitch", BallSpec).spec
     assert 6.25 < ball.mass / OUNCE < 7

@@ -12,7 +12,7 @@ TOLERANCE = {"r161": 1e-4, "ea70": 4e-3, "barrel-loaded": 4e-3, "knob-loaded": 3
 
 
 @pytest.mark.parametrize("name", BATS)
-def test_bat_meets_what_was_published_of_it(name: str) -> None:
+def test_a_bat_has_its_published_properties(name: str) -> None:
     spec = load_bat(name).spec
     published = spec.published
     assert published is not None

@@ -108,7 +108,7 @@ HARD = Light(ambient=0.1, toward=(0.6, 0.0, -0.8))
 
 
 @pytest.mark.parametrize("light", [SOFT, HARD])
-def test_a_stitched_ball_is_what_its_samples_sum_up_to(light: Light) -> None:
+def test_a_stitched_ball_is_the_sum_of_its_samples(light: Light) -> None:
     """Seams and shading are anti-aliased and not displaced; the worst pixel is off by 2e-3."""
     centre, motion, size = np.array([20.3, 19.6]), np.array([3.0, -1.0]), 40
     for seed in range(2):
@@ -141,7 +141,7 @@ def test_a_contact_within_the_exposure_is_two_legs() -> None:
     assert np.abs(both.cover - mean).max() < 1e-5
 
 
-def test_a_ball_that_turns_is_the_mean_of_how_it_stood() -> None:
+def test_a_turning_ball_is_the_mean_of_its_orientations() -> None:
     """A fifth of a turn per frame against the mean of 64 balls at rest."""
     turn = np.array([0.2, -1.1, 0.4])
     body = axes_of([0.3, 0.5, -0.2])

@@ -48,7 +48,7 @@ def camera(spec: CameraSpec = SPEC) -> Camera:
     return Camera.commission(spec, Streams(1), "camera")
 
 
-def test_windows_show_the_ball_where_it_was() -> None:
+def test_windows_show_the_ball_at_its_true_position() -> None:
     """The centroid of the hidden background lies at the true outline."""
     clip, truth = camera(SPEC.ideal()).watch(course(2), Streams(2), "clip", np.arange(2))
     assert isinstance(clip, ClipRecord)
@@ -87,7 +87,7 @@ def test_frames_come_at_the_cameras_rate_and_the_ball_at_its_speed() -> None:
         assert (np.diff(speed) < 0).all()
 
 
-def test_places_stray_from_the_truth_by_the_uncertainty_stated() -> None:
+def test_positions_scatter_by_the_stated_uncertainty() -> None:
     track, truth = camera().watch(
         course(200), Streams(4), "track", np.arange(200), RecordDetail.SUMMED
     )

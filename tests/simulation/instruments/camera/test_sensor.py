@@ -28,7 +28,7 @@ SPEC = SensorSpec(
 
 
 @pytest.mark.parametrize("level", [8.0, 24.0, 26.0, 400.0, 9000.0])
-def test_photon_transfer(level: float) -> None:
+def test_mean_and_variance_follow_emva_1288(level: float) -> None:
     """Variance K² (σ_d² + μ) + 1/12 and mean K μ + black level, over 60 frames."""
     sensor = Sensor.commission(SPEC, Streams(4), "s")
     light = np.full((60, 40, 50), level, np.float32)
@@ -43,7 +43,7 @@ def test_photon_transfer(level: float) -> None:
     assert grey.mean() == pytest.approx(wanted, abs=4 * np.sqrt(expected / grey.size))
 
 
-def test_few_electrons_are_poisson() -> None:
+def test_counts_of_dim_pixels_are_poisson() -> None:
     """Without read noise, the grey values of dim pixels are Poisson counts times the gain."""
     spec = SPEC.ideal()
     counting = Sensor.commission(spec, Quiet(), "s")
@@ -71,7 +71,7 @@ def test_saturation_is_full_scale() -> None:
     assert np.all(grey == 255)
 
 
-def test_without_randomness_the_mean_is_left() -> None:
+def test_quiet_draws_give_the_expected_value() -> None:
     """Dim or bright pixels show the expected value, to half a grey value."""
     sensor = Sensor.commission(SPEC, Quiet(), "s")
     light = np.linspace(0, 60, 50, dtype=np.float32).reshape(1, 5, 10)
@@ -79,7 +79,7 @@ def test_without_randomness_the_mean_is_left() -> None:
     assert np.abs(grey - (0.15 * light + 64)).max() <= 0.5 + 1e-4
 
 
-def test_a_mean_of_frames_is_one_of_many() -> None:
+def test_a_drawn_mean_is_distributed_as_the_mean_of_frames() -> None:
     """The mean of 32 frames and a mean drawn at once have the same mean and scatter.
 
     Each pixel has its own mean, by its maps. Bounds are four standard errors of 4000 pixels.

@@ -24,7 +24,7 @@ from virtual_lab.streams import Streams
 PLAIN = BallLook(albedo=0.85, seam_contrast=0.0)
 
 
-def test_frames_show_the_ball_where_the_flight_had_it() -> None:
+def test_frames_show_the_ball_at_its_true_position() -> None:
     """The oracle is the closed form of the gates: the time at which a ball passes a position."""
     course = course_of()
     camera = camera_of(spec_of("camera-overhead"), Streams(1))
@@ -45,7 +45,7 @@ def test_frames_show_the_ball_where_the_flight_had_it() -> None:
     assert record.times == pytest.approx(truth["frame_time"] * camera.clock, abs=1e-12)
 
 
-def test_the_centre_goes_on_and_comes_back_while_it_touches() -> None:
+def test_the_centre_moves_smoothly_during_contact() -> None:
     """At both ends of contact, position and speed equal those of the flights."""
     course = course_of()
     shot, step = np.arange(3), 1e-8
@@ -61,7 +61,7 @@ def test_the_centre_goes_on_and_comes_back_while_it_touches() -> None:
     assert np.all(deepest > 2e-3)
 
 
-def test_frames_that_get_lost_leave_a_gap_in_time() -> None:
+def test_lost_frames_leave_a_gap_in_the_time_stamps() -> None:
     """A fifth of 96 frames is missing, and the time stamps of the others show the gaps."""
     clock = replace(spec_of("camera-overhead").clock, drop_rate=0.2)
     camera = camera_of(spec_of("camera-overhead", clock=clock), Streams(2))
@@ -78,7 +78,7 @@ def test_frames_that_get_lost_leave_a_gap_in_time() -> None:
     assert (whole > 1).sum() > 4
 
 
-def test_sums_are_as_uncertain_as_pixels_allow() -> None:
+def test_the_uncertainty_of_a_summed_record_is_the_fisher_bound() -> None:
     """Fisher information of x and y of a rendered ball, at known radius and blur, plus 10 %.
 
     The noise is that of each pixel, along and across the motion blur.
@@ -110,7 +110,7 @@ def test_sums_are_as_uncertain_as_pixels_allow() -> None:
     assert pulls.std() == pytest.approx(1, abs=4 / np.sqrt(2 * pulls.size))
 
 
-def test_a_bat_stands_where_it_turned_to() -> None:
+def test_a_turned_bat_is_drawn_at_its_angle() -> None:
     """Width and position of the bar agree with its projected edges to 0.01 px."""
     spec = spec_of("camera-backlit").ideal()
     camera = camera_of(replace(spec, light=replace(spec.light, bat=0.0)), QUIET)
@@ -146,7 +146,7 @@ def test_the_same_seed_is_the_same_clip_and_another_is_not() -> None:
     assert np.array_equal(both.left[:3], one.left, equal_nan=True)
 
 
-def test_calibration_and_errors_speak_of_the_same() -> None:
+def test_calibration_and_errors_have_the_same_constants() -> None:
     """True constants lie within 5 u of the certificate; an ideal camera has those of its sheet."""
     spec = spec_of("camera-overhead")
     camera = camera_of(spec, Streams(9))
