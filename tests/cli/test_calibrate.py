@@ -25,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return at
 
 
-def test_pictures_to_a_calibration_and_the_truth_beside_it(folder: Path) -> None:
+def test_calibrate_finds_the_true_camera_of_rendered_pictures(folder: Path) -> None:
     out = folder / "cal.toml"
     words = ["calibrate", str(folder / "board/pictures"), *BOARD, "--out", str(out), "--json"]
     done = CliRunner().invoke(cli, [*words, "--height", "36.5mm", "--height-u", "1mm"])

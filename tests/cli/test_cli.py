@@ -53,7 +53,7 @@ def tested(piped: tuple[Path, bytes, bytes]) -> Path:
     return piped[0]
 
 
-def test_certify_writes_all_it_promises(tested: Path) -> None:
+def test_certify_writes_all_promised_files(tested: Path) -> None:
     """The folder has the promised files, and the certificate the keys on which programs rely."""
     found = {str(path.relative_to(tested)) for path in tested.rglob("*") if path.is_file()}
     assert {"certificate.html", "certificate.json", "readings.csv"} <= found
@@ -109,7 +109,7 @@ def test_the_truth_on_disk_changes_only_the_score(tested: Path, tmp_path: Path, 
     assert run("reduce", "copy/records", "--json") == before
 
 
-def test_what_was_altered_is_named(tested: Path, tmp_path: Path, run: Run) -> None:
+def test_altered_files_are_named(tested: Path, tmp_path: Path, run: Run) -> None:
     """A lower value and a truncated record are named, and the table is still printed."""
     shutil.copytree(tested, tmp_path / "copy")
     path = tmp_path / "copy" / "certificate.json"
@@ -151,7 +151,7 @@ def test_show_refuses_a_certificate_that_contradicts_itself(
         assert f"changed.json: {words}" in err
 
 
-def test_a_seed_of_the_operators_is_said_everywhere(tested: Path, run: Run) -> None:
+def test_a_chosen_seed_is_stated_everywhere(tested: Path, run: Run) -> None:
     words = "reproducible: seed chosen by the operator, not sealed"
     assert words in (tested / "certificate.html").read_text()
     document = json.loads((tested / "certificate.json").read_text())
@@ -160,7 +160,7 @@ def test_a_seed_of_the_operators_is_said_everywhere(tested: Path, run: Run) -> N
     assert json.loads(run("score", str(tested), "--json")[1])["sealing"] == words
 
 
-def test_a_drawn_seed_stands_with_the_truth_alone(run: Run, tmp_path: Path) -> None:
+def test_a_random_seed_is_stored_only_with_the_truth(run: Run, tmp_path: Path) -> None:
     """The seed of 128 bits is in no other file, in no file name and in no message."""
     code, out, err = run("certify", "r161")
     assert code == 0
@@ -185,7 +185,7 @@ def test_a_drawn_seed_stands_with_the_truth_alone(run: Run, tmp_path: Path) -> N
     assert str(seed) not in out + err
 
 
-def test_score_speaks_in_units_and_standard_uncertainties(tested: Path, run: Run) -> None:
+def test_score_gives_errors_in_units_and_in_u(tested: Path, run: Run) -> None:
     document = json.loads(run("score", str(tested), "--json")[1])
     for name in ("metric", "collision_efficiency", "restitution", "recoil_factor"):
         row = document[name]
@@ -194,7 +194,7 @@ def test_score_speaks_in_units_and_standard_uncertainties(tested: Path, run: Run
         assert abs(row["z"]) < 4
 
 
-def test_no_record_and_no_certificate_tells_the_seed(tested: Path) -> None:
+def test_no_record_and_no_certificate_reveals_the_seed(tested: Path) -> None:
     """The seed 7041776 and its hash without salt are in no file outside the truth."""
     bare = hashlib.sha256(b"7041776").hexdigest()
     for path in tested.rglob("*"):
@@ -205,7 +205,7 @@ def test_no_record_and_no_certificate_tells_the_seed(tested: Path) -> None:
     assert '"seed": 7041776' in (tested / "truth" / "truth.json").read_text()
 
 
-def test_ideal_says_the_truth(run: Run) -> None:
+def test_an_ideal_test_measures_the_truth(run: Run) -> None:
     """Measured and true values agree within 1e-9, and both runs write the same bytes."""
     for name in ("ideal", "again"):
         assert run("certify", "ea70", "--ideal", "--out", name)[0] == 0
@@ -300,7 +300,7 @@ def test_stability_prints_its_maps_and_writes_its_folder(
 
 
 @pytest.mark.parametrize("kind", [None, "bats", "balls", "procedures", "instruments", "rigs"])
-def test_list_and_show(kind: str | None, run: Run) -> None:
+def test_every_listed_sheet_can_be_shown(kind: str | None, run: Run) -> None:
     """Every listed sheet can be shown, and each of its numbers has a unit and a source."""
     rows = json.loads(run("list", *([kind] if kind else []), "--json")[1])
     assert rows
@@ -324,7 +324,7 @@ BAD_BATS = {
 
 
 @pytest.mark.parametrize("fault", BAD_BATS)
-def test_a_bad_file_is_one_line_and_leaves_nothing(fault: str, run: Run, tmp_path: Path) -> None:
+def test_a_bad_file_gives_one_line_and_writes_nothing(fault: str, run: Run, tmp_path: Path) -> None:
     old, new, words = BAD_BATS[fault]
     assert old in R161
     (tmp_path / "mine.toml").write_text(R161.replace(old, new))
@@ -360,7 +360,7 @@ inertia_axis = { value = 33, unit = "in", source = "pendulum", verified = true }
         ("z_cm =", "balance =", ["balance", "unknown key", "z_cm"]),
     ],
 )
-def test_measurements_no_bat_is_fitted_to(
+def test_measurements_that_fit_no_bat_are_refused(
     old: str, new: str, words: list[str], run: Run, tmp_path: Path
 ) -> None:
     (tmp_path / "measured.toml").write_text(MEASURED.replace(old, new))
@@ -384,7 +384,7 @@ def test_a_fitted_bat_can_be_profiled(run: Run, tmp_path: Path) -> None:
     assert "is there already" in err
 
 
-def test_a_laboratorys_mornings(run: Run, tmp_path: Path) -> None:
+def test_daily_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) -> None:
     """The command prints its table and its folder; by default it takes the next free folder."""
     short = ("daily", "--days", "12", "--baseline", "6", "--hits", "4")
     code, out, err = run(*short, "--rule", "1")
@@ -439,7 +439,7 @@ def test_a_laboratorys_mornings(run: Run, tmp_path: Path) -> None:
         (["dance"], "dance"),
     ],
 )
-def test_bad_words_are_one_line(words: list[str], said: str, run: Run, tmp_path: Path) -> None:
+def test_bad_arguments_give_one_line(words: list[str], said: str, run: Run, tmp_path: Path) -> None:
     code, out, err = run(*words)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert said in err
@@ -455,7 +455,7 @@ def test_a_folder_in_use_is_left_alone(run: Run, tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "full").iterdir()] == ["thesis.txt"]
 
 
-def test_a_place_that_cannot_be_written(run: Run, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_named(run: Run, tmp_path: Path) -> None:
     """The target is a file, or below one, which stops root, too."""
     (tmp_path / "file").write_text("")
     for target in ("file", "file/inside"):
@@ -464,7 +464,7 @@ def test_a_place_that_cannot_be_written(run: Run, tmp_path: Path) -> None:
         assert target in err
 
 
-def test_a_record_cut_short(tested: Path, run: Run, tmp_path: Path) -> None:
+def test_a_truncated_record_is_refused(tested: Path, run: Run, tmp_path: Path) -> None:
     shutil.copytree(tested / "records", tmp_path / "records")
     path = tmp_path / "records" / "impact" / "encoder.csv"
     path.write_bytes(path.read_bytes()[:4000])
@@ -474,7 +474,7 @@ def test_a_record_cut_short(tested: Path, run: Run, tmp_path: Path) -> None:
     assert "cut short" in err
 
 
-def test_version_help_and_completion(run: Run) -> None:
+def test_version_help_and_completion_are_printed(run: Run) -> None:
     from virtual_lab import __version__
 
     assert run("--version")[1].strip().endswith(__version__)
@@ -494,7 +494,7 @@ def test_the_rig_is_a_choice_and_is_completed(run: Run) -> None:
     assert json.loads(out)["rigs"]["impact"] == "astm-pivot"
 
 
-def test_what_is_stated_about_a_test_is_on_its_page(run: Run, tmp_path: Path) -> None:
+def test_statements_about_a_test_are_on_its_certificate(run: Run, tmp_path: Path) -> None:
     """Each option fills its line of the certificate, as does its reduction, on the chosen paper."""
     stated = {
         "--customer": ("Customer", "Hilltop Bats"),
@@ -516,9 +516,7 @@ def test_what_is_stated_about_a_test_is_on_its_page(run: Run, tmp_path: Path) ->
             assert f"{label} {value}" in text
 
 
-def test_a_reader_that_has_had_enough_is_no_fault(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_closed_pipe_is_no_error(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """In ``virtual-lab list | head -1``, the pipe closes while the program writes."""
 
     def closed(*_: object, **__: object) -> None:
@@ -528,14 +526,14 @@ def test_a_reader_that_has_had_enough_is_no_fault(
     assert run("list")[0] == 0
 
 
-def test_progress_in_a_pipe_is_not_in_the_way_of_json(piped: tuple[Path, bytes, bytes]) -> None:
+def test_progress_in_a_pipe_leaves_json_valid(piped: tuple[Path, bytes, bytes]) -> None:
     """Only progress is on stderr, and only if kernels are compiled for ten seconds."""
     _, stdout, stderr = piped
     assert all(line.startswith("… ") for line in stderr.decode().splitlines())
     assert json.loads(stdout)["verdict"] == "PASS"
 
 
-def test_faults_of_a_day(run: Run, tmp_path: Path) -> None:
+def test_faults_are_flagged_but_named_only_in_the_truth(run: Run, tmp_path: Path) -> None:
     """Two faults at once raise their flags on the certificate; only the truth names them."""
     words = ["--fault", "aim-across", "--fault", "gate-misses", "--out", "out", "--json"]
     code, out, _ = run("certify", "r161", "--seed", "12", *words)
@@ -545,14 +543,14 @@ def test_faults_of_a_day(run: Run, tmp_path: Path) -> None:
     assert truth["faults"] == ["aim-across", "gate-misses"]
 
 
-def test_an_unknown_fault(run: Run, tmp_path: Path) -> None:
+def test_an_unknown_fault_is_refused(run: Run, tmp_path: Path) -> None:
     code, _, err = run("certify", "r161", "--fault", "gate-move", "--out", "out")
     assert code == 2
     assert "did you mean gate-moved" in err
     assert not (tmp_path / "out").exists()
 
 
-def test_the_study_of_faults(run: Run, tmp_path: Path) -> None:
+def test_faults_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) -> None:
     words = ["--procedure", "astm-f1881", "--laboratories", "2", "--seed", "700"]
     code, out, _ = run("faults", "aim-along", *words, "--out", "table")
     assert code == 0
@@ -564,7 +562,7 @@ def test_the_study_of_faults(run: Run, tmp_path: Path) -> None:
     assert [row["fault"] for row in json.loads(out)] == ["none", "aim-along"]
 
 
-def test_paper_says_of_every_claim_that_it_holds(run: Run) -> None:
+def test_every_claim_of_the_paper_holds(run: Run) -> None:
     code, out, _ = run("paper", "--json")
     assert code == 0
     document = json.loads(out)
@@ -586,7 +584,7 @@ def test_critique_prints_its_tables_and_writes_its_folder(run: Run, tmp_path: Pa
     assert "not empty" in err
 
 
-def test_a_missing_extra_is_installed_from_a_clone(
+def test_a_missing_extra_is_named_with_the_command_to_install_it(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The message tells how to install it from a clone, because the index has another project."""

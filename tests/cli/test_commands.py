@@ -103,14 +103,14 @@ def test_every_parameter_of_a_command_is_an_option_with_words() -> None:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_the_example_of_a_command_can_be_given(name: str) -> None:
+def test_the_example_of_a_command_is_valid(name: str) -> None:
     """The options of the example exist, and their values are allowed."""
     example = COMMANDS[name].example
     assert example.startswith(name if name != "rehearse" else "rehearse")
     assert given(example)
 
 
-def test_settings_in_a_file_are_options(run: Run, tmp_path: Path) -> None:  # noqa: F811
+def test_settings_in_a_file_act_as_options(run: Run, tmp_path: Path) -> None:  # noqa: F811
     """Settings have the names of Python's parameters; options on the command line replace them."""
     (tmp_path / "s.toml").write_text(
         'bat = "ea70"\nprocedure = "bbcor"\nseed = 7\nfilm = true\nfaults = ["aim-along"]\n'
@@ -154,7 +154,7 @@ def test_settings_that_cannot_be_used_name_the_file(
         assert word in err
 
 
-def test_an_instrument_in_a_file(run: Run, tmp_path: Path) -> None:  # noqa: F811
+def test_a_wrong_instrument_file_is_refused(run: Run, tmp_path: Path) -> None:  # noqa: F811
     for words, said in (
         ("pivot-gates", "NAME=FILE"),
         ("pivot-gate=w.toml", "did you mean pivot-gates"),
@@ -166,7 +166,7 @@ def test_an_instrument_in_a_file(run: Run, tmp_path: Path) -> None:  # noqa: F81
         assert said in err
 
 
-def test_the_command_of_another_package(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+def test_another_package_can_add_a_command(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
     """An entry point adds a command, which is in the help and has the options of a study."""
     group = "virtual_lab.commands"
     asked = {"group": group}
@@ -229,7 +229,7 @@ def test_a_result_folder_keeps_the_settings_that_repeat_it(
     }
 
 
-def test_a_sweep_at_the_shell_is_that_of_python(run: Run, tmp_path: Path) -> None:  # noqa: F811
+def test_a_sweep_at_the_shell_equals_that_in_python(run: Run, tmp_path: Path) -> None:  # noqa: F811
     words = ("sweep", "r161", "--laboratories", "1", "--seed", "4", "--csv", "rows.csv")
     code, out, _ = run(*words, "--json")
     table = vl.sweep("r161", laboratories=1, seed=4)

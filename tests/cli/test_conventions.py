@@ -16,7 +16,7 @@ from virtual_lab.output import progress as module
 from virtual_lab.output.progress import show_progress
 
 
-def test_the_help_lists_every_command_under_what_it_is_for(run: Run) -> None:  # noqa: F811
+def test_the_help_lists_every_command_under_its_purpose(run: Run) -> None:  # noqa: F811
     _, out, _ = run("--help")
     parts = ["Test a bat:", "Bats", "Studies", "Camera:", "Speed and accuracy:", "Shell:"]
     assert [out.index(part) for part in parts] == sorted(out.index(part) for part in parts)
@@ -56,7 +56,7 @@ def test_the_seed_is_in_the_folder_only_where_it_was_given(run: Run, tmp_path: P
     assert names == ["ea70-astm-f1881", "ea70-astm-f1881-2", "ea70-astm-f1881-seed-12-number-3"]
 
 
-def test_table_and_picture_into_files_of_ones_own(run: Run, tmp_path: Path) -> None:  # noqa: F811
+def test_table_and_picture_go_to_the_named_files(run: Run, tmp_path: Path) -> None:  # noqa: F811
     files = ("--csv", "sub/peaks.csv", "--plot", "peaks.svg")
     code, out, _ = run("profile", "r161", "ea70", *files)
     assert code == 0
@@ -81,7 +81,7 @@ def test_table_and_picture_into_files_of_ones_own(run: Run, tmp_path: Path) -> N
         ("coverage --clips 1", "clips"),
     ],
 )
-def test_files_that_cannot_be_written(
+def test_files_that_cannot_be_written_are_named(
     words: str,
     said: str,
     run: Run,  # noqa: F811
@@ -139,11 +139,11 @@ def test_progress_has_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> Non
 @pytest.mark.parametrize(
     ("seconds", "words"), [(0.4, "0 s"), (61, "1 min 01 s"), (3660, "1 h 01 min")]
 )
-def test_durations_in_words(seconds: float, words: str) -> None:
+def test_durations_are_written_in_words(seconds: float, words: str) -> None:
     assert module._duration(seconds) == words
 
 
-def test_a_reader_of_progress_that_has_gone_is_no_fault() -> None:
+def test_a_closed_stream_of_progress_is_no_error() -> None:
     class Gone(Terminal):
         def write(self, _: str) -> int:
             raise BrokenPipeError

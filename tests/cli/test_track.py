@@ -33,7 +33,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return at
 
 
-def test_everything_a_user_gets(folder: Path) -> None:
+def test_track_writes_all_files_and_results(folder: Path) -> None:
     out = folder / "found"
     arguments = ["track", str(folder / "clip.mp4"), "--calibration", str(folder / "cal.toml")]
     done = CliRunner().invoke(
@@ -77,7 +77,7 @@ def test_everything_a_user_gets(folder: Path) -> None:
     assert len(film.frames) == 44
 
 
-def test_options_go_before_the_calibration_file(folder: Path, tmp_path: Path) -> None:
+def test_options_replace_the_calibration_file(folder: Path, tmp_path: Path) -> None:
     """Scale with its u, frame rate and exposure in options replace the file's, also for a hit."""
     words = "frames_per_second = 5000\nexposure_s = 1e-4\nlens_blur_px = 0.7\n"
     (folder / "other.toml").write_text(words)
@@ -136,7 +136,7 @@ def test_a_kind_of_ball_gives_size_and_drag(folder: Path, tmp_path: Path) -> Non
         ("baseball", {"mass": "72.646g"}, "drag_per_m = 0.003", 2 * DRAG),
     ],
 )
-def test_what_is_stated_goes_before_the_kind_of_ball(
+def test_stated_values_replace_those_of_the_kind_of_ball(
     ball: Any, said: dict[str, Any], file: str, drag: float, tmp_path: Path
 ) -> None:
     (tmp_path / "cal.toml").write_text(file)
@@ -171,7 +171,7 @@ def test_bad_input_leaves_nothing_behind(folder: Path, arguments: list[str], wor
     assert set(folder.iterdir()) == before
 
 
-def test_two_balls_are_said(folder: Path) -> None:
+def test_two_balls_are_flagged(folder: Path) -> None:
     """Two equal balls at the same time still give a result, with a flag."""
     other = replace(FILM, contact=(240.0, 30.0), noise=0.0, velocity_in=(9.3, -1.0))
     both = [np.maximum(a, b) for a, b in zip(FILM.frames(), other.frames(), strict=True)]
@@ -194,7 +194,9 @@ def thrown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, dict[s
     return clip, out, json.loads(done.stdout)
 
 
-def test_a_phones_clip(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
+def test_a_phones_clip_gives_flights_contacts_and_flags(
+    thrown: tuple[Path, Path, dict[str, Any]],
+) -> None:
     """Flights, contacts and flags are complete, and the sheet has at most 4 megapixels."""
     _, out, told = thrown
     assert told["motion"] == "flights"
@@ -214,7 +216,9 @@ def test_a_phones_clip(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
     assert sheet.shape[0] * sheet.shape[1] <= 4e6
 
 
-def test_a_phone_leaves_out_what_holds_for_all(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
+def test_phone_omits_flags_that_hold_for_all_phones(
+    thrown: tuple[Path, Path, dict[str, Any]],
+) -> None:
     """With `phone`, no flag concerns readout, rate or the ball's u; results are the same."""
     clip, _, told = thrown
     found = vl.track(clip, ball="80mm", frames="16:51", phone=True).document
@@ -224,7 +228,7 @@ def test_a_phone_leaves_out_what_holds_for_all(thrown: tuple[Path, Path, dict[st
     assert found["frames_per_second"] == {"value": 30.0, "u": 0.0, "from": "given"}
 
 
-def test_a_track_comes_back_corrected(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
+def test_a_corrected_track_changes_the_result(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
     """An unchanged table gives the same result; rows changed by hand change it."""
     clip, out, told = thrown
     rows = pd.read_csv(out / "track.csv")
@@ -277,13 +281,13 @@ def test_flights_at_the_same_time_are_refused(
         (["--ruler", "ball", "--scale", "10,20:200,20=19cm"], "a length in the picture"),
     ],
 )
-def test_words_of_another_form(folder: Path, words: list[str], told: str) -> None:
+def test_options_of_a_wrong_form_are_refused(folder: Path, words: list[str], told: str) -> None:
     done = CliRunner().invoke(cli, ["track", str(folder / "clip.mp4"), "--ball", "28mm", *words])
     assert isinstance(done.exception, InputError)
     assert told in str(done.exception)
 
 
-def test_python_gives_tables(folder: Path) -> None:
+def test_python_returns_tables(folder: Path) -> None:
     """Without a calibration file, tables are returned, too, and the text states the assumptions."""
     found = vl.track(folder / "clip.mp4", ball="2.8 cm", global_shutter=True)
     assert found.motion == "flights"
@@ -320,7 +324,9 @@ def test_python_gives_tables(folder: Path) -> None:
         (None, {"ball": "73mm"}, "expected a path"),
     ],
 )
-def test_python_s_wrong_types_say_what_to_write(clip: Any, said: dict[str, Any], told: str) -> None:
+def test_wrong_types_in_python_name_the_allowed_ones(
+    clip: Any, said: dict[str, Any], told: str
+) -> None:
     with pytest.raises(InputError) as refused:
         vl.track(clip, **said)
     assert told in str(refused.value)

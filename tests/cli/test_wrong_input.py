@@ -697,7 +697,7 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_wrong_input_is_one_line(case: str, records: Path, run: Run, tmp_path: Path) -> None:  # noqa: F811
+def test_wrong_input_gives_one_line(case: str, records: Path, run: Run, tmp_path: Path) -> None:  # noqa: F811
     """Exit code 2, one line on stderr, no change to the folder, and little time and memory."""
     setup, command, words = CASES[case]
     setup(tmp_path, records)

@@ -58,7 +58,7 @@ def end_gauge(x):
     return {"length": d + (x["ls"] * (1 - expansion))[:, 0], "d": d}
 
 
-def test_gum_h1_end_gauge() -> None:
+def test_the_budget_agrees_with_gum_h1() -> None:
     """JCGM 100 H.1 has u 32 nm, ν 16, U99 93 nm; GTC 1.5.1 has more digits: 31.664 and 16.752."""
     components = propagate(end_gauge, END_GAUGE)
     budget = combine(50_000_838.0, components["length"])
@@ -77,7 +77,7 @@ def test_gum_h1_end_gauge() -> None:
     assert [part.name for part in budget.components][:2] == ["ls", "dt"]
 
 
-def test_welch_satterthwaite_is_welchs_own() -> None:
+def test_welch_satterthwaite_agrees_with_welchs_t_test() -> None:
     """The dof are those of Welch's two-sample t-test, by scipy.stats.ttest_ind(equal_var=False)."""
     rng = np.random.default_rng(12)
     a, b = rng.normal(0, 1, 7), rng.normal(0, 3, 12)
@@ -126,7 +126,7 @@ def test_a_shared_constant_cancels() -> None:
     assert combine(30.0, parts["speed"]).u == pytest.approx(30 * sqrt(1e-4 + 1 / 9e4), rel=1e-3)
 
 
-def test_certain_constants_are_left_out_and_scatter_comes_in() -> None:
+def test_scatter_has_a_line_and_a_constant_without_u_has_none() -> None:
     """Hits 1, 2, 3, 4 have s/√n = √(5/3)/2 with 3 dof; a constant without u has no line."""
     constants = {"a": Estimate(value=1.0), "b": Estimate(value=1.0, u=0.5)}
     parts = propagate(lambda x: {"y": (x["a"] * x["b"])[:, 0]}, constants)["y"]
@@ -150,7 +150,7 @@ def test_a_block_without_uncertain_constants_has_its_scatter_alone() -> None:
     assert combined(np.ones(3), alone).u == pytest.approx([0.1] * 3)
 
 
-def test_every_place_has_its_own_scatter() -> None:
+def test_every_impact_position_has_its_own_scatter() -> None:
     """Var = Σ (Σ w²) s² over impact positions; a single hit gets the pooled s² of the others."""
     hits = np.array([1.0, 2.0, 3.0, 10.0, 20.0, 7.0])
     weights = np.array([0.1, 0.1, 0.1, 0.3, 0.3, 0.1])
@@ -163,7 +163,7 @@ def test_every_place_has_its_own_scatter() -> None:
     assert found.value == pytest.approx(hits @ weights, rel=1e-12)
 
 
-def test_scatter_that_constants_explain_is_taken_off() -> None:
+def test_scatter_that_constants_explain_is_subtracted() -> None:
     """Two constants move two hits at a position by ±1 and ±2 and explain a variance of (2 + 8)/3.
 
     The dof are those of the whole variance times (remaining s²/s²)².
@@ -212,21 +212,21 @@ def test_a_pool_is_one_line() -> None:
     assert budget.dof == pytest.approx(9 * (budget.u**2 / square) ** 2, rel=1e-12)
 
 
-def test_a_whole_number_is_a_value() -> None:
+def test_an_integer_is_varied_like_a_float() -> None:
     """The input d0 of JCGM 100 H.1 is 215: as an int it is varied by its u like a float."""
     parts = propagate(lambda x: {"y": x["d0"][:, 0]}, {"d0": Estimate(value=215, u=5.8)})["y"]
     assert component(parts).contribution == pytest.approx(5.8, rel=1e-12)
 
 
 @pytest.mark.parametrize(("dof", "factor"), [(1, 12.71), (5, 2.57), (16, 2.12), (50, 2.01)])
-def test_interval_is_students(dof: float, factor: float) -> None:
+def test_the_interval_has_students_factor(dof: float, factor: float) -> None:
     """JCGM 100:2008, table G.2, column 95 %."""
     low, high = interval_95(10.0, 2.0, dof)
     assert (high - 10) / 2 == pytest.approx(factor, abs=0.005)
     assert 10 - low == pytest.approx(high - 10)
 
 
-def test_interval_without_end_of_freedom() -> None:
+def test_infinite_dof_give_the_normal_interval() -> None:
     """The normal factor is 1.96; without uncertain inputs the interval has no width."""
     assert interval_95(0.0, 1.0, inf)[1] == pytest.approx(1.959964, abs=1e-6)
     nothing = combine(
@@ -235,7 +235,7 @@ def test_interval_without_end_of_freedom() -> None:
     assert (nothing.u, nothing.dof, nothing.interval_95) == (0.0, inf, (3.0, 3.0))
 
 
-def test_a_nonlinear_model_by_its_derivative() -> None:
+def test_a_nonlinear_model_has_its_central_difference() -> None:
     """For y = x³ at 2 ± 1e-4, the central difference is 3x² + u²."""
     parts = propagate(lambda x: {"y": x["x"][:, 0] ** 3}, {"x": Estimate(value=2.0, u=1e-4)})["y"]
     assert component(parts).sensitivity == pytest.approx(12 + 1e-8, rel=1e-9)

@@ -21,7 +21,7 @@ TABLE = {
 }
 
 
-def test_specific_risk() -> None:
+def test_specific_risks_agree_with_jcgm_106() -> None:
     """JCGM 106 8.3.3: Zener diode, V ≤ -5.40 V, -5.47 ± .05: Φ(1.4) = .92; a bat with one limit."""
     assert vl.conformity(-5.47, 0.05, upper=-5.40) == pytest.approx(0.9192, abs=5e-5)
     assert vl.conformity(1.140, 0.0074, upper=1.15) == pytest.approx(0.912, abs=5e-4)
@@ -31,7 +31,7 @@ def test_specific_risk() -> None:
 
 
 @pytest.mark.parametrize("h", TABLE)
-def test_global_risks(h: float) -> None:
+def test_global_risks_agree_with_suncal(h: float) -> None:
     consumer, producer, near = TABLE[h]
     found = vl.risk(RESISTORS, 0.04, **LIMITS, guard=h * 0.08)
     assert found.consumer == pytest.approx(consumer, abs=near)
@@ -67,7 +67,7 @@ def test_global_risks_are_those_of_counted_items(prior: vl.Input) -> None:
     assert text.startswith("prior: ")
 
 
-def test_guard_bands() -> None:
+def test_guard_bands_meet_their_risk() -> None:
     """The band follows w = r U, a specific risk of 5 % (1.645 u), or a joint risk, which holds."""
     assert vl.guard_band(0.04, **LIMITS, r=1) == pytest.approx((0.08, 1499.88, 1500.12))
     w, low, high = vl.guard_band(0.0074, upper=1.15, target=0.05)
@@ -104,7 +104,7 @@ def test_guard_bands() -> None:
         ),
     ],
 )
-def test_wrong_input(decide, said: str) -> None:
+def test_wrong_input_gives_one_line(decide, said: str) -> None:
     with pytest.raises(vl.InputError, match=said) as caught:
         decide()
     assert "\n" not in str(caught.value)

@@ -48,7 +48,7 @@ def four(fourth: float, law: str) -> dict[str, vl.Input]:
     return inputs | {"d": vl.Input(0, fourth, distribution=law)}
 
 
-def test_supplement_1_additive_models() -> None:
+def test_draws_agree_with_supplement_1_on_additive_models() -> None:
     """JCGM 101 9.2: ± 3.92; ± 3.88, exactly 2 √3 (2 - (3/5)^¼); with u = 10: 10.1 and ± 17.0."""
     close(propagated(total, four(1, "normal")), 0, 2, -3.92, 3.92)
     end = 2 * sqrt(3) * (2 - (3 / 5) ** 0.25)
@@ -62,7 +62,7 @@ def test_supplement_1_additive_models() -> None:
     assert found["result"].verdict.startswith("first order not validated")  # ± 19.9 by the GUM
 
 
-def test_supplement_1_mass_calibration() -> None:
+def test_draws_agree_with_supplement_1_on_mass_calibration() -> None:
     """JCGM 101 table 5: 1.2341, .0754, shortest [1.0834, 1.3825]; that run's tolerance is .005."""
     assert vl.propagate(models.mass, models.MASS).u == pytest.approx(0.0539, abs=5e-5)
     second = vl.propagate(models.mass, models.MASS, method="second-order")
@@ -83,7 +83,9 @@ def test_supplement_1_mass_calibration() -> None:
         (0.050, 2550, 502, (1590, 3543)),
     ],
 )
-def test_supplement_1_squares(x1: float, y: float, u: float, shortest: tuple) -> None:
+def test_draws_agree_with_supplement_1_on_squares(
+    x1: float, y: float, u: float, shortest: tuple
+) -> None:
     """JCGM 101 9.4, r = 0, in 1e-6; for x1 = 0, the shortest interval ends at -2 ln(.05) · 25."""
     inputs = {"x1": vl.Input(x1, 0.005), "x2": vl.Input(0.0, 0.005)}
     found = propagated(lambda x1, x2: 1e6 * (x1**2 + x2**2), inputs, draws=MANY)
@@ -104,7 +106,9 @@ def test_supplement_1_squares(x1: float, y: float, u: float, shortest: tuple) ->
         (0.010, 0.9, (0.015, 0.008, -0.343, 0.903)),
     ],
 )
-def test_supplement_2_polar(re: float, r: float, printed: tuple) -> None:
+def test_draws_agree_with_supplement_2_on_polar_coordinates(
+    re: float, r: float, printed: tuple
+) -> None:
     """JCGM 102 9.2: magnitude and phase of a complex quantity whose parts have u = .010."""
     inputs = {"re": vl.Input(re, 0.010), "im": vl.Input(0.0, 0.010)}
     bound = {("re", "im"): r} if r else {}
@@ -119,7 +123,7 @@ def test_supplement_2_polar(re: float, r: float, printed: tuple) -> None:
             assert number == pytest.approx(expected, abs=1.5e-3 if abs(expected) > 0.1 else 5.1e-4)
 
 
-def test_regions_of_two_outputs() -> None:
+def test_regions_of_two_outputs_agree_with_supplement_2() -> None:
     """JCGM 102 7.7: k_p = √χ²_2(.95) = 2.448 for a normal pair; 2.236 for an independent box."""
     inputs = {"a": vl.Input(1, 0.1), "b": vl.Input(2, 0.3)}
     found = propagated(lambda a, b: {"sum": a + b, "difference": a - b}, inputs)
@@ -142,7 +146,7 @@ SCIPY = {
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_laws(law: str) -> None:
+def test_laws_agree_with_scipy(law: str) -> None:
     """Draws agree with quantiles (Kolmogorov–Smirnov), quantiles and moments with scipy."""
     shape = {"t": 3.5, "trapezoid": 0.4}.get(law, 0.0)
     x = LAWS[law].draw(generator(3, law, 0), BLOCK, shape)
@@ -185,7 +189,7 @@ def test_no_u_with_two_degrees_of_freedom() -> None:
     assert "ν = 2, at most 2: no u exists" in found.text
 
 
-def test_draws_do_not_hang_on_order_units_or_the_end_of_the_run() -> None:
+def test_draws_do_not_depend_on_order_units_or_length_of_run() -> None:
     """Order changes no bit, a scale 2^k scales the results, and blocks are not correlated."""
     first = propagated(models.bpf, models.BPF, draws=9 * BATCH)
     turned = dict(reversed(models.BPF.items()))
@@ -199,7 +203,7 @@ def test_draws_do_not_hang_on_order_units_or_the_end_of_the_run() -> None:
         assert abs(np.corrcoef(one, other)[0, 1]) < 4 / sqrt(BLOCK)
 
 
-def test_a_sketch_is_the_sorted_numbers_and_adds_up() -> None:
+def test_a_sketch_agrees_with_sorted_numbers_and_adds_up() -> None:
     """A sketch of a million heavy-tailed numbers is right within a bin, 1.3e-4 of its width."""
     x = generator(2, "sketch", 0).standard_t(3, 2**20)
     whole, half, other = (Sketch.placed(x[:BLOCK], 0.95) for _ in range(3))
@@ -219,7 +223,7 @@ def test_a_sketch_is_the_sorted_numbers_and_adds_up() -> None:
     assert np.mean((x >= low) & (x <= high)) == pytest.approx(0.95, abs=1e-4)
 
 
-def test_discrete_outputs() -> None:
+def test_discrete_outputs_have_exact_intervals() -> None:
     """A coin has the ends 0 and 1, a constant no width; a gap holds no quantile."""
     coin = propagated(lambda x: x > 1, {"x": vl.Input(1, 0.1)}, draws=1)
     assert coin.value == pytest.approx(0.5, abs=0.02)
@@ -300,12 +304,12 @@ def test_all_methods_agree_on_linear_models(c: list[float], r: float, law: str) 
         (four(1, "normal"), {"digits": 400}, "digits = 400; allowed: 1 to 15"),
     ],
 )
-def test_draws_that_cannot_be_made(inputs: dict, more: dict, said: str) -> None:
+def test_impossible_draws_are_refused(inputs: dict, more: dict, said: str) -> None:
     with pytest.raises(vl.InputError, match=said):
         vl.propagate(total, inputs, method="monte-carlo", **more)
 
 
-def test_clause_8_asks_for_both_ends() -> None:
+def test_clause_8_compares_both_ends() -> None:
     """For a normal law cut at -1 u, the upper end is first order's 1.96, but the lower is -1."""
     found = propagated(
         lambda x: np.maximum(x, -1.0), {"x": vl.Input(0, 1)}, digits=1, validate=True
@@ -348,7 +352,7 @@ def test_a_rare_nan_is_found() -> None:
         propagated(root, {"x": vl.Input(4, 1)})
 
 
-def test_a_function_of_numbers_by_draws() -> None:
+def test_a_scalar_function_is_called_for_each_draw() -> None:
     found = propagated(
         lambda x, y: atan2(y, x), {"x": vl.Input(-1, 0.1), "y": vl.Input(0, 0.1)}, draws=1
     )
@@ -357,7 +361,7 @@ def test_a_function_of_numbers_by_draws() -> None:
     assert found.u == pytest.approx(sqrt(pi**2 - 0.2 * sqrt(2 * pi) + 0.01), rel=2e-3)
 
 
-def test_errors_of_sobols_indices_are_those_of_many_samples() -> None:
+def test_the_u_of_sobols_indices_is_their_scatter() -> None:
     """The oracle is the standard deviation of Saltelli's estimates over 400 independent samples."""
     rng, n = np.random.default_rng(2), 512
 
@@ -386,7 +390,7 @@ def test_a_total_index_below_its_first_is_within_its_error() -> None:
         assert (np.abs(found[key] - [0.2, 0.8]) < 3 * found[f"{key}_u"]).all()
 
 
-def test_sobols_indices_of_exact_cases() -> None:
+def test_sobols_indices_agree_with_exact_cases() -> None:
     """Ishigami's function has the indices .3139, .4424, 0 and .5576, .4424, .2437."""
     inputs = {name: vl.Input(low=-pi, high=pi) for name in "abc"}
 

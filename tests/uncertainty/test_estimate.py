@@ -23,7 +23,9 @@ def mean_of_readings(readings: list[float], least_u: float = 0.0) -> Estimate:
 
 
 @pytest.mark.parametrize(("readings", "value", "u", "digits"), GUM_H2)
-def test_gum_h2(readings: list[float], value: float, u: float, digits: int) -> None:
+def test_means_agree_with_gum_h2(
+    readings: list[float], value: float, u: float, digits: int
+) -> None:
     """The three observed quantities of JCGM 100:2008, H.2.2, agree to the printed digits."""
     mean = mean_of_readings(readings)
     assert round(mean.value, digits) == value
@@ -32,7 +34,7 @@ def test_gum_h2(readings: list[float], value: float, u: float, digits: int) -> N
     assert mean.evaluation == "A"
 
 
-def test_nist_numacc1() -> None:
+def test_the_mean_agrees_with_nist_numacc1() -> None:
     """NIST StRD univariate, NumAcc1: the certified mean is 10000002, the standard deviation 1."""
     mean = mean_of_readings([10000001.0, 10000003.0, 10000002.0])
     assert mean.value == 10000002
@@ -79,7 +81,7 @@ def test_resolution_hides_the_scatter() -> None:
         ({"value": 1.0, "dof": nan}, "freedom"),
     ],
 )
-def test_what_no_estimate_can_be(fault: dict[str, float], named: str) -> None:
+def test_invalid_estimates_are_refused(fault: dict[str, float], named: str) -> None:
     """The message names the wrong part."""
     with pytest.raises(ValueError, match=named):
         Estimate(**fault)

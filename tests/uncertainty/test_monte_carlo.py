@@ -22,7 +22,7 @@ from virtual_lab.uncertainty.propagating import propagate_inputs
 
 
 @pytest.mark.parametrize(("bat", "procedure"), [("r161", "bbcor"), ("softball-34", "asa")])
-def test_draws_have_the_u_of_students(bat: str, procedure: str) -> None:
+def test_draws_have_the_u_of_t_distributions(bat: str, procedure: str) -> None:
     """u² = Σ (c u)² ν/(ν - 2), because draws have t distributions, within 2 % (4 standard errors).
 
     The ends agree with those of sums of t draws by numpy, within 3 % of the interval.
@@ -66,7 +66,7 @@ def by_draws(monkeypatch: pytest.MonkeyPatch, seed: int) -> CertificateDocument:
     return certificate(tested.certification)
 
 
-def test_a_certificate_by_draws_states_the_combined_u_of_its_lines_too(
+def test_a_certificate_by_draws_also_states_the_combined_u_of_its_lines(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The drawn u is that of a t distribution per line, with the dof that the line states.

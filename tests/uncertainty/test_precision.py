@@ -29,7 +29,7 @@ def nist(name: str) -> tuple[np.ndarray, dict[str, float]]:
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in NIST.glob("*.dat")))
-def test_nist_sets(name: str) -> None:
+def test_group_studies_agree_with_nist(name: str) -> None:
     """All eleven sets: F, sums of squares, residual standard deviation (15 certified digits)."""
     rows, certified = nist(name)
     found = vl.group_study(rows[:, 1], rows[:, 0])
@@ -61,7 +61,7 @@ GAUGE = np.array(
 PARTS, OPERATORS = np.tile(np.arange(10), 9), np.repeat(list("AAABBBCCC"), 10)
 
 
-def test_gauge_study_of_the_manual() -> None:
+def test_a_gauge_study_agrees_with_the_manual() -> None:
     """Printed results: EV .199933, AV .226838, GRR .302372, PV 1.042327, 27.86 %, ndc 4."""
     found = vl.gauge_study(GAUGE.ravel(), PARTS, OPERATORS)
     lines = found.operators.ss, found.parts.ss, found.interaction.ss, found.trials.ss
@@ -88,7 +88,7 @@ def test_an_interaction_stays_apart() -> None:
     assert found.gauge**2 == pytest.approx(0.02 + 8.99)
 
 
-def test_groups_of_different_size() -> None:
+def test_groups_of_different_size_agree_with_searle() -> None:
     """Searle's n0 by hand is (8 - (25 + 9)/8)/1 = 3.75."""
     values = [1.0, 2.0, 3.0, 2.0, 2.0, 5.0, 6.0, 7.0]
     found = vl.group_study(values, list("aaaaabbb"))
@@ -111,7 +111,7 @@ def test_groups_of_different_size() -> None:
         (lambda: vl.gauge_study(GAUGE.ravel()[1:], PARTS[1:], OPERATORS[1:]), "equally often"),
     ],
 )
-def test_wrong_input(study, said: str) -> None:
+def test_wrong_input_gives_one_line(study, said: str) -> None:
     with pytest.raises(vl.InputError, match=said) as caught:
         study()
     assert "\n" not in str(caught.value)

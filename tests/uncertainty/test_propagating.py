@@ -19,7 +19,7 @@ from virtual_lab.uncertainty.models import Model
 BOTH = pytest.mark.parametrize("method", ["first-order", "second-order"])
 
 
-def test_gum_h1_end_gauge() -> None:
+def test_both_orders_agree_with_gum_h1() -> None:
     """JCGM 100 H.1.7: u 32 nm, ν 16, and 34 nm with the terms of second order.
 
     These are 50 000 623 · (.5774e-6 · .4062 and 1.1547e-6 · .02887) = 11.72 and 1.667 nm, which
@@ -37,7 +37,7 @@ def test_gum_h1_end_gauge() -> None:
     assert (largest["component"], round(largest["contribution"])) == ("ls", 25)
 
 
-def test_gum_h2_readings_taken_together() -> None:
+def test_joint_readings_agree_with_gum_h2() -> None:
     """JCGM 100 table H.4, and GTC to 12 digits; u(X) is .296 without the GUM's rounding."""
     found = vl.propagate(models.circuit, {("v", "i", "phi"): models.CIRCUIT})
     printed = {"R": (127.732, 0.071), "X": (219.847, 0.296), "Z": (254.260, 0.236)}
@@ -55,7 +55,7 @@ def test_gum_h2_readings_taken_together() -> None:
     assert pairs[1] == pytest.approx(GTC.get_correlation(peer, ohm), rel=1e-5)
 
 
-def test_gum_h3_line() -> None:
+def test_a_fitted_line_agrees_with_gum_h3() -> None:
     """JCGM 100 H.3: eleven residuals with one scatter of 9 dof are one input."""
     t, b = models.THERMOMETER.T
     line = np.polyfit(t - 20, b, 1)
@@ -78,7 +78,7 @@ def test_gum_h3_line() -> None:
     assert found.correlation[0, 1] == pytest.approx(-0.930, abs=5e-4)
 
 
-def test_eleven_inputs_against_other_libraries() -> None:
+def test_eleven_inputs_agree_with_other_libraries() -> None:
     """GTC and `uncertainties` give value, u and ν with exact derivatives; ours span ± u.
 
     The difference, f''' u²/6, is (.003/.5)² of u here, by 1/e0. The u with a correlation is that of
@@ -145,7 +145,7 @@ def test_a_linear_model_is_exact(terms: list, r: float, scale: float, method: st
     assert other.u / scale == pytest.approx(found.u, rel=1e-6, abs=near)
 
 
-def test_second_order_of_exact_cases() -> None:
+def test_the_second_order_agrees_with_exact_cases() -> None:
     """Squares: E = x² + u², Var = 4 x² u² + (κ - 1) u⁴; a product adds u² u'², a cube 36 u⁴."""
     for law, kurtosis in (("normal", 3), ("uniform", 1.8), ("triangular", 2.4), ("arcsine", 1.5)):
         inputs = {"x": vl.Input(0.5, 0.3, distribution=law)}
@@ -177,7 +177,7 @@ def test_second_order_of_exact_cases() -> None:
     assert found.u**2 == pytest.approx(9e-2 + 36e-4)
 
 
-def test_supplement_1_where_the_first_order_is_silent() -> None:
+def test_the_second_order_agrees_with_supplement_1_on_squares() -> None:
     """JCGM 101 9.4, x1 = 0, .010, .050: y 50, 150, 2550 and u 50, 112, 502 (1e-6); r = 0."""
     for x1, y, u in ((0.0, 50, 50), (0.010, 150, 112), (0.050, 2550, 502)):
         inputs = {"x1": vl.Input(x1, 0.005), "x2": vl.Input(0.0, 0.005)}
@@ -190,7 +190,7 @@ def test_supplement_1_where_the_first_order_is_silent() -> None:
         assert "curvature" not in second.text
 
 
-def test_errors_shared_by_groups_nested_and_crossed() -> None:
+def test_groups_share_errors_nested_and_crossed() -> None:
     """Six hits on two days: the mean has u_day²/2, and Σ (n/6)² u_ball² for nested balls."""
     hits = np.array([1.0, 2.0, 3.0, 2.0, 2.0, 2.0])
     day, ball = [1, 1, 1, 2, 2, 2], [1, 1, 2, 1, 1, 2]
@@ -221,7 +221,7 @@ def test_errors_shared_by_groups_nested_and_crossed() -> None:
     assert apart.u == pytest.approx(0.3 * sqrt(2))
 
 
-def test_bound_inputs_have_the_fewest_degrees_of_freedom_among_them() -> None:
+def test_correlated_inputs_have_the_fewest_dof_among_them() -> None:
     inputs = {"a": vl.Input(1, 0.1, dof=9), "b": vl.Input(2, 0.2, dof=5), "c": vl.Input(0, 0.1)}
     found = vl.propagate(lambda a, b, c: a + b + c, inputs, correlations={("a", "b"): 0.5})
     block = 0.01 + 0.04 + 0.02
@@ -245,7 +245,7 @@ def test_readings_count_by_their_scatter() -> None:
     assert vl.propagate(lambda x: x, {"x": Estimate(value=3.0, u=0.1)}).u == pytest.approx(0.1)
 
 
-def test_inexact_limits() -> None:
+def test_inexact_limits_have_the_u_of_jcgm_101() -> None:
     """JCGM 101 6.4.3: u² = h²/3 + d²/9."""
     found = vl.propagate(lambda x: x, {"x": vl.Input(low=-3, high=5, inexact=1.5)})
     assert found.value == 1.0
@@ -267,7 +267,7 @@ def test_a_function_of_numbers_is_called_row_by_row() -> None:
     assert mixed.u == pytest.approx(0.2)
 
 
-def test_several_outputs_are_asked_for_by_name() -> None:
+def test_several_outputs_are_selected_by_name() -> None:
     found = vl.propagate(models.circuit, {("v", "i", "phi"): models.CIRCUIT})
     assert found.table["output"].tolist() == ["R", "X", "Z"]
     with pytest.raises(vl.InputError, match=r"allowed: .NAME. of R, X, Z"):
@@ -367,7 +367,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_wrong_input_is_one_line(case: str) -> None:
+def test_wrong_input_gives_one_line(case: str) -> None:
     model, inputs, more, said = WRONG[case]
     with pytest.raises(vl.InputError, match=said) as caught:
         vl.propagate(model, inputs, **more)
@@ -404,7 +404,7 @@ def test_outputs_in_another_order_are_the_same() -> None:
     assert found["product"].value == pytest.approx(2)
 
 
-def test_u_of_nothing_is_said() -> None:
+def test_an_output_without_u_is_stated() -> None:
     found = vl.propagate(lambda a, b: 0 * a + 3 + 0 * b, GOOD)
     assert found.u == 0
     assert found.dof == inf

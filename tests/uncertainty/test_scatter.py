@@ -51,7 +51,7 @@ def test_the_variance_of_a_hit_is_that_of_numpy() -> None:
     assert numbers(seen(hits, 3 * hits).variance) == pytest.approx([s2 - 9 * s2, s2, 5])
 
 
-def test_pooled_tests_forget_the_invalid() -> None:
+def test_pooled_tests_omit_the_invalid() -> None:
     tests = [variance(v, v, dof) for v, dof in ((1.0, 5.0), (3.0, 15.0), (1e9, 0.0))]
     pooled = HitVariance.pooled(tests)
     assert numbers(pooled) == pytest.approx([2.5, 2.5, 20])
@@ -71,20 +71,20 @@ def test_a_larger_scatter_today_counts_alone() -> None:
         assert larger_today(today, earlier) == alone
 
 
-def test_the_f_test_compares_variances_as_they_were_seen() -> None:
+def test_the_f_test_compares_observed_variances() -> None:
     """Constants explain a part of each variance; the remaining part has no F distribution."""
     assert variance(1.0, 4.0, 5.0).larger(variance(1.0, 1.0, 50.0))[0]
     assert not variance(3.0, 3.0, 5.0).larger(variance(0.5, 1.0, 50.0))[0]
 
 
-def test_what_constants_explain_whole_keeps_its_degrees_of_freedom() -> None:
+def test_a_fully_explained_scatter_keeps_its_degrees_of_freedom() -> None:
     """Instead of u = 0 with ν = ∞, the Welch-Satterthwaite term is that of the seen variance."""
     joined = of_six(variance(-0.5, 1.0, 5.0), 0.0, np.inf).joined(variance(-0.1, 1.0, 50.0))
     assert 0 < joined.u[0] < 0.02
     assert joined.u[0] ** 4 / joined.dof[0] == pytest.approx((1 / HITS) ** 2 / 55)
 
 
-def test_a_history_serves_the_tests_with_a_small_u_as_well() -> None:
+def test_a_history_covers_the_tests_with_a_small_u_as_well() -> None:
     """The simulation has 20 000 laboratories with six normal hits and ten earlier tests.
 
     The tenth with the smallest u covers the truth in 90 % with the history (u with 55 dof spreads

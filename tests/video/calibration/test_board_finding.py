@@ -38,7 +38,7 @@ def off(seen: BoardView | None, columns: int, rows: int) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("legacy", [False, True])
-def test_a_board_of_opencvs_is_found_where_it_lies(legacy: bool) -> None:
+def test_a_board_drawn_by_opencv_is_found_in_place(legacy: bool) -> None:
     """The board has an even number of rows; its first square is black or, as before 4.6, white."""
     seen = find_board(drawn(14, 8, 0.72, legacy=legacy), board_of("charuco:14x8:40mm:28.8mm"))
     error = off(seen, 14, 8)
@@ -47,7 +47,7 @@ def test_a_board_of_opencvs_is_found_where_it_lies(legacy: bool) -> None:
     assert np.abs(error).max() < 0.08
 
 
-def test_part_of_a_board_in_uneven_light_and_jpeg() -> None:
+def test_part_of_a_board_is_found_in_uneven_light_and_jpeg() -> None:
     """The board's right side is cut off, light falls by half, and the picture is a noisy JPEG."""
     picture = drawn(14, 9, 0.72)[:, :400]
     light = np.linspace(1.0, 0.5, 400)
@@ -60,7 +60,7 @@ def test_part_of_a_board_in_uneven_light_and_jpeg() -> None:
     assert np.sqrt(np.mean(error**2)) < 0.04
 
 
-def test_another_board_is_none() -> None:
+def test_another_board_is_not_found() -> None:
     """A board with more squares, another dictionary, or no markers is not taken for this one."""
     picture = drawn(9, 6, 0.72)
     assert find_board(picture, board_of("charuco:9x6:1m:0.72m:6X6_50")) is None

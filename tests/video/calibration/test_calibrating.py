@@ -56,7 +56,7 @@ def calibrated(
 
 
 @pytest.mark.parametrize("name", ["charuco:14x9:40mm:30mm", "chessboard:14x9:40mm"])
-def test_corners_are_placed_well_below_a_pixel(name: str) -> None:
+def test_corners_are_located_well_below_a_pixel(name: str) -> None:
     """The 104 corners are right within a thirtieth of a pixel (rms), without a common shift."""
     cv2.setNumThreads(1)
     board, camera = board_of(name), camera_with(1)
@@ -111,7 +111,7 @@ def test_errors_are_as_large_as_stated(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.sqrt(np.mean(np.square(errors))) < 1.5e-5  # 0.0015 % of a length
 
 
-def test_rendered_pictures_lead_to_the_lens() -> None:
+def test_rendered_pictures_give_the_true_lens() -> None:
     """Rendered pictures give the lens within 5 stated u, and lengths within 0.02 %."""
     cv2.setNumThreads(1)
     camera = small_camera(4)
@@ -158,7 +158,9 @@ def test_track_reads_what_calibrate_writes(monkeypatch: pytest.MonkeyPatch, tmp_
         (lambda lens: corners_seen(lens, BOARD, 6, 1, 1.0, lean=0.14), "focal length"),
     ],
 )
-def test_views_that_tell_too_little(seen, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_views_with_too_little_information_are_refused(
+    seen, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(InputError, match=words):
         calibrated(monkeypatch, seen(camera_with(1).lens))
 
@@ -207,7 +209,7 @@ def test_axes_run_with_the_picture_however_the_board_lies(
     assert np.diagonal(axes).min() > 0.99
 
 
-def test_pictures_that_do_not_belong_together(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_that_do_not_belong_together_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each picture has its own grey level; the brightest one shows no board."""
     seen = corners_seen(camera_with(1).lens, BOARD, 6, 1, NOISE)
     monkeypatch.setattr(

@@ -30,7 +30,7 @@ def located(x: Array, y: Array, radius: float = 30.0, flags: int = 0) -> Located
     return replace(start, flags=start.flags + np.uint16(flags), pattern_u=np.zeros(len(x)))
 
 
-def test_a_calibrated_camera_seen_at_a_slant() -> None:
+def test_a_slanted_camera_gives_positions_in_the_plane() -> None:
     rng = np.random.default_rng(5)
     world = np.column_stack(
         [rng.uniform(-0.4, 0.4, 20), rng.uniform(-0.25, 0.25, 20), np.full(20, 0.03)]
@@ -92,7 +92,7 @@ def test_the_ball_sets_the_scale_where_nothing_else_does() -> None:
     assert (given.metres_per_pixel, given.relative_u, given.source) == (2e-3, 2e-3, "given")
 
 
-def test_how_large_a_ball_looks_across_the_picture() -> None:
+def test_the_size_of_a_ball_follows_its_outline_across_the_picture() -> None:
     """Outlines of equal spheres in the plane, projected by OpenCV, give the sizes within 2e-4."""
     rotation = cv2.Rodrigues(np.array(CAMERA.rotation))[0]
     shift = np.array(CAMERA.translation_m)

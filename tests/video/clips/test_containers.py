@@ -124,7 +124,7 @@ CUT: dict[str, Callable[[Path], Path]] = {
 
 
 @pytest.mark.parametrize("kind", CUT)
-def test_a_clip_that_was_cut_short_is_said(kind: str, tmp_path: Path) -> None:
+def test_a_clip_that_was_cut_short_is_refused(kind: str, tmp_path: Path) -> None:
     whole = CUT[kind](tmp_path)
     assert open_clip(whole, ANY).count == COUNT
     with pytest.raises(InputError, match="was it cut short"):

@@ -68,7 +68,7 @@ def write_mraw(path: Path, frames: list[NDArray[np.uint16]], rate: float, bits: 
     return path
 
 
-def test_a_cine_file(tmp_path: Path) -> None:
+def test_a_cine_file_is_read_without_change(tmp_path: Path) -> None:
     source = open_source(write_cine(tmp_path / "a.cine", FRAMES, 12000.0))
     assert (source.declared, source.rate) == (7, 12000.0)
     for (frame, _), true in zip(source.pictures(), FRAMES, strict=True):
@@ -77,7 +77,7 @@ def test_a_cine_file(tmp_path: Path) -> None:
     assert np.diff(clip.times) == pytest.approx(1 / 12000)
 
 
-def test_time_stamps_and_exposure_of_a_cine_file(tmp_path: Path) -> None:
+def test_a_cine_file_gives_time_stamps_and_exposure(tmp_path: Path) -> None:
     """Time stamps count 2^-32 s since 1970; the same time as a double would be wrong by 0.2 us."""
     times = np.array([0, 1, 2, 4, 5, 6, 7]) / 12000  # times with one frame missing
     ticks = np.round((times + 0.25) * 2**32).astype("<u8") + (np.uint64(1_700_000_000) << 32)
@@ -94,7 +94,7 @@ def test_time_stamps_and_exposure_of_a_cine_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("bits", [8, 12, 16])
 @pytest.mark.parametrize("suffix", [".mraw", ".cihx"])
-def test_an_mraw_file(bits: int, suffix: str, tmp_path: Path) -> None:
+def test_an_mraw_file_is_read_without_change(bits: int, suffix: str, tmp_path: Path) -> None:
     frames = [each & 255 if bits == 8 else each for each in FRAMES]
     write_mraw(tmp_path / "a.mraw", frames, 5000.0, bits)
     source = open_source(tmp_path / f"a{suffix}")
@@ -103,7 +103,7 @@ def test_an_mraw_file(bits: int, suffix: str, tmp_path: Path) -> None:
         np.testing.assert_array_equal(frame, true)
 
 
-def test_what_cannot_be_read_names_format_and_extra(
+def test_an_unreadable_file_names_its_format_and_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "a.cine").write_bytes(b"CI" + bytes(50))

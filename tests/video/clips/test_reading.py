@@ -61,7 +61,7 @@ WRITERS: dict[str, Callable[[Path, Frames], Path]] = {
 @pytest.mark.parametrize("depth", [np.uint8, np.uint16])
 @pytest.mark.parametrize("kind", WRITERS)
 @pytest.mark.filterwarnings("ignore")
-def test_frames_come_out_as_they_went_in(kind: str, depth: type, tmp_path: Path) -> None:
+def test_frames_are_read_without_change(kind: str, depth: type, tmp_path: Path) -> None:
     frames = noise(depth=depth)
     read = [frame for frame, _ in open_source(WRITERS[kind](tmp_path, frames)).pictures()]
     np.testing.assert_array_equal(read, frames)
@@ -75,7 +75,7 @@ def test_colour_becomes_grey(kind: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(np.stack(read), grey, atol=1.0)
 
 
-def test_one_look_tells_times_bits_and_samples(tmp_path: Path) -> None:
+def test_opening_a_clip_gives_times_bits_and_samples(tmp_path: Path) -> None:
     frames = noise(100, np.uint16)
     clip = open_clip(array(tmp_path / "a.npy", frames), FAST)
     assert (clip.count, clip.shape, clip.full_scale) == (100, (40, 64), 4095.0)
@@ -141,7 +141,7 @@ BAD: dict[str, tuple[Callable[[Path], Path], str]] = {
 
 
 @pytest.mark.parametrize("fault", BAD)
-def test_what_is_no_clip_is_said(fault: str, tmp_path: Path) -> None:
+def test_a_file_that_is_no_clip_is_refused(fault: str, tmp_path: Path) -> None:
     make, words = BAD[fault]
     with pytest.raises(InputError, match=words):
         open_clip(make(tmp_path), FAST)
@@ -157,7 +157,7 @@ def stamped(at: Path, content: str, count: int = 12) -> tuple[Path, ClipCalibrat
     "content",
     ["0\n.1\n.3\n", "0E0\n1e-1\n3e-1\n", "time_s\n0\n.1\n.3\n", "frame,time_s\n0,0\n1,.1\n2,.3\n"],
 )
-def test_time_stamps_of_their_own(content: str, tmp_path: Path) -> None:
+def test_a_file_of_time_stamps_sets_the_times(content: str, tmp_path: Path) -> None:
     clip = open_clip(*stamped(tmp_path, content, count=3))
     np.testing.assert_array_equal(clip.times, [0, 0.1, 0.3])
 
@@ -177,12 +177,12 @@ def test_time_stamps_of_their_own(content: str, tmp_path: Path) -> None:
         ("0,.0\n1,.1\n2,.2\n", "needs 'time_s'"),
     ],
 )
-def test_bad_time_stamps(content: str, words: str, tmp_path: Path) -> None:
+def test_bad_time_stamps_are_refused(content: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=words):
         open_clip(*stamped(tmp_path, content, count=3))
 
 
-def test_missing_time_stamps(tmp_path: Path) -> None:
+def test_missing_time_stamps_are_named(tmp_path: Path) -> None:
     path, calibration = stamped(tmp_path, "0\n", count=3)
     (tmp_path / "stamps.csv").unlink()
     with pytest.raises(InputError, match=r"stamps\.csv"):
@@ -191,7 +191,7 @@ def test_missing_time_stamps(tmp_path: Path) -> None:
         open_clip(path, ClipCalibration(metres_per_pixel=1e-3))
 
 
-def test_a_container_that_is_not_to_be_trusted(tmp_path: Path) -> None:
+def test_unreliable_rates_and_containers_give_a_warning(tmp_path: Path) -> None:
     """AVI at 10 kfps keeps 9 of 24 frames, MKV has steps of 1 ms, and slow motion plays at 30."""
     frames = noise()
     assert "AVI loses" in " ".join(open_clip(WRITERS["avi"](tmp_path, frames), FAST).warnings)
@@ -215,13 +215,13 @@ def test_a_container_that_is_not_to_be_trusted(tmp_path: Path) -> None:
         ("ball_diameter_m = 0.07\n[camera]\nimage_size = [4, 3]", "camera.matrix; this key is m"),
     ],
 )
-def test_bad_calibration_files(content: str, words: str, tmp_path: Path) -> None:
+def test_bad_calibration_files_are_refused(content: str, words: str, tmp_path: Path) -> None:
     (tmp_path / "cal.toml").write_text(content)
     with pytest.raises(InputError, match=words):
         read_calibration(tmp_path / "cal.toml")
 
 
-def test_another_cameras_calibration(tmp_path: Path) -> None:
+def test_another_cameras_calibration_is_refused(tmp_path: Path) -> None:
     camera = (
         "frames_per_second = 5000\n[camera]\nimage_size = [1280, 800]\n"
         "matrix = [[1800.0, 0.0, 640.0], [0.0, 1800.0, 400.0], [0.0, 0.0, 1.0]]\n"
@@ -234,7 +234,7 @@ def test_another_cameras_calibration(tmp_path: Path) -> None:
         open_clip(array(tmp_path / "a.npy", noise()), calibration)
 
 
-def test_keys_replace_the_files(tmp_path: Path) -> None:
+def test_given_keys_replace_those_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "cal.toml"
     path.write_text("ball_diameter_m = 0.07\nframes_per_second = 240\nexposure_s = 4e-3\n")
     other = read_calibration(path, {"ball_diameter_m": 0.073, "frames_per_second": 120.0})
@@ -316,7 +316,7 @@ def test_chosen_frames_alone_are_decoded(monkeypatch: pytest.MonkeyPatch) -> Non
     assert decoded == [4, 9, 31]
 
 
-def test_a_file_that_declares_no_count_is_sampled_all_the_same(
+def test_a_file_without_a_frame_count_is_sampled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """If the header holds no count, evenly spaced frames are kept as samples."""

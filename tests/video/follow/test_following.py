@@ -43,7 +43,7 @@ def followed(tmp_path_factory: pytest.TempPathFactory) -> Get:
     return get
 
 
-def test_flights_and_contacts(followed: Get) -> None:
+def test_flights_and_contacts_agree_with_the_truth(followed: Get) -> None:
     made, found = followed("thrown-on-wall")
     assert found.flags == ("READOUT_UNKNOWN",)
     assert [each.kind for each in found.contacts] == ["floor", "floor"]
@@ -57,7 +57,7 @@ def test_flights_and_contacts(followed: Get) -> None:
 
 
 @pytest.mark.parametrize("name", ["carried", "pendulum", "empty"])
-def test_what_does_not_fly_has_no_flight_and_a_reason(name: str, followed: Get) -> None:
+def test_a_ball_that_does_not_fly_has_no_flight_and_a_reason(name: str, followed: Get) -> None:
     _, found = followed(name)
     assert found.contacts == found.flights == []
     assert "--ball-at" in found.warnings[-1]
@@ -95,7 +95,7 @@ def test_thinned_frames_are_found_by_the_motion(tmp_path: Path) -> None:
     assert fitted.known.rate_u < 0.04
 
 
-def test_time_stamps_that_tell_what_is_missing_are_believed(tmp_path: Path) -> None:
+def test_time_stamps_that_show_missing_frames_are_used(tmp_path: Path) -> None:
     _, found = left_out("stamped", 32, 24, tmp_path)
     assert "LOST_FRAMES" not in found.flags
 
@@ -114,7 +114,9 @@ def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("seed", "crf"), [(729, 29), pytest.param(720, 30, marks=pytest.mark.long)]
 )
-def test_a_hand_s_drift_that_a_codec_nearly_hides(seed: int, crf: int, tmp_path: Path) -> None:
+def test_a_hand_s_drift_that_a_codec_nearly_hides_is_found(
+    seed: int, crf: int, tmp_path: Path
+) -> None:
     """H.264 leaves so little of a plain wall that a wrong shift fits nearly as well."""
     scene = UNSEEN["into-a-corner"]
     made, found = run(replace(scene, codec="H264", crf=crf, seed=scene.seed + 100 * seed), tmp_path)
@@ -129,7 +131,7 @@ def test_a_hand_s_drift_that_a_codec_nearly_hides(seed: int, crf: int, tmp_path:
 
 
 @pytest.mark.long  # drift alone: tests/video/find
-def test_a_phone_that_turns_in_the_hand(tmp_path: Path) -> None:
+def test_flights_are_right_if_a_phone_turns_in_the_hand(tmp_path: Path) -> None:
     """The phone turns by 1.5 degrees; a shift alone would leave flights wrong by 2 px."""
     scene = UNSEEN["rolled"]
     made, found = run(replace(scene, seed=scene.seed + 300), tmp_path)
@@ -142,7 +144,7 @@ def test_a_phone_that_turns_in_the_hand(tmp_path: Path) -> None:
         assert np.abs(off.mean(axis=0)).max() < 0.6
 
 
-def test_a_camera_that_turns_after_the_ball(tmp_path: Path) -> None:
+def test_flights_are_right_if_the_camera_follows_the_ball(tmp_path: Path) -> None:
     """The camera turns by more than a picture's width, so that the last samples hardly overlap."""
     made, found = run(replace(UNSEEN["turned-after"], codec="H264", crf=24), tmp_path)
     assert np.abs(_drift_off(made, found)).max() < 1.0
@@ -151,7 +153,7 @@ def test_a_camera_that_turns_after_the_ball(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("leap", [0, 6])
-def test_a_background_that_leaps_is_said(leap: int) -> None:
+def test_a_background_that_leaps_is_flagged(leap: int) -> None:
     """The camera is knocked while the ball flies."""
     noise, late = np.random.default_rng(9), np.arange(60)
     wall = cv2.GaussianBlur(noise.uniform(0, 255, (240, 420)), (0, 0), 2.0)
@@ -199,7 +201,7 @@ def test_a_frame_stored_three_times_among_doubled_ones_costs_no_flight() -> None
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_rows_of_two_moments_are_followed_with_a_flag(first: int) -> None:
+def test_interlaced_frames_are_followed_with_a_flag(first: int) -> None:
     """Sixty fields per second are interlaced in thirty frames; either field may be the first."""
     frames = _thrown()
     woven = frames[::2].copy()
@@ -287,14 +289,14 @@ def test_a_wrong_frame_rate_is_refused_with_the_right_one(followed: Get) -> None
         follow_blobs(found.clip, found.watched, replace(found.known, rate=120.0))
 
 
-def test_a_clean_parabola_is_a_flight_whatever_ball_it_is_said_to_be(followed: Get) -> None:
+def test_a_clean_parabola_is_a_flight_for_any_stated_ball(followed: Get) -> None:
     _, found = followed("thrown-on-wall")
     wrong = follow_blobs(found.clip, found.watched, replace(found.known, ball=0.2))
     assert [each.places for each in wrong.flights] == [each.places for each in found.flights]
     assert "GRAVITY" in wrong.flags
 
 
-def test_a_shutter_that_rolls_is_found(followed: Get) -> None:
+def test_a_rolling_shutter_is_found(followed: Get) -> None:
     """The readout is no longer flagged as unknown."""
     made, found = followed("rolling-shutter")
     assert found.flags == ("ROLLING_SHUTTER",)
@@ -302,7 +304,7 @@ def test_a_shutter_that_rolls_is_found(followed: Get) -> None:
     require_contacts(made.truth, found)
 
 
-def test_speeds_carry_what_an_unknown_readout_may_do(followed: Get) -> None:
+def test_an_unknown_readout_increases_the_u_of_speeds(followed: Get) -> None:
     _, found = followed("thrown-on-wall")
     told = follow_blobs(found.clip, found.watched, replace(found.known, readout=0.0))
     assert "READOUT_UNKNOWN" not in told.flags

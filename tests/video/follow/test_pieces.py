@@ -58,7 +58,7 @@ def hops(speeds: list[float]) -> tuple[Array, list[NDArray[np.intp]]]:
     return np.stack([100 + 2.0 * t, y], axis=1), whole
 
 
-def test_a_toss_that_a_hand_leads_and_catches() -> None:
+def test_a_toss_is_separated_from_the_hand() -> None:
     """The velocity hardly changes at release, so that a single cut leaves no parabola."""
     rise = np.cumsum(np.linspace(0, 9.5, 26))  # hand, up to 9.5 px/frame
     late = np.arange(1, 67)
@@ -84,7 +84,7 @@ def test_a_shadow_that_a_low_sun_moves_across_the_ground_is_no_ball() -> None:
     assert all((each.xy[:, 0] < 500).all() for each in flights)
 
 
-def test_leaves_that_sail_down_slowly_are_not_the_ball_that_falls_among_them() -> None:
+def test_leaves_that_sail_down_slowly_are_not_the_falling_ball() -> None:
     """The leaves are more and move alike; over so many frames, gravity would show."""
     late = np.arange(16.0)
     ball = blobs_of(np.stack([300 + 8 * late, 100 + PULL * late**2], axis=1))
@@ -102,7 +102,7 @@ def test_leaves_that_sail_down_slowly_are_not_the_ball_that_falls_among_them() -
     assert np.allclose(flight.xy[:, 0], 300 + 8 * late, atol=1.0)
 
 
-def test_another_ball_that_goes_on_where_one_ends_is_not_the_same() -> None:
+def test_another_ball_does_not_continue_the_flights_of_the_first() -> None:
     """Another ball has other colour and size; a two-coloured ball that turns keeps its size."""
     way, whole = hops([9.0, 8.0, 7.0, 6.0])
     found = blobs_of(way)
@@ -117,7 +117,7 @@ def test_another_ball_that_goes_on_where_one_ends_is_not_the_same() -> None:
 
 @pytest.mark.parametrize("drawn", [0.0, 3.0])
 @pytest.mark.parametrize("across", [1.0, 0.1])
-def test_hops_lower_than_the_ball(across: float, drawn: float) -> None:
+def test_hops_lower_than_the_ball_are_flights(across: float, drawn: float) -> None:
     """The struck surface displaces the last blob before it by `drawn` pixels."""
     way, whole = hops([6.0, 4.2, 2.9, 2.1])
     way[:, 0] *= across
@@ -128,7 +128,7 @@ def test_hops_lower_than_the_ball(across: float, drawn: float) -> None:
         assert np.isin(inside, flight.frames).mean() >= 0.8
 
 
-def test_dark_patches_of_a_ball_are_one_at_a_time() -> None:
+def test_dark_patches_of_a_ball_do_not_replace_it() -> None:
     """Three patches with equal motion count as one; the ball's own flights have more positions."""
     way, (one, two, three) = hops([3.0, 2.9, 2.8])
     ball, found = blobs_of(way), []
@@ -141,7 +141,7 @@ def test_dark_patches_of_a_ball_are_one_at_a_time() -> None:
     assert [each.radius for each in flights] == [RADIUS, RADIUS]
 
 
-def test_a_ball_in_two_colours_that_turns() -> None:
+def test_a_turning_ball_in_two_colours_is_one_ball() -> None:
     way, whole = hops([6.0, 5.0, 4.0])
     colour = np.full(len(way), 60.0)
     colour[whole[1][0] :] = 140.0
@@ -157,7 +157,7 @@ def test_rest_before_a_fall_is_no_part_of_the_flight() -> None:
 
 
 @pytest.mark.parametrize("after", [1 / 30, 1 / 24])
-def test_a_phone_that_films_on_more_slowly(after: float) -> None:
+def test_a_phone_may_film_on_at_a_lower_rate(after: float) -> None:
     """Phones change from 30 to 24 frames per second in the dark; time stamps show it."""
     rounded = np.random.default_rng(1).uniform(-4e-4, 4e-4, 80)
     times = np.cumsum([*np.full(30, 1 / 30), *np.full(50, after)]) + rounded

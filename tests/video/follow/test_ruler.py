@@ -85,7 +85,7 @@ def test_each_ruler_checks_the_other(seen: Seen) -> None:
     assert [each.source for each in again(found, ruler="ball").checks] == ["gravity"]
 
 
-def test_a_rolled_camera_is_said_and_moves_no_speed(seen: Seen) -> None:
+def test_a_rolled_camera_is_stated_and_changes_no_speed(seen: Seen) -> None:
     """All positions are turned by 8 degrees about the middle; gravity's direction is fitted."""
     _, found = seen("flat")
     turn, rows, columns = np.radians(8), *found.clip.shape
@@ -104,7 +104,7 @@ def test_a_rolled_camera_is_said_and_moves_no_speed(seen: Seen) -> None:
     assert f"points {roll:.0f} deg to the right of the picture's down" in track_text(rolled)
 
 
-def test_a_wrong_diameter_is_a_flag_and_moves_no_speed(seen: Seen) -> None:
+def test_a_wrong_diameter_is_flagged_and_changes_no_speed(seen: Seen) -> None:
     _, found = seen("flat")
     wrong = again(found, ball=1.25 * 0.073)
     assert "GRAVITY" in wrong.flags
@@ -131,7 +131,7 @@ def test_g_is_not_measured_by_itself(seen: Seen) -> None:
         assert one.value == pytest.approx(other.value * 1.62 / found.known.gravity, rel=1e-6)
 
 
-def test_a_length_in_the_picture_comes_before_both(seen: Seen) -> None:
+def test_a_length_in_the_picture_replaces_both_rulers(seen: Seen) -> None:
     made, found = seen("flat")
     unit = made.metres_per_pixel
     given = again(found, metres_per_pixel=unit, metres_per_pixel_u=0.002 * unit)
@@ -164,7 +164,7 @@ def test_gravity_that_no_flight_shows_is_no_ruler(seen: Seen) -> None:
         follow_blobs(found.clip, short, replace(found.known, ruler="gravity"))
 
 
-def test_gravity_s_u_has_what_no_flight_shows(seen: Seen) -> None:
+def test_the_u_of_gravity_includes_its_unobservable_parts(seen: Seen) -> None:
     """It includes g from 9.78 to 9.83 over the Earth, a tilt of 2.5 degrees, and buoyancy.
 
     For a ball of diameter d with drag k v², k d = 3/4 C_d ρ/ρ_b.
@@ -185,7 +185,7 @@ def test_gravity_s_u_has_what_no_flight_shows(seen: Seen) -> None:
     assert apart == pytest.approx(known[0] ** 2, rel=0.02)
 
 
-def test_of_two_rulers_the_surer_one_is_used(seen: Seen) -> None:
+def test_the_ruler_with_the_smaller_u_is_used(seen: Seen) -> None:
     _, found = seen("flat")
     for gravity_u, used in ((0.01, "gravity"), (1.0, "ball")):
         by = again(found, gravity_u=gravity_u)
@@ -194,7 +194,7 @@ def test_of_two_rulers_the_surer_one_is_used(seen: Seen) -> None:
         assert by.scale.relative_u < by.checks[0].relative_u
 
 
-def test_gravity_stays_the_ruler_where_lost_frames_are_mended(seen: Seen) -> None:
+def test_gravity_stays_the_ruler_after_lost_frames_are_corrected(seen: Seen) -> None:
     """The motion gives the number of lost frames, without doubt left by the fit."""
     made, found = seen("flat")
     assert found.scale is not None
@@ -209,7 +209,7 @@ def test_gravity_stays_the_ruler_where_lost_frames_are_mended(seen: Seen) -> Non
         assert abs(said.value - true) < min(2 * said.u, 0.015 * true)
 
 
-def test_a_rate_that_nobody_gives_is_the_one_that_makes_g_right(seen: Seen) -> None:
+def test_an_unknown_rate_is_fitted_by_gravity(seen: Seen) -> None:
     """A file plays 60 frames per second at 15; the ball's size and gravity give the rate."""
     made, found = seen("flat")
     slow = again(found, rate=15.0, rate_of="file")

@@ -114,7 +114,7 @@ SCENES = {
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_speeds_are_right_to_their_uncertainty(scene: str, flown: Flown) -> None:
+def test_speeds_are_right_within_their_uncertainty(scene: str, flown: Flown) -> None:
     film = SCENES[scene]
     tracked, found = flown(film)
     require(film, found)
@@ -130,14 +130,14 @@ def test_speeds_are_right_to_their_uncertainty(scene: str, flown: Flown) -> None
     assert 0.5 < np.mean(np.square(pulls)[:, located.flags == 0]) < 2.0
 
 
-def test_sixteen_bits(tmp_path: Path) -> None:
+def test_speeds_are_right_with_sixteen_bits(tmp_path: Path) -> None:
     film = Film(shutter=0.5)
     _, found = run(film.frames(full=4095.0), tmp_path, replace(KNOWN, exposure_s=0.5 / RATE))
     require(film, found)
     assert found.clip.clip.full_scale == 4095.0
 
 
-def test_a_floor_takes_the_vertical_part(tmp_path: Path) -> None:
+def test_a_floor_s_restitution_is_that_of_the_vertical_speeds(tmp_path: Path) -> None:
     film = Film(
         velocity_in=(4.0, 6.0),
         velocity_out=(3.1, -4.5),
@@ -155,7 +155,7 @@ def test_a_floor_takes_the_vertical_part(tmp_path: Path) -> None:
     assert "CROOKED" in bent.flags
 
 
-def test_drag_is_taken_from_the_calibration(tmp_path: Path) -> None:
+def test_speeds_are_corrected_by_the_calibrated_drag(tmp_path: Path) -> None:
     """By an exact flight with dv/dx = -κv, v at the contact is e^(-κx) times v at distance x."""
     drag = 0.5  # drag [1/m]: 8 % over the path, 2 % of the speed if it were left out
     film = Film()
@@ -177,7 +177,7 @@ def test_drag_is_taken_from_the_calibration(tmp_path: Path) -> None:
     require(film, found)
 
 
-def test_a_lost_frame_is_seen_and_mended(tmp_path: Path) -> None:
+def test_lost_frames_are_flagged_and_corrected(tmp_path: Path) -> None:
     """One lost frame of 19 would change the speed by 7 %; two more are lost after the contact."""
     film = Film()
     frames = list(film.frames())
@@ -187,7 +187,7 @@ def test_a_lost_frame_is_seen_and_mended(tmp_path: Path) -> None:
     require(film, found)
 
 
-def test_time_stamps_tell_of_lost_frames_themselves(tmp_path: Path) -> None:
+def test_time_stamps_account_for_lost_frames(tmp_path: Path) -> None:
     film = Film()
     frames, t = list(film.frames()), np.arange(film.count) / RATE
     kept = [k for k in range(film.count) if k not in {8, 30, 31}]
@@ -306,7 +306,7 @@ def test_without_a_ball_there_is_no_flight(bat: bool, tmp_path: Path) -> None:
         ("exposure_s", None, r"does not give exposure_s \(the camera's own setting"),
     ],
 )
-def test_a_ball_that_is_not_located_sharply(
+def test_a_ball_that_cannot_be_located_sharply_is_flagged(
     key: str, value: float | None, words: str, tmp_path: Path
 ) -> None:
     """The ball has another size, or the calibration lacks a key, which is named."""
@@ -324,7 +324,7 @@ def test_a_ball_that_is_not_located_sharply(
 
 
 @pytest.mark.parametrize(("sense", "turn"), [(1.0, (0.0, 0.0, 0.0)), (-1.0, (np.pi, 0.0, 0.0))])
-def test_angles_are_as_seen_whichever_way_the_cameras_axes_run(
+def test_angles_do_not_depend_on_the_cameras_axes(
     sense: float, turn: tuple[float, float, float], flown: Flown, tmp_path: Path
 ) -> None:
     """A camera 1 m away with 1 mm per pixel has Y down the picture, or up as on a rig."""

@@ -67,7 +67,7 @@ def turning(rng: np.random.Generator, angle: Array, rms: float) -> Array:
     ("pattern", "spin_rpm"),
     [(0.0, 0), *((pattern, spin) for pattern in (0.01, 0.08) for spin in (0, 300, 1500))],
 )
-def test_a_turning_pattern_is_covered(frames: int, spin_rpm: float, pattern: float) -> None:
+def test_the_u_covers_a_turning_pattern(frames: int, spin_rpm: float, pattern: float) -> None:
     """The 95 % interval covers at least 95 % of the clips, by a binomial bound of 1e-4."""
     rng = np.random.default_rng([frames, int(spin_rpm), int(1000 * pattern)])
     t = np.arange(frames)
@@ -91,7 +91,7 @@ def test_noise_alone_has_the_textbooks_uncertainty() -> None:
     assert speed(places, 1.2 * NOISE).u == pytest.approx(textbook, rel=1e-4)
 
 
-def test_gravity_and_drag_are_taken_out() -> None:
+def test_gravity_and_drag_are_corrected() -> None:
     """The oracle is an integration in small steps with the same small gravity and drag."""
     gravity, drag = np.array([0.0, 0.02]), 1e-4  # gravity and drag in pixels and frames
     steps, count = 1000, 40
@@ -107,7 +107,7 @@ def test_gravity_and_drag_are_taken_out() -> None:
     np.testing.assert_allclose(found, [*told[-1], *last], atol=2e-5)
 
 
-def test_scatter_that_nobody_claimed_widens_the_interval() -> None:
+def test_unstated_scatter_widens_the_interval() -> None:
     t = np.arange(30)
     rng = np.random.default_rng(8)
     places = np.outer(t, (10.0, 0.0)) + 0.1 * rng.standard_normal((30, 2))
@@ -115,7 +115,7 @@ def test_scatter_that_nobody_claimed_widens_the_interval() -> None:
     assert white < speed(places, NOISE).u < 4 * white
 
 
-def test_three_frames_know_their_own_scatter_badly() -> None:
+def test_the_interval_of_three_frames_allows_for_their_few_dof() -> None:
     """Positions scatter 30 times more than claimed: t with two dof has 4.3, not 1.96.
 
     For 600 clips, the 95 % interval passes a binomial bound of 1e-4; u by

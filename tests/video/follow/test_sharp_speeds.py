@@ -103,7 +103,7 @@ def repeated(draw: Callable[[np.random.Generator], FollowedClip], clips: int = 2
 
 
 @pytest.mark.long
-def test_u_of_a_hit_by_repetition() -> None:
+def test_the_u_of_a_hit_is_the_scatter_of_repetitions() -> None:
     """Errors of time, speeds and restitution over u, for 30 frames before the contact and 5 after.
 
     The rms of 200 clips scatters by 5 % about 1. The few positions of the outbound flight give a
@@ -129,7 +129,7 @@ def test_u_of_a_hit_by_repetition() -> None:
         assert 0.5 < np.sqrt(np.mean(np.square(each))) < 1.15, name
 
 
-def test_u_of_angle_and_place_are_the_textbooks() -> None:
+def test_the_u_of_angle_and_position_are_the_textbooks() -> None:
     """For N = 20 positions with σ, the slope of a line has σ_v = σ √(12/N(N² - 1))/dt.
 
     At its end, half a frame further, a line has σ² (1/N + 12 (N/2)²/N(N² - 1)); the position of the
@@ -147,7 +147,7 @@ def test_u_of_angle_and_place_are_the_textbooks() -> None:
     assert found.contacts[0].time.u == pytest.approx(end * np.sqrt(2) / change, rel=1e-3)
 
 
-def test_a_clock_s_u_is_every_speed_s_and_no_restitution_s() -> None:
+def test_the_u_of_a_clock_is_in_speeds_but_not_in_restitution() -> None:
     known = ClipCalibration(
         metres_per_pixel=SCALE, frames_per_second=RATE, frames_per_second_u=0.01 * RATE
     )
@@ -159,7 +159,7 @@ def test_a_clock_s_u_is_every_speed_s_and_no_restitution_s() -> None:
     assert found.contacts[0].restitution.u < 1e-4
 
 
-def test_one_drag_takes_from_both_speeds() -> None:
+def test_the_u_of_drag_adds_up_in_both_speeds() -> None:
     """Half of each path lies before the other: e errs by u(κ) (s_in + s_out), without a root."""
     known = ClipCalibration(metres_per_pixel=SCALE, frames_per_second=RATE, drag_per_m_u=0.02)
     t = frames(20, 20)
@@ -174,7 +174,7 @@ def test_one_drag_takes_from_both_speeds() -> None:
 
 
 @pytest.mark.parametrize("late", [0.1, 0.5, 0.9])
-def test_a_frame_exposed_during_the_contact_is_of_no_flight(late: float) -> None:
+def test_a_frame_exposed_during_the_contact_is_in_no_flight(late: float) -> None:
     """Positions are means over 0.9 of a frame, and so uncertain that no line rejects one."""
     t, exposure = frames(20, 20, late), 0.9 / RATE
     moments = exposure * (np.arange(200) + 0.5 - 100) / 200
@@ -207,7 +207,7 @@ def test_a_floor_s_change_of_velocity_is_upward_to_35_degrees(off_up: float, kin
 
 
 @pytest.mark.parametrize("right", [0.1, -0.1])
-def test_what_a_ball_that_comes_nearer_reads_off(right: float) -> None:
+def test_a_ball_that_comes_nearer_is_flagged_with_its_error(right: float) -> None:
     """At w m/s toward the camera at Z, picture and position grow by w/Z per second."""
     t, rate, true = frames(40, 0), 2.0, 20.0
     middle = t - t.mean()

@@ -43,7 +43,7 @@ def followed(found: Blobs, readout: float | None = 0.0) -> FollowedClip:
 
 @pytest.mark.parametrize("noise", [0.3, 0.5])
 @pytest.mark.parametrize("before", [0, 5, 11, 15])
-def test_a_ball_rolls_over_a_table_s_edge(before: int, noise: float) -> None:
+def test_the_u_of_speed_covers_a_roll_over_a_table_s_edge(before: int, noise: float) -> None:
     """Positions before the edge bend the path too little to be rejected; u covers their effect."""
     late = np.arange(-before, 86.0)
     fallen = np.where(late > 0, 0.07 * late**2 / 2, 0.0)
@@ -56,7 +56,7 @@ def test_a_ball_rolls_over_a_table_s_edge(before: int, noise: float) -> None:
 
 
 @pytest.mark.parametrize("before", [0, 3, 5, 8])
-def test_a_ball_rests_before_it_is_let_go(before: int) -> None:
+def test_the_u_of_speed_covers_rest_before_release(before: int) -> None:
     """In slow motion, rest before release lies on the path within an outline's error."""
     late = np.arange(-before, 140.0)
     fallen = np.where(late > 0, 0.04 * late**2 / 2, 0.0)
@@ -67,7 +67,7 @@ def test_a_ball_rests_before_it_is_let_go(before: int) -> None:
 
 
 @pytest.mark.parametrize("readout", [0.0, 0.5, 1.0])
-def test_the_u_of_gravity_covers_a_readout_that_nobody_knows(readout: float) -> None:
+def test_the_u_of_gravity_covers_an_unknown_readout(readout: float) -> None:
     """Rows read later show a falling ball later, which increases its apparent acceleration."""
     seen = np.arange(80.0)
     late, y = seen, np.zeros(80)
@@ -82,7 +82,7 @@ def test_the_u_of_gravity_covers_a_readout_that_nobody_knows(readout: float) -> 
 
 
 @pytest.mark.parametrize("along", [2.0, -2.0])
-def test_a_ball_that_turns_back_along_the_floor_too_met_two_things(along: float) -> None:
+def test_a_ball_that_also_turns_back_along_the_floor_has_no_restitution(along: float) -> None:
     """A wall and a floor between two pictures have no common normal: there is no restitution."""
     late = np.arange(-50, 50) + 0.5
     x = np.where(late < 0, 3.0, along) * late
@@ -94,7 +94,7 @@ def test_a_ball_that_turns_back_along_the_floor_too_met_two_things(along: float)
     assert ("CONTACT_UNCLEAR" in seen.flags) == (along < 0)
 
 
-def test_a_flight_that_scatters_more_than_the_others_knows_less_of_itself() -> None:
+def test_a_flight_with_more_scatter_has_a_larger_u() -> None:
     way, wholes = hops([6.0, 5.5, 3.0])
     time = np.arange(len(way), dtype=float)
     off = []

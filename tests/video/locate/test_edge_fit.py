@@ -54,7 +54,9 @@ def errors(seen: Scene, found: Located) -> tuple[Array, Array]:
         ("side", 6, 0.10, 0.6),
     ],
 )
-def test_a_stitched_ball_is_placed(light: str, blur: float, worst: float, least: float) -> None:
+def test_a_stitched_ball_is_located_within_its_u(
+    light: str, blur: float, worst: float, least: float
+) -> None:
     """For 100 balls, the rms error is below its limit, and the errors agree with the stated u."""
     seen = scene(light, blur)
     found = fitted(seen)
@@ -66,7 +68,7 @@ def test_a_stitched_ball_is_placed(light: str, blur: float, worst: float, least:
 
 
 @pytest.mark.parametrize("hidden", [0.0, 0.3, 0.5])
-def test_a_rim_that_is_not_seen_is_told(hidden: float) -> None:
+def test_the_hidden_share_of_a_rim_is_found(hidden: float) -> None:
     """An object that hides the rim is in the background, too; the oracle is its part of a ring."""
     side, radius, middle = 101, 36.0, 50.0
     rows, columns = np.mgrid[:side, :side]
@@ -102,7 +104,7 @@ def test_a_plain_ball_has_no_bias(blur: float) -> None:
         assert np.abs(found.y - seen.y).max() < 0.003
 
 
-def test_hot_pixels_do_not_pull() -> None:
+def test_hot_pixels_do_not_bias_a_position() -> None:
     """Each region has 100 hot pixels at 250 DN."""
     seen = balls(30, 2, 96, repeats=10)
     random = np.random.default_rng(3)
@@ -122,7 +124,7 @@ def test_full_scale_is_flagged_and_does_no_harm() -> None:
     assert rms((found.x - seen.x)[np.isfinite(found.x)]) < 0.05
 
 
-def test_a_given_background() -> None:
+def test_a_known_background_may_become_brighter() -> None:
     """The background is a known pattern, and is 10 % brighter than when it was recorded."""
     seen = balls(30, 2, 96, repeats=5)
     size = seen.regions.shape[1]
@@ -145,7 +147,7 @@ def plain(seen: Balls, behind: ArrayLike = 1.0) -> Located:
     return fit_edge(regions, seen.start(), noise=seen.noise, lens=0.8)
 
 
-def test_outlines_that_are_ellipses() -> None:
+def test_elliptic_outlines_are_located() -> None:
     """Outlines are 4 % longer along one axis, which is given to the fit or found by it."""
     seen = scene("soft", stretch=1.04)
     oval = (1.04 - 1) / (1.04 + 1) * np.array([np.cos(np.pi / 3), np.sin(np.pi / 3)])
@@ -159,7 +161,7 @@ def test_outlines_that_are_ellipses() -> None:
     assert rms(pulls) < 1.5
 
 
-def test_what_is_cut_is_flagged_and_placed() -> None:
+def test_a_ball_cut_by_the_frame_is_flagged_and_located() -> None:
     """A quarter of the ball is outside the frame; the median error is below 0.01 px."""
     seen = scene("soft")
     end = int(seen.x.mean() + 15)
@@ -170,7 +172,7 @@ def test_what_is_cut_is_flagged_and_placed() -> None:
     assert rms(pulls) < 1.6
 
 
-def test_no_ball_is_not_found() -> None:
+def test_noise_without_a_ball_gives_no_position() -> None:
     """Regions with noise only, and a region with an unknown start, give no position."""
     seen = scene("soft", count=20)
     empty = np.random.default_rng(2).normal(40.0, 1.5, seen.regions.shape)
@@ -209,7 +211,7 @@ def test_tables_have_closed_forms() -> None:
         assert table[entry, 2] == pytest.approx(blurred, abs=3e-4)
 
 
-def test_the_ring_is_solved_as_a_whole_matrix_is() -> None:
+def test_a_ring_of_blocks_is_solved_like_a_full_matrix() -> None:
     """A random system of the same block structure is solved by numpy, too."""
     random = np.random.default_rng(4)
     for count in (5, 6):

@@ -16,7 +16,7 @@ def frames(gain: float, read: float, seed: int = 1, count: int = 6) -> np.ndarra
 
 
 @pytest.mark.parametrize(("gain", "read"), [(0.5, 4.0), (0.05, 1.0), (2.0, 30.0)])
-def test_photon_transfer(gain: float, read: float) -> None:
+def test_photon_transfer_gives_the_noise(gain: float, read: float) -> None:
     """The variance is right within 5 % from dark to bright pixels, rounding included."""
     noise = Noise.measured(frames(gain, read), 4095.0)
     mean = np.array([50.0, 290.0, 840.0])
@@ -32,7 +32,7 @@ def test_flicker_and_a_passing_ball_are_left_out() -> None:
     assert noise.variance(290.0) == pytest.approx(0.5 * 290 + 4, rel=0.06)
 
 
-def test_bad_input() -> None:
+def test_bad_noise_is_refused() -> None:
     """The error message states the allowed values."""
     for figures in ({"gain": -1.0}, {"read": 0.0}, {"black": 300.0, "full_scale": 255.0}):
         with pytest.raises(InputError, match="allowed"):

@@ -82,7 +82,7 @@ def seen_of(regions: np.ndarray, behind: float) -> Regions:
     )
 
 
-def test_half_a_rim_that_is_dark() -> None:
+def test_a_ball_with_half_its_rim_dark_is_located() -> None:
     """Under a hard lamp from the side, errors are no larger than their stated u."""
     seen = scene("side", count=40)
     middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)
@@ -101,7 +101,7 @@ def test_half_a_rim_that_is_dark() -> None:
 
 
 @pytest.mark.long
-def test_what_hides_at_the_rim_is_reckoned_with() -> None:
+def test_the_u_allows_for_seams_at_the_rim() -> None:
     """A seam along the rim looks like the outline; fewer than 1 in 150 errors exceed 5 u.
 
     A flight leaves such a position out, because it is far from the fitted line.
@@ -124,7 +124,7 @@ def test_what_hides_at_the_rim_is_reckoned_with() -> None:
     assert (np.abs(pulls) > 5).mean() < 1 / 150
 
 
-def test_a_poor_start_makes_no_poorer_place() -> None:
+def test_a_poor_start_gives_no_poorer_position() -> None:
     """A start wrong by 2 pixels and by 5 % in radius is fitted again from the first result."""
     seen = scene("soft", count=20)
     middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)

@@ -74,7 +74,7 @@ def truth(scene: Scene, folder: Path) -> Frames:
     return film(scene, folder).truth.frames
 
 
-def test_a_drawn_ball_has_its_place_and_size() -> None:
+def test_a_drawn_ball_has_the_right_position_and_size() -> None:
     focal, distance = 450.0, 2.0
     at = np.array([[[3.3 / focal * distance, -2.6 / focal * distance, distance]]])
     row, column = np.mgrid[-30:31, -30:31].astype(float)
@@ -100,7 +100,7 @@ def test_off_the_axis_a_ball_is_an_oval_toward_the_middle() -> None:
     assert spread_x / spread_y == pytest.approx(2.0, rel=0.02)  # elongation 1 / cos^2
 
 
-def test_blur_is_as_long_as_the_way_during_the_exposure() -> None:
+def test_blur_is_as_long_as_the_motion_during_the_exposure() -> None:
     parts, length = 30, 12.0
     late = length * ((np.arange(parts) + 0.5) / parts - 0.5)
     at = np.zeros((parts, 61, 3))
@@ -113,7 +113,7 @@ def test_blur_is_as_long_as_the_way_during_the_exposure() -> None:
 
 
 @pytest.mark.parametrize("scene", [QUIET, DRIFTING, ROLLING_SHUTTER], ids=lambda s: str(s.seed))
-def test_balls_are_where_the_truth_says(scene: Scene, tmp_path: Path) -> None:
+def test_balls_are_at_their_true_positions(scene: Scene, tmp_path: Path) -> None:
     scene = without_light(scene)
     frames = truth(scene, tmp_path)
     seen = balls_seen(scene)[frames.whole]
@@ -124,7 +124,7 @@ def test_balls_are_where_the_truth_says(scene: Scene, tmp_path: Path) -> None:
     assert np.abs(seen - told - outward).max() < 0.02
 
 
-def test_places_in_the_still_frame_are_those_without_drift(tmp_path: Path) -> None:
+def test_positions_in_the_still_frame_are_free_of_drift(tmp_path: Path) -> None:
     still, drifting = truth(QUIET, tmp_path / "a"), truth(DRIFTING, tmp_path / "b")
     assert drifting.x == pytest.approx(still.x)
     assert drifting.y == pytest.approx(still.y)
@@ -170,7 +170,7 @@ def test_a_tilted_camera_changes_the_fall_over_the_picture(tmp_path: Path) -> No
     assert np.ptp(frames.radius) > 0.03 * frames.radius.mean()
 
 
-def test_noise_and_flicker(tmp_path: Path) -> None:
+def test_noise_and_flicker_have_their_size(tmp_path: Path) -> None:
     scene = replace(SCENES["empty"], count=2, phone=Phone(noise=2.0))
     one, other = (each.astype(float) for each in pictures(scene))
     assert (one - other).std() == pytest.approx(2 * np.sqrt(2), rel=0.1)
@@ -178,7 +178,7 @@ def test_noise_and_flicker(tmp_path: Path) -> None:
     assert np.ptp([each.mean() for each in pictures(shaky)]) > 3
 
 
-def test_hand_is_told_where_it_is_on_the_ball(tmp_path: Path) -> None:
+def test_frames_with_a_hand_on_the_ball_are_marked(tmp_path: Path) -> None:
     scene = small(SCENES["thrown-up"], fps=20, count=30)
     scene = replace(scene, phone=replace(scene.phone, noise=0.0))
     frames = truth(scene, tmp_path)
@@ -198,7 +198,7 @@ def test_hand_is_told_where_it_is_on_the_ball(tmp_path: Path) -> None:
     assert 8 < frames.readable.sum() < 15
 
 
-def test_shadow_and_mirror_image_are_there() -> None:
+def test_the_floor_shows_shadow_and_mirror_image() -> None:
     resting = Actor(ball=SCENES["glossy-floor"].actors[0].ball, motion=Rolling(place=(0, 0.1)))
     scene = replace(QUIET, count=1, floor=0.14, actors=(resting,))
     empty = next(pictures(replace(scene, actors=()))).astype(int)
@@ -213,7 +213,7 @@ def test_shadow_and_mirror_image_are_there() -> None:
 @pytest.mark.parametrize(
     ("stored", "count"), [("doubled", 24), ("thinned", 10), ("repeated", 16), ("lost", 11)]
 )
-def test_stored_frames_are_the_exposures_told(stored: str, count: int, tmp_path: Path) -> None:
+def test_stored_frames_are_the_stated_exposures(stored: str, count: int, tmp_path: Path) -> None:
     scene = replace(QUIET, count=12, stored=stored, seed=2)
     made, exposed = film(scene, tmp_path), list(pictures(scene))
     frames = read(made.path)
@@ -248,14 +248,14 @@ def test_rotated_files_are_turned_back_by_a_player(tmp_path: Path) -> None:
         assert np.abs(frame[::-1, ::-1] - filmed).mean() > 5
 
 
-def test_quality_of_jpeg_matters(tmp_path: Path) -> None:
+def test_a_lower_jpeg_quality_gives_a_smaller_file(tmp_path: Path) -> None:
     scene = replace(QUIET, count=2, codec="MJPG", phone=Phone(noise=3))
     made: dict[int, Made] = {q: film(replace(scene, jpeg=q), tmp_path / str(q)) for q in (20, 95)}
     assert made[20].path.stat().st_size < 0.6 * made[95].path.stat().st_size
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_every_scene_is_filmed_and_comes_back_whole(name: str, tmp_path: Path) -> None:
+def test_every_scene_is_stored_completely(name: str, tmp_path: Path) -> None:
     scene = replace(SCENES[name], count=3)
     made = film(scene, tmp_path)
     if scene.codec == "PNG":

@@ -41,7 +41,7 @@ def test_fall_with_drag_follows_closed_form() -> None:
     assert fallen[-1] < 0.8 * GRAVITY * 1.5**2 / 2  # sizeable drag
 
 
-def test_drag_of_a_table_tennis_ball() -> None:
+def test_a_table_tennis_ball_has_its_known_drag() -> None:
     assert LIGHT.drag_per_metre == pytest.approx(0.1257, abs=1e-4)
 
 
@@ -58,7 +58,7 @@ def test_acceleration_is_gravity_less_drag() -> None:
     assert t.size > 10
 
 
-def test_contacts_keep_the_written_restitution() -> None:
+def test_contacts_have_the_stated_restitution() -> None:
     path = thrown()
     for contact, restitution in zip(path.contacts, (0.8, 0.7), strict=False):
         before, after = (velocity_beside(path, contact.time, side) for side in (-1, 1))
@@ -77,7 +77,7 @@ def test_ball_that_no_longer_bounces_rolls() -> None:
     assert path.y[-1] == pytest.approx(1.0 - LIGHT.radius, abs=1e-9)
 
 
-def test_wall_turns_the_speed_across_it() -> None:
+def test_a_wall_reverses_the_normal_speed() -> None:
     wall = Surface(kind="right", at=0.5, restitution=(0.6,), keeps=1.0)
     path = Thrown(place=(0, 0), velocity=(3.0, -1.0), surfaces=(wall,)).path(Ball(), 0.5)
     (contact,) = path.contacts
@@ -123,7 +123,7 @@ def test_pendulum_has_the_period_of_its_amplitude() -> None:
     ("motion", "phase"),
     [(Carried(), "hand"), (Rolling(place=(0, 0)), "rolling"), (Swinging(pivot=(0, 0)), "pendulum")],
 )
-def test_what_never_flies_has_no_flight(motion: Motion, phase: str) -> None:
+def test_a_ball_that_never_flies_has_no_flight(motion: Motion, phase: str) -> None:
     path = motion.path(Ball(), 3.0)
     assert path.phases == ((0.0, phase),)
     assert not path.flights

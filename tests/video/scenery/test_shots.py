@@ -27,7 +27,7 @@ def moments(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("place", [(55.5, 55.5), (56.13, 54.77), (55.86, 55.31)])
-def test_a_disc_has_its_place_and_area(place: tuple[float, float]) -> None:
+def test_a_disc_has_the_right_position_and_area(place: tuple[float, float]) -> None:
     kind = KINDS["plain"]
     _, share = drawn(kind, SHAPE, np.array(place), STILL, np.eye(3))
     centre, spread = moments(share.astype(float))
@@ -37,7 +37,7 @@ def test_a_disc_has_its_place_and_area(place: tuple[float, float]) -> None:
     assert spread == pytest.approx(kind.radius**2 / 4 + kind.blur**2 + 1 / 12, rel=1e-3)
 
 
-def test_blur_is_as_long_as_the_way() -> None:
+def test_blur_is_as_long_as_the_motion() -> None:
     kind, way = KINDS["back"], np.array([6.0, -2.0])
     (_, still), (_, moved) = (
         drawn(kind, SHAPE, np.array([55.3, 55.6]), each, np.eye(3)) for each in (STILL, way)
@@ -61,7 +61,7 @@ def test_hard_light_comes_from_its_lamp() -> None:
     assert light.max() == pytest.approx(0.85 * 8400, rel=0.01)
 
 
-def test_seams_turn_with_the_ball_and_cover_what_they_should() -> None:
+def test_seams_turn_with_the_ball_and_cover_the_right_area() -> None:
     kind = replace(KINDS["soft"], ambient=0.999999)
     place, covered = np.array([55.5, 55.5]), []
     facing = cv2.Rodrigues(np.array([0.4, 1.1, -0.3]))[0]
@@ -96,7 +96,7 @@ def test_photon_noise_has_its_variance() -> None:
 
 
 @pytest.mark.parametrize("kind", ["plain", "hard"])
-def test_places_follow_drag_and_contact(kind: str) -> None:
+def test_positions_follow_drag_and_contact(kind: str) -> None:
     shot = make_shot(few(kind, 8), 7)
     scale = shot.kind.scale
     assert efficiency(shot, shot.x, np.ones_like(shot.x)) == pytest.approx(
@@ -129,7 +129,7 @@ def test_regions_lie_in_the_strip() -> None:
         assert bat > 1.5 * frame[:, 1100:].mean()
 
 
-def test_an_estimator_that_knows_nothing_of_the_renderer_finds_e_a() -> None:
+def test_an_independent_estimator_finds_e_a() -> None:
     assert rms_error(few("plain", 10), 2, hull_places) < 0.01
     assert rms_error(few("back", 10), 2, lambda shot: (shot.x, np.ones_like(shot.x))) < 1e-5
 
@@ -140,7 +140,7 @@ def test_the_same_seed_gives_the_same_shot() -> None:
     assert one.efficiency != third.efficiency
 
 
-def test_left_out_frames_do_not_count() -> None:
+def test_frames_without_a_position_do_not_count() -> None:
     shot: Shot = make_shot(few("back", 8), 2)
     x = shot.x.copy()
     x[3] = np.nan
