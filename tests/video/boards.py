@@ -43,7 +43,7 @@ def corners_seen(
     for view in range(views):
         turned = rotation((view > 0) * 2 * lean * turns[view]) @ DOWN
         place = [*lens.place[:2], 0.0] + (view > 0) * np.array([0.25, 0.25, 0.35]) * off[view]
-        drawn = lens.drawn(lens.seen(board.corners() @ turned.T + place))
+        drawn = lens.drawn(lens.to_camera(board.corners() @ turned.T + place))
         ids = np.flatnonzero(((drawn > 5) & (drawn < np.array(SIZE) - 6)).all(axis=1))
         places = drawn[ids] + noise * draws.normal(f"noise {view}", (len(ids), 2))
         seen.append(BoardView(ids=ids, places=places))
@@ -58,7 +58,7 @@ def pictures_of(camera: Camera, board: Board, views: int, seed: int) -> list[tup
 
 def true_model(lens: TrueLens, found: CameraModel) -> CameraModel:
     """Return the model of a perfect calibration. Its axes start at the point under the camera."""
-    shift = lens.seen([*lens.place[:2], 0.0])
+    shift = lens.to_camera([*lens.place[:2], 0.0])
     turn = cv2.Rodrigues(lens.rotation @ DOWN)[0].ravel()
     return replace(
         found,
