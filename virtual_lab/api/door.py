@@ -110,7 +110,8 @@ def _read(name: str, description: Description, key: str, value: Any, store: Stor
             raise InputError("", key, value, allowed) from fault
         shown_key = key if value is not None else f"{key} = None"
         raise InputError("", shown_key, value, advice(rule, value) + rule.python) from fault
-    return found if key == LABORATORY and _placed(found, store) else _placed(found, store)
+    placed = _placed(found, store)
+    return found if key == LABORATORY else placed  # `public` checks that each one was used
 
 
 def _placed(value: Any, store: Store) -> Any:
