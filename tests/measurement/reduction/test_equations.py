@@ -129,12 +129,10 @@ for procedure in sys.argv[1:]:
     except Exception:  # a mistake may leave no test at all
         found[procedure] = dict.fromkeys(("metric", "recoil_factor", "place"), (None, 0.0))
         continue
-    true = result.sealed.measurand
+    stated, true = result.document, result.sealed.measurand
     found[procedure] = {
-        "metric": (result.document["metric"]["value"], true["metric"]),
-        "recoil_factor": (result.document["recoil_factor"]["value"], true["recoil_factor"]),
-        "place": (result.document["impact_position_in"], 0.0),
-    }
+        name: (stated[name]["value"], true.get(name, 0.0)) for name in ("metric", "recoil_factor")
+    } | {"place": (stated["impact_position_in"], 0.0)}
 print(json.dumps([vl.__file__, found]))
 """
 
