@@ -48,7 +48,8 @@ class FittedFlights:
             more = fit_flights(replace(scene, drag=(drag + u, 0.0)), ways)
             return cls(fit=fit, rest=[(more, 1.0)])
         fit = fit_flights(scene, ways, readout=readout_of(scene, ways))
-        fit = refit(scene, ways, fit, floor=_floor(ways, fit))
+        if scene.pull is None:  # a known g shows the normal better than the places of contacts
+            fit = refit(scene, ways, fit, floor=_floor(ways, fit))
         flat = refit(scene, ways, fit, tilt=np.zeros(2))
         rest: list[tuple[Fit, float]] = []
         beside: list[tuple[Fit, float]] = []
