@@ -194,7 +194,9 @@ def _blob(
     outer, inward = (
         np.sqrt(float((near > level * contrast).sum()) / np.pi) for level in _SEARCH.edge_levels
     )
-    x, y = (_hull(off, _SEARCH.edge_levels[0] * contrast) or (x, y))[:2]
+    lower = _hull(off, _SEARCH.edge_levels[0] * contrast)
+    if lower and lower[3] < _SEARCH.round[1] * long:  # else a shadow or the codec joins it
+        x, y, *_ = lower
     corner = (x0 + still.origin[0], y0 + still.origin[1])
     at = [fine * (p + 0.5) - 0.5 + first for p, first in zip((x, y), corner, strict=True)]
     short, long, edge = (fine * p for p in (short, long, outer - inward))
