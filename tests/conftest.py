@@ -54,7 +54,7 @@ def played() -> Play:
         seed: int = 1,
         procedure: str = PROCEDURE,
     ) -> lab.BatTest:
-        given = {} if reality is None else {"reality": reality}
-        return certified(bat, procedure=procedure, seed=seed, **given)
+        values = {} if reality is None else {"reality": reality}
+        return certified(bat, procedure=procedure, seed=seed, **values)
 
     return play

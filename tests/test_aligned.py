@@ -60,21 +60,25 @@ def outer(shots: int = 3) -> Outer:
     "rows", [slice(1, 3), np.array([1, 2]), np.array([False, True, True])], ids=str
 )
 def test_a_selection_has_the_chosen_rows(rows: Any) -> None:
-    found = outer().select(rows)
-    assert found.time.tolist() == [[10, 11, 12], [20, 21, 22]]
-    assert found.inner.count.tolist() == found.constants["k"].count.tolist() == [2, 3]
-    assert found.radar.speed.tolist() == [0.5, 1.0]
-    assert found.distances.tolist() == [0, 1, 2]  # array that has the length of the shots by chance
-    assert found.offset == 0.0
+    selection = outer().select(rows)
+    assert selection.time.tolist() == [[10, 11, 12], [20, 21, 22]]
+    assert selection.inner.count.tolist() == selection.constants["k"].count.tolist() == [2, 3]
+    assert selection.radar.speed.tolist() == [0.5, 1.0]
+    assert selection.distances.tolist() == [
+        0,
+        1,
+        2,
+    ]  # array that has the length of the shots by chance
+    assert selection.offset == 0.0
 
 
 def test_a_missing_row_has_no_values() -> None:
-    found = outer().select(np.array([[2, -1]]))
-    assert found.time.shape == (1, 2, 3)
-    assert found.time[0, 0].tolist() == [20, 21, 22]
-    assert np.isnan(found.time[0, 1]).all()
-    assert found.inner.count.tolist() == [[3, 0]]
-    assert found.inner.seen.tolist() == [[True, False]]
+    selection = outer().select(np.array([[2, -1]]))
+    assert selection.time.shape == (1, 2, 3)
+    assert selection.time[0, 0].tolist() == [20, 21, 22]
+    assert np.isnan(selection.time[0, 1]).all()
+    assert selection.inner.count.tolist() == [[3, 0]]
+    assert selection.inner.seen.tolist() == [[True, False]]
 
 
 def test_one_row_loses_the_axis() -> None:

@@ -213,13 +213,13 @@ def test_a_procedure_may_be_changed_in_a_call(tested: vl.Certificate, tmp_path: 
 def test_an_instrument_may_be_changed_in_a_call(tested: vl.Certificate) -> None:
     """The u of the gate distances changes in this call only; the next test has the catalog's."""
     worse = vl.instrument("pivot-gates").with_(distance_u="0.73 mm")
-    found = vl.certify("r161", instruments=[worse], seed=7)
+    worse_result = vl.certify("r161", instruments=[worse], seed=7)
 
     def part(certificate: vl.Certificate) -> float:
         return certificate.certification.session.calibration["impact.gates.distance_0"].u
 
-    assert part(found) == pytest.approx(10 * part(tested))
-    assert found.u > 1.001 * tested.u
+    assert part(worse_result) == pytest.approx(10 * part(tested))
+    assert worse_result.u > 1.001 * tested.u
     assert vl.certify("r161", seed=7).value == tested.value
 
 
@@ -271,9 +271,9 @@ def test_a_certificate_lists_its_instruments() -> None:
     assert stated.keys() >= {"lab-scale", "wall-gates", "pivot-encoder", "hall-air"}
     assert "swing-boards" not in stated
     late = vl.instrument("pivot-gates").with_({"identity.due": "2020-01-01"})
-    found = vl.certify("r161", seed=7, instruments=[late])
-    assert {*found.flags} - {*plain.flags} == {"calibration-due"}
-    assert (found.verdict, found.value) == (plain.verdict, plain.value)
+    late_result = vl.certify("r161", seed=7, instruments=[late])
+    assert {*late_result.flags} - {*plain.flags} == {"calibration-due"}
+    assert (late_result.verdict, late_result.value) == (plain.verdict, plain.value)
     wrong = vl.instrument("pivot-gates").with_({"identity.due": "soon"})
     with pytest.raises(vl.InputError, match="due = 'soon'; must be a day such as"):
         vl.certify("r161", instruments=[wrong])
@@ -302,7 +302,7 @@ def test_every_sheet_is_written_as_it_was_read(kind: str) -> None:
 def test_a_sweep_is_its_tests_one_by_one() -> None:
     """Laboratories are numbered as in a round robin; units are the printed ones."""
     said: list[tuple[int, int]] = []
-    found = vl.sweep(
+    table = vl.sweep(
         "r161",
         procedures=["astm-f1881", "proposed"],
         laboratories=3,
@@ -310,9 +310,9 @@ def test_a_sweep_is_its_tests_one_by_one() -> None:
         progress=lambda _text, done=0, total=0: said.append((done, total)),
     )
     assert said == [(3, 6), (6, 6)]  # blocks: one per procedure
-    assert found["laboratory"].tolist() == [0, 1, 2] * 2
+    assert table["laboratory"].tolist() == [0, 1, 2] * 2
     (alone,) = lab.RoundRobin.of("r161", "proposed").run(1, 4, first=1)
-    row = found.iloc[4]
+    row = table.iloc[4]
     assert row["value"] == pytest.approx(alone.certification.metric.value / 0.44704, rel=1e-12)
     assert row["true"] == pytest.approx(alone.sealed.measurand["metric"] / 0.44704, rel=1e-12)
     assert (row["metric"], row["unit"]) == ("v_f", "mph")
@@ -326,15 +326,15 @@ def test_a_sweep_is_its_tests_one_by_one() -> None:
 
 def test_individual_bats_of_a_sweep_are_those_of_certify() -> None:
     """The records are summed. With the nominal bat, only the balls change the truth."""
-    found = vl.sweep("r161", laboratories=6, seed=4, individual=True, progress=quiet)
+    table = vl.sweep("r161", laboratories=6, seed=4, individual=True, progress=quiet)
     setup = lab.TestSetup.of(
         "r161", procedure="astm-f1881", seed=4, number=5, detail=RecordDetail.SUMMED
     )
     alone = lab.certify_bat(setup)
-    assert found["value"][5] == alone.certification.metric.value
-    assert found["true"][5] == alone.sealed.measurand["metric"]
+    assert table["value"][5] == alone.certification.metric.value
+    assert table["true"][5] == alone.sealed.measurand["metric"]
     nominal = vl.sweep("r161", laboratories=6, seed=4, progress=quiet)
-    assert found["true"].std() > 3 * nominal["true"].std()
+    assert table["true"].std() > 3 * nominal["true"].std()
 
 
 def test_variants_of_a_sheet_in_one_sweep_are_the_tests_alone() -> None:
@@ -361,12 +361,12 @@ def test_critique_keeps_variants_apart(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(critique, "_metrics", hits)
     variants = [vl.procedure("astm-f1881").with_(valid_hits=hits) for hits in (6, 12)]
-    found = vl.critique(["r161", "ea70"], procedures=variants, laboratories=2)
-    assert {row.procedure: row.mean for row in found.metrics} == {
+    result = vl.critique(["r161", "ea70"], procedures=variants, laboratories=2)
+    assert {row.procedure: row.mean for row in result.metrics} == {
         "astm-f1881 (valid_hits=6)": 6.0,
         "astm-f1881 (valid_hits=12)": 12.0,
     }
-    assert "(3)" not in found.text
+    assert "(3)" not in result.text
 
 
 def test_the_name_of_a_changed_sheet_is_a_files_name_too(tmp_path: Path) -> None:
@@ -473,8 +473,8 @@ def test_arguments_may_have_equivalent_forms(tested: vl.Certificate) -> None:
     assert vl.certify("r161", seed=np.uint8(7), instruments=gates).value == tested.value
     rig = vl.rig("astm-pivot").with_({"pivot.from_knob": "152 mm"})
     assert vl.certify(Path("r161"), seed=7, rig=rig).value == tested.value
-    found = vl.sweep(np.array(["r161"]), laboratories=np.int64(2), progress=quiet)
-    assert found["laboratory"].tolist() == [0, 1]
+    table = vl.sweep(np.array(["r161"]), laboratories=np.int64(2), progress=quiet)
+    assert table["laboratory"].tolist() == [0, 1]
 
 
 def test_every_public_function_reads_its_arguments() -> None:
@@ -502,13 +502,13 @@ def test_the_repr_of_a_result_is_short() -> None:
 
 
 def test_results_of_studies_have_one_shape(tmp_path: Path) -> None:
-    found = vl.slope()
-    assert repr(found) == (
+    result = vl.slope()
+    assert repr(result) == (
         "<slope of e_A along the barrel at the impact position of astm-f1881, 6 rows>"
     )
-    assert found.table["bat"].tolist()[-2:] == ["mean", "deviation"]
-    assert json.dumps(found.document)
-    found.save(tmp_path / "slope")
+    assert result.table["bat"].tolist()[-2:] == ["mean", "deviation"]
+    assert json.dumps(result.document)
+    result.save(tmp_path / "slope")
     assert [path.name for path in (tmp_path / "slope").iterdir()] == ["slope.csv"]
     with pytest.raises(vl.InputError, match="no picture"):
-        found.plot(tmp_path / "slope.png")
+        result.plot(tmp_path / "slope.png")

@@ -23,7 +23,7 @@ def test_a_tutorial_runs_as_it_stands(
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     text = (DOCS / f"{name}.md").read_text("utf-8")
-    blocks = [found.groups() for found in BLOCK.finditer(text)]
+    blocks = [match.groups() for match in BLOCK.finditer(text)]
     assert len(blocks) >= 3
     for number, (language, block) in enumerate(blocks):
         if language:

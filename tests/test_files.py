@@ -79,8 +79,8 @@ def test_a_folder_may_be_written_within_a_draft(tmp_path: Path) -> None:
     with new_folder(tmp_path / "outer") as draft:
         write(draft / "inner")
         assert draft.is_dir()
-    found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")}
-    assert found == {"outer", "outer/inner", "outer/inner/whole.txt"}
+    paths = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")}
+    assert paths == {"outer", "outer/inner", "outer/inner/whole.txt"}
 
 
 @pytest.mark.parametrize("new", [new_folder, new_files])

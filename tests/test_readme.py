@@ -70,8 +70,8 @@ def test_every_command_and_option_named_exists(page: Path) -> None:
         if isinstance(command, click.Group) and rest and not rest[0].startswith("--"):
             command = command.get_command(context, rest[0])
             assert command, (page, words)
-        known = {option for each in command.params for option in each.opts}
-        assert {each for each in rest if each.startswith("--")} <= known, (page, words)
+        options = {option for each in command.params for option in each.opts}
+        assert {each for each in rest if each.startswith("--")} <= options, (page, words)
 
 
 def test_every_command_is_named_in_some_page() -> None:
@@ -129,10 +129,10 @@ def test_the_tenths_match_their_file() -> None:
                 [100 * float(part) for part in row[key].strip("()").split(",")]
                 for key in ("by_u", "by_dof")
             )
-            told = [", ".join(f"{x:.0f}" for x in tenths) for tenths in (by_u, by_dof[::-1])]
+            printed = [", ".join(f"{x:.0f}" for x in tenths) for tenths in (by_u, by_dof[::-1])]
             held = f"{100 * float(row['coverage']):.1f} %"
             start = f"| {row['procedure']}, {words} | {row['laboratories']} | {held} |"
-            assert f"{start} {told[0]} | {told[1]} |" in STUDIES
+            assert f"{start} {printed[0]} | {printed[1]} |" in STUDIES
             if kind == "history" and int(row["laboratories"]) > 10_000:
                 assert min(by_u + by_dof) >= 90
 
@@ -207,8 +207,8 @@ def test_the_benchmark_table_matches_its_file() -> None:
     assert len(table) > 8
     for row in table:
         what, value = (cell.split() for cell in row.strip("| ").split(" | "))
-        found = [line[len(what) :] for line in lines if line[: len(what)] == what]
-        assert any(rest[: len(value)] == value for rest in found), row
+        matches = [line[len(what) :] for line in lines if line[: len(what)] == what]
+        assert any(rest[: len(value)] == value for rest in matches), row
 
 
 def cells(page: str, head: str) -> list[list[str]]:
@@ -229,47 +229,47 @@ def test_the_shots_per_second_match_their_file() -> None:
     lines = re.findall(
         r"  ([\w-]+), (.*?) +(\d+) (\S+).*", file_named_in(BENCHMARKS, "throughput-*")
     )
-    known = {(name, what): value for name, what, value, _ in lines}
+    stored = {(name, what): value for name, what, value, _ in lines}
     for name, summed, full in cells(BENCHMARKS, "| shots per second |"):
-        assert (known[name, "summed"], known[name, "full"]) == (summed, full)
+        assert (stored[name, "summed"], stored[name, "full"]) == (summed, full)
     a_second = dict(
         re.findall(
             r"  ([\w-]+), a certificate.* (\d+) a second", file_named_in(BENCHMARKS, "throughput-*")
         )
     )
     for name, normals, certificates in cells(BENCHMARKS, "| | normal numbers |"):
-        assert (known[name, "a certificate, summed"], a_second[name]) == (normals, certificates)
+        assert (stored[name, "a certificate, summed"], a_second[name]) == (normals, certificates)
 
 
 def test_the_errors_of_located_balls_match_their_file() -> None:
     shots = re.findall(
         r"  (\w+): (.*?), e_A of a shot +([\d.]+) %", file_named_in(BENCHMARKS, "locating-*")
     )
-    known = {(light, method): float(error) for light, method, error in shots}
+    stored = {(light, method): float(error) for light, method, error in shots}
     for name, edge, _, hull in cells(BENCHMARKS, "| stitched ball, "):
         light = name.split()[0]
         for method, cell in (("edge fit", edge), ("convex hull", hull)):
-            assert f"{known[light, method]:.2g}" == f"{float(cell.rstrip(' %')):.2g}", name
+            assert f"{stored[light, method]:.2g}" == f"{float(cell.rstrip(' %')):.2g}", name
 
 
 def test_the_times_of_propagation_match_their_file() -> None:
     rows = list(csv.DictReader(file_named_in(BENCHMARKS, "uncertainty-*").splitlines()))
-    known = {row["what"]: row for row in rows}
+    stored = {row["what"]: row for row in rows}
     for name, first_order, draws, *errors in cells(BENCHMARKS, "| | first order, µs |"):
         program = (
             name.rpartition(" ")[0].replace("virtual lab", "ours").replace("OpenTURNS", "openturns")
         )
         if first_order:
-            assert f"{float(known[f'first order: {program}']['value']):.0f}" == first_order
+            assert f"{float(stored[f'first order: {program}']['value']):.0f}" == first_order
         if draws:
-            row = known[f"2^20 draws of 11 inputs: {program}"]
+            row = stored[f"2^20 draws of 11 inputs: {program}"]
             assert f"{float(row['value']):.3f}" == draws
             assert re.findall(r"[+-][\d.]+\d", row["note"])[:3] == errors
     for tolerance, *stein_and_gum in cells(BENCHMARKS, "| tolerance over u |"):
         for rule, met, draws in zip(
             ("stein", "7.9"), stein_and_gum[::2], stein_and_gum[1::2], strict=True
         ):
-            row = known[f"all met, tolerance {tolerance} u: {rule}"]
+            row = stored[f"all met, tolerance {tolerance} u: {rule}"]
             assert (row["value"], float(row["note"].split()[0])) == (met, float(draws))
 
 

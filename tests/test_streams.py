@@ -78,10 +78,12 @@ def test_every_number_depends_only_on_its_key_and_counter(
     seed: int, branch: list[int], name: str, slots: list[int], each: int, laboratory: int
 ) -> None:
     """The key is from seed, branch and name; the counter from laboratory, slot and index."""
-    own = tuple(branch)
-    found = Streams(seed, own, laboratory).uniform(name, each, np.array(slots))
+    branches = tuple(branch)
+    numbers = Streams(seed, branches, laboratory).uniform(name, each, np.array(slots))
     rows = [[(slot, index, laboratory) for index in range(each)] for slot in slots]
-    assert found.tolist() == [[uniform_of(seed, own, name, *at) for at in row] for row in rows]
+    assert numbers.tolist() == [
+        [uniform_of(seed, branches, name, *at) for at in row] for row in rows
+    ]
 
 
 @pytest.mark.parametrize("each", [1, 2, 3, 4, 7, 300, 513])
@@ -90,13 +92,13 @@ def test_a_laboratory_draws_in_a_block_what_it_draws_alone(each: int) -> None:
     numbers = np.random.default_rng(2).integers(0, 2**32, 400)
     slots = np.random.default_rng(3).integers(0, 2**32, 400)
     block = Streams(9, (4,), numbers)
-    without, found = block.normal("a", each), block.normal("a", each, slots)
+    without, with_slots = block.normal("a", each), block.normal("a", each, slots)
     for row in (0, 1, 255, 256, 399):
         alone = Streams(9, (4,), int(numbers[row]))
         assert np.array_equal(without[row], alone.normal("a", each))
-        assert np.array_equal(found[row], alone.normal("a", each, slots[row : row + 1])[0])
+        assert np.array_equal(with_slots[row], alone.normal("a", each, slots[row : row + 1])[0])
     some = np.array([399, 5, 5])
-    assert np.array_equal(block.at(some).normal("a", each, slots[some]), found[some])
+    assert np.array_equal(block.at(some).normal("a", each, slots[some]), with_slots[some])
 
 
 @pytest.mark.parametrize("laboratory", [-1, 2**32, np.array([3, -1]), np.array([2**32, 0])])
@@ -109,8 +111,8 @@ def test_laboratory_numbers_out_of_range_are_refused(laboratory: int) -> None:
 def test_long_arrays_have_the_same_counters(each: int) -> None:
     """Across the chunks of the compiled code, each slot agrees with itself alone and the oracle."""
     slots = np.array([5, 0, 2**32 - 1, 7, 7, 300])
-    found = Streams(3).uniform("many", each, slots)
-    for row, slot in zip(found, slots, strict=True):
+    numbers = Streams(3).uniform("many", each, slots)
+    for row, slot in zip(numbers, slots, strict=True):
         assert np.array_equal(row, Streams(3).uniform("many", each, np.array([slot]))[0])
         for index in (0, each // 2, each - 1):
             assert row[index] == uniform_of(3, (), "many", int(slot), index)
@@ -120,9 +122,9 @@ def test_a_row_depends_only_on_its_slot() -> None:
     """5000 slots in any order, with odd and even numbers per slot."""
     slots = np.random.default_rng(1).permutation(5000)
     for each in (1, 2, 5, 6):
-        found = Streams(4).normal("a", each, slots)
+        numbers = Streams(4).normal("a", each, slots)
         in_turn = Streams(4).normal("a", each, np.arange(5000))
-        assert np.array_equal(found, in_turn[slots])
+        assert np.array_equal(numbers, in_turn[slots])
         assert np.array_equal(in_turn[::7], Streams(4).normal("a", each, np.arange(0, 5000, 7)))
 
 

@@ -93,11 +93,11 @@ def test_a_forbidden_import_breaks_its_contract(
         links.append((contract, f"{module} -> {target} (l."))
     done = python("-c", LINT, folder=tmp_path)
     assert done.returncode == 1, done.stdout + done.stderr
-    _, found = done.stdout.split("Broken contracts\n", 1)
+    _, report = done.stdout.split("Broken contracts\n", 1)
     for contract, link in links:
-        head = found.index(f"\n{contract}")
-        following = [at for other in CONTRACTS if (at := found.find(f"\n{other}\n")) > head]
-        assert link in found[head : min(following, default=None)], (contract, link)
+        head = report.index(f"\n{contract}")
+        following = [at for other in CONTRACTS if (at := report.find(f"\n{other}\n")) > head]
+        assert link in report[head : min(following, default=None)], (contract, link)
 
 
 @pytest.fixture(scope="module")
@@ -140,8 +140,10 @@ def test_simulation_and_measurement_share_no_formula_of_a_result(
     }
     shared = {name.removeprefix("virtual_lab.relations.") for name in of["truth"] & of["measured"]}
     assert shared <= {"flight", "flight_kernel", "pendulum", "pinhole", "board", "air"}
-    own = imports["virtual_lab.lab.true_metric"] | imports["virtual_lab.lab.measurand"]
-    functions = {name for name in own if ".measurement.reduction" in name or ".relations" in name}
+    imported = imports["virtual_lab.lab.true_metric"] | imports["virtual_lab.lab.measurand"]
+    functions = {
+        name for name in imported if ".measurement.reduction" in name or ".relations" in name
+    }
     assert functions == set()
 
 
@@ -202,13 +204,13 @@ def test_other_random_numbers_are_detected(code: str) -> None:
 
 def test_every_package_is_shipped() -> None:
     """A wheel contains only the packages listed in pyproject.toml, so all must be listed."""
-    found = {
+    packages = {
         ".".join(path.parent.relative_to(ROOT).parts)
         for path in MODULES
         if path.name == "__init__.py"
     }
     listed = set(PROJECT["tool"]["setuptools"]["packages"])
-    assert found | {"virtual_lab.data"} == listed
+    assert packages | {"virtual_lab.data"} == listed
 
 
 def test_every_data_file_is_shipped() -> None:
@@ -241,20 +243,22 @@ def test_no_public_name_has_two_meanings() -> None:
         if isinstance(each, ast.ImportFrom)
         for alias in each.names
     }
-    found: dict[str, list[str]] = {}
+    paths_by_name: dict[str, list[str]] = {}
     for path, body in bodies.items():
         if "cli" in path.parts:
             continue
-        own = {each.name for each in body if isinstance(each, ast.ClassDef | ast.FunctionDef)}
+        public_names = {
+            each.name for each in body if isinstance(each, ast.ClassDef | ast.FunctionDef)
+        }
         module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
         assigned = (
             target for each in body if isinstance(each, ast.Assign) for target in each.targets
         )
         names = {target.id for target in assigned if isinstance(target, ast.Name)}
-        own |= {name for name in names if (module, name) in imported}
-        for public in (each for each in own if not each.startswith("_")):
-            found.setdefault(public, []).append(str(path.relative_to(ROOT)))
-    twice = {name: paths for name, paths in found.items() if len(paths) > 1}
+        public_names |= {name for name in names if (module, name) in imported}
+        for public in (each for each in public_names if not each.startswith("_")):
+            paths_by_name.setdefault(public, []).append(str(path.relative_to(ROOT)))
+    twice = {name: paths for name, paths in paths_by_name.items() if len(paths) > 1}
     assert not twice, twice
 
 

@@ -24,12 +24,12 @@ def test_the_score_counts_each_kind_of_error() -> None:
     x[2], flags[2] = x[2] + 6 * least[2], PlaceFlag.POOR_FIT
     x[3] += 6 * least[3]
     x[15:] += 2 * least[15:]
-    found = score_places(
+    score = score_places(
         BATCH, replace(BATCH.inputs.start, x=x, y=BATCH.y, x_u=least, y_u=least, flags=flags)
     )
-    assert (found.lost, found.flagged, found.unsaid) == pytest.approx((0.05, 0.1, 0.05))
-    assert found.bias == pytest.approx(12 / 4)
-    assert found.rms == pytest.approx(BATCH.limit * np.sqrt((2 * 36 + 5 * 4) / 38))
+    assert (score.lost, score.flagged, score.unsaid) == pytest.approx((0.05, 0.1, 0.05))
+    assert score.bias == pytest.approx(12 / 4)
+    assert score.rms == pytest.approx(BATCH.limit * np.sqrt((2 * 36 + 5 * 4) / 38))
 
 
 def test_a_pattern_uncertainty_excuses_an_error() -> None:
@@ -41,9 +41,9 @@ def test_a_pattern_uncertainty_excuses_an_error() -> None:
 
 def test_a_batch_without_positions_is_all_lost() -> None:
     none = np.full(20, np.nan)
-    found = score_places(BATCH, replace(BATCH.inputs.start, x=none, y=none))
-    assert found.lost == 1
-    assert np.isinf(found.rms)
+    score = score_places(BATCH, replace(BATCH.inputs.start, x=none, y=none))
+    assert score.lost == 1
+    assert np.isinf(score.rms)
 
 
 def test_the_time_is_divided_by_the_number_of_pictures() -> None:

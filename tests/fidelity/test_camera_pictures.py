@@ -82,9 +82,9 @@ def test_the_frame_and_the_bat_hide_a_part_of_the_ball() -> None:
 def test_the_edge_fit_is_near_the_limit(case: Case) -> None:
     """The errors are within about twice the limit of a plain ball of unknown brightness."""
     batch = pictures(case)
-    found = score_places(batch, OURS[EDGE](batch.inputs))
-    assert 0.8 < found.rms / batch.limit < 2.2
-    assert (found.lost, found.flagged, found.unsaid) == (0, 0, 0)
+    score = score_places(batch, OURS[EDGE](batch.inputs))
+    assert 0.8 < score.rms / batch.limit < 2.2
+    assert (score.lost, score.flagged, score.unsaid) == (0, 0, 0)
 
 
 def test_hidden_balls_are_flagged() -> None:
@@ -109,6 +109,6 @@ def test_estimators_of_opencv_have_their_known_errors() -> None:
     }
     assert planned.keys() == CV2.keys()
     for name, usual in planned.items():
-        found = score_places(batch, CV2[name](batch.inputs))
-        assert usual / 2 < found.rms < 2 * usual, name
-        assert found.lost == 0
+        score = score_places(batch, CV2[name](batch.inputs))
+        assert usual / 2 < score.rms < 2 * usual, name
+        assert score.lost == 0

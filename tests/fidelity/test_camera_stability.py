@@ -32,9 +32,9 @@ def rows() -> list[Row]:
 
 
 def state(rows: list[Row], axis: str, value: float, method: str = EDGE) -> str:
-    own = {"map": axis, "value": value, "method": method}
-    (found,) = [row for row in rows if all(row[name] == v for name, v in own.items())]
-    return str(found["state"])
+    wanted = {"map": axis, "value": value, "method": method}
+    (cell,) = [row for row in rows if all(row[name] == v for name, v in wanted.items())]
+    return str(cell["state"])
 
 
 def test_the_fit_is_good_or_flagged(rows: list[Row]) -> None:
@@ -51,9 +51,9 @@ def test_the_fit_is_good_or_flagged(rows: list[Row]) -> None:
 
 
 def test_dropped_frames_are_detected(rows: list[Row]) -> None:
-    own = {(row["ball"], row["value"]): row for row in rows if row["method"] == "followed"}
-    assert len(own) == 2 * 4
-    for (ball, count), row in own.items():
+    part_rows = {(row["ball"], row["value"]): row for row in rows if row["method"] == "followed"}
+    assert len(part_rows) == 2 * 4
+    for (ball, count), row in part_rows.items():
         assert row["unsaid"] == 0
         if ball == "places to 0.02 px":
             assert row["state"] == PictureState.GOOD

@@ -51,10 +51,10 @@ def test_more_modes_and_smaller_steps_reduce_the_error(rows: Rows) -> None:
 
 def test_each_question_has_a_reference_of_its_own(rows: Rows) -> None:
     """The error of all equations is against more modes, that of a solver against the same modes."""
-    asked = {series: {row["held_against"] for row in of(rows, series)} for series in Series}
+    references = {series: {row["held_against"] for row in of(rows, series)} for series in Series}
     solving = {Series.STEPS, Series.SCIPY}
-    assert asked == {
-        one: {Question.SOLVING if one in solving else Question.IN_ALL} for one in asked
+    assert references == {
+        one: {Question.SOLVING if one in solving else Question.IN_ALL} for one in references
     }
     (reference,) = of(rows, Series.REFERENCE)
     assert 1e-7 < reference["worst_error"] < 2e-5

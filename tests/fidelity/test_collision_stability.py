@@ -50,9 +50,9 @@ def test_the_shipped_steps_are_good_or_give_no_result(rows: list[dict[str, Any]]
 
 
 def test_the_default_notices_its_errors(rows: list[dict[str, Any]]) -> None:
-    known = [row for row in at(rows, "0.5", "1") if not no_result(row)]
-    assert {row["state"] for row in known} == {State.GOOD, State.NOTICED}
-    assert max(row["worst_unnoticed_error"] for row in known) < FINE.tolerance
+    rows_with_result = [row for row in at(rows, "0.5", "1") if not no_result(row)]
+    assert {row["state"] for row in rows_with_result} == {State.GOOD, State.NOTICED}
+    assert max(row["worst_unnoticed_error"] for row in rows_with_result) < FINE.tolerance
 
 
 def test_scenes_have_the_contacts_of_their_column() -> None:

@@ -17,10 +17,10 @@ def test_every_part_uses_the_cheapest_sufficient_model_or_states_a_reason(tmp_pa
     chart = api.chart("laboratory")
     assert {row["part"] for row in chart.rows} == set(PARTS)
     for part in PARTS:
-        own = [row for row in chart.rows if row["part"] == part]
-        assert own[-1]["effect"] == own[-1]["se"] == 0
-        (shipped,) = (row for row in own if row["shipped"])
-        good = [row for row in own if abs(row["effect"]) < SHARE + 2 * row["se"]]
+        part_rows = [row for row in chart.rows if row["part"] == part]
+        assert part_rows[-1]["effect"] == part_rows[-1]["se"] == 0
+        (shipped,) = (row for row in part_rows if row["shipped"])
+        good = [row for row in part_rows if abs(row["effect"]) < SHARE + 2 * row["se"]]
         cheapest = min(good, key=lambda row: row["ms"])
         assert (shipped is not cheapest) == (part in EXPLAINED), part
     require_files(chart, tmp_path / "chart")

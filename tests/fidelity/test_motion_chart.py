@@ -31,8 +31,8 @@ def rows(drawn: SpeedChart) -> list[Row]:
     return drawn.rows
 
 
-def of(rows: list[Row], series: str, **own: str) -> list[Row]:
-    wanted = {"series": series} | own
+def of(rows: list[Row], series: str, **conditions: str) -> list[Row]:
+    wanted = {"series": series} | conditions
     return [row for row in rows if all(row[name] == value for name, value in wanted.items())]
 
 
@@ -40,9 +40,9 @@ def test_plain_pymunk_misses_and_loses_the_measured_shares(rows: list[Row]) -> N
     """The shares were measured on pymunk before our models were written."""
     misses = {("26.8", "1e-02"): 0.74, ("62.6", "2e-03"): 0.45, ("62.6", "1e-03"): 0.0}
     losses = {"1e-02": 0.41, "1e-03": 0.07, "1e-04": 0.0075}
-    found = [row for row in of(rows, chart.Carrier.ALONE) if row["share"] is not None]
-    assert len(found) == len(misses) + len(losses)
-    for row in found:
+    shares = [row for row in of(rows, chart.Carrier.ALONE) if row["share"] is not None]
+    assert len(shares) == len(misses) + len(losses)
+    for row in shares:
         step = row["setting"].split()[0]
         if row["scene"].startswith("missed"):
             assert row["share"] == pytest.approx(misses[row["scene"].split()[2], step], abs=0.02)

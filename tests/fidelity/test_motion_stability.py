@@ -31,15 +31,15 @@ def rows(found: StabilityMap) -> list[Row]:
 
 
 def state(rows: list[Row], method: str, axis: str, step: float, value: float) -> str:
-    own = {"method": method, "map": axis, "step": step, "value": value}
-    (found,) = [row for row in rows if all(row[name] == v for name, v in own.items())]
-    return str(found["state"])
+    wanted = {"method": method, "map": axis, "step": step, "value": value}
+    (cell,) = [row for row in rows if all(row[name] == v for name, v in wanted.items())]
+    return str(cell["state"])
 
 
 def test_our_model_is_good_wherever_it_gives_a_result(rows: list[Row]) -> None:
-    own = [row for row in rows if row["method"] == maps.Carrier.RUNG]
-    assert {row["state"] for row in own if not row["refused"]} == {State.GOOD}
-    for row in own:
+    part_rows = [row for row in rows if row["method"] == maps.Carrier.RUNG]
+    assert {row["state"] for row in part_rows if not row["refused"]} == {State.GOOD}
+    for row in part_rows:
         long = row["step"] == 1e-2 and not (
             row["map"] == maps.MotionAxis.SPEED and row["value"] == 10
         )

@@ -20,8 +20,8 @@ def test_more_draws_take_longer_and_reduce_the_error(tmp_path: Path) -> None:
     chart = api.chart("uncertainty")
     assert {row["method"] for row in chart.rows} == set(MARKERS)
     for model in {row["model"] for row in chart.rows}:
-        own = [row for row in chart.rows if row["model"] == model and row["draws"]]
-        for few, many in pairwise(own):
+        part_rows = [row for row in chart.rows if row["model"] == model and row["draws"]]
+        for few, many in pairwise(part_rows):
             assert many["ms"] > 3 * few["ms"]
             for key in PANELS:
                 assert 1.0 < few[key] / many[key] < 8.0, (model, key)
@@ -31,10 +31,10 @@ def test_more_draws_take_longer_and_reduce_the_error(tmp_path: Path) -> None:
 def test_the_table_has_the_errors_of_the_methods() -> None:
     """The first order of squares has a wrong u and a low end below 0, the largest errors."""
     rows = {(row["model"], row["method"]): row for row in api.chart("uncertainty").rows}
-    found = propagate_inputs(models.squares, models.SQUARES)
+    first_order = propagate_inputs(models.squares, models.SQUARES)
     u = 1.118e-4  # exact u: √(4 x² u² + 4 u⁴), JCGM 101 9.4
     first = rows["JCGM 101 9.4, squares", "first-order"]
-    assert first["u_error"] == pytest.approx(1 - found.u / u, abs=0.01)
+    assert first["u_error"] == pytest.approx(1 - first_order.u / u, abs=0.01)
     assert rows["JCGM 101 9.4, squares", "second-order"]["u_error"] < 0.01
     assert first["low_error"] > 0.9
 

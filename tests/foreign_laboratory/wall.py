@@ -32,10 +32,10 @@ def wall_of(session: Session, seed: int, off: float) -> tuple[Session, float]:
     All hits at one nominal speed have a common speed error, normal with standard deviation `off`
     [mph].
     """
-    rng, known = np.random.default_rng([20261126, seed]), session.calibration
+    rng, calibration = np.random.default_rng([20261126, seed]), session.calibration
 
     def drawn(name: str) -> float:
-        return float(rng.normal(known[name].value, known[name].u))
+        return float(rng.normal(calibration[name].value, calibration[name].u))
 
     mass = session.records["bench"]["ball-mass"].readings.mean(axis=1)
     balls = mass.size
@@ -66,12 +66,12 @@ def wall_of(session: Session, seed: int, off: float) -> tuple[Session, float]:
         place=np.zeros(ball.size),
     )
     gate = replace(session.records["balls"]["gates"], times=np.round(times, 6))
-    thick = replace(known["balls.gates.clock"], value=1.2e-3, u=1e-4)
+    thick = replace(calibration["balls.gates.clock"], value=1.2e-3, u=1e-4)
     return (
         replace(
             session,
             records=session.records | {"balls": {"log": log, "gates": gate}},
-            calibration={**known, "balls.gates.thickness": thick},
+            calibration={**calibration, "balls.gates.thickness": thick},
         ),
         true,
     )

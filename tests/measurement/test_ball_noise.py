@@ -108,12 +108,12 @@ def play(
     """Return a laboratory's results; e0 scatters by `wall` at the wall, and e by `hit`."""
     e0 = MEAN_E0 + 0.001 * rng.standard_normal(BALLS)
     struck = np.repeat(np.arange(BALLS), WALL_HITS)
-    seen = e0[struck] + wall * rng.standard_normal(struck.size)
+    wall_e0 = e0[struck] + wall * rng.standard_normal(struck.size)
     balls = BallReadings(
         mass=np.full(BALLS, MASS),
         ball=struck,
         nominal_speed=np.full(struck.size, SPEED),
-        flights=gates("balls", SPEED * seen),
+        flights=gates("balls", SPEED * wall_e0),
     )
     e = BPF * e0[ball] + hit * rng.standard_normal(ball.size)
     readings = ImpactReadings(
@@ -123,8 +123,8 @@ def play(
         recoil=None,
         swing=None,
     )
-    known = {name: Estimate(value=value) for name, value in CONSTANTS.items()}
-    variants = Variants.of(stacked(known) | ball_constants(balls))
+    constants = {name: Estimate(value=value) for name, value in CONSTANTS.items()}
+    variants = Variants.of(stacked(constants) | ball_constants(balls))
     columns = {name: column[0] for name, column in variants.columns.items()}
     lot = measured_balls(columns, balls)
     shots = shot_results(SetResults, columns, BAT, lot, readings, ASKED)
@@ -163,22 +163,22 @@ def test_e0_uses_the_actual_speeds_at_the_wall() -> None:
     """
     struck, nominal = np.tile(np.arange(BALLS), 4), np.repeat([27.0, 61.0], 2 * BALLS)
     speed = nominal + np.where(nominal < 30, 1.0, -2.0)
-    own = 1e-3 * np.arange(BALLS)
+    offsets = 1e-3 * np.arange(BALLS)
     balls = BallReadings(
         mass=np.full(BALLS, MASS),
         ball=struck,
         nominal_speed=nominal,
-        flights=gates("balls", speed * (0.6 - 0.002 * speed + own[struck]), speed),
+        flights=gates("balls", speed * (0.6 - 0.002 * speed + offsets[struck]), speed),
     )
-    known = {name: each.row(0) for name, each in ball_constants(balls).items()}
+    estimates = {name: each.row(0) for name, each in ball_constants(balls).items()}
     constants = {name: np.array(value) for name, value in CONSTANTS.items()}
     measured = measured_balls(
-        constants | {name: np.array(each.value) for name, each in known.items()}, balls
+        constants | {name: np.array(each.value) for name, each in estimates.items()}, balls
     )
     assert measured.slope == pytest.approx(-0.002, rel=1e-9)
     for at in (27.0, 61.0):
         e0 = measured.restitution + measured.slope * (at - measured.speed)
-        assert np.ravel(e0) == pytest.approx(0.6 - 0.002 * at + own, rel=1e-9)
+        assert np.ravel(e0) == pytest.approx(0.6 - 0.002 * at + offsets, rel=1e-9)
 
 
 def held(results: list[Result], name: str) -> int:
@@ -240,11 +240,13 @@ def test_played_results_scatter_as_the_closed_form_says(scheme: str) -> None:
     rng = np.random.default_rng(5)
     results = [play(rng, ball, weights, 0.01, 0.0) for _ in range(200)]
     s, square = 0.01 / sqrt(WALL_HITS) / MEAN_E0, float(np.sum(np.bincount(ball, weights) ** 2))
-    found = {name: np.mean([each.error[name] ** 2 for each in results]) for name in ("BPF", "e")}
+    variances = {
+        name: np.mean([each.error[name] ** 2 for each in results]) for name in ("BPF", "e")
+    }
     room = 3.5 * sqrt(2 / len(results))
-    assert found["BPF"] == pytest.approx((BPF * s) ** 2 * square, rel=room)
+    assert variances["BPF"] == pytest.approx((BPF * s) ** 2 * square, rel=room)
     form = (BPF * MEAN_E0 * s) ** 2 * (square - 1 / BALLS)
-    assert found["e"] == pytest.approx(form, rel=room)
+    assert variances["e"] == pytest.approx(form, rel=room)
     for name in results[0].error:
         errors = np.mean([each.error[name] ** 2 for each in results])
         lines = [

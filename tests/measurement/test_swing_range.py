@@ -24,11 +24,13 @@ def test_each_exponent_gives_the_result_of_rules_with_that_exponent() -> None:
     results = tested.certification.swings
     assert [result.exponent for result in results] == [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]
     for result in results[:: len(results) - 1]:
-        own = certify_session(with_exponent(tested.certification.session, result.exponent))
-        assert own.metric is not None
-        assert result.budget.value == pytest.approx(own.metric.value, rel=1e-12)
-        assert result.budget.u == pytest.approx(own.metric.u, rel=1e-9)
-        assert result.place == pytest.approx(own.outcome.place, rel=1e-12)
+        certification = certify_session(
+            with_exponent(tested.certification.session, result.exponent)
+        )
+        assert certification.metric is not None
+        assert result.budget.value == pytest.approx(certification.metric.value, rel=1e-12)
+        assert result.budget.u == pytest.approx(certification.metric.u, rel=1e-9)
+        assert result.place == pytest.approx(certification.outcome.place, rel=1e-12)
     speeds = [result.budget.value for result in results]
     assert speeds == sorted(speeds)  # gain of a light bat with n
 

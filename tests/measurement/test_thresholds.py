@@ -72,10 +72,10 @@ def test_a_density_of_no_material_makes_a_test_invalid(density: float, impossibl
 def test_an_axis_of_another_rig_is_refused(off: float, refused: bool) -> None:
     """The rules require 6 in; the axis of a rig deviates by tenths of a millimetre."""
     session = certified(seed=7, reality=Reality.IDEAL).certification.session
-    known = dict(session.calibration)
+    calibration = dict(session.calibration)
     key = "impact.pivot.from_knob"
-    known[key] = replace(known[key], value=6 * 0.0254 + off)
-    moved = replace(session, calibration=known)
+    calibration[key] = replace(calibration[key], value=6 * 0.0254 + off)
+    moved = replace(session, calibration=calibration)
     if refused:
         with pytest.raises(InputError, match="pivot_from_knob"):
             prepare(moved)
@@ -88,12 +88,12 @@ def test_more_than_a_tenth_of_the_shots_off_their_flight_is_flagged(
     bad: int, flagged: bool
 ) -> None:
     """One of ten shots, and two of ten."""
-    seen = SimpleNamespace(
+    laboratory = SimpleNamespace(
         off_flight=np.arange(10) < bad,
         owner=np.zeros(10, dtype=int),
         per_laboratory=lambda values: np.array([values.sum()]),
     )
-    assert bool(flags_of(edges(seen))) == flagged
+    assert bool(flags_of(edges(laboratory))) == flagged
 
 
 @pytest.mark.parametrize(
@@ -119,12 +119,12 @@ def test_a_ball_far_outside_the_windows_or_fired_in_spite_of_them_is_flagged(
         slope=np.zeros((1, 1, 1)),
         speed=np.full((1, 1, 1), at),
     )
-    seen = SimpleNamespace(
+    laboratory = SimpleNamespace(
         procedure=procedure,
         measured_balls=balls,
         readings=SimpleNamespace(ball=np.array([0, 1 if fired else 2])),
         owner=np.zeros(2, dtype=int),
     )
-    flags = flags_of(lot_rules(seen))
+    flags = flags_of(lot_rules(laboratory))
     assert len(flags) == bool(said)
     assert all(said in flag.sentence for flag in flags)

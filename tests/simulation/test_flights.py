@@ -36,8 +36,8 @@ def fired(
         collision=_Modal(),
     )
     shots = np.arange(6)
-    asked = {"speed": np.full(6, speed), "place": np.full(6, place)}
-    return station, specimen, ShotPlan(slot=shots, ball=shots, **asked), draws
+    request = {"speed": np.full(6, speed), "place": np.full(6, place)}
+    return station, specimen, ShotPlan(slot=shots, ball=shots, **request), draws
 
 
 def play(rig: str, changes: dict[str, Any], **order: Any) -> RigOutput:
@@ -102,9 +102,9 @@ def test_a_frame_struck_after_the_bat_hides_the_gates_beyond_it(rig: str) -> Non
     assert (closed & ~unseen(usual)[:, OUT]).any()
     # missed gates: also those beyond a missed one
     assert (closed[:, FAR] >= closed[:, NEAR]).all()
-    own = times(play(rig, changes))
-    kept = ~np.isnan(own)
-    np.testing.assert_array_equal(own[kept], times(usual)[kept])
+    edge_times = times(play(rig, changes))
+    present = ~np.isnan(edge_times)
+    np.testing.assert_array_equal(edge_times[present], times(usual)[present])
 
 
 def test_a_ball_beside_the_opening_never_moves_the_bat() -> None:

@@ -34,8 +34,8 @@ def filmed(seed: int, *, faults: tuple[str, ...] = (), reality: Reality = Realit
     )
 
 
-def camera_of(seed: int, **given) -> CameraComparison:
-    camera = filmed(seed, **given).certification.camera
+def camera_of(seed: int, **changes) -> CameraComparison:
+    camera = filmed(seed, **changes).certification.camera
     assert camera is not None
     return camera
 
@@ -53,12 +53,12 @@ def comparisons(certifications: list[Certification]) -> list[CameraComparison]:
 @pytest.mark.parametrize("name", COMPARED)
 def test_sound_gates_and_camera_agree(name: str, comparisons: list[CameraComparison]) -> None:
     """Scores of the difference: mean within 4/√n of 0, and χ² of n within 4 of its deviations."""
-    told = [each.quantities[name] for each in comparisons]
-    scores = np.array([each.difference.value / each.difference.u for each in told])
+    results = [each.quantities[name] for each in comparisons]
+    scores = np.array([each.difference.value / each.difference.u for each in results])
     n = len(scores)
     assert abs(scores.mean()) < 4 / np.sqrt(n)
     assert abs(np.sum(scores**2) - n) < 4 * np.sqrt(2 * n)
-    assert sum(each.agree for each in told) >= n - 3  # binomial law, 5 %: P(4 or more) = 0.001
+    assert sum(each.agree for each in results) >= n - 3  # binomial law, 5 %: P(4 or more) = 0.001
 
 
 @pytest.mark.parametrize("name", COMPARED)
@@ -67,18 +67,18 @@ def test_the_combined_result_is_between_both_and_at_least_as_certain(
 ) -> None:
     """The share is from 0 to 1, and the constants contribute no more u than in either method."""
     for each in comparisons:
-        told = each.quantities[name]
-        assert 0 <= told.share <= 1
-        low, high = sorted([told.gates.value, told.video.value])
-        assert low - 1e-12 <= told.joined.value <= high + 1e-12
-        shared = min(told.gates.u_type_b, told.video.u_type_b)
-        assert told.joined.u_type_b <= shared * 1.05
+        comparison = each.quantities[name]
+        assert 0 <= comparison.share <= 1
+        low, high = sorted([comparison.gates.value, comparison.video.value])
+        assert low - 1e-12 <= comparison.joined.value <= high + 1e-12
+        shared = min(comparison.gates.u_type_b, comparison.video.u_type_b)
+        assert comparison.joined.u_type_b <= shared * 1.05
 
 
 def test_gates_and_video_agree_on_an_ideal_day() -> None:
     """Without errors and noise, gates and video agree in e_A to 1e-5, for any geometry."""
-    told = camera_of(1, reality=Reality.IDEAL).quantities["collision_efficiency"]
-    assert told.video.value == pytest.approx(told.gates.value, abs=1e-5)
+    comparison = camera_of(1, reality=Reality.IDEAL).quantities["collision_efficiency"]
+    assert comparison.video.value == pytest.approx(comparison.gates.value, abs=1e-5)
 
 
 def test_the_speeds_of_camera_and_gates_agree_within_their_geometry(
@@ -239,11 +239,11 @@ def test_the_combined_result_has_the_smallest_variance(
 
     shares = np.linspace(0, 1, 1001)[:, None]
     for each in comparisons:
-        told = each.quantities[name]
-        gates, video = constants(told.gates), constants(told.video)
+        comparison = each.quantities[name]
+        gates, video = constants(comparison.gates), constants(comparison.video)
         names = sorted(gates | video)
         one, other = (np.array([part.get(n, 0.0) for n in names]) for part in (gates, video))
-        noise = next(c.u for c in told.difference.components if c.name == "hits") ** 2 / 2
+        noise = next(c.u for c in comparison.difference.components if c.name == "hits") ** 2 / 2
         variance = ((1 - shares) * one + shares * other) ** 2
         total = variance.sum(axis=1) + ((1 - shares) ** 2 + shares**2)[:, 0] * noise
-        assert told.share == pytest.approx(shares[np.argmin(total), 0], abs=2e-3)
+        assert comparison.share == pytest.approx(shares[np.argmin(total), 0], abs=2e-3)

@@ -22,9 +22,9 @@ OVER = 0.15  # distance of the camera's Y = 0 from the tip [m]
 
 def constants(camera) -> dict[str, np.ndarray]:
     """Return the camera's constants under the names of the reduction."""
-    known = {f"{STAGE}.camera.{key}": each.value for key, each in camera.calibration().items()}
-    known |= {f"{STAGE}.camera.over": OVER, "ball.radius": 0.0365, "hall.gravity": 9.80665}
-    return {name: np.array(value) for name, value in known.items()}
+    constants = {f"{STAGE}.camera.{key}": each.value for key, each in camera.calibration().items()}
+    constants |= {f"{STAGE}.camera.over": OVER, "ball.radius": 0.0365, "hall.gravity": 9.80665}
+    return {name: np.array(value) for name, value in constants.items()}
 
 
 def timed(course: Course) -> Flights:
@@ -44,9 +44,9 @@ def seen_by(camera, course: Course, detail: RecordDetail, draws=None, bat=None) 
     return sight(record, constants(camera), STAGE)
 
 
-def measured(camera, course: Course, seen: Sightings, **changed: np.ndarray) -> CameraResults:
+def measured(camera, course: Course, sightings: Sightings, **changed: np.ndarray) -> CameraResults:
     x = constants(camera) | {f"{STAGE}.camera.{name}": value for name, value in changed.items()}
-    return filmed(x, STAGE, seen, course.passage.drag, timed(course))
+    return filmed(x, STAGE, sightings, course.passage.drag, timed(course))
 
 
 @pytest.mark.parametrize("name", ["camera-overhead", "camera-backlit"])
@@ -75,8 +75,8 @@ def test_windows_of_a_plain_ball_give_the_true_flights() -> None:
     spec = replace(spec, ball=replace(spec.ball, seam_contrast=0.0))
     spec = replace(spec, light=replace(spec.light, ambient=1.0))
     camera, course = camera_of(spec, Quiet()), course_of()
-    seen = seen_by(camera, course, RecordDetail.FULL, bat=bat_of(course))
-    got = measured(camera, course, seen)
+    sightings = seen_by(camera, course, RecordDetail.FULL, bat=bat_of(course))
+    got = measured(camera, course, sightings)
     assert got.flights.speed_in == pytest.approx(course.passage.speed_in, rel=1e-4)
     assert got.flights.speed_out == pytest.approx(course.passage.speed_out, rel=1e-4)
     assert got.place == pytest.approx(OVER - course.along, abs=2e-5)
@@ -88,21 +88,21 @@ def test_speeds_of_a_stitched_ball_at_1500_rpm_are_right_to_1e_4() -> None:
     No error exceeds 4 u.
     """
     spec = spec_of("camera-overhead", frames_in=60, frames_out=60, empty_frames=32)
-    known = replace(
+    exact_spec = replace(
         spec.ideal(), sensor=spec.sensor, light=spec.light, clock=replace(spec.clock, clock_u=0.0)
     )
-    camera, course = camera_of(known, Streams(11)), course_of()
+    camera, course = camera_of(exact_spec, Streams(11)), course_of()
     spin = np.full((SHOTS, 3), 157.0 / np.sqrt(3))
     course = replace(course, spin_in=spin, spin_out=spin)
-    seen = seen_by(camera, course, RecordDetail.FULL, Streams(12), bat_of(course))
-    got = measured(camera, course, seen)
-    u = frames_u(constants(camera), STAGE, seen, got)
-    for found, true, sure in (
+    sightings = seen_by(camera, course, RecordDetail.FULL, Streams(12), bat_of(course))
+    got = measured(camera, course, sightings)
+    u = frames_u(constants(camera), STAGE, sightings, got)
+    for result, true, sure in (
         (got.flights.speed_in, course.passage.speed_in, u["speed_in"]),
         (got.flights.speed_out, course.passage.speed_out, u["speed_out"]),
     ):
-        assert found == pytest.approx(true, rel=1e-4)
-        assert np.abs((found - true) / sure).max() < 4
+        assert result == pytest.approx(true, rel=1e-4)
+        assert np.abs((result - true) / sure).max() < 4
 
 
 def test_speeds_scatter_by_their_stated_uncertainty() -> None:
@@ -116,9 +116,9 @@ def test_speeds_scatter_by_their_stated_uncertainty() -> None:
     course = replace(course, passage=replace(course.passage, slope_out=np.zeros(SHOTS)))
     scores = []
     for seed in range(150):
-        seen = seen_by(camera, course, RecordDetail.SUMMED, Streams(seed))
-        got = measured(camera, course, seen)
-        u = frames_u(constants(camera), STAGE, seen, got)
+        sightings = seen_by(camera, course, RecordDetail.SUMMED, Streams(seed))
+        got = measured(camera, course, sightings)
+        u = frames_u(constants(camera), STAGE, sightings, got)
         scores.append(
             [
                 (got.flights.speed_in - course.passage.speed_in) / u["speed_in"],
@@ -138,7 +138,7 @@ def test_the_uncertainty_of_a_line_is_the_closed_form() -> None:
     spec = spec_of("camera-overhead").ideal()
     camera = camera_of(spec, Quiet())
     times = np.arange(2 * frames)[None] * dt
-    seen = Sightings(
+    sightings = Sightings(
         times=times,
         x=np.zeros_like(times),
         y=np.zeros_like(times),
@@ -152,19 +152,19 @@ def test_the_uncertainty_of_a_line_is_the_closed_form() -> None:
     true_dt = dt / float(x["impact.camera.clock"])
     by_hand = scale * sigma * np.sqrt(12 / (frames * (frames**2 - 1))) / true_dt
     one = np.ones(1)
-    found = CameraResults(
+    result = CameraResults(
         flights=Flights(speed_in=one, speed_out=one, offset=one, slope_in=one, slope_out=one),
         place=one,
         angle_in=one,
         met=np.array([(frames - 1) / 2 * dt]),
     )
-    u = frames_u(x, STAGE, seen, found)
+    u = frames_u(x, STAGE, sightings, result)
     # tolerance: the camera is tilted by a few milliradians
     assert u["speed_in"][0] == pytest.approx(by_hand, rel=2e-5)
     assert u["speed_out"][0] == pytest.approx(by_hand, rel=2e-5)
     assert u["place"][0] == pytest.approx(scale * sigma / np.sqrt(frames), rel=2e-5)
     # errors that drift from frame to frame: they change the slope, constant ones do not
-    slow = frames_u(x, STAGE, replace(seen, pattern_u=np.full_like(times, sigma)), found)
+    slow = frames_u(x, STAGE, replace(sightings, pattern_u=np.full_like(times, sigma)), result)
     assert slow["speed_in"][0] > 2 * by_hand
 
 
@@ -182,12 +182,12 @@ def test_a_wrong_constant_changes_both_speeds_alike(
     """An error of 0.1 % in a constant changes both speeds by 0.1 %, and e_A not at all."""
     spec = spec_of("camera-overhead", frames_in=30, frames_out=30).ideal()
     camera, course = camera_of(spec, Quiet()), course_of()
-    seen = seen_by(camera, course, RecordDetail.SUMMED)
+    sightings = seen_by(camera, course, RecordDetail.SUMMED)
     value = step or float(constants(camera)[f"{STAGE}.camera.{name}"]) * 1.001
-    sound = measured(camera, course, seen).flights
+    sound = measured(camera, course, sightings).flights
     # columns of constants, as in a budget
     column = np.array([[float(constants(camera)[f"{STAGE}.camera.{name}"])], [value]])
-    both = measured(camera, course, seen, **{name: column}).flights
+    both = measured(camera, course, sightings, **{name: column}).flights
     assert both.speed_in.shape == (2, SHOTS)
     assert both.speed_in[0] == pytest.approx(sound.speed_in, rel=1e-12)
     wrong = both.speed_in[1] / sound.speed_in - 1
@@ -200,9 +200,9 @@ def test_a_rebound_that_the_gates_missed_has_no_speed() -> None:
     """Without its height the distance of the ball is unknown: NaN; the speed in is unaffected."""
     spec = spec_of("camera-overhead").ideal()
     camera, course = camera_of(spec, Quiet()), course_of()
-    seen = seen_by(camera, course, RecordDetail.SUMMED)
+    sightings = seen_by(camera, course, RecordDetail.SUMMED)
     gates = replace(timed(course), slope_out=np.array([np.nan, 0.0, 0.0]))
-    got = filmed(constants(camera), STAGE, seen, course.passage.drag, gates)
+    got = filmed(constants(camera), STAGE, sightings, course.passage.drag, gates)
     assert np.isnan(got.flights.speed_out).tolist() == [True, False, False]
     assert np.isfinite(got.flights.speed_in).all()
 
@@ -212,10 +212,10 @@ def test_bad_windows_are_named() -> None:
     camera, course = camera_of(spec_of("camera-overhead"), Quiet()), course_of()
     record, _ = camera.watch(course, Quiet(), "clip", np.arange(3))
     assert isinstance(record, ClipRecord)
-    known = constants(camera)
+    x = constants(camera)
     with pytest.raises(InputError, match="pixels"):
-        sight(replace(record, pixels=None), known, STAGE)
+        sight(replace(record, pixels=None), x, STAGE)
     with pytest.raises(InputError, match="background"):
-        sight(replace(record, background=None), known, STAGE)
+        sight(replace(record, background=None), x, STAGE)
     with pytest.raises(InputError, match="left_px"):
-        sight(replace(record, left=record.left + 4000), known, STAGE)
+        sight(replace(record, left=record.left + 4000), x, STAGE)

@@ -32,8 +32,8 @@ from virtual_lab.uncertainty.estimate import Estimate
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor", "ncaa-besr"])
 def test_a_laboratory_without_noise_is_never_flagged(procedure: str, reality: Reality) -> None:
     """Without scatter, rounding alone must not count as a difference."""
-    found = certified("r161", procedure=procedure, seed=0, reality=reality).certification
-    assert found.flags == ()
+    certification = certified("r161", procedure=procedure, seed=0, reality=reality).certification
+    assert certification.flags == ()
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor", "proposed", "ncaa-besr"])
@@ -68,21 +68,23 @@ SPOKEN = {  # check that responds to each fault, by the ASTM procedure
 @pytest.mark.parametrize("fault", SPOKEN)
 def test_each_check_raises_its_flag(fault: str) -> None:
     """One day per fault, chosen so that its check responds; the table of faults has the rates."""
-    found = certified("r161", procedure="astm-f1881", seed=13, faults=(fault,)).certification
-    assert SPOKEN[fault] in [flag.name for flag in found.flags]
+    certification = certified(
+        "r161", procedure="astm-f1881", seed=13, faults=(fault,)
+    ).certification
+    assert SPOKEN[fault] in [flag.name for flag in certification.flags]
 
 
 @pytest.mark.parametrize(
     ("fault", "check"), [("gate-moved", "boards-in-line"), ("sabot-trip", "edges")]
 )
 def test_each_check_of_boards_raises_its_flag(fault: str, check: str) -> None:
-    found = certified("r161", procedure="bbcor", seed=12, faults=(fault,)).certification
-    assert check in [flag.name for flag in found.flags]
+    certification = certified("r161", procedure="bbcor", seed=12, faults=(fault,)).certification
+    assert check in [flag.name for flag in certification.flags]
 
 
 def test_a_flag_is_on_every_certificate() -> None:
-    found = certified("r161", procedure="astm-f1881", seed=12, faults=("aim-across",))
-    document = certificate(found.certification)
+    tested = certified("r161", procedure="astm-f1881", seed=12, faults=("aim-across",))
+    document = certificate(tested.certification)
     (flag,) = document.flags
     assert flag.name == "aim"
     assert flag.sentence in certificate_text(document)
@@ -91,32 +93,32 @@ def test_a_flag_is_on_every_certificate() -> None:
 
 def test_a_softball_bat_under_a_baseball_procedure_is_flagged() -> None:
     """The flag uses only what the session says, not the truth."""
-    found = certified("softball-34", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
-    (flag,) = found.certification.flags
+    tested = certified("softball-34", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
+    (flag,) = tested.certification.flags
     assert flag.name == "sports"
     assert "bat is of softball, the ball is of baseball, the procedure is of" in flag.sentence
-    document = certificate(found.certification)
+    document = certificate(tested.certification)
     assert document.flags == (FlagRaised(name="sports", sentence=flag.sentence, invalidates=False),)
     assert flag.sentence in certificate_text(document)
     assert flag.sentence in certificate_page(document)
-    unknown = replace(found.certification.session, bat_sport="")
+    unknown = replace(tested.certification.session, bat_sport="")
     assert certify_session(unknown).flags == ()
-    swapped = replace(found.certification.session, bat_sport="baseball", ball_sport="softball")
+    swapped = replace(tested.certification.session, bat_sport="baseball", ball_sport="softball")
     assert "ball is of softball" in certify_session(swapped).flags[0].sentence
 
 
 def test_a_softball_bat_under_a_softball_procedure_is_not_flagged() -> None:
-    found = certified("softball-34", procedure="asa", seed=0, reality=Reality.IDEAL)
-    assert found.certification.flags == ()
+    tested = certified("softball-34", procedure="asa", seed=0, reality=Reality.IDEAL)
+    assert tested.certification.flags == ()
 
 
 def test_a_check_standard_does_not_count_as_a_bat_that_passed() -> None:
     """The cylinder meets the limits of the rules, but the certificate says that no bat passed."""
-    found = certified("check-cylinder", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
-    assert found.certification.verdict.value == "PASS"
-    assert [flag.name for flag in found.certification.flags] == ["check-standard"]
-    assert "no bat" in certificate_text(certificate(found.certification))
-    unmarked = replace(found.certification.session, bat_sport="")
+    tested = certified("check-cylinder", procedure="astm-f1881", seed=0, reality=Reality.IDEAL)
+    assert tested.certification.verdict.value == "PASS"
+    assert [flag.name for flag in tested.certification.flags] == ["check-standard"]
+    assert "no bat" in certificate_text(certificate(tested.certification))
+    unmarked = replace(tested.certification.session, bat_sport="")
     assert certify_session(unmarked).flags == ()
 
 
@@ -135,15 +137,17 @@ def sound() -> Session:
 def test_gates_of_a_single_beam_are_no_fault(sound: Session) -> None:
     """Each ball crosses the beam some millimetres off its centre, so it shows a chord."""
     radius, rng = 36.5e-3, np.random.default_rng(5)
-    seen = sound
+    session = sound
     for stage in ("balls", "impact"):
-        times = seen.records[stage]["gates"].times
+        times = session.records[stage]["gates"].times
         height = rng.normal(0, 6e-3, times.shape[:1])[:, None, None] + rng.normal(
             0, 1e-3, times.shape[:3]
         )
         middle, chord = times.mean(axis=-1, keepdims=True), np.sqrt(1 - (height / radius) ** 2)
-        seen = changed(seen, stage, "gates", times=middle + (times - middle) * chord[..., None])
-    assert certify_session(seen).flags == ()
+        session = changed(
+            session, stage, "gates", times=middle + (times - middle) * chord[..., None]
+        )
+    assert certify_session(session).flags == ()
 
 
 def test_encoder_noise_that_is_also_present_at_rest_is_no_fault(sound: Session) -> None:
@@ -155,20 +159,22 @@ def test_encoder_noise_that_is_also_present_at_rest_is_no_fault(sound: Session) 
 def test_a_late_encoder_trigger_makes_a_test_invalid(sound: Session) -> None:
     """Five milliseconds late, the impact is inside the fitted part, so no shot is valid."""
     record = sound.records["impact"]["encoder"]
-    found = certify_session(changed(sound, "impact", "encoder", times=record.times + 5e-3))
-    assert found.verdict.value == "INVALID"
-    assert found.reasons == ("fewer than two hits were valid",)
-    assert all("no smooth turn fits the encoder" in reason for reason in found.judgement.reasons)
-    document = certificate(found)
+    certification = certify_session(changed(sound, "impact", "encoder", times=record.times + 5e-3))
+    assert certification.verdict.value == "INVALID"
+    assert certification.reasons == ("fewer than two hits were valid",)
+    assert all(
+        "no smooth turn fits the encoder" in reason for reason in certification.judgement.reasons
+    )
+    document = certificate(certification)
     assert document.verdict == "INVALID"
     assert "no smooth turn fits the encoder" in certificate_text(document)
     assert "no smooth turn fits the encoder" in certificate_page(document)
 
 
-def pair(value: float, u: float, **given: float) -> Pairs:
+def pair(value: float, u: float, **options: float) -> Pairs:
     """Return the comparison of a block of one laboratory."""
-    known = types_a("scatter", np.zeros(1), np.array([u]))
-    return pairs("of-two", lambda _: "said", np.array([value]), known, **given)
+    components = types_a("scatter", np.zeros(1), np.array([u]))
+    return pairs("of-two", lambda _: "said", np.array([value]), components, **options)
 
 
 @pytest.mark.parametrize(("chance_of", "raised"), [(6e-4, None), (4e-4, False), (9e-6, True)])
@@ -178,33 +184,33 @@ def test_a_p_value_below_5e_4_is_a_remark_and_below_1e_5_invalidates(
     """The difference is the two-sided normal quantile of the p-value, in units of u."""
     apart = float(stats.norm.isf(chance_of / 2))
     for value in (0.2 * apart, -0.2 * apart):
-        found = pair(value, 0.2, least=1e-9)
-        assert found.likely == pytest.approx(chance_of, rel=1e-6)
-        assert found.sigmas == pytest.approx(apart)
-        flag = found.row(0)
+        comparison = pair(value, 0.2, least=1e-9)
+        assert comparison.likely == pytest.approx(chance_of, rel=1e-6)
+        assert comparison.sigmas == pytest.approx(apart)
+        flag = comparison.row(0)
         assert (flag and flag.invalidates) is raised
         assert flag is None or flag.sentence == f"said, {apart:.1f} standard uncertainties"
 
 
 def test_a_difference_that_barely_changes_the_result_is_only_a_remark() -> None:
     """The difference is 20 u of its own; a change of the result by u/20 counts as noise."""
-    given = {"value": 20.0, "u": 1.0, "least": 1e-9}
-    harmless = pair(moves=0.001, **given).row(0)
+    values = {"value": 20.0, "u": 1.0, "least": 1e-9}
+    harmless = pair(moves=0.001, **values).row(0)
     assert harmless is not None
     assert not harmless.invalidates
     # score with normal noise of hypot(1, 0.05 / 0.01) u: 20 is 3.92 standard deviations
-    bad = pair(moves=0.01, **given)
+    bad = pair(moves=0.01, **values)
     assert bad.harmful == pytest.approx(2 * stats.norm.sf(20 / 26**0.5))
     assert not bad.voids.any()
-    worse = pair(moves=0.0125, **given)  # score 20 / hypot(1, 4) = 4.85
+    worse = pair(moves=0.0125, **values)  # score 20 / hypot(1, 4) = 4.85
     assert worse.voids.all()
-    assert pair(moves=0.0, **given).harmful == 1.0
+    assert pair(moves=0.0, **values).harmful == 1.0
 
 
 def test_the_p_value_accounts_for_the_number_of_comparisons() -> None:
     """The p-value of the worst of six is 1 - (1 - p)^6."""
-    given = {"value": 3.0, "u": 1.0, "least": 1e-9}
-    one, six = pair(**given), pair(among=6, **given)
+    values = {"value": 3.0, "u": 1.0, "least": 1e-9}
+    one, six = pair(**values), pair(among=6, **values)
     assert six.likely == pytest.approx(1 - (1 - one.likely) ** 6)
 
 
@@ -215,11 +221,11 @@ def test_recoil_and_rebound_are_flagged_on_the_right_side_of_each_limit(
     """The encoder reads less than its certificate states, by 0.4, 1.0 and 1.6 %."""
     key = "impact.encoder.scale"
     scale = replace(sound.calibration[key], value=factor * sound.calibration[key].value)
-    found = certify_session(replace(sound, calibration={**sound.calibration, key: scale}))
-    (apart,) = [each for each in found.pairs if each.name == "recoil-and-rebound"]
-    named = {flag.name: flag.invalidates for flag in found.flags}
+    certification = certify_session(replace(sound, calibration={**sound.calibration, key: scale}))
+    (apart,) = [each for each in certification.pairs if each.name == "recoil-and-rebound"]
+    named = {flag.name: flag.invalidates for flag in certification.flags}
     assert named.get("recoil-and-rebound") is raised
-    assert (found.verdict.value == "INVALID") is (raised is True)
+    assert (certification.verdict.value == "INVALID") is (raised is True)
     assert apart.sigmas < 9
 
 
@@ -233,18 +239,18 @@ def test_one_rebound_is_enough_to_detect_a_wrong_encoder(sound: Session, left: i
     (apart,) = [each for each in certify_session(few).pairs if each.name == "recoil-and-rebound"]
     assert apart.sigmas < 3
     scale = replace(sound.calibration[key], value=1.05 * sound.calibration[key].value)
-    found = certify_session(replace(few, calibration={**sound.calibration, key: scale}))
-    assert found.reasons == ("by the flag recoil-and-rebound",)
+    certification = certify_session(replace(few, calibration={**sound.calibration, key: scale}))
+    assert certification.reasons == ("by the flag recoil-and-rebound",)
 
 
 def test_a_contradiction_is_on_every_certificate(sound: Session) -> None:
     key = "impact.encoder.scale"
     scale = replace(sound.calibration[key], value=1.03 * sound.calibration[key].value)
-    found = certify_session(replace(sound, calibration={**sound.calibration, key: scale}))
-    assert found.verdict.value == "INVALID"
-    assert found.reasons == ("by the flag recoil-and-rebound",)
-    assert not found.marginal
-    document = certificate(found)
+    certification = certify_session(replace(sound, calibration={**sound.calibration, key: scale}))
+    assert certification.verdict.value == "INVALID"
+    assert certification.reasons == ("by the flag recoil-and-rebound",)
+    assert not certification.marginal
+    document = certificate(certification)
     assert document.verdict == "INVALID"
     assert "invalid: by the flag recoil-and-rebound" in certificate_text(document)
     assert "by the flag recoil-and-rebound" in certificate_page(document)
@@ -254,10 +260,12 @@ def test_a_slow_slip_within_the_residual_makes_a_test_invalid(sound: Session) ->
     """Two counts lost over 20 ms keep the residual below its limit, yet move the result by 4 u."""
     record = sound.records["impact"]["encoder"]
     lost = np.round(2 * np.clip((record.times - 0.04) / 0.02, 0, 1))
-    found = certify_session(changed(sound, "impact", "encoder", counts=record.counts - lost))
-    assert set(found.judgement.reasons) == {""}
-    assert found.reasons == ("by the flag encoder-halves",)
-    (said,) = [flag.sentence for flag in found.flags if flag.name == "encoder-halves"]
+    certification = certify_session(
+        changed(sound, "impact", "encoder", counts=record.counts - lost)
+    )
+    assert set(certification.judgement.reasons) == {""}
+    assert certification.reasons == ("by the flag encoder-halves",)
+    (said,) = [flag.sentence for flag in certification.flags if flag.name == "encoder-halves"]
     assert said.startswith("half of each record of impact/encoder moves the result by ")
     assert " of its u, in shots 1, 2, 3, 4, 5, 6, " in said
 
@@ -269,8 +277,8 @@ def test_a_repeated_encoder_record_makes_a_test_invalid(sound: Session) -> None:
     still = certify_session(changed(sound, "impact", "encoder", counts=counts))
     assert "records-repeated" not in [flag.name for flag in still.flags]
     counts[4] = counts[2]
-    found = certify_session(changed(sound, "impact", "encoder", counts=counts))
-    (said,) = [flag for flag in found.flags if flag.name == "records-repeated"]
+    certification = certify_session(changed(sound, "impact", "encoder", counts=counts))
+    (said,) = [flag for flag in certification.flags if flag.name == "records-repeated"]
     assert said.invalidates
     assert said.sentence.startswith("shots 3 and 5 have one and the same record in impact/encoder")
 
@@ -291,12 +299,12 @@ def test_a_repeated_gate_record_makes_a_test_invalid(procedure: str) -> None:
         assert isinstance(log, ShotLog)
         assert isinstance(gates, GateRecord | BoardRecord)
         ball, back = log.ball, np.isfinite(gates.times[:, 1])
-        seen = back.reshape(*back.shape[:2], -1).any(axis=2)
-        whole = np.flatnonzero(seen.all(axis=1))
+        visible = back.reshape(*back.shape[:2], -1).any(axis=2)
+        whole = np.flatnonzero(visible.all(axis=1))
         first = int(whole[0])
         other = next(int(shot) for shot in whole if ball[shot] != ball[first])
-        found = certify_session(filed(session, stage, first, [other]))
-        (said,) = [flag for flag in found.flags if flag.name == "records-repeated"]
+        certification = certify_session(filed(session, stage, first, [other]))
+        (said,) = [flag for flag in certification.flags if flag.name == "records-repeated"]
         assert said.invalidates
         assert said.sentence.startswith(
             f"shots {first + 1} and {other + 1} have one and the same record in {stage}/gates"
@@ -331,11 +339,11 @@ def test_a_pendulum_passage_lost_or_doubled_in_every_release_makes_a_test_invali
     twice = np.insert(record.times, middle, between, axis=1)
     swings = record.times.shape[1] - 1
     for times, left in ((lost, swings - 1), (twice, swings + 1)):
-        found = certify_session(changed(session, "bench", "pendulum", times=times))
-        (flag,) = [each for each in found.flags if each.name == "pendulum-even"]
+        certification = certify_session(changed(session, "bench", "pendulum", times=times))
+        (flag,) = [each for each in certification.flags if each.name == "pendulum-even"]
         assert flag.invalidates
-        shown = float(flag.sentence.split("%")[0].rpartition(" ")[2])
-        assert shown == pytest.approx(100 * (swings / left - 1), abs=0.05)
+        stated_size = float(flag.sentence.split("%")[0].rpartition(" ")[2])
+        assert stated_size == pytest.approx(100 * (swings / left - 1), abs=0.05)
 
 
 @pytest.mark.parametrize(("off", "raised"), [(3.3, False), (-3.7, True), (9.0, True)])
@@ -347,17 +355,17 @@ def test_measured_and_stated_air_densities_are_compared(
     By hand: 22 °C, 45 % and 1013.25 hPa give 1.1911 kg/m³ (CIPM-2007). The result barely changes.
     """
     key, logger = "hall.air.density", "bench.climate."
-    shown = {"temperature": 295.15, "humidity": 0.45, "pressure": 101_325.0}
+    climate = {"temperature": 295.15, "humidity": 0.45, "pressure": 101_325.0}
     fields = {
         name: np.full(2, value + sound.calibration[logger + name].value)
-        for name, value in shown.items()
+        for name, value in climate.items()
     }
     read = changed(sound, "bench", "climate", **fields)
     stated = replace(sound.calibration[key], value=1.1911 - off * np.hypot(0.02, 0.0022), u=0.02)
-    found = certify_session(replace(read, calibration={**sound.calibration, key: stated}))
-    assert [flag.name for flag in found.flags] == ["air-density"] * raised
-    assert found.verdict.value == "PASS"
-    (pair,) = [each for each in found.pairs if each.name == "air-density"]
+    certification = certify_session(replace(read, calibration={**sound.calibration, key: stated}))
+    assert [flag.name for flag in certification.flags] == ["air-density"] * raised
+    assert certification.verdict.value == "PASS"
+    (pair,) = [each for each in certification.pairs if each.name == "air-density"]
     assert pair.sigmas == pytest.approx(abs(off), rel=0.01)
     without = {name: each for name, each in sound.records["bench"].items() if name != "climate"}
     silent = replace(sound, records={**sound.records, "bench": without})
@@ -376,12 +384,12 @@ def test_the_reference_mass_detects_a_drift_of_the_scale(
     u = np.sqrt(2 * 0.1e-3**2 / 5 + 2 * 0.1e-3**2 / 12)
     after = 0.5 + scatter + sigmas * u
     readings = np.stack([0.5 + scatter, after])
-    found = certify_session(changed(sound, "bench", "reference-mass", readings=readings))
-    flags = {flag.name: flag for flag in found.flags}
+    certification = certify_session(changed(sound, "bench", "reference-mass", readings=readings))
+    flags = {flag.name: flag for flag in certification.flags}
     assert {name: flag.invalidates for name, flag in flags.items()} == (
         {} if raised is None else {"scale-drift": raised}
     )
-    (pair,) = [each for each in found.pairs if each.name == "scale-drift"]
+    (pair,) = [each for each in certification.pairs if each.name == "scale-drift"]
     assert pair.sigmas == pytest.approx(abs(sigmas), rel=1e-6)
     assert f"reference mass {sigmas * u * 1e3:+.2f} g heavier after" in pair.sentence
 
@@ -389,10 +397,10 @@ def test_the_reference_mass_detects_a_drift_of_the_scale(
 def test_without_a_reference_mass_the_drift_is_listed_as_not_checked(sound: Session) -> None:
     assert certify_session(sound).not_checked == ()
     bench = {name: each for name, each in sound.records["bench"].items() if "reference" not in name}
-    found = certify_session(replace(sound, records={**sound.records, "bench": bench}))
-    assert found.not_checked == ("scale-drift",)
-    assert found.metric == certify_session(sound).metric
-    document = certificate(found)
+    certification = certify_session(replace(sound, records={**sound.records, "bench": bench}))
+    assert certification.not_checked == ("scale-drift",)
+    assert certification.metric == certify_session(sound).metric
+    document = certificate(certification)
     said = "ot checked, as no reference mass was weighed before and after: scale"
     assert said in certificate_text(document)
     assert f"{said} drift." in certificate_page(document)
@@ -437,10 +445,10 @@ def test_a_release_with_a_passage_lost_or_doubled_is_left_out_and_named(
     """The result is that of the other releases, to u/5; with this release it is 7 u off."""
     session = certified("r161", procedure=procedure, seed=300).certification.session
     untouched = certify_session(session).metric
-    found = certify_session(with_a_gap(session, releases, passage, by))
-    assert abs(found.metric.value - untouched.value) < 0.2 * untouched.u
-    assert found.metric.u == pytest.approx(untouched.u, rel=0.01)
-    (flag,) = found.flags
+    certification = certify_session(with_a_gap(session, releases, passage, by))
+    assert abs(certification.metric.value - untouched.value) < 0.2 * untouched.u
+    assert certification.metric.u == pytest.approx(untouched.u, rel=0.01)
+    (flag,) = certification.flags
     assert not flag.invalidates
     assert flag.sentence.startswith(
         f"release {min(releases) + 1} of bench/pendulum: after passage {passage} a swing lasts "
@@ -465,8 +473,8 @@ def test_too_few_consistent_releases_make_a_test_invalid(sound: Session) -> None
 
 def test_a_release_far_from_the_others_is_judged_by_their_scatter(sound: Session) -> None:
     """A last passage 0.1 s late moves BBCOR by u/2, and far exceeds the scatter of the others."""
-    found = certify_session(with_a_gap(sound, [1], 10, 0.07))
-    (flag,) = [each for each in found.flags if each.name == "pendulum-even"]
+    certification = certify_session(with_a_gap(sound, [1], 10, 0.07))
+    (flag,) = [each for each in certification.flags if each.name == "pendulum-even"]
     assert flag.invalidates
     assert "of release 2 of bench/pendulum is 0.70% off its median one" in flag.sentence
 
@@ -478,33 +486,35 @@ def test_the_p_value_of_the_worst_release_is_right(releases: int) -> None:
     The same holds for INVALID, if each difference changes the result by as many u.
     """
     apart = np.random.default_rng(20261126).normal(3.0, 0.1, (40_000, releases))
-    found = _worst_release(apart, np.full(len(apart), 10.0 * releases))
-    for likely in (found.likely, found.harmful):
+    comparison = _worst_release(apart, np.full(len(apart), 10.0 * releases))
+    for likely in (comparison.likely, comparison.harmful):
         for chance_of in (0.05, 0.01, 1e-3):
             number, most = np.sum(likely < chance_of), chance_of * len(apart)
             assert number < most + 4 * most**0.5
-    assert np.sum(found.likely < 0.05) > 0.9 * 0.05 * len(apart)
+    assert np.sum(comparison.likely < 0.05) > 0.9 * 0.05 * len(apart)
 
 
 def test_marks_far_off_the_aim_make_a_test_invalid() -> None:
     """Half an inch along the bat is 7.7 u of the bbcor result."""
-    found = certified("r161", procedure="bbcor", seed=12, faults=("aim-along",)).certification
-    assert "by the flag aim" in found.reasons
+    certification = certified(
+        "r161", procedure="bbcor", seed=12, faults=("aim-along",)
+    ).certification
+    assert "by the flag aim" in certification.reasons
 
 
 def test_the_certificate_lists_the_checks_that_summed_records_cannot_make() -> None:
-    found = certify("r161", procedure="astm-f1881", seed=300, detail=RecordDetail.SUMMED)
-    assert found.certification.not_checked == (
+    tested = certify("r161", procedure="astm-f1881", seed=300, detail=RecordDetail.SUMMED)
+    assert tested.certification.not_checked == (
         "chords",
         "edges",
         "records-repeated",
         "encoder-fit",
         "encoder-halves",
     )
-    said = certificate_text(certificate(found.certification))
+    said = certificate_text(certificate(tested.certification))
     assert "not checked, as recorders summed up: chords, edges, records-repeated" in said
     assert "Not checked, as recorders summed up" in certificate_page(
-        certificate(found.certification)
+        certificate(tested.certification)
     )
 
 
@@ -525,19 +535,19 @@ def test_an_uncertainty_above_the_limit_makes_a_test_invalid(sound: Session) -> 
         largest = f"largest_u = {{ value = {factor * at.u}"
         text = sound.procedure_text.replace("largest_u = { value = 0.02", largest)
         assert text != sound.procedure_text
-        found = certify_session(replace(sound, procedure_text=text))
-        assert found.verdict.value == verdict
-    (reason,) = found.reasons
+        certification = certify_session(replace(sound, procedure_text=text))
+        assert certification.verdict.value == verdict
+    (reason,) = certification.reasons
     assert reason.startswith(f"u of BPF is {at.u:.2g}, allowed up to 0.00")
 
 
 def with_survey(session: Session, **off: float) -> Session:
     """Return a session whose surveyed gate distances at the bat are larger by `off` [m]."""
-    known = dict(session.calibration)
+    calibration = dict(session.calibration)
     for name, more in off.items():
         key = f"impact.gates.{name}"
-        known[key] = replace(known[key], value=known[key].value + more)
-    return replace(session, calibration=known)
+        calibration[key] = replace(calibration[key], value=calibration[key].value + more)
+    return replace(session, calibration=calibration)
 
 
 @pytest.mark.parametrize(
@@ -549,10 +559,10 @@ def test_a_wrong_board_distance_is_stated_with_sign_and_size(
     """Three equidistant boards; an error at either end shifts the middle board by half of it."""
     ideal = certified("r161", procedure="bbcor", seed=0, reality=Reality.IDEAL).certification
     (flag,) = certify_session(with_survey(ideal.session, **{f"distance_{board}": off})).flags
-    shown = flag.sentence.split(" mm")[0].rpartition(" ")[2]
+    stated_size = flag.sentence.split(" mm")[0].rpartition(" ")[2]
     assert flag.name == "boards-in-line"
-    assert shown[0] in "+-"
-    assert float(shown) == pytest.approx(said, abs=0.011)
+    assert stated_size[0] in "+-"
+    assert float(stated_size) == pytest.approx(said, abs=0.011)
 
 
 def counted_from_another_beam(session: Session, boards: list[int], beams: int) -> Session:
@@ -581,12 +591,12 @@ def test_a_shifted_beam_count_makes_a_test_invalid(
     line weighs the boards by -.83, .33 and 1.5 at the target, where the marks show the truth.
     """
     ideal = certified("r161", procedure="bbcor", seed=0, reality=Reality.IDEAL).certification
-    found = certify_session(counted_from_another_beam(ideal.session, boards, 1))
-    assert "by the flag heights" in found.reasons
-    for each in found.pairs:
+    certification = certify_session(counted_from_another_beam(ideal.session, boards, 1))
+    assert "by the flag heights" in certification.reasons
+    for each in certification.pairs:
         if each.name == "heights" and each.of in said:
-            shown = each.sentence.split(" mm")[0].rpartition(" ")[2]
-            assert float(shown) == pytest.approx(said[each.of], abs=0.05)
+            stated_size = each.sentence.split(" mm")[0].rpartition(" ")[2]
+            assert float(stated_size) == pytest.approx(said[each.of], abs=0.05)
 
 
 @pytest.mark.parametrize("procedure", ["bbcor", "ncaa-besr"])
@@ -595,9 +605,9 @@ def test_a_board_with_reversed_beams_makes_a_test_invalid(procedure: str) -> Non
     session = certified("r161", procedure=procedure, seed=3).certification.session
     times = session.records["impact"]["gates"].times.copy()
     times[:, :, 0] = times[:, :, 0, ::-1]
-    found = certify_session(changed(session, "impact", "gates", times=times))
-    assert "by the flag heights" in found.reasons
-    over_height = next(each for each in found.pairs if each.of == "board 2 over height")
+    certification = certify_session(changed(session, "impact", "gates", times=times))
+    assert "by the flag heights" in certification.reasons
+    over_height = next(each for each in certification.pairs if each.of == "board 2 over height")
     assert over_height.sigmas > 10
 
 
@@ -608,9 +618,9 @@ def test_a_board_that_is_late_on_the_flight_out_makes_a_test_invalid(procedure: 
     for board in range(3):
         times = session.records["impact"]["gates"].times.copy()
         times[:, 1, board] += 1e-3
-        found = certify_session(changed(session, "impact", "gates", times=times))
-        assert found.verdict.value == "INVALID"
-        (flag,) = [each for each in found.flags if each.name == "boards-in-line"]
+        certification = certify_session(changed(session, "impact", "gates", times=times))
+        assert certification.verdict.value == "INVALID"
+        (flag,) = [each for each in certification.flags if each.name == "boards-in-line"]
         assert flag.invalidates
         assert "off the flight back" in flag.sentence
 
@@ -632,15 +642,15 @@ def test_the_p_value_of_a_trend_is_that_of_a_regression(side: float) -> None:
         nominal_speed=np.zeros((1, 1, 12)),
         flights=None,
     )
-    seen = SimpleNamespace(
+    laboratory = SimpleNamespace(
         measured_balls=SimpleNamespace(restitution=lot(side * steep)[None, None]),
         reduced=SimpleNamespace(preparation=SimpleNamespace(balls=balls)),
         some=np.zeros(1, dtype=bool),
         metric=SimpleNamespace(u=np.zeros(1)),
         sensitivities={},
     )
-    (found,) = wall_drift(seen)
-    assert (found.row(0) is not None) == (side > 1)
+    (trend,) = wall_drift(laboratory)
+    assert (trend.row(0) is not None) == (side > 1)
 
 
 @pytest.mark.parametrize(("size", "flagged"), [(1.0, False), (1.015, False), (1.03, True)])
@@ -649,16 +659,16 @@ def test_chords_use_the_speed_at_the_gate(sound: Session, size: float, flagged: 
 
     By hand: the edges are the passage ± radius over the local speed.
     """
-    known, radius = dict(sound.calibration), sound.calibration["ball.radius"].value
+    calibration, radius = dict(sound.calibration), sound.calibration["ball.radius"].value
     key = "hall.air.drag_coefficient"
-    known[key] = replace(known[key], value=10 * known[key].value)
-    seen = replace(sound, calibration=known)
-    area = np.pi * radius**2 * known[key].value * known["hall.air.density"].value
-    masses = seen.records["bench"]["ball-mass"].readings.mean(axis=1)
+    calibration[key] = replace(calibration[key], value=10 * calibration[key].value)
+    session = replace(sound, calibration=calibration)
+    area = np.pi * radius**2 * calibration[key].value * calibration["hall.air.density"].value
+    masses = session.records["bench"]["ball-mass"].readings.mean(axis=1)
     for stage in ("balls", "impact"):
-        kappa = area / (2 * masses[seen.records[stage]["log"].ball.astype(int)])[:, None]
-        times = seen.records[stage]["gates"].times.mean(axis=-1)
-        far, near = (known[f"{stage}.gates.distance_{gate}"].value for gate in (0, 1))
+        kappa = area / (2 * masses[session.records[stage]["log"].ball.astype(int)])[:, None]
+        times = session.records[stage]["gates"].times.mean(axis=-1)
+        far, near = (calibration[f"{stage}.gates.distance_{gate}"].value for gate in (0, 1))
         place = np.array([far, near])
         half = np.empty(times.shape)
         for way, sign in ((0, -1), (1, 1)):
@@ -667,8 +677,8 @@ def test_chords_use_the_speed_at_the_gate(sound: Session, size: float, flagged: 
             speed = np.abs(ends[:, :1] - ends[:, 1:]) / (kappa * lasted)  # speed at the target
             half[:, way] = size * radius / (speed / ends)
         edges = np.stack([times - half, times + half], axis=-1)
-        seen = changed(seen, stage, "gates", times=edges)
-    assert ("chords" in [flag.name for flag in certify_session(seen).flags]) == flagged
+        session = changed(session, stage, "gates", times=edges)
+    assert ("chords" in [flag.name for flag in certify_session(session).flags]) == flagged
 
 
 def through_thick_beams(session: Session, thickness: float) -> Session:
@@ -682,8 +692,8 @@ def through_thick_beams(session: Session, thickness: float) -> Session:
         ends = (0, times.shape[2] - 1)
         far, near = (session.calibration[f"{stage}.gates.distance_{k}"].value for k in ends)
         edges = np.where(np.isfinite(times), times, 0.0).reshape(*times.shape[:3], -1).sum(axis=-1)
-        seen = np.isfinite(times).reshape(*times.shape[:3], -1).sum(axis=-1)
-        passed = edges / np.where(seen > 0, seen, np.nan)
+        edge_counts = np.isfinite(times).reshape(*times.shape[:3], -1).sum(axis=-1)
+        passed = edges / np.where(edge_counts > 0, edge_counts, np.nan)
         speed = (far - near) / np.abs(passed[..., -1] - passed[..., 0])
         half = thickness / 2 / speed[(...,) + (None,) * (times.ndim - 2)]
         session = changed(session, stage, "gates", times=times + half * np.array([-1.0, 1.0]))
@@ -700,14 +710,16 @@ def test_a_stated_beam_thickness_is_corrected(procedure: str) -> None:
     stated = {
         f"{stage}.gates.thickness": Estimate(value=3e-3, u=1e-4) for stage in ("balls", "impact")
     }
-    found = certify_session(replace(thick, calibration={**thick.calibration, **stated}))
-    assert found.flags == ()
-    assert found.metric == wide.metric
+    certification = certify_session(replace(thick, calibration={**thick.calibration, **stated}))
+    assert certification.flags == ()
+    assert certification.metric == wide.metric
 
 
 def test_a_flag_states_the_size_of_the_fault() -> None:
     """The nearest board has moved by 1 mm, so the middle board is off the flight by half of it."""
-    found = certified("r161", procedure="bbcor", seed=12, faults=("gate-moved",)).certification
-    (said,) = [flag.sentence for flag in found.flags if flag.name == "boards-in-line"]
-    shown = float(said.split(" mm")[0].rpartition(" ")[2])
-    assert shown == pytest.approx(0.5, abs=0.3)
+    certification = certified(
+        "r161", procedure="bbcor", seed=12, faults=("gate-moved",)
+    ).certification
+    (said,) = [flag.sentence for flag in certification.flags if flag.name == "boards-in-line"]
+    stated_size = float(said.split(" mm")[0].rpartition(" ")[2])
+    assert stated_size == pytest.approx(0.5, abs=0.3)

@@ -80,9 +80,9 @@ def test_the_interval_misses_the_truth_equally_often_on_both_sides() -> None:
         outcome = outcome_of(BBCOR, place, valid, metric)
         used, weights = outcome.used, outcome.weights[outcome.used]
         nothing = np.zeros((1, 0, weights.size))
-        own = Scatter.seen(metric[None, used], weights[None], place[None, used], nothing)
+        scatter = Scatter.seen(metric[None, used], weights[None], place[None, used], nothing)
         value = np.array([metric[used] @ weights])
-        result = combined(value, types_a(HITS, value, own.u, own.dof))
+        result = combined(value, types_a(HITS, value, scatter.u, scatter.dof))
         low, high = with_choice(result, of_one(place, metric)).row(0).interval_95
         true = curve(np.unique(PLACES), top).max()
         above, below = above + (true > high), below + (true < low)

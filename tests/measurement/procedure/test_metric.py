@@ -36,8 +36,8 @@ def curve(e_A: float, r: float, e0: float, place: float = 6 * INCH) -> Curve:
     return Curve(**dict(zip(Curve.__dataclass_fields__, map(np.atleast_1d, numbers), strict=True)))
 
 
-def of(procedure: Procedure, at: Curve, **known) -> float:
-    return float(metric_of(procedure, **known)(at, BAT)[0])
+def of(procedure: Procedure, at: Curve, **options) -> float:
+    return float(metric_of(procedure, **options)(at, BAT)[0])
 
 
 def test_each_metric_of_one_collision_is_that_by_hand() -> None:
@@ -73,8 +73,8 @@ def test_the_standard_game_conditions_are_those_by_hand() -> None:
     game = PROPOSED.game
     assert game is not None
     about = 2539 + 31 * (33 - 11.3) ** 2  # inertia by hand [oz in²]
-    own = replace(game, reference_inertia=about * OZ_IN2)
-    pitch, swing = field_speeds(replace(PROPOSED, game=own), np.array([6 * INCH]), BAT)
+    changed_game = replace(game, reference_inertia=about * OZ_IN2)
+    pitch, swing = field_speeds(replace(PROPOSED, game=changed_game), np.array([6 * INCH]), BAT)
     assert pitch / MPH == pytest.approx(90, rel=1e-12)
     assert swing[0] / MPH == pytest.approx(69.03, abs=0.01)
     _, scaled = field_speeds(PROPOSED, np.array([6 * INCH]), BAT)
@@ -92,10 +92,10 @@ def test_a_softball_swing_speed_falls_with_the_fourth_root_of_the_mass() -> None
     assert of(ASA, at) / MPH == pytest.approx(by_hand, rel=1e-12)
 
 
-def corrected(method: str, e: float, e0: float, *, standard: float = 0.5, **known) -> float:
+def corrected(method: str, e: float, e0: float, *, standard: float = 0.5, **options) -> float:
     """Return e corrected to the standard ball; r does not matter."""
     rules = replace(BBCOR, correction=BallCorrection(method=method, standard=standard))
-    return of(rules, curve((e - 0.25) / 1.25, 0.25, e0), **known)
+    return of(rules, curve((e - 0.25) / 1.25, 0.25, e0), **options)
 
 
 def test_the_corrections_of_e_for_a_ball_a_hundredth_off_the_standard() -> None:
@@ -137,8 +137,8 @@ def test_the_peak_of_a_sine_and_of_a_line() -> None:
     wave = np.sin((places - 0.0713) * 20)
     top = 0.0713 + np.pi / 40
     h = (places[1] - places[0]) * 20
-    found = peak(places, wave)
-    assert found.value == pytest.approx(1, abs=h**4)
-    assert found.place == pytest.approx(top, abs=h**3 / 20)
+    top_of_wave = peak(places, wave)
+    assert top_of_wave.value == pytest.approx(1, abs=h**4)
+    assert top_of_wave.place == pytest.approx(top, abs=h**3 / 20)
     assert peak(places, -places) == pytest.approx((-0.08, 0.08))
     assert peak(places, places) == pytest.approx((0.22, 0.22))

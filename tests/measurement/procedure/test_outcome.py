@@ -98,18 +98,18 @@ def test_noise_raises_a_fitted_peak_by_the_predicted_bias(sigma: float, curvatur
     """
     noise = sigma * Streams(11).normal("noise", (RUNS, PLACES.size))
     exact = parabola(PLACES, curvature)
-    found = np.zeros(RUNS)
+    excess = np.zeros(RUNS)
     for run in range(RUNS):
         metric = exact + noise[run]
         outcome = outcome_of(RULES, PLACES, ALL, metric)
-        found[run] = outcome.weights @ metric - 0.7
+        excess[run] = outcome.weights @ metric - 0.7
     x = (PLACES - TOP) / INCH
     design = np.vander(x, 4, increasing=True)
     slope_variance = sigma**2 * np.linalg.inv(design.T @ design)[1, 1]
     by_hand = slope_variance / 2 / (curvature * INCH**2)
-    error = found.std() / np.sqrt(RUNS)
+    error = excess.std() / np.sqrt(RUNS)
     assert by_hand > 3 * error  # bias large enough to be tested
-    assert abs(found.mean() - by_hand) < 4 * error + 0.15 * by_hand  # third order: σ²
+    assert abs(excess.mean() - by_hand) < 4 * error + 0.15 * by_hand  # third order: σ²
 
 
 def speed_of(besr: np.ndarray, place: np.ndarray) -> Sought:

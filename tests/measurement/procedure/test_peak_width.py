@@ -38,16 +38,16 @@ def test_the_width_of_an_exact_curve_is_that_between_its_crossings(
     top: float, curvature: float, skew: float
 ) -> None:
     """The ends are the roots of -0.01 = -c x²/2 + s x³ nearest to 0 on either side."""
-    found = width_of(RULES, PLACES, ALL, skewed(curvature, skew, top))
-    assert found is not None
+    width = width_of(RULES, PLACES, ALL, skewed(curvature, skew, top))
+    assert width is not None
     roots = np.roots([skew, -curvature / 2, 0, 0.01])
     real = roots[abs(roots.imag) < 1e-12].real
     low, high = real[real < 0].max(), real[real > 0].min()
-    assert (found.span.low - top) / INCH == pytest.approx(low, abs=1e-6)
-    assert (found.span.high - top) / INCH == pytest.approx(high, abs=1e-6)
-    assert found.budget.value == pytest.approx((high - low) * INCH)
-    assert found.budget.u < 1e-9
-    assert found.span.whole
+    assert (width.span.low - top) / INCH == pytest.approx(low, abs=1e-6)
+    assert (width.span.high - top) / INCH == pytest.approx(high, abs=1e-6)
+    assert width.budget.value == pytest.approx((high - low) * INCH)
+    assert width.budget.u < 1e-9
+    assert width.span.whole
 
 
 def test_invalid_hits_do_not_change_the_width() -> None:
@@ -67,29 +67,29 @@ def test_the_scatter_of_many_scans_is_the_stated_uncertainty(flanks: float) -> N
     sigma = 0.002 * np.where(abs(PLACES - 6 * INCH) > 0.75 * INCH, flanks, 1.0)
     noise = sigma * Streams(5).normal("noise", (RUNS, PLACES.size))
     exact = skewed(0.03, 0.001, 6.1 * INCH)
-    found = [width_of(RULES, PLACES, ALL, exact + each) for each in noise]
-    assert all(each is not None and each.span.whole for each in found)
-    spread = np.std([each.budget.value for each in found if each])
-    stated = np.sqrt(np.mean([each.budget.u**2 for each in found if each]))
+    widths = [width_of(RULES, PLACES, ALL, exact + each) for each in noise]
+    assert all(each is not None and each.span.whole for each in widths)
+    spread = np.std([each.budget.value for each in widths if each])
+    stated = np.sqrt(np.mean([each.budget.u**2 for each in widths if each]))
     assert 1.0 < stated / spread < 1.5
 
 
 def test_the_degrees_of_freedom_of_a_width_are_the_hits_less_the_quintics_six() -> None:
     noise = Streams(3).normal("noise", (1, PLACES.size))[0]
-    found = width_of(RULES, PLACES, ALL, skewed(0.03, 0.0, 6 * INCH) + 2e-3 * noise)
-    assert found is not None
-    assert found.budget.dof == pytest.approx(PLACES.size - 6)
-    low, high = found.budget.interval_95
+    width = width_of(RULES, PLACES, ALL, skewed(0.03, 0.0, 6 * INCH) + 2e-3 * noise)
+    assert width is not None
+    assert width.budget.dof == pytest.approx(PLACES.size - 6)
+    low, high = width.budget.interval_95
     factor = stats.t.ppf(0.975, PLACES.size - 6)
-    assert (high - low) / 2 == pytest.approx(factor * found.budget.u, rel=1e-6)
+    assert (high - low) / 2 == pytest.approx(factor * width.budget.u, rel=1e-6)
 
 
 def test_a_curve_that_never_falls_is_at_least_as_wide_as_the_hits() -> None:
-    found = width_of(RULES, PLACES, ALL, skewed(0.0005, 0.0, 6 * INCH))
-    assert found is not None
-    assert (found.span.low_cut_off, found.span.high_cut_off) == (True, True)
-    assert found.budget.value == pytest.approx(6 * INCH)
-    assert found.budget.u == 0
+    width = width_of(RULES, PLACES, ALL, skewed(0.0005, 0.0, 6 * INCH))
+    assert width is not None
+    assert (width.span.low_cut_off, width.span.high_cut_off) == (True, True)
+    assert width.budget.value == pytest.approx(6 * INCH)
+    assert width.budget.u == 0
     falling = width_of(RULES, PLACES, ALL, skewed(0.01, 0.0, 4 * INCH))
     assert falling is not None
     assert (falling.span.low_cut_off, falling.span.high_cut_off) == (True, False)

@@ -171,8 +171,8 @@ def bats(*ounces: float) -> BatProperties:
 
 def unmet(rules: Procedure, bat: BatProperties, *values: float) -> list[tuple[str, ...]]:
     """Return the sentences on each laboratory."""
-    found = list(unmet_rules(rules, bat, np.array(values)))
-    return [sentences_of(found, Verdict.FAIL, i) for i in range(len(values))]
+    unmet_by_bat = list(unmet_rules(rules, bat, np.array(values)))
+    return [sentences_of(unmet_by_bat, Verdict.FAIL, i) for i in range(len(values))]
 
 
 def test_each_unmet_rule_is_named() -> None:
@@ -213,8 +213,8 @@ def test_verdict_and_reasons_come_from_one_table() -> None:
 def test_without_a_limit_a_bat_is_measured_or_fails_by_another_rule() -> None:
     """The paper's own proposal sets no limit."""
     free = replace(RULES, limit=None, eligibility=Eligibility(length_less_weight=3.0))
-    found = list(unmet_rules(free, bats(31.0, 30.9), np.array([1.9, 1.9])))
-    assert verdicts_of(free, found, 2) == (Verdict.MEASURED, Verdict.FAIL)
+    unmet_by_bat = list(unmet_rules(free, bats(31.0, 30.9), np.array([1.9, 1.9])))
+    assert verdicts_of(free, unmet_by_bat, 2) == (Verdict.MEASURED, Verdict.FAIL)
 
 
 @pytest.mark.parametrize(("hits", "said"), [(5, "5 valid hits of 6"), (6, ""), (7, "")])

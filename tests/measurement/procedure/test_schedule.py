@@ -36,8 +36,8 @@ class Test:
     def __init__(self, procedure: Procedure, metric, bad=lambda shot, place: False, *, exact=False):
         self.place, self.valid, self.metric = np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0)
         self.rounds: list[np.ndarray] = []
-        while (asked := next_places(procedure, 0.15, self.place, self.valid, self.metric)).size:
-            fired = to_set(asked, exact=exact)
+        while (places := next_places(procedure, 0.15, self.place, self.valid, self.metric)).size:
+            fired = to_set(places, exact=exact)
             self.rounds.append(fired)
             shots = np.arange(self.place.size, self.place.size + fired.size)
             self.place = np.concatenate([self.place, fired])
@@ -198,8 +198,8 @@ def test_an_invalid_shot_restarts_the_consecutive_hits() -> None:
     valid = np.array([True] * rules.valid_hits + [True] * 4 + [False])
 
     def fresh(scan: Scan, place: np.ndarray, valid: np.ndarray) -> list[int]:
-        found = np.empty(place.size, np.int64)
-        return found[: fresh_hits(best, place, valid, scan_rules(rules, scan), found)].tolist()
+        rows = np.empty(place.size, np.int64)
+        return rows[: fresh_hits(best, place, valid, scan_rules(rules, scan), rows)].tolist()
 
     assert fresh(rules.scan, place, valid) == []
     more = np.append(place, [best, best]), np.append(valid, [True, True])

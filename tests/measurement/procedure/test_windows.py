@@ -159,16 +159,16 @@ def test_recoil_and_rebound_must_agree_if_the_rules_require_it() -> None:
 def test_a_shot_whose_encoder_record_does_not_fit_is_not_valid() -> None:
     """Counting leaves 0.4 and noise at rest 0.3, together 0.5, so up to 0.75 is allowed."""
     struck = {"place": 0.15, "rebound_speed": 7.0, "recoil_rate": 14.0, "recoil": True}
-    for asked in ({"procedure": F1881, **struck}, {}):
-        said = why(**asked, residual=0.751, rest=0.3)
+    for shot in ({"procedure": F1881, **struck}, {}):
+        said = why(**shot, residual=0.751, rest=0.3)
         assert said == (
             "no smooth turn fits the encoder: 1.502 times the rms that counting and noise at rest "
             "leave, allowed 1.5"
         )
-        assert why(**asked, residual=0.749, rest=0.3) == ""
-        assert why(**asked, residual=0.61, rest=nan).startswith("no smooth turn fits")
-        assert why(**asked, residual=0.59, rest=nan) == ""
-        assert why(**asked, residual=nan, rest=nan) == ""
+        assert why(**shot, residual=0.749, rest=0.3) == ""
+        assert why(**shot, residual=0.61, rest=nan).startswith("no smooth turn fits")
+        assert why(**shot, residual=0.59, rest=nan) == ""
+        assert why(**shot, residual=nan, rest=nan) == ""
 
 
 def bat(
@@ -202,8 +202,8 @@ def bat(
 def test_each_rule_of_eligibility_includes_its_limit(
     change: dict[str, float], missed: int | None
 ) -> None:
-    found = findings(BBCOR, bat(**change))
-    assert [finding.met for finding in found] == [index != missed for index in range(3)]
+    results = findings(BBCOR, bat(**change))
+    assert [finding.met for finding in results] == [index != missed for index in range(3)]
 
 
 def test_findings_are_in_inches_and_ounces() -> None:
@@ -215,8 +215,8 @@ def test_findings_are_in_inches_and_ounces() -> None:
 
 
 def test_a_barely_unmet_rule_is_printed_with_enough_digits() -> None:
-    found = findings(BBCOR, bat(barrel=2.6101, inertia=9529.96))
-    said = [finding.sentence.partition(" (")[0] for finding in found if not finding.met]
+    results = findings(BBCOR, bat(barrel=2.6101, inertia=9529.96))
+    said = [finding.sentence.partition(" (")[0] for finding in results if not finding.met]
     assert said == [
         "barrel 2.6101 in across, the ring passes 2.6100 in",
         "moment of inertia 9529.96 oz in² about the pivot, at least 9530.00 for 34.0 in",

@@ -39,13 +39,13 @@ def test_the_measured_density_scatters_about_the_true_one_as_its_u_says() -> Non
     """
     setup = lab.TestSetup.of("r161", procedure="astm-f1881", seed=1, detail=RecordDetail.SUMMED)
     laboratory = lab.Laboratory.open(replace(setup, number=np.arange(LABORATORIES)))
-    known = measured_density(test_day.TestDay.begin(laboratory).weigh().sessions)
+    density = measured_density(test_day.TestDay.begin(laboratory).weigh().sessions)
     true = laboratory.stations[Stage.IMPACT].true_constants["air.density"]
     assert np.std(true) == pytest.approx(0.02, rel=0.1)  # standard deviation of the sheet
-    score = (known.value - true) / known.u
+    score = (density.value - true) / density.u
     assert abs(score.mean()) < 4 / np.sqrt(LABORATORIES)
     assert 0.85 < np.sqrt(np.mean(score**2)) < 1.1
-    assert known.u.max() < 0.002
+    assert density.u.max() < 0.002
 
 
 def test_the_density_is_computed_from_the_readings_if_there_are_any() -> None:
@@ -56,24 +56,24 @@ def test_the_density_is_computed_from_the_readings_if_there_are_any() -> None:
     for name, value in none.items():
         calibration[name] = replace(calibration[name], value=value)
     calibration[DENSITY] = replace(calibration[DENSITY], value=1.0)
-    known = replace(session, calibration=calibration)
-    read = with_climate(known, temperature=293.15, humidity=0.5, pressure=101325.0)
+    changed_session = replace(session, calibration=calibration)
+    read = with_climate(changed_session, temperature=293.15, humidity=0.5, pressure=101325.0)
     assert prepare(read).constants[DENSITY].value == pytest.approx(1.19931, abs=1e-5)
-    assert prepare(with_climate(known)).constants[DENSITY].value == 1.0
+    assert prepare(with_climate(changed_session)).constants[DENSITY].value == 1.0
     assert not any(name.startswith("bench.climate") for name in prepare(read).constants)
 
 
 def test_a_certificate_states_the_climate_or_the_density_of_the_sheet() -> None:
     session = certified().certification.session
-    told = certificate(certify_session(session))
-    assert [each.name for each in told.conditions] == ["temperature", "humidity", "pressure"]
-    rows = dict(row for half in printed_values(told)["identification"] for row in half)
+    document = certificate(certify_session(session))
+    assert [each.name for each in document.conditions] == ["temperature", "humidity", "pressure"]
+    rows = dict(row for half in printed_values(document)["identification"] for row in half)
     for unit in ("°C", "% relative humidity", "hPa", "kg/m³"):
         assert unit in rows["Air in the hall"]
     before = certificate(certify_session(with_climate(session)))
     assert before.conditions == ()
     assert before.air_density_kg_per_m3.u == 0.02
-    moved = abs(told.metric.value - before.metric.value)
+    moved = abs(document.metric.value - before.metric.value)
     assert 0 < moved < 0.05 * before.metric.u
 
 

@@ -94,8 +94,8 @@ def record_of(
 
 
 def reduced(record: BoardRecord, drag: float = DRAG) -> tuple[Passages, Flights]:
-    seen = passages(record, lowest=LOWEST, pitch=PITCH)
-    return seen, flights(KNOWN, "impact", seen, np.array([drag]))
+    board_passages = passages(record, lowest=LOWEST, pitch=PITCH)
+    return board_passages, flights(KNOWN, "impact", board_passages, np.array([drag]))
 
 
 FLIGHTS = [
@@ -115,19 +115,19 @@ def test_speeds_offset_and_slope_of_a_flight_are_recovered(flight: dict[str, flo
     by κ x of the rise, and the path is √(1 + slope²) times the distance. The bounds follow from
     these.
     """
-    seen, found = reduced(record_of(**flight))
+    board_passages, measured_flight = reduced(record_of(**flight))
     back, slope = flight["speed_out"], abs(flight.get("slope_out", 0.0))
     fall = GRAVITY * 0.5 / back**2  # slope gained by the far board
     bend = GRAVITY * (RADIUS / back) ** 2 / 2
-    assert found.speed_in == pytest.approx(flight["speed_in"], rel=2e-6)
-    assert found.speed_out == pytest.approx(
+    assert measured_flight.speed_in == pytest.approx(flight["speed_in"], rel=2e-6)
+    assert measured_flight.speed_out == pytest.approx(
         back, rel=2e-6 + DRAG * 0.5 * (slope + fall) ** 2 + bend * (slope + fall) / 0.3
     )
-    assert found.offset == pytest.approx(flight.get("height", 0.0), abs=2e-6)
-    assert found.slope_out == pytest.approx(
+    assert measured_flight.offset == pytest.approx(flight.get("height", 0.0), abs=2e-6)
+    assert measured_flight.slope_out == pytest.approx(
         flight.get("slope_out", 0.0), abs=2e-5 + bend / 0.3 + DRAG * 0.5 * (slope + fall)
     )
-    assert np.nanmax(seen.misfit * [flight["speed_in"], back]) < WINDOW / 5
+    assert np.nanmax(board_passages.misfit * [flight["speed_in"], back]) < WINDOW / 5
 
 
 @pytest.mark.parametrize("flight", FLIGHTS)
@@ -161,8 +161,8 @@ def test_the_boards_record_the_edges_of_a_flight(flight: dict[str, float]) -> No
 
 def test_the_boards_need_the_drag() -> None:
     """Without drag the reduced speed is off by κ x, with x the mean distance of the boards."""
-    _, found = reduced(record_of(60.8, 14.0), drag=0.0)
-    assert found.speed_in / 60.8 - 1 == pytest.approx(DRAG * 0.35, rel=0.02)
+    _, measured_flight = reduced(record_of(60.8, 14.0), drag=0.0)
+    assert measured_flight.speed_in / 60.8 - 1 == pytest.approx(DRAG * 0.35, rel=0.02)
 
 
 def changed(record: BoardRecord, edges: tuple, value: float) -> BoardRecord:
@@ -177,17 +177,17 @@ GOOD = dict(FLIGHTS[1])
 def test_two_boards_are_enough() -> None:
     """If one board saw nothing, speed and height are as accurate as before."""
     for board in range(3):
-        _, found = reduced(changed(record_of(**GOOD), np.s_[0, :, board], np.nan))
-        assert found.speed_in == pytest.approx(60.8, rel=5e-6)
-        assert found.speed_out == pytest.approx(14.0, rel=1e-4)
-        assert found.offset == pytest.approx(3.3e-3, abs=1e-5)
+        _, measured_flight = reduced(changed(record_of(**GOOD), np.s_[0, :, board], np.nan))
+        assert measured_flight.speed_in == pytest.approx(60.8, rel=5e-6)
+        assert measured_flight.speed_out == pytest.approx(14.0, rel=1e-4)
+        assert measured_flight.offset == pytest.approx(3.3e-3, abs=1e-5)
 
 
 def test_one_board_gives_no_speed() -> None:
-    _, found = reduced(changed(record_of(**GOOD), np.s_[0, 1, :2], np.nan))
-    assert np.isnan(found.speed_out[0])
-    assert np.isnan(found.slope_out[0])
-    assert np.isfinite(found.speed_in[0])
+    _, measured_flight = reduced(changed(record_of(**GOOD), np.s_[0, 1, :2], np.nan))
+    assert np.isnan(measured_flight.speed_out[0])
+    assert np.isnan(measured_flight.slope_out[0])
+    assert np.isfinite(measured_flight.speed_in[0])
 
 
 @pytest.mark.parametrize(("left", "seen"), [(4, True), (3, False), (0, False)])
@@ -196,29 +196,31 @@ def test_fewer_than_four_beams_are_no_passage(left: int, seen: bool) -> None:
     times = np.array(record_of(**GOOD).times)
     broken = np.flatnonzero(np.isfinite(times[0, 0, 0, :, 0]))
     times[0, 0, 0, broken[left:]] = np.nan
-    found, flight = reduced(BoardRecord(times=times))
-    assert np.isfinite(found.times[0, 0, 0]) == seen
-    assert np.isfinite(found.heights[0, 0, 0]) == seen
+    board_passages, flight = reduced(BoardRecord(times=times))
+    assert np.isfinite(board_passages.times[0, 0, 0]) == seen
+    assert np.isfinite(board_passages.heights[0, 0, 0]) == seen
     assert flight.speed_in == pytest.approx(60.8, rel=2e-5)
 
 
 def test_two_dead_beams_per_board_do_no_harm() -> None:
     """Two adjacent beams of each board are dead; only the noise grows."""
     for dead in (15, 18, 20):
-        _, found = reduced(changed(record_of(**GOOD), np.s_[0, :, :, dead : dead + 2], np.nan))
-        assert found.speed_in == pytest.approx(60.8, rel=5e-6)
-        assert found.speed_out == pytest.approx(14.0, rel=1e-4)
-        assert found.offset == pytest.approx(3.3e-3, abs=2e-5)
+        _, measured_flight = reduced(
+            changed(record_of(**GOOD), np.s_[0, :, :, dead : dead + 2], np.nan)
+        )
+        assert measured_flight.speed_in == pytest.approx(60.8, rel=5e-6)
+        assert measured_flight.speed_out == pytest.approx(14.0, rel=1e-4)
+        assert measured_flight.offset == pytest.approx(3.3e-3, abs=2e-5)
 
 
 def test_a_ball_half_below_the_curtain_is_measured_by_its_upper_beams() -> None:
     """At 2.95 m/s it falls 135 to 146 mm by the far board, whose lowest beam is at -150 mm."""
-    seen, found = reduced(record_of(60.8, 2.95))
+    board_passages, measured_flight = reduced(record_of(60.8, 2.95))
     broken = np.isfinite(record_of(60.8, 2.95).times[0, 1, 0, :, 0])
     assert broken[0]
     assert 4 <= broken.sum() < 9
-    assert np.isfinite(seen.times).all()
-    assert found.speed_out == pytest.approx(2.95, rel=5e-3)
+    assert np.isfinite(board_passages.times).all()
+    assert measured_flight.speed_out == pytest.approx(2.95, rel=5e-3)
 
 
 @pytest.mark.parametrize("beams", [1, 2, 4])
@@ -229,9 +231,9 @@ def test_a_scrap_of_the_sabot_is_detected_or_harmless(beams: int, ahead: float) 
     for first in range(14, 24 - beams):
         struck = np.s_[0, 0, 0, first : first + beams, 0]
         early = np.array(record.times[struck]) - ahead / 60.8
-        seen, found = reduced(changed(record, struck, early))
-        off = abs(float(found.speed_in[0]) / 60.8 - 1)
-        assert seen.misfit[0, 0] * 60.8 > WINDOW or off < 1e-5, (first, off)
+        board_passages, measured_flight = reduced(changed(record, struck, early))
+        off = abs(float(measured_flight.speed_in[0]) / 60.8 - 1)
+        assert board_passages.misfit[0, 0] * 60.8 > WINDOW or off < 1e-5, (first, off)
     assert np.isfinite(record.times[0, 0, 0, 16:20]).all()
 
 
@@ -244,9 +246,9 @@ def test_a_doubled_edge_is_detected() -> None:
             middle = beams[len(beams) // 2]
             edge = np.s_[0, way, board, middle, 1]
             late = float(record.times[edge]) + 5e-3 / speed
-            seen, _ = reduced(changed(record, edge, late))
-            assert seen.misfit[0, way] * speed > WINDOW
-            assert seen.misfit[0, 1 - way] * (74.8 - speed) < WINDOW / 10
+            board_passages, _ = reduced(changed(record, edge, late))
+            assert board_passages.misfit[0, way] * speed > WINDOW
+            assert board_passages.misfit[0, 1 - way] * (74.8 - speed) < WINDOW / 10
 
 
 def test_a_shot_is_reduced_as_if_alone() -> None:
@@ -280,13 +282,15 @@ def test_ideal_boards_have_no_misfit() -> None:
         slope_out=np.array([0.2]),
     )
     record = boards.watch(straight, np.array([CONTACT]), np.array([LEAVING]), Quiet(), "b", FIRST)
-    seen = passages(record, lowest=LOWEST, pitch=PITCH)
-    assert np.abs(seen.misfit).max() < 1e-15
-    found = flights(KNOWN | {"hall.gravity": np.array(0.0)}, "impact", seen, np.zeros(1))
-    assert found.speed_in == pytest.approx(60.8, rel=1e-12)
-    assert found.speed_out == pytest.approx(12.0, rel=1e-12)
-    assert found.offset == pytest.approx(2.7e-3, rel=1e-9)
-    assert found.slope_out == pytest.approx(0.2, rel=1e-9)
+    board_passages = passages(record, lowest=LOWEST, pitch=PITCH)
+    assert np.abs(board_passages.misfit).max() < 1e-15
+    measured_flight = flights(
+        KNOWN | {"hall.gravity": np.array(0.0)}, "impact", board_passages, np.zeros(1)
+    )
+    assert measured_flight.speed_in == pytest.approx(60.8, rel=1e-12)
+    assert measured_flight.speed_out == pytest.approx(12.0, rel=1e-12)
+    assert measured_flight.offset == pytest.approx(2.7e-3, rel=1e-9)
+    assert measured_flight.slope_out == pytest.approx(0.2, rel=1e-9)
 
 
 @pytest.mark.parametrize("slope", [0.0, -0.25])
@@ -335,15 +339,19 @@ def test_heights_scatter_by_their_stated_uncertainty(slope: float) -> None:
 def test_moved_heights_have_the_covariance_of_a_line(blind: int | None) -> None:
     """Offset and slopes have u² (XᵀX)⁻¹ of the gates that saw the ball, in each direction."""
     sigma = {0: 2e-5, 1: 5e-5}
-    seen, _ = reduced(record_of(**GOOD))
+    board_passages, _ = reduced(record_of(**GOOD))
     heights_u = np.broadcast_to(np.reshape([sigma[0], sigma[1]], (1, 2, 1)), (1, 2, 3)).copy()
-    heights = np.array(seen.heights)
+    heights = np.array(board_passages.heights)
     if blind is not None:
         heights[:, :, blind] = heights_u[:, :, blind] = np.nan
-    seen = replace(seen, heights=heights, heights_u=heights_u)
-    still = flights(KNOWN, "impact", seen, np.array([DRAG]))
-    distances = np.array([KNOWN[f"impact.gates.distance_{k}"] for k in range(seen.times.shape[2])])
-    readings = GateReadings(stage="impact", passages=seen, distances=distances, shows_height=True)
+    board_passages = replace(board_passages, heights=heights, heights_u=heights_u)
+    still = flights(KNOWN, "impact", board_passages, np.array([DRAG]))
+    distances = np.array(
+        [KNOWN[f"impact.gates.distance_{k}"] for k in range(board_passages.times.shape[2])]
+    )
+    readings = GateReadings(
+        stage="impact", passages=board_passages, distances=distances, shows_height=True
+    )
     moved = heights_moved(readings)(KNOWN, np.array([DRAG]))
     parts = np.stack(
         [
@@ -385,5 +393,5 @@ def test_the_misfit_is_the_scatter_of_the_edges_of_a_beam_without_bias() -> None
     half = np.sqrt(RADIUS**2 - (PITCH * (np.arange(8) - 3.4)) ** 2) / 60
     edges = np.stack([middle - half, middle + half], axis=-1)
     noise = rng.normal(0, sigma, (4000, 2, 1, 8, 2))
-    seen = passages(BoardRecord(times=edges + noise), lowest=LOWEST, pitch=PITCH)
-    assert np.mean((seen.misfit / sigma) ** 2) == pytest.approx(1 / 2, rel=0.03)
+    board_passages = passages(BoardRecord(times=edges + noise), lowest=LOWEST, pitch=PITCH)
+    assert np.mean((board_passages.misfit / sigma) ** 2) == pytest.approx(1 / 2, rel=0.03)

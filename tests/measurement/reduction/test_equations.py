@@ -98,9 +98,9 @@ def test_a_mistake_in_any_equation_shows(
             plant(patch, name, lambda *given, equation=equation: 0.9 * equation(*given))
             wrong = Numbers.of(reduce_session(session)[0])
         if name in PRINTED:
-            shown = [each._asdict()[PRINTED[name]] for each in (right, wrong)]
+            numbers = [each._asdict()[PRINTED[name]] for each in (right, wrong)]
             moves = procedure != ASTM or name == "centre_of_percussion"
-            assert (abs(shown[1] / shown[0] - 1) > 0.05) == moves, name
+            assert (abs(numbers[1] / numbers[0] - 1) > 0.05) == moves, name
         else:
             off = abs(wrong.metric / true - 1)
             assert off > 1e-3 if procedure in USED[name] else off < 1e-9, name
@@ -141,9 +141,9 @@ def printed(folder: Path, *procedures: str) -> dict[str, dict[str, tuple[float |
     """Return printed and true numbers of ideal laboratories, by the package in a folder."""
     command = [sys.executable, "-c", RUN, *procedures]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
-    file, found = json.loads(done.stdout)
+    file, numbers = json.loads(done.stdout)
     assert Path(file).is_relative_to(folder)
-    return found
+    return numbers
 
 
 @pytest.mark.long

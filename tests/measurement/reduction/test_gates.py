@@ -53,9 +53,9 @@ def test_the_speeds_of_a_flight_are_recovered(
 ) -> None:
     """The oracle is solve_ivp; the mean of two edges is off the passage by (κR)²/6 ≈ 3e-7."""
     record = record_of(speed_in, speed_out, drag)
-    seen = flights(SURVEYED, "impact", passages(record), np.array([drag]))
-    assert seen.speed_in == pytest.approx(speed_in, rel=1e-6)
-    assert seen.speed_out == pytest.approx(speed_out, rel=1e-6)
+    measured = flights(SURVEYED, "impact", passages(record), np.array([drag]))
+    assert measured.speed_in == pytest.approx(speed_in, rel=1e-6)
+    assert measured.speed_out == pytest.approx(speed_out, rel=1e-6)
 
 
 def test_the_reduction_is_exact_in_thick_air() -> None:
@@ -67,9 +67,9 @@ def test_the_reduction_is_exact_in_thick_air() -> None:
     ways = ((20, True), (15, False))
     times = [flown(speed, places, drag=drag, towards=way) for speed, way in ways]
     record = GateRecord(times=0.2 + np.repeat(np.stack(times)[None, ..., None], 2, axis=3))
-    seen = flights(SURVEYED, "impact", passages(record), np.array([drag]))
-    assert seen.speed_in == pytest.approx(20, rel=1e-9)
-    assert seen.speed_out == pytest.approx(15, rel=1e-9)
+    measured = flights(SURVEYED, "impact", passages(record), np.array([drag]))
+    assert measured.speed_in == pytest.approx(20, rel=1e-9)
+    assert measured.speed_out == pytest.approx(15, rel=1e-9)
 
 
 def test_gates_need_the_drag() -> None:
@@ -85,8 +85,8 @@ def test_a_passage_with_a_missing_edge_is_nan() -> None:
     times = np.array(record_of(26.8224, 7.0, 0.0).times)
     times[0, 1, 0, 1] = np.nan
     record = GateRecord(times=times)
-    known = {name: Estimate(value=float(value)) for name, value in SURVEYED.items()}
-    readings = GateReadings.of(record, known, "impact")
+    constants = {name: Estimate(value=float(value)) for name, value in SURVEYED.items()}
+    readings = GateReadings.of(record, constants, "impact")
     assert np.isnan(readings.raw.speed_out[0])
     assert np.isfinite(readings.raw.speed_in[0])
     assert readings.passages.times.shape == (1, 2, 2)
@@ -102,8 +102,10 @@ def test_three_gates_show_the_uncertainty_of_a_speed() -> None:
     off = np.array([0.0, 3e-4, 0.0])
     ways = np.stack([0.1 - (places + off) / speed, 0.2 + (places + off) / speed])
     noise = sigma * np.sqrt(2) * rng.standard_normal((balls, 2, 3, 2))  # edge noise, two per gate
-    known = {f"impact.gates.distance_{k}": Estimate(value=d) for k, d in enumerate(places)}
-    raw_u = GateReadings.of(GateRecord(times=ways[None, ..., None] + noise), known, "impact").raw_u
+    constants = {f"impact.gates.distance_{k}": Estimate(value=d) for k, d in enumerate(places)}
+    raw_u = GateReadings.of(
+        GateRecord(times=ways[None, ..., None] + noise), constants, "impact"
+    ).raw_u
     width = np.sum((places - places.mean()) ** 2)
     assert raw_u.speed_in == pytest.approx(speed**2 * sigma / np.sqrt(width), rel=0.05)
     assert raw_u.speed_out == pytest.approx(speed**2 * sigma / np.sqrt(width), rel=0.05)
@@ -112,6 +114,6 @@ def test_three_gates_show_the_uncertainty_of_a_speed() -> None:
 
 
 def test_two_gates_do_not_show_the_uncertainty_of_a_speed() -> None:
-    known = {name: Estimate(value=float(value)) for name, value in SURVEYED.items()}
-    raw_u = GateReadings.of(record_of(26.8224, 7.0, 0.0), known, "impact").raw_u
+    constants = {name: Estimate(value=float(value)) for name, value in SURVEYED.items()}
+    raw_u = GateReadings.of(record_of(26.8224, 7.0, 0.0), constants, "impact").raw_u
     assert np.isnan(raw_u.speed_in).all()

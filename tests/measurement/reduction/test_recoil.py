@@ -46,9 +46,9 @@ def make(seed: int, *, counts: int = COUNTS, whole: bool = True, rings: int = 3)
         swing = rng.uniform(0.5, 1.5, (SHOTS, 1)) * rng.uniform(0.3, 1.0) * rate / turn
         decay = rng.uniform(0.002, 0.006) * turn
         angle = angle + swing * np.exp(-decay * since) * np.sin(turn * since)
-    shown = counts / tau * angle + rng.uniform(0, 1, (SHOTS, 1))
+    real_counts = counts / tau * angle + rng.uniform(0, 1, (SHOTS, 1))
     return Made(
-        record=EncoderRecord(counts=np.floor(shown) if whole else shown, times=time),
+        record=EncoderRecord(counts=np.floor(real_counts) if whole else real_counts, times=time),
         contact=contact,
         rate=counts / tau * rate[:, 0],
         frequencies=frequencies,
@@ -90,9 +90,10 @@ def test_rings_are_found() -> None:
     """In at least 95 % of the records all three rings are within 2 Hz, the lowest within 0.5 Hz."""
     right = []
     for one, fit in fitted():
-        found = np.sort(fit.ring_frequency)
+        frequencies = np.sort(fit.ring_frequency)
         right.append(
-            len(found) == 3 and bool(np.all(np.abs(found - one.frequencies) < [0.5, 2.0, 2.0]))
+            len(frequencies) == 3
+            and bool(np.all(np.abs(frequencies - one.frequencies) < [0.5, 2.0, 2.0]))
         )
     assert np.mean(right) >= 0.95
 
@@ -120,15 +121,15 @@ def test_a_counter_overflow_is_unwrapped(period: int, signed: bool) -> None:
     one = make(3)
     counts = one.record.counts
     top = period // 2 if signed else period
-    shown = (counts + top - counts.max(axis=1).min() // 2 + top - period) % period + top - period
-    assert shown.min() >= top - period
-    assert shown.max() < top
-    seen = EncoderRecord(counts=shown, times=one.record.times)
-    assert np.ptp(np.diff(shown)) > period - 100
-    found = unwrapped(seen, COUNTS, one.contact)
-    assert np.array_equal(np.diff(found.counts), np.diff(counts))
+    counter = (counts + top - counts.max(axis=1).min() // 2 + top - period) % period + top - period
+    assert counter.min() >= top - period
+    assert counter.max() < top
+    record = EncoderRecord(counts=counter, times=one.record.times)
+    assert np.ptp(np.diff(counter)) > period - 100
+    unwound = unwrapped(record, COUNTS, one.contact)
+    assert np.array_equal(np.diff(unwound.counts), np.diff(counts))
     at = np.searchsorted(one.record.times, one.contact)
-    assert np.abs(found.counts[np.arange(SHOTS), at]).max() <= period / 2
+    assert np.abs(unwound.counts[np.arange(SHOTS), at]).max() <= period / 2
 
 
 def test_a_jump_that_is_no_overflow_is_kept() -> None:
@@ -137,8 +138,8 @@ def test_a_jump_that_is_no_overflow_is_kept() -> None:
     jumped = one.record.counts + 300.0 * (one.record.times > 0.07)
     assert 300 < np.ptp(jumped) < 512
     record = EncoderRecord(counts=jumped, times=one.record.times)
-    for seen in (one.record, record):
-        assert unwrapped(seen, 300, one.contact) is seen
+    for unchanged in (one.record, record):
+        assert unwrapped(unchanged, 300, one.contact) is unchanged
 
 
 def test_a_record_without_rings_is_fitted() -> None:
@@ -173,8 +174,8 @@ def test_a_shot_without_a_contact_time_has_no_rate() -> None:
     contact[2] = np.nan
     fit = fit_recoil(one.record, contact)
     assert np.isnan(fit.rate[2])
-    seen = np.arange(SHOTS) != 2
-    assert fit.rate[seen] == pytest.approx(one.rate[seen], rel=1e-3)
+    others = np.arange(SHOTS) != 2
+    assert fit.rate[others] == pytest.approx(one.rate[others], rel=1e-3)
 
 
 def test_a_record_that_ends_too_soon_is_refused() -> None:

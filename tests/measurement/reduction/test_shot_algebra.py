@@ -93,8 +93,8 @@ def bench() -> Session:
 
 def _best(session: Session) -> dict[str, np.ndarray]:
     block = SessionBlock.of(session)
-    known = dict(block.calibration) | bench_constants(block)
-    return {key: np.array(each.row(0).value) for key, each in known.items()}
+    constants = dict(block.calibration) | bench_constants(block)
+    return {key: np.array(each.row(0).value) for key, each in constants.items()}
 
 
 def test_the_inertia_of_an_integrated_pendulum_is_recovered(bench: Session) -> None:
@@ -143,7 +143,7 @@ M, I_P, B, V, OMEGA, E0, R_BARREL, R_BALL = 0.145, 0.20, 0.55, 27.0, 14.0, 0.54,
 
 
 def constants(**changes: float) -> dict[str, np.ndarray]:
-    known = {
+    constants = {
         "hall.air.density": 0.0,
         "hall.air.drag_coefficient": 0.0,
         "impact.gates.distance_0": 0.55,
@@ -157,7 +157,7 @@ def constants(**changes: float) -> dict[str, np.ndarray]:
         "ball.radius": R_BALL,
         "ball.restitution_slope": 0.0,
     }
-    return {key: np.array(value) for key, value in (known | changes).items()}
+    return {key: np.array(value) for key, value in (constants | changes).items()}
 
 
 def worked(x: dict[str, np.ndarray]):
@@ -207,7 +207,7 @@ def worked(x: dict[str, np.ndarray]):
         recoil=recoil,
         swing=None,
     )
-    asked = ReductionSettings(
+    settings = ReductionSettings(
         reads="recoil",
         recoil="pivoted",
         pivot_from_knob=0.15,
@@ -215,7 +215,7 @@ def worked(x: dict[str, np.ndarray]):
         turn_rate=np.zeros_like,
         window_speed=26.8224,
     )
-    return shot_results(ShotResults, x, bat, balls, readings, asked)
+    return shot_results(ShotResults, x, bat, balls, readings, settings)
 
 
 def test_a_collision_gives_the_results_by_hand() -> None:
@@ -238,10 +238,10 @@ def test_an_offset_across_the_bat_is_corrected() -> None:
     """The head-on e satisfies e cos² - sin² = measured e_A, with θ = asin(y/R)."""
     y = 5e-3
     sine2 = (y / (R_BARREL + R_BALL)) ** 2
-    seen = (I_P * OMEGA / (M * B) - V) / V
+    oblique = (I_P * OMEGA / (M * B) - V) / V
     got = worked(constants(**{"impact.aim.across_square": y**2}))
     e_A = got.collision_efficiency[0]
-    assert e_A * (1 - sine2) - sine2 == pytest.approx(seen, rel=1e-11)
+    assert e_A * (1 - sine2) - sine2 == pytest.approx(oblique, rel=1e-11)
 
 
 def test_e_a_is_corrected_to_the_aimed_position() -> None:

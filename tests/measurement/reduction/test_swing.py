@@ -42,10 +42,10 @@ def test_an_even_rotation_is_exact() -> None:
     """Exact for any time of contact, and for a parabolic angle."""
     for contact, droop in ((0.0298, 0.0), (0.0212, -0.2), (0.035, 5.0)):
         angles, rate = turn(contact=contact, angle=0.011, droop=droop)
-        found = fitted(angles, np.array([contact]))
-        assert found.rate / COUNTS == pytest.approx(rate, rel=1e-10)
-        assert found.angle / COUNTS == pytest.approx(0.011, abs=1e-10)
-        assert found.residual[0] < 1e-9
+        fit = fitted(angles, np.array([contact]))
+        assert fit.rate / COUNTS == pytest.approx(rate, rel=1e-10)
+        assert fit.angle / COUNTS == pytest.approx(0.011, abs=1e-10)
+        assert fit.residual[0] < 1e-9
 
 
 @pytest.mark.parametrize("phase", np.arange(8) * pi / 4)
@@ -57,9 +57,9 @@ def test_ripple_leaves_a_bias_below_its_fourth_derivative(phase: float) -> None:
     """
     for frequency in (12.0, 6.0):
         angles, rate = turn(ripple=1e-3, frequency=frequency, droop=-0.2, phase=phase)
-        found = fitted(angles, np.array([CONTACT]))
+        fit = fitted(angles, np.array([CONTACT]))
         bound = 1e-3 * (tau * frequency * CONTACT) ** 3 / 24
-        assert abs(found.rate[0] / COUNTS / rate - 1) < bound
+        assert abs(fit.rate[0] / COUNTS / rate - 1) < bound
         assert bound < 5e-4
 
 
@@ -80,9 +80,9 @@ def test_a_bat_out_of_step_is_met_early_or_late(angle: float) -> None:
     """
     speed, lever = 31.3, 0.56
     angles, rate = turn(contact=CONTACT - lever * angle / speed, angle=angle, droop=-0.2)
-    found = fitted(angles, np.array([CONTACT]), lever / speed / COUNTS)
-    assert found.angle / COUNTS == pytest.approx(angle, abs=2e-6)
-    assert found.rate / COUNTS == pytest.approx(rate, rel=1e-6)
+    fit = fitted(angles, np.array([CONTACT]), lever / speed / COUNTS)
+    assert fit.angle / COUNTS == pytest.approx(angle, abs=2e-6)
+    assert fit.rate / COUNTS == pytest.approx(rate, rel=1e-6)
 
 
 def test_whole_counts_scatter_by_the_stated_uncertainty() -> None:
@@ -93,13 +93,13 @@ def test_whole_counts_scatter_by_the_stated_uncertainty() -> None:
     n = 300
     rates = np.linspace(36, 50, n)
     angles = rates[:, None] * np.minimum(TIMES - CONTACT, 0.0) + np.linspace(0, 7, n)[:, None]
-    found = fitted(angles, np.full(n, CONTACT), whole=True)
+    fit = fitted(angles, np.full(n, CONTACT), whole=True)
     span = CONTACT - 1e-3
     x = 1 + 2e-3 / span
     slope = np.sqrt((3 + 5 * (3 * x) ** 2 + 7 * (7.5 * x**2 - 1.5) ** 2) / (span * 20e3)) * 2 / span
     said = np.sqrt(1 / 12) * slope
-    assert np.median(found.rate_u) == pytest.approx(said, rel=0.03)
-    off = found.rate - rates * COUNTS
+    assert np.median(fit.rate_u) == pytest.approx(said, rel=0.03)
+    off = fit.rate - rates * COUNTS
     # tolerance of 25 %: rounding is no white noise at one rate, only over many rates
     assert np.sqrt((off**2).mean()) == pytest.approx(said, rel=0.25)
 
@@ -107,10 +107,10 @@ def test_whole_counts_scatter_by_the_stated_uncertainty() -> None:
 def test_a_ball_that_was_not_seen_has_no_rate() -> None:
     """The same is true of a contact before the first samples; other shots are as if alone."""
     angles, rate = turn(angle=0.01)
-    found = fitted(np.stack([angles] * 4), np.array([CONTACT, np.nan, 5e-4, CONTACT]))
-    assert np.isnan(found.rate[1:3]).all()
-    assert np.isnan(found.angle[1:3]).all()
-    assert found.rate[[0, 3]] / COUNTS == pytest.approx(rate, rel=1e-10)
+    fit = fitted(np.stack([angles] * 4), np.array([CONTACT, np.nan, 5e-4, CONTACT]))
+    assert np.isnan(fit.rate[1:3]).all()
+    assert np.isnan(fit.angle[1:3]).all()
+    assert fit.rate[[0, 3]] / COUNTS == pytest.approx(rate, rel=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -125,9 +125,9 @@ def test_u_of_half_minus_whole_is_that_of_the_difference_of_their_weights() -> N
     """A record with a single count gives the weight of that sample in both rates."""
     before = int(np.searchsorted(TIMES, CONTACT - 1e-3))
     record = EncoderRecord(counts=np.eye(TIMES.size)[:before], times=TIMES)
-    found = fit_swing(record, np.full(before, CONTACT), np.zeros(before))
-    whole, half = np.linalg.norm(found.rate), np.linalg.norm(found.by_half - found.rate)
-    assert found.by_half_u / found.rate_u == pytest.approx(np.full(before, half / whole), rel=1e-6)
+    fit = fit_swing(record, np.full(before, CONTACT), np.zeros(before))
+    whole, half = np.linalg.norm(fit.rate), np.linalg.norm(fit.by_half - fit.rate)
+    assert fit.by_half_u / fit.rate_u == pytest.approx(np.full(before, half / whole), rel=1e-6)
 
 
 def test_u_of_a_swing_and_of_its_halves_is_their_scatter() -> None:
@@ -142,18 +142,18 @@ def test_u_of_a_swing_and_of_its_halves_is_their_scatter() -> None:
     record = EncoderRecord(
         counts=COUNTS * angles + rng.normal(size=(shots, TIMES.size)), times=TIMES
     )
-    found = fit_swing(record, np.full(shots, CONTACT), np.zeros(shots))
+    fit = fit_swing(record, np.full(shots, CONTACT), np.zeros(shots))
     for z in (
-        (found.rate - COUNTS * rate) / found.rate_u,
-        (found.by_half - found.rate) / found.by_half_u,
+        (fit.rate - COUNTS * rate) / fit.rate_u,
+        (fit.by_half - fit.rate) / fit.by_half_u,
     ):
         assert np.mean(z**2) == pytest.approx(1, abs=4 * (2 / shots) ** 0.5)
     clock = (TIMES[:samples] - CONTACT) / CONTACT
     powers = np.vander(clock, 4, increasing=True)
     leverage = np.linalg.inv(powers.T @ powers)[1, 1] / CONTACT**2
-    variance = found.residual**2 * samples / (samples - 4)
-    assert found.rate_u == pytest.approx(np.sqrt(variance * leverage), rel=1e-4)
-    assert found.span == pytest.approx((samples - 1) / 20e3)
+    variance = fit.residual**2 * samples / (samples - 4)
+    assert fit.rate_u == pytest.approx(np.sqrt(variance * leverage), rel=1e-4)
+    assert fit.span == pytest.approx((samples - 1) / 20e3)
 
 
 def test_a_jump_of_the_counts_shows_in_the_misfit() -> None:

@@ -10,7 +10,7 @@ from virtual_lab.units import INCH, MPH, OUNCE
 
 def usual(z_inches: float | Iterable[float], **other: object) -> Scenes:
     """Return scenes of an ordinary ball at `z_inches`, with the values in `other` replaced."""
-    given: dict[str, object] = {
+    values: dict[str, object] = {
         "impact_position": np.asarray(z_inches, dtype=float) * INCH,
         "relative_speed": 160 * MPH,
         "ball_mass": 5.125 * OUNCE,
@@ -18,7 +18,7 @@ def usual(z_inches: float | Iterable[float], **other: object) -> Scenes:
         "stiffness": 3.5e6,
         "exponent": 1.0,
     }
-    return Scenes.of(**(given | other))  # type: ignore[arg-type]
+    return Scenes.of(**(values | other))  # type: ignore[arg-type]
 
 
 def scattered(count: int, low: float, high: float, seed: int) -> Scenes:

@@ -20,13 +20,17 @@ from virtual_lab.units import INCH
 TABLE_ERROR, MOSTLY = 5e-7, 2e-8  # errors of e_A due to the splines: largest, and 95 % quantile
 
 
-def total(found: Collisions) -> np.ndarray:
-    return np.sum([getattr(found.energy, one.name) for one in fields(found.energy)], axis=0)
+def total(collisions: Collisions) -> np.ndarray:
+    return np.sum(
+        [getattr(collisions.energy, one.name) for one in fields(collisions.energy)], axis=0
+    )
 
 
-def columns(found: Collisions) -> dict[str, np.ndarray]:
-    own = {one.name: getattr(found, one.name) for one in fields(found)[1:-1]}
-    return own | {one.name: getattr(found.energy, one.name) for one in fields(found.energy)}
+def columns(collisions: Collisions) -> dict[str, np.ndarray]:
+    arrays = {one.name: getattr(collisions, one.name) for one in fields(collisions)[1:-1]}
+    return arrays | {
+        one.name: getattr(collisions.energy, one.name) for one in fields(collisions.energy)
+    }
 
 
 @lru_cache
@@ -42,12 +46,12 @@ def bats() -> list[ModalModel]:
 @pytest.mark.parametrize("which", range(4))
 def test_the_default_keeps_its_tolerance_all_over_the_bat(which: int) -> None:
     model, scenes = bats()[which], WIDE.draw(2000, 20 + which)
-    found, slow = model.collide(scenes), replace(model, stepper=OneByOne()).collide(scenes)
-    gap = np.abs(found.collision_efficiency - slow.collision_efficiency)
-    print(f"worst {gap.max():.1e}, closing to {np.abs(total(found) - 1).max():.1e}")
+    collisions, slow = model.collide(scenes), replace(model, stepper=OneByOne()).collide(scenes)
+    gap = np.abs(collisions.collision_efficiency - slow.collision_efficiency)
+    print(f"worst {gap.max():.1e}, closing to {np.abs(total(collisions) - 1).max():.1e}")
     assert gap.max() <= 1e-6
-    assert np.abs(total(found) - 1).max() <= 1e-6
-    assert set(found.redone) == {0, 1, 2, 3}
+    assert np.abs(total(collisions) - 1).max() <= 1e-6
+    assert set(collisions.redone) == {0, 1, 2, 3}
 
 
 def test_a_scene_does_not_depend_on_its_batch() -> None:
@@ -124,6 +128,6 @@ def test_one_step_does_not_hide_a_second_peak(
         exponent=exponent,
     )
     model = bats()[which]
-    found, slow = model.collide(scenes), replace(model, stepper=OneByOne()).collide(scenes)
-    assert found.collision_efficiency == pytest.approx(slow.collision_efficiency, abs=1e-6)
-    assert found.redone[0] > 0
+    collisions, slow = model.collide(scenes), replace(model, stepper=OneByOne()).collide(scenes)
+    assert collisions.collision_efficiency == pytest.approx(slow.collision_efficiency, abs=1e-6)
+    assert collisions.redone[0] > 0

@@ -167,6 +167,6 @@ def test_a_stiff_dull_ball_touches_twice_from_13_inches() -> None:
         stiffness=1e9,
         exponent=2.0,
     )
-    found = ModalModel.of(load_bat("r161").spec.body, Free()).collide(scenes)
-    assert found.contacts.tolist() == [1, 2]
-    assert found.collision_efficiency == pytest.approx([-0.05211, -0.05560], abs=1e-4)
+    collisions = ModalModel.of(load_bat("r161").spec.body, Free()).collide(scenes)
+    assert collisions.contacts.tolist() == [1, 2]
+    assert collisions.collision_efficiency == pytest.approx([-0.05211, -0.05560], abs=1e-4)

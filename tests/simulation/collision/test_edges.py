@@ -43,29 +43,29 @@ def one_by_one(model: ModalModel, scenes: Scenes) -> Collisions:
 def holds(body: BatBody, scenes: Scenes, support: Support = FREE) -> Collisions:
     """Assert agreement with one-by-one stepping and closure of energy; return the collisions."""
     model = model_of(body, support)
-    found, slow = model.collide(scenes), one_by_one(model, scenes)
-    gap = found.collision_efficiency - slow.collision_efficiency
+    collisions, slow = model.collide(scenes), one_by_one(model, scenes)
+    gap = collisions.collision_efficiency - slow.collision_efficiency
     assert np.abs(gap).max() < 1e-6
-    assert np.abs(total(found) - 1).max() < 1e-6
-    assert np.array_equal(found.contacts, slow.contacts)
-    return found
+    assert np.abs(total(collisions) - 1).max() < 1e-6
+    assert np.array_equal(collisions.contacts, slow.contacts)
+    return collisions
 
 
 def holds_to_the_reference(body: BatBody, scenes: Scenes, support: Support = FREE) -> None:
     modes = modes_of(body, support, FEW_MODES)
-    found = ModalModel(modes=modes, stiff=modes.above(FEW_MODES)).collide(scenes)
+    collisions = ModalModel(modes=modes, stiff=modes.above(FEW_MODES)).collide(scenes)
     truth = ReferenceModel(modes=modes, **QUICK).collide(scenes)
-    assert found.collision_efficiency == pytest.approx(truth.collision_efficiency, abs=1e-6)
-    assert np.array_equal(found.contacts, truth.contacts)
+    assert collisions.collision_efficiency == pytest.approx(truth.collision_efficiency, abs=1e-6)
+    assert np.array_equal(collisions.contacts, truth.contacts)
 
 
-def total(found: Collisions) -> np.ndarray:
-    return np.asarray(found.energy.total)
+def total(collisions: Collisions) -> np.ndarray:
+    return np.asarray(collisions.energy.total)
 
 
-def with_all(scenes: Scenes, **given: float) -> Scenes:
+def with_all(scenes: Scenes, **changes: float) -> Scenes:
     """Return the scenes with the given values in every scene."""
-    return replace(scenes, **{name: np.full(len(scenes), value) for name, value in given.items()})
+    return replace(scenes, **{name: np.full(len(scenes), value) for name, value in changes.items()})
 
 
 def light(body: BatBody, share: float = 1 / 20) -> BatBody:
@@ -75,9 +75,9 @@ def light(body: BatBody, share: float = 1 / 20) -> BatBody:
 @BODIES
 def test_at_the_tip_the_ball_carries_on(body: BatBody) -> None:
     scenes = scattered(200, 0.0, 0.6, seed=1)
-    found = holds(body, scenes)
-    assert found.collision_efficiency.max() < 0
-    assert (found.contacts > 1).any()
+    collisions = holds(body, scenes)
+    assert collisions.collision_efficiency.max() < 0
+    assert (collisions.contacts > 1).any()
     assert holds(body, usual([0.0])).collision_efficiency[0] < -0.2
     holds_to_the_reference(body, scenes.part(slice(5)))
 
@@ -86,11 +86,11 @@ def test_at_the_tip_the_ball_carries_on(body: BatBody) -> None:
 def test_at_the_centre_of_mass_a_free_bat_does_not_turn(body: BatBody) -> None:
     beam = beam_of(body)
     scenes = with_all(scattered(100, 1, 2, seed=2), impact_position=beam.z_cm)
-    found, model = holds(body, scenes), model_of(body)
-    spin = found.modal_velocities[:, :2] @ model.modes.rotation(beam.z_cm)[:2]
-    heave = found.impulse / beam.mass
+    collisions, model = holds(body, scenes), model_of(body)
+    spin = collisions.modal_velocities[:, :2] @ model.modes.rotation(beam.z_cm)[:2]
+    heave = collisions.impulse / beam.mass
     assert np.abs(spin * beam.length / heave).max() < 1e-9
-    assert found.energy.rigid == pytest.approx(
+    assert collisions.energy.rigid == pytest.approx(
         heave**2 * beam.mass / (scenes.ball_mass * scenes.relative_speed**2), rel=1e-9
     )
 
@@ -99,8 +99,8 @@ def test_at_the_centre_of_mass_a_free_bat_does_not_turn(body: BatBody) -> None:
 @pytest.mark.parametrize("z", [20.0, 33.0])
 def test_a_clamped_bat_takes_no_rigid_energy(body: BatBody, z: float) -> None:
     """A clamped bat does not recoil (r = 0); only bending and the hoop mode lower e_A."""
-    found = holds(body, scattered(150, 0.5, z - 1, seed=3), Clamped(z * INCH))
-    assert not found.energy.rigid.any()
+    collisions = holds(body, scattered(150, 0.5, z - 1, seed=3), Clamped(z * INCH))
+    assert not collisions.energy.rigid.any()
     close = usual(z - 0.3, ball_restitution=0.5)
     near_wall = holds(body, close, Clamped(z * INCH)).collision_efficiency[0]
     assert near_wall == pytest.approx(0.5, abs=0.1)
@@ -113,8 +113,8 @@ def test_a_clamped_bat_agrees_with_the_reference() -> None:
 @BODIES
 def test_a_bat_lighter_than_the_ball_is_swept_along(body: BatBody) -> None:
     scenes = scattered(150, 0.5, 30, seed=4)
-    found = holds(light(body), scenes)
-    assert found.collision_efficiency.max() < 0
+    collisions = holds(light(body), scenes)
+    assert collisions.collision_efficiency.max() < 0
     holds_to_the_reference(light(body), scenes.part(slice(5)))
 
 
@@ -122,8 +122,8 @@ def test_a_bat_lighter_than_the_ball_is_swept_along(body: BatBody) -> None:
 def test_a_ball_ten_times_stiffer_agrees_with_the_slow_steps(body: BatBody) -> None:
     scenes = scattered(150, 0.5, 30, seed=5)
     scenes = replace(scenes, stiffness=10 * scenes.stiffness)
-    found = holds(body, scenes)
-    assert (found.contacts > 2).any() or (found.reloads > 2).any()
+    collisions = holds(body, scenes)
+    assert (collisions.contacts > 2).any() or (collisions.reloads > 2).any()
     holds_to_the_reference(body, scenes.part(slice(4)))
 
 
@@ -147,8 +147,8 @@ def test_a_hoop_mode_with_a_period_near_the_contact_time_agrees_with_the_slow_st
     ).time[0]
     hoop = HoopMode(frequency=turns / float(time), modal_mass=0.1)
     body = replace(ALUMINIUM, hoop=hoop)
-    found = holds(body, scattered(100, 0.5, 30, seed=8))
-    assert found.energy.hoop.max() > 0.05
+    collisions = holds(body, scattered(100, 0.5, 30, seed=8))
+    assert collisions.energy.hoop.max() > 0.05
     holds_to_the_reference(body, usual([6.0, 20.0]))
 
 
@@ -156,13 +156,13 @@ def test_a_grazing_second_contact_agrees_with_the_slow_steps() -> None:
     """The scenes have two contacts, and the first try was in doubt."""
     model = model_of(WOOD)
     many = scattered(1500, 13, 17, seed=11)
-    found = model.collide(many)
-    grazing = np.flatnonzero((found.redone >= 1) & (found.contacts == 2))
+    collisions = model.collide(many)
+    grazing = np.flatnonzero((collisions.redone >= 1) & (collisions.contacts == 2))
     assert len(grazing) > 20
-    assert {1, 3} <= set(found.redone[grazing])
+    assert {1, 3} <= set(collisions.redone[grazing])
     holds(WOOD, many.part(grazing))
     # scenes in which finer steps did not agree, so they were followed one by one
-    hard = grazing[found.redone[grazing] == 3][:3]
+    hard = grazing[collisions.redone[grazing] == 3][:3]
     bare = replace(model, stiff=model.stiff.above(model.stiff.count))
     reference = ReferenceModel(modes=model.modes, **QUICK)
     truth = reference.collide(many.part(hard))
@@ -185,14 +185,14 @@ def test_a_slow_hard_ball_finds_a_bat_rigid(body: BatBody) -> None:
     """At 1 µm/s the contact lasts over 50 ms; e_A and energy are those of a rigid bat."""
     scenes = usual([5.0, 15.0], relative_speed=1e-6, exponent=2.0, stiffness=3e8)
     model, rigid = model_of(body), RigidModel.of(body, Free())
-    for found in (model.collide(scenes), one_by_one(model, scenes)):
+    for collisions in (model.collide(scenes), one_by_one(model, scenes)):
         wall = rigid.collide(scenes)
-        assert found.contact_time.min() > 0.05
-        assert found.contact_time == pytest.approx(wall.contact_time, rel=1e-2)
-        assert found.collision_efficiency == pytest.approx(wall.collision_efficiency, abs=1e-3)
-        assert found.energy.hysteresis == pytest.approx(wall.energy.hysteresis, abs=1e-3)
-        assert found.energy.bending.max() < 1e-4
-        assert np.abs(total(found) - 1).max() < 1e-6
+        assert collisions.contact_time.min() > 0.05
+        assert collisions.contact_time == pytest.approx(wall.contact_time, rel=1e-2)
+        assert collisions.collision_efficiency == pytest.approx(wall.collision_efficiency, abs=1e-3)
+        assert collisions.energy.hysteresis == pytest.approx(wall.energy.hysteresis, abs=1e-3)
+        assert collisions.energy.bending.max() < 1e-4
+        assert np.abs(total(collisions) - 1).max() < 1e-6
 
 
 def test_a_ball_at_rest_is_refused() -> None:
@@ -205,11 +205,11 @@ def test_a_ball_at_rest_is_refused() -> None:
 @pytest.mark.parametrize("e0", [0.2, 0.999, 1.0])
 def test_very_low_and_very_high_e0_agree_with_the_slow_steps(body: BatBody, e0: float) -> None:
     scenes = with_all(scattered(150, 0.5, 30, seed=7), ball_restitution=e0)
-    found = holds(body, scenes)
+    collisions = holds(body, scenes)
     if e0 == 1:
-        assert not found.energy.hysteresis.any()
+        assert not collisions.energy.hysteresis.any()
     elif e0 > 0.9:
-        assert 0 < found.energy.hysteresis.min() <= found.energy.hysteresis.max() < 2.1e-3
+        assert 0 < collisions.energy.hysteresis.min() <= collisions.energy.hysteresis.max() < 2.1e-3
     holds_to_the_reference(body, scenes.part(slice(3)))
 
 
@@ -222,9 +222,9 @@ def test_the_shares_of_a_stiff_bat_are_those_of_the_paper(support: Support, e0: 
     modes = modes_of(body, support, 0)
     r = scenes.ball_mass * np.sum(modes.shape(scenes.impact_position) ** 2, axis=1)
     fractions = energy_fractions(np.full(3, e0), r)
-    found = ModalModel.of(body, support, 4).collide(scenes).energy
-    assert found.ball == pytest.approx(fractions.ball, abs=1e-4)
-    assert found.rigid == pytest.approx(fractions.bat, abs=1e-4)
+    energy = ModalModel.of(body, support, 4).collide(scenes).energy
+    assert energy.ball == pytest.approx(fractions.ball, abs=1e-4)
+    assert energy.rigid == pytest.approx(fractions.bat, abs=1e-4)
     # energy of bending and hysteresis together
-    rest = found.hysteresis + found.bending
+    rest = energy.hysteresis + energy.bending
     assert rest == pytest.approx(fractions.dissipated, abs=1e-4)

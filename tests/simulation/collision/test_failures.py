@@ -50,9 +50,9 @@ def test_a_scene_without_energy_balance_or_end_is_an_error(
     odd = usual([6.0, 6.0], relative_speed=50.0, **{key: np.array([usually, value])})
     for stepper in (FINE, OneByOne()):
         model = replace(wood(HELD[held]), stepper=stepper)
-        with pytest.raises(InputError) as found:
+        with pytest.raises(InputError) as refused:
             model.collide(odd)
-        text = str(found.value)
+        text = str(refused.value)
         assert text.startswith("collision: ")
         assert "\n" not in text
         assert said in text
@@ -76,10 +76,10 @@ def test_disagreement_of_finer_steps_is_an_error(monkeypatch: pytest.MonkeyPatch
     assert wood().collide(hard).redone[0] == 3
     one_pass = OneByOne.follow
 
-    def trembling(self: OneByOne, *given: object) -> object:
-        found = one_pass(self, *given)  # type: ignore[arg-type]
-        found.states[:, -1] *= 1 + 1e-3 / self.refinement
-        return found
+    def trembling(self: OneByOne, *arguments: object) -> object:
+        result = one_pass(self, *arguments)  # type: ignore[arg-type]
+        result.states[:, -1] *= 1 + 1e-3 / self.refinement
+        return result
 
     monkeypatch.setattr(OneByOne, "follow", trembling)
     with pytest.raises(
@@ -119,10 +119,10 @@ def test_heavy_balls_on_clamped_bats_settle(z: float) -> None:
     model = ModalModel.of(ALUMINIUM, Clamped(z * INCH))
     scenes = scattered(100, 0.5, z - 1, seed=3)
     scenes = replace(scenes, ball_mass=np.repeat([3.0, 30.0], 50) * scenes.ball_mass)
-    found = model.collide(scenes)
+    collisions = model.collide(scenes)
     exact = replace(model, stepper=OneByOne(refinement=2.0)).collide(scenes)
-    assert found.contacts.max() <= 6
-    assert np.abs(found.collision_efficiency - exact.collision_efficiency).max() < 1e-6
+    assert collisions.contacts.max() <= 6
+    assert np.abs(collisions.collision_efficiency - exact.collision_efficiency).max() < 1e-6
 
 
 def followed(model: ModalModel, scenes: Scenes, window: float) -> np.ndarray:
@@ -152,7 +152,7 @@ def test_a_late_contact_of_a_clamped_bat_does_not_count() -> None:
 def test_the_contact_window_agrees_with_the_reference() -> None:
     modes = modes_of(WOOD, CLAMPED, 6)
     scenes = scattered(12, 0.5, 12, seed=23)
-    found = ModalModel(modes=modes, stiff=modes.above(6)).collide(scenes)
+    collisions = ModalModel(modes=modes, stiff=modes.above(6)).collide(scenes)
     true = ReferenceModel(modes=modes, tolerance=1e-9, longest_step=1.0).collide(scenes)
-    assert np.array_equal(found.contacts, true.contacts)
-    assert np.abs(found.collision_efficiency - true.collision_efficiency).max() < 1e-5
+    assert np.array_equal(collisions.contacts, true.contacts)
+    assert np.abs(collisions.collision_efficiency - true.collision_efficiency).max() < 1e-5

@@ -36,8 +36,8 @@ BOX = Box.about(PROBE)
 
 def ladder(**other: Any) -> Ladder:
     """Return a ladder of models of the wooden bat for u(e_A) = 0.002, changed by `other`."""
-    given = {"nominal": WOOD, "support": Free(), "probe": PROBE, "standard_uncertainty": 0.002}
-    return Ladder(**{**given, **other})
+    values = {"nominal": WOOD, "support": Free(), "probe": PROBE, "standard_uncertainty": 0.002}
+    return Ladder(**{**values, **other})
 
 
 @pytest.mark.parametrize("rung", COLLISION_RUNGS)
@@ -84,7 +84,7 @@ def stated_and_found(
     name = "softball-slowpitch" if "softball" in bat else "baseball-2003"
     ball = load("balls", name, BallSpec).spec
     ends = (ends_in[0] * INCH, ends_in[1] * INCH)
-    given = rungs._rungs(body, support, probing_scenes(ball, speed * MPH, ends))
+    choices = rungs._rungs(body, support, probing_scenes(ball, speed * MPH, ends))
     places = np.random.default_rng(3).uniform(*ends, count)
     fresh = Scenes.with_ball(ball, impact_position=places, relative_speed=speed * MPH)
     exact = ModalModel.within(modes_of(body, support, 160), 100)
@@ -95,12 +95,12 @@ def stated_and_found(
         )
     )
     true = exact.collide(fresh)
-    assert len(given) == 1 + len(MODE_COUNTS)
+    assert len(choices) == 1 + len(MODE_COUNTS)
     result = {}
-    for choice in given:
-        found = choice.model.collide(fresh)
-        gap = np.abs(found.collision_efficiency - true.collision_efficiency)
-        result[choice.name] = (choice.error, gap, found.contacts == true.contacts)
+    for choice in choices:
+        collisions = choice.model.collide(fresh)
+        gap = np.abs(collisions.collision_efficiency - true.collision_efficiency)
+        result[choice.name] = (choice.error, gap, collisions.contacts == true.contacts)
     return result
 
 
@@ -119,8 +119,8 @@ def stated_and_found(
 def test_the_stated_errors_hold_at_other_positions(
     bat: str, support: Support, speed: float
 ) -> None:
-    for name, (error, found, _) in stated_and_found(bat, support, speed, (3, 9), 60).items():
-        worst = float(found.max())
+    for name, (error, errors, _) in stated_and_found(bat, support, speed, (3, 9), 60).items():
+        worst = float(errors.max())
         print(f"{name} {error:.1e} stated, {worst:.1e} found")
         assert worst < error < 3 * worst + 3e-6
 
@@ -143,12 +143,13 @@ def test_errors_hold_where_ball_and_bat_touch_twice(
     with 100 modes.
     """
     stated = stated_and_found(bat, PIVOT, speed, ends_in, 120)
-    for name, (error, found, same) in list(stated.items())[1:]:
+    for name, (error, errors, same) in list(stated.items())[1:]:
         print(
-            f"{name} {error:.1e} stated, {found[same].max():.1e} found, {found.max():.1e} at a jump"
+            f"{name} {error:.1e} stated, {errors[same].max():.1e} found, "
+            f"{errors.max():.1e} at a jump"
         )
-        assert found[same].max() < error
-        assert (found > error).sum() <= 1
+        assert errors[same].max() < error
+        assert (errors > error).sum() <= 1
     assert stated["modal, 20 modes,"][0] > 2.2e-4
 
 
@@ -217,30 +218,32 @@ def test_only_scenes_outside_the_box_use_the_modal_model() -> None:
     """The e_A of a scene has the same bits in any order and any subset."""
     modal, scenes = choose(WOOD, Free(), PROBE).model, usual(np.linspace(3, 9, 601))
     box = Box.about(usual([4.0, 8.0]))
-    found = ladder(box=box).efficiencies(EVERY, Free(), scenes)
+    efficiency = ladder(box=box).efficiencies(EVERY, Free(), scenes)
     exact = modal.collide(scenes).collision_efficiency
     inside = box.inside(scenes)
     assert inside.sum() == 401
-    assert np.array_equal(found[~inside], exact[~inside])
-    assert (found[inside] != exact[inside]).mean() > 0.9
-    assert np.abs(found - exact).max() < PROBING.surrogate_tolerance
+    assert np.array_equal(efficiency[~inside], exact[~inside])
+    assert (efficiency[inside] != exact[inside]).mean() > 0.9
+    assert np.abs(efficiency - exact).max() < PROBING.surrogate_tolerance
     again = ladder(box=box)
     for some in (np.arange(600, -1, -1), np.array([3]), np.array([300]), np.arange(90, 110)):
-        assert np.array_equal(again.efficiencies(EVERY, Free(), scenes.part(some)), found[some])
+        assert np.array_equal(
+            again.efficiencies(EVERY, Free(), scenes.part(some)), efficiency[some]
+        )
 
 
 def test_without_a_box_there_is_no_surrogate() -> None:
     """Even 6000 scenes at once get no surrogate, because no scene may depend on the others."""
     scenes = usual(np.linspace(4, 8, 6000))
-    found = ladder().efficiencies(EVERY, Free(), scenes)
+    efficiency = ladder().efficiencies(EVERY, Free(), scenes)
     modal = ModalModel.of(WOOD, Free()).collide(scenes).collision_efficiency
-    assert np.array_equal(found, modal)
+    assert np.array_equal(efficiency, modal)
 
 
 def test_a_requested_model_is_not_replaced_by_a_surrogate() -> None:
-    asked = ladder(rung="rigid", box=BOX)
-    asked.efficiencies(EVERY, Free(), usual(np.linspace(4, 8, 60)))
-    assert asked.report().rung == "rigid"
+    rigid_ladder = ladder(rung="rigid", box=BOX)
+    rigid_ladder.efficiencies(EVERY, Free(), usual(np.linspace(4, 8, 60)))
+    assert rigid_ladder.report().rung == "rigid"
 
 
 def test_an_individual_uses_the_model_of_the_nominal_bat_with_its_own_modes() -> None:
@@ -251,9 +254,9 @@ def test_an_individual_uses_the_model_of_the_nominal_bat_with_its_own_modes() ->
     stiff = replace(WOOD, material=replace(WOOD.material, youngs_modulus=5e10))
     tests = ladder(support=PIVOT)
     axis = Pinned(PIVOT.z + 0.01)
-    found = tests(stiff, axis).collide(PROBE).collision_efficiency
-    own = ModalModel.of(stiff, axis, 20).collide(PROBE).collision_efficiency
-    assert found == pytest.approx(own, abs=1e-6)
+    efficiency = tests(stiff, axis).collide(PROBE).collision_efficiency
+    expected = ModalModel.of(stiff, axis, 20).collide(PROBE).collision_efficiency
+    assert efficiency == pytest.approx(expected, abs=1e-6)
     assert choose(stiff, axis, PROBE, standard_uncertainty=0.002).name == "modal, 14 modes,"
     assert tests.report().reason.startswith("modal, 20 modes, is the cheapest good enough")
     assert tests.report() == ladder(support=PIVOT).report()
@@ -262,9 +265,9 @@ def test_an_individual_uses_the_model_of_the_nominal_bat_with_its_own_modes() ->
 @pytest.mark.parametrize("rung", COLLISION_RUNGS)
 def test_a_requested_model_is_used_for_every_individual(rung: str) -> None:
     model = ladder(rung=rung)(ALUMINIUM, PIVOT)
-    own = choose(ALUMINIUM, PIVOT, PROBE, rung=rung).model
+    expected = choose(ALUMINIUM, PIVOT, PROBE, rung=rung).model
     assert model.rung == rung
-    assert np.array_equal(model.modes.angular_frequencies, own.modes.angular_frequencies)
+    assert np.array_equal(model.modes.angular_frequencies, expected.modes.angular_frequencies)
 
 
 @pytest.mark.parametrize(
@@ -284,10 +287,10 @@ def test_the_error_of_the_nominal_bat_holds_for_its_individuals(bat: str, lot: s
     probe = probing_scenes(ball, 60 * MPH)
     stated = [each.error for each in rungs._rungs(spec.body, PIVOT, probe)]
     for other in (softer, lighter):
-        found = rungs._rungs(replace(spec.body, material=other), PIVOT, probe)
+        choices = rungs._rungs(replace(spec.body, material=other), PIVOT, probe)
         assert all(
             1.5 * each.error / PROBING.margin < most
-            for each, most in zip(found, stated, strict=True)
+            for each, most in zip(choices, stated, strict=True)
         )
 
 
@@ -296,6 +299,6 @@ def test_the_truth_uses_the_model_of_the_shots_but_never_a_rigid_bat(
     rung: str | None, modes: int
 ) -> None:
     struck = [(ALUMINIUM, slice(None))]
-    found = ladder(rung=rung, nominal=ALUMINIUM).true_efficiencies(struck, Free(), PROBE)
+    efficiency = ladder(rung=rung, nominal=ALUMINIUM).true_efficiencies(struck, Free(), PROBE)
     modal = ModalModel.of(ALUMINIUM, Free(), modes).collide(PROBE).collision_efficiency
-    assert found == pytest.approx(modal, abs=1e-7)
+    assert efficiency == pytest.approx(modal, abs=1e-7)

@@ -41,11 +41,11 @@ def test_a_free_bat_takes_the_momentum_of_the_ball(body: BatBody) -> None:
         result.modal_velocities[:, :count]
         @ np.concatenate((model.modes.deflections, model.modes.rotations)).T
     )
-    given = scenes.ball_mass * scenes.relative_speed * (1 + result.collision_efficiency)
-    assert field @ beam.mass_matrix @ beam.heave() == pytest.approx(given, rel=1e-9)
+    impulse = scenes.ball_mass * scenes.relative_speed * (1 + result.collision_efficiency)
+    assert field @ beam.mass_matrix @ beam.heave() == pytest.approx(impulse, rel=1e-9)
     lever = beam.z_cm - scenes.impact_position
     turning = field @ beam.mass_matrix @ beam.turn(beam.z_cm)
-    assert turning == pytest.approx(given * lever, rel=1e-9, abs=1e-10)
+    assert turning == pytest.approx(impulse * lever, rel=1e-9, abs=1e-10)
 
 
 def test_a_pinned_bat_takes_the_angular_momentum_about_the_pin() -> None:
@@ -166,8 +166,8 @@ def test_the_patch_pressure_is_half_a_cosine(place: float) -> None:
     half = min(0.015, place)
     deflections = modes.shape(np.maximum(place + half * x, 0.0))
     expected = simpson(pressure[:, None] * deflections, x=x, axis=0) / simpson(pressure, x=x)
-    found = patch_shape(modes, np.array([place]), 0.03)[0]
-    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    shape = patch_shape(modes, np.array([place]), 0.03)[0]
+    assert shape == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])

@@ -35,17 +35,17 @@ def test_a_value_does_not_depend_on_the_other_positions() -> None:
 
 
 def test_a_few_positions_compute_only_a_part_of_the_bat() -> None:
-    asked: list[int] = []
+    sizes: list[int] = []
 
     def counted(z: np.ndarray) -> np.ndarray:
-        asked.append(z.size)
+        sizes.append(z.size)
         return waves(z)
 
     table = PatchTable(counted, LENGTH, WIDTH)
     table(np.array([0.15, 0.151]))
     table(np.array([0.152]))
-    assert len(asked) == 1
-    assert asked[0] < 0.1 * LENGTH / 2e-4
+    assert len(sizes) == 1
+    assert sizes[0] < 0.1 * LENGTH / 2e-4
 
 
 @pytest.mark.parametrize("end", [0.0, WIDTH / 2, LENGTH - WIDTH / 2, LENGTH])

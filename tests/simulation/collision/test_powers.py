@@ -11,10 +11,10 @@ from virtual_lab.simulation.collision.powers import exp2, log2
 
 @njit
 def each(x: np.ndarray, logarithm: bool) -> np.ndarray:
-    found = np.empty_like(x)
+    result = np.empty_like(x)
     for i in range(x.size):
-        found[i] = log2(x[i]) if logarithm else exp2(x[i])
-    return found
+        result[i] = log2(x[i]) if logarithm else exp2(x[i])
+    return result
 
 
 def test_log2_agrees_with_numpy() -> None:
@@ -39,5 +39,5 @@ def test_powers_agree_with_numpy() -> None:
     """The error of the logarithm is multiplied by the exponent."""
     rng = np.random.default_rng(3)
     u, power = np.exp2(rng.uniform(-40, 3, 200_000)), rng.uniform(1, 20, 200_000)
-    found = each(power * each(u, True), False)
-    assert (np.abs(found / u**power - 1) / (power + 2)).max() < 6e-11
+    result = each(power * each(u, True), False)
+    assert (np.abs(result / u**power - 1) / (power + 2)).max() < 6e-11

@@ -56,16 +56,16 @@ def agree(
     body: BatBody, support: Support, drawn: Drawn, stepper: Stepper, tolerance: float
 ) -> np.ndarray:
     scenes, reference = scattered(*drawn), solved(body, support, drawn)
-    found = replace(both(body, support)[0], stepper=stepper).collide(scenes)
-    gap = found.collision_efficiency - reference.collision_efficiency
+    collisions = replace(both(body, support)[0], stepper=stepper).collide(scenes)
+    gap = collisions.collision_efficiency - reference.collision_efficiency
     assert np.abs(gap).max() < tolerance
-    assert np.array_equal(found.contacts, reference.contacts)
-    assert np.array_equal(found.reloads, reference.reloads)
-    assert found.contact_time == pytest.approx(reference.contact_time, rel=1e3 * tolerance)
+    assert np.array_equal(collisions.contacts, reference.contacts)
+    assert np.array_equal(collisions.reloads, reference.reloads)
+    assert collisions.contact_time == pytest.approx(reference.contact_time, rel=1e3 * tolerance)
     scale = scenes.relative_speed[:, None]
-    velocities = (found.modal_velocities - reference.modal_velocities) / scale
+    velocities = (collisions.modal_velocities - reference.modal_velocities) / scale
     assert np.abs(velocities).max() < 100 * tolerance
-    return found.contacts + found.reloads
+    return collisions.contacts + collisions.reloads
 
 
 STEPPERS = pytest.mark.parametrize(("stepper", "tolerance"), [(OneByOne(), 1e-8), (FINE, 1e-6)])
@@ -158,8 +158,10 @@ def test_the_restitution_of_a_recoiling_rigid_bat_is_e0(law: LawOfBall) -> None:
     modes = modes_of(WOOD, Free(), 0)
     scenes = usual([3.0, 6.0, 20.0])
     r = scenes.ball_mass * np.sum(modes.shape(scenes.impact_position) ** 2, axis=1)
-    found = ReferenceModel(modes=modes, patch=0.0, law=law).collide(scenes).collision_efficiency
-    assert found == pytest.approx(efficiency_from_restitution(0.5, r), abs=1e-9)
+    efficiency = (
+        ReferenceModel(modes=modes, patch=0.0, law=law).collide(scenes).collision_efficiency
+    )
+    assert efficiency == pytest.approx(efficiency_from_restitution(0.5, r), abs=1e-9)
 
 
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])

@@ -15,7 +15,7 @@ def test_a_wall_that_drifts_shows_six_per_cent_more_at_its_last_hit() -> None:
     times[:, 0] = [[0.0, 0.003], [0.01, 0.013]]
     times[:, 1] = [[0.05, 0.053], [0.03, 0.033]]
     written = SimpleNamespace(plan=SimpleNamespace(slot=np.arange(5)))
-    shown = drifting(SimpleNamespace(times=times), cast("Any", written))["times"]
-    assert np.array_equal(shown[:, 0], times[:, 0])
-    speed = 0.2 / (shown[:, 1, 0, 0] - shown[:, 1, 1, 0])
+    drifted = drifting(SimpleNamespace(times=times), cast("Any", written))["times"]
+    assert np.array_equal(drifted[:, 0], times[:, 0])
+    speed = 0.2 / (drifted[:, 1, 0, 0] - drifted[:, 1, 1, 0])
     assert speed / speed[0] == pytest.approx([1, 1.015, 1.03, 1.045, 1.06], rel=1e-12)

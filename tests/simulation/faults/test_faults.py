@@ -146,11 +146,11 @@ def test_a_wide_pendulum_swings_by_the_elliptic_integral() -> None:
         swings = radians(released) * 0.995 ** (np.arange(10) + 0.5)
         return float(np.mean(2 / np.pi * ellipk(np.sin(swings / 2) ** 2)))
 
-    shown = [
+    means = [
         np.ptp(record("pendulum", *on, stage="bench").times, axis=1).mean()
         for on in ((), ("pendulum-wide",))
     ]
-    assert shown[1] / shown[0] == pytest.approx(longer(20) / longer(4), abs=5e-6)
+    assert means[1] / means[0] == pytest.approx(longer(20) / longer(4), abs=5e-6)
     noted = record("pendulum", "pendulum-wide", stage="bench").first_amplitude
     assert noted == pytest.approx(radians(4), abs=radians(0.2))
 

@@ -101,9 +101,9 @@ def test_calibration_and_errors_name_the_same_constants(name: str) -> None:
 def test_an_ideal_instrument_has_no_uncertainty_and_no_error(name: str) -> None:
     """The certificate has no uncertainty, and its constants are the true ones, for any seed."""
     instrument = MAKERS[KIND[name]].commission(spec_of(name).ideal(), Streams(1), name)
-    known = instrument.calibration()
-    assert all(estimate.u == 0 for estimate in known.values())
-    stated = known | dict(instrument.stated)
+    calibration = instrument.calibration()
+    assert all(estimate.u == 0 for estimate in calibration.values())
+    stated = calibration | dict(instrument.stated)
     assert all(value == stated[key].value for key, value in instrument.errors().items())
 
 
@@ -120,11 +120,11 @@ def test_true_constants_scatter_as_the_calibration_says(name: str) -> None:
     for seed in range(400):
         instrument = MAKERS[KIND[name]].commission(spec, Streams(seed), name)
         true = instrument.errors()
-        for key, known in instrument.calibration().items():
-            assert (known.value, known.dof) == (sheet[key].value, sheet[key].dof)
-            if known.u > 0:
-                scores.setdefault(key, []).append((true[key] - known.value) / known.u)
-                squares.setdefault(key, []).append((known.u / sheet[key].u) ** 2)
+        for key, estimate in instrument.calibration().items():
+            assert (estimate.value, estimate.dof) == (sheet[key].value, sheet[key].dof)
+            if estimate.u > 0:
+                scores.setdefault(key, []).append((true[key] - estimate.value) / estimate.u)
+                squares.setdefault(key, []).append((estimate.u / sheet[key].u) ** 2)
     assert scores
     for key, values in scores.items():
         dof = sheet[key].dof
@@ -143,9 +143,9 @@ def test_true_constants_scatter_as_the_calibration_says(name: str) -> None:
 )
 def test_quantising_rounds_to_the_nearest_step(value: float, step: float) -> None:
     """The result is a whole number of steps, within half a step; a step of 0 changes nothing."""
-    shown = float(quantise(value, step))
-    assert abs(shown - value) <= step / 2 * (1 + 1e-9) + 1e-9 * abs(value)
-    assert isclose(shown / step, round(shown / step), rel_tol=1e-12, abs_tol=1e-12)
+    quantised = float(quantise(value, step))
+    assert abs(quantised - value) <= step / 2 * (1 + 1e-9) + 1e-9 * abs(value)
+    assert isclose(quantised / step, round(quantised / step), rel_tol=1e-12, abs_tol=1e-12)
     assert quantise(value, 0.0) == value
 
 
@@ -215,9 +215,9 @@ def test_ideal_indicators_read_the_truth_by_their_certificate(maker) -> None:
     ideal = maker.commission(spec_of(name).ideal(), Streams(1), "i")
     true = np.array([0.1452941176, 0.8788])
     act = ideal.weigh if maker is Scale else ideal.measure
-    shown = true * 1.00015 + 0.1e-3 if maker is Scale else true + 0.5e-3
+    expected = true * 1.00015 + 0.1e-3 if maker is Scale else true + 0.5e-3
     readings = act(true, 3, Streams(2), "x").readings
-    assert readings == pytest.approx(np.stack([shown] * 3, axis=1), rel=1e-15)
+    assert readings == pytest.approx(np.stack([expected] * 3, axis=1), rel=1e-15)
 
 
 def test_cannon_scatters_as_its_sheet_says() -> None:
@@ -279,14 +279,14 @@ GATES = LightGateSpec(
 
 
 def passage(n: int = 1, **changes) -> Passage:
-    given = {
+    values = {
         "speed_in": np.full(n, 30.0),
         "speed_out": np.full(n, 6.0),
         "drag": np.zeros(n),
         "radius": 0.0366,
         "gravity": 0.0,
     }
-    return Passage(**(given | changes))
+    return Passage(**(values | changes))
 
 
 def test_ideal_gates_without_air_record_distance_over_speed() -> None:
@@ -430,10 +430,10 @@ def test_pendulum_period_is_the_elliptic_integral() -> None:
     amplitude = stand.release_amplitude * 0.99 ** np.arange(9)
     middle = np.sqrt(amplitude[:8] * amplitude[1:])
     periods = 4 * np.sqrt(both / (9.79 * arm)) * ellipk(np.sin(middle / 2) ** 2)
-    shown = amplitude + stand.amplitude_offset
+    displayed = amplitude + stand.amplitude_offset
     assert np.diff(record.times[0]) == pytest.approx((1 + stand.timer_fast) * periods, rel=1e-8)
-    assert record.first_amplitude[0] == pytest.approx(shown[0], rel=1e-12)
-    assert record.last_amplitude[0] == pytest.approx(shown[8], rel=1e-12)
+    assert record.first_amplitude[0] == pytest.approx(displayed[0], rel=1e-12)
+    assert record.last_amplitude[0] == pytest.approx(displayed[8], rel=1e-12)
 
 
 def test_pendulum_scatter_and_steps() -> None:
@@ -447,8 +447,8 @@ def test_pendulum_scatter_and_steps() -> None:
     total = record.times[:, -1] - record.times[:, 0]
     scatter = sqrt(2 * (50e-6) ** 2 + 2 * (10e-6) ** 2 / 12)
     assert abs(total.std() - scatter) < 4 * scatter / sqrt(2 * 4000)
-    shown = np.degrees(record.first_amplitude) / 0.1
-    assert np.abs(shown - np.rint(shown)).max() < 1e-9
+    amplitude_steps = np.degrees(record.first_amplitude) / 0.1
+    assert np.abs(amplitude_steps - np.rint(amplitude_steps)).max() < 1e-9
 
 
 def test_pendulum_decay_is_as_the_sheet_says() -> None:

@@ -54,10 +54,10 @@ def errors(
     """Return the errors of two speeds, offset and slope, (quantity, shot), at known distances."""
     spec = catalog.load("instruments", name, LightBoardSpec).spec
     spec = replace(spec, distance_u=0.0, height_u=0.0, clock_u=0.0, sabot_rate=0.0, **changes)
-    known = {"hall.gravity": np.array(GRAVITY)}
+    constants = {"hall.gravity": np.array(GRAVITY)}
     for key, stated in spec.certificate().items():
-        known[f"impact.gates.{key}"] = np.array(stated.value)
-    found = []
+        constants[f"impact.gates.{key}"] = np.array(stated.value)
+    rows = []
     for seed in range(LABS):
         draws = Streams(seed)
         boards = LightBoards.commission(spec, draws, "b")
@@ -66,9 +66,9 @@ def errors(
         record = boards.watch(
             passage, contact, contact + 7e-4, draws, "b", np.arange(contact.size), detail
         )
-        seen = passages(record, lowest=spec.lowest, pitch=spec.pitch)
-        flight = flights(known, "impact", seen, passage.drag)
-        found.append(
+        board_passages = passages(record, lowest=spec.lowest, pitch=spec.pitch)
+        flight = flights(constants, "impact", board_passages, passage.drag)
+        rows.append(
             [
                 flight.speed_in / speed_in - 1,
                 flight.speed_out / speed_out - 1,
@@ -76,7 +76,7 @@ def errors(
                 flight.slope_out - passage.slope_out,
             ]
         )
-    return np.concatenate(found, axis=1)
+    return np.concatenate(rows, axis=1)
 
 
 @pytest.mark.parametrize(
@@ -120,10 +120,10 @@ def test_boards_without_threshold_spread_scatter_as_their_edges_do() -> None:
 
 def gains(centre: np.ndarray, beams: int, radius: float | np.ndarray) -> np.ndarray:
     """Return the gains of passage, slope and threshold for centres in pitches, (3, ...)."""
-    found = np.empty((3, centre.size))
+    result = np.empty((3, centre.size))
     radii = np.broadcast_to(radius, centre.shape).ravel().copy()
-    fill_gains(centre.ravel(), beams, radii, gain_memory(radii.max()), found)
-    return found.reshape(3, *centre.shape)
+    fill_gains(centre.ravel(), beams, radii, gain_memory(radii.max()), result)
+    return result.reshape(3, *centre.shape)
 
 
 def test_the_gains_of_many_beams_are_the_closed_forms() -> None:
@@ -145,9 +145,9 @@ def test_the_gains_of_many_beams_are_the_closed_forms() -> None:
 def test_too_few_beams_give_no_gain() -> None:
     """Beams at 0 to 9 and a ball of radius 2.2: four beams are broken from a centre of 1 on."""
     centre = np.array([[0.5, 1.0, 5.0, 8.0, 8.5], [np.nan, -30.0, 40.0, 4.5, 5.2]])
-    seen = [[False, True, True, True, False], [False, False, False, True, True]]
+    visible = [[False, True, True, True, False], [False, False, False, True, True]]
     for gain in gains(centre, 10, 2.2):
-        assert np.isfinite(gain).tolist() == seen
+        assert np.isfinite(gain).tolist() == visible
 
 
 def test_summed_gates_scatter_as_their_edges_do() -> None:
@@ -168,14 +168,19 @@ def test_summed_gates_scatter_as_their_edges_do() -> None:
         record = gates.watch(
             passage, contact, contact, Streams(2), "g", np.arange(contact.size), detail
         )
-        seen = passages(record)
-        scatter.append([inward(seen).std(), (seen.times[:, 1, 0] - seen.times[:, 1, -1]).std()])
+        gate_passages = passages(record)
+        scatter.append(
+            [
+                inward(gate_passages).std(),
+                (gate_passages.times[:, 1, 0] - gate_passages.times[:, 1, -1]).std(),
+            ]
+        )
     assert scatter[1] == pytest.approx(scatter[0], rel=4 * sqrt(2) / sqrt(2 * n))
 
 
-def inward(seen: Passages) -> np.ndarray:
+def inward(gate_passages: Passages) -> np.ndarray:
     """Return the time from the first gate to the last [s], (shot,)."""
-    return seen.times[:, 0, -1] - seen.times[:, 0, 0]
+    return gate_passages.times[:, 0, -1] - gate_passages.times[:, 0, 0]
 
 
 class _Modal:
@@ -221,17 +226,19 @@ def test_a_summed_recoil_scatters_as_its_counts_do(bat: str, place: float) -> No
         beam = beam_of(struck.bat.body)
         axis = beam.length - station.holder.from_knob
         for detail in RecordDetail:
-            asked = plan(150, 26.8, place, detail)
-            play = station.play(asked, struck, draws)
+            request = plan(150, 26.8, place, detail)
+            play = station.play(request, struck, draws)
             truth, record = play.truth, play.records["encoder"]
             tilt = contact_angle(struck, truth["place"], truth["across"])
             normal = truth["speed"] * np.cos(tilt) * (1 + truth["collision_efficiency"])
-            impulse = struck.balls.mass[asked.ball] * normal * np.cos(tilt)
+            impulse = struck.balls.mass[request.ball] * normal * np.cos(tilt)
             true = impulse * (axis - truth["place"]) / beam.inertia(axis)
             if detail is RecordDetail.FULL:
-                seen = passages(play.records["gates"])
+                gate_passages = passages(play.records["gates"])
                 far, near = station.gates.distances[[0, -1]]
-                contact = seen.times[:, 0, -1] + near * inward(seen) / (far - near)
+                contact = gate_passages.times[:, 0, -1] + near * inward(gate_passages) / (
+                    far - near
+                )
                 record = fit_recoil(record, contact)
             turn = station.encoder.scale * station.encoder.spec.counts_per_turn / 2 / np.pi
             off = record.rate / turn * station.gates.clock - true
@@ -261,11 +268,13 @@ def test_a_summed_swing_scatters_as_its_counts_do() -> None:
             turn = station.encoder.scale * station.encoder.spec.counts_per_turn / 2 / np.pi
             if detail is RecordDetail.FULL:
                 spec = boards.spec
-                seen = passages(play.records["gates"], lowest=spec.lowest, pitch=spec.pitch)
+                board_passages = passages(
+                    play.records["gates"], lowest=spec.lowest, pitch=spec.pitch
+                )
                 far, near = boards.distances[[0, -1]]
-                speed = (far - near) / inward(seen)
+                speed = (far - near) / inward(board_passages)
                 reach = (axis - 0.15) / speed / turn
-                record = fit_swing(record, seen.times[:, 0, -1] + near / speed, reach)
+                record = fit_swing(record, board_passages.times[:, 0, -1] + near / speed, reach)
                 angles.append(record.angle / turn - truth["angle"])
             true = truth["bat_speed"] / (axis - truth["place"])
             errors[detail].append(record.rate / turn * station.gates.clock / true - 1)

@@ -48,7 +48,7 @@ def reference(scene: ShotScene, shot: int) -> Reference:
     watched = _watched(scene)
     while now < scene.duration:
         events = [event for event, _ in watched]
-        found: Any = solve_ivp(
+        solution: Any = solve_ivp(
             lambda _, y: _slope(scene, shot, y),
             (now, scene.duration),
             state,
@@ -58,11 +58,11 @@ def reference(scene: ShotScene, shot: int) -> Reference:
             max_step=min(LONGEST_STEP, LONGEST_WAY / np.linalg.norm(state[3:6])),
             events=events,
         )
-        now, state = float(found.t[-1]), found.y[:, -1]
-        if found.status == 0:
+        now, state = float(solution.t[-1]), solution.y[:, -1]
+        if solution.status == 0:
             break
-        struck = next(i for i, times in enumerate(found.t_events) if len(times))
-        now, state = float(found.t_events[struck][0]), found.y_events[struck][0].copy()
+        struck = next(i for i, times in enumerate(solution.t_events) if len(times))
+        now, state = float(solution.t_events[struck][0]), solution.y_events[struck][0].copy()
         kind, place, speed, efficiency = watched[struck][1](shot, state)
         if kind == "bat" and np.isnan(first[0]):
             first = efficiency, state[3:6].copy(), float(state[7])
@@ -145,9 +145,9 @@ def _solid(
     def gap(y: Array) -> float:
         nonlocal passing
         beside = low < high and not low < y[2] < high  # contacts of a post
-        own = float(np.linalg.norm(away(y))) - reach
-        passing &= own < 1e-9
-        return 1.0 if beside or passing else own
+        distance = float(np.linalg.norm(away(y))) - reach
+        passing &= distance < 1e-9
+        return 1.0 if beside or passing else distance
 
     return _falling(gap), bounce
 
@@ -187,8 +187,8 @@ def _hit(scene: ShotScene, shot: int, state: Array) -> tuple[str, float, float, 
     along = np.array([np.sin(state[6]), 0.0, -np.cos(state[6])])
     place = float(scene.bat.axis - foot @ along)
     mass = float(scene.ball_mass[shot])
-    given = np.array([place]), np.array([speed]), np.array([shot])
-    efficiency = float(scene.efficiency(*given)[0])
+    arguments = np.array([place]), np.array([speed]), np.array([shot])
+    efficiency = float(scene.efficiency(*arguments)[0])
     impulse = mass * speed * (1 + efficiency) * normal
     state[3:6] += impulse / mass
     state[7] -= np.cross(foot, -impulse)[1] / scene.bat.inertia

@@ -73,7 +73,7 @@ def scattered(count: int, seed: int, **other: Any) -> ShotScene:
     rng = np.random.default_rng(seed)
     rate = -rng.uniform(0, 45, count) * (rng.uniform(size=count) > 0.3)
     arrival = 0.9 / 30
-    given: dict[str, Any] = {
+    values: dict[str, Any] = {
         "y": rng.uniform(-0.05, 0.05, count),
         "z": rng.uniform(2, 12, count) * INCH,
         "vx": rng.uniform(24, 36, count),
@@ -84,4 +84,4 @@ def scattered(count: int, seed: int, **other: Any) -> ShotScene:
         "drag": rng.uniform(0, 0.01, count),
         "duration": 0.12,
     }
-    return scene(**(given | other))
+    return scene(**(values | other))

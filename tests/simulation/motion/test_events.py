@@ -51,9 +51,9 @@ class WeakShots(NamedTuple):
 
     def part(self, chosen: slice) -> WeakShots:
         names = ("speed_in", "speed_out", "drag", "height", "slope_out")
-        own = {name: getattr(self.passage, name)[chosen] for name in names}
+        selected = {name: getattr(self.passage, name)[chosen] for name in names}
         bat = RestingBat(self.bat.profile, *(each[chosen] for each in self.bat[1:]))
-        return WeakShots(replace(self.passage, **own), bat, self.around)
+        return WeakShots(replace(self.passage, **selected), bat, self.around)
 
     def scene(self) -> ShotScene:
         return scene_of(self.passage, self.bat, self.around, RECORD)
@@ -92,8 +92,8 @@ def weak_shots(count: int, stops: Sequence[dict[str, float]] = STOPS) -> Iterato
             axis = np.full(count, body.length - 6 * INCH)
             inertia = beam_of(body).inertia(axis)
             held = RestingBat(body.profile, axis, inertia, place, across, efficiency, mass)
-            own = around._replace(stop=replace(around.stop, **stop))
-            yield WeakShots(passage, held, own)
+            surroundings = around._replace(stop=replace(around.stop, **stop))
+            yield WeakShots(passage, held, surroundings)
 
 
 @COUNTS
@@ -106,16 +106,16 @@ def test_events_agree_with_pymunk(count: int, monkeypatch: pytest.MonkeyPatch) -
     struck: list[str] = []
     for shots in weak_shots(count):
         scene = shots.scene()
-        own, other = play_events(scene), play_pymunk(scene)
-        assert own.refused.tolist() == other.refused.tolist()
-        struck += own.pieces.struck.tolist()
-        assert own.pieces.struck.tolist() == other.pieces.struck.tolist()
+        played, other = play_events(scene), play_pymunk(scene)
+        assert played.refused.tolist() == other.refused.tolist()
+        struck += played.pieces.struck.tolist()
+        assert played.pieces.struck.tolist() == other.pieces.struck.tolist()
         for name in ("shot", "time", "place", "speed"):
-            found, true = getattr(own.pieces, name), getattr(other.pieces, name)
-            assert found == pytest.approx(true, rel=1e-9, nan_ok=True), name
+            value, true = getattr(played.pieces, name), getattr(other.pieces, name)
+            assert value == pytest.approx(true, rel=1e-9, nan_ok=True), name
         for name in ("x", "y", "z", "vx", "vy", "vz", "angle", "rate"):
-            found, true = getattr(own.pieces.state, name), getattr(other.pieces.state, name)
-            assert found == pytest.approx(true, rel=1e-9, abs=1e-9), name
+            value, true = getattr(played.pieces.state, name), getattr(other.pieces.state, name)
+            assert value == pytest.approx(true, rel=1e-9, abs=1e-9), name
     assert struck.count(Target.START) > 11 * count
     assert {*struck} == {*Target}
     assert struck.count(Target.BAT_AGAIN) >= count
@@ -126,16 +126,16 @@ def test_events_agree_with_scipy(count: int) -> None:
     """All equations stepped and contacts as events: contact times and speeds agree to 1e-11."""
     for shots in weak_shots(count):
         scene = shots.scene()
-        own = play_events(scene)
-        last = np.array(own.at(scene, scene.duration))
-        for shot in np.flatnonzero(own.refused == ""):  # one shot strikes the tip's edge
-            pieces = own.pieces.part(own.pieces.shot == shot)
+        played = play_events(scene)
+        last = np.array(played.at(scene, scene.duration))
+        for shot in np.flatnonzero(played.refused == ""):  # one shot strikes the tip's edge
+            pieces = played.pieces.part(played.pieces.shot == shot)
             true = reference(scene.alone(shot), 0)
             assert pieces.struck.tolist()[1:] == [each[1] for each in true.contacts]
             for name, column in (("time", 0), ("place", 2), ("speed", 3)):
                 expected = [each[column] for each in true.contacts]
-                found = getattr(pieces, name)[1:]
-                assert found == pytest.approx(expected, rel=1e-11, nan_ok=True), name
+                values = getattr(pieces, name)[1:]
+                assert values == pytest.approx(expected, rel=1e-11, nan_ok=True), name
             end = [*true.place, *true.velocity, true.angle, true.rate]
             assert last[:, shot, shot] == pytest.approx(end, abs=1e-11)
 
@@ -147,8 +147,8 @@ def test_no_shot_depends_on_its_neighbours() -> None:
         for size in (1, 7):
             parts = [shots.part(slice(at, at + size)).flown() for at in range(0, 21, size)]
             for out in (False, True):
-                found = np.hstack([each.passage.way(out=out) for each in parts])
-                assert found.tobytes() == whole.passage.way(out=out).tobytes()
+                ways = np.hstack([each.passage.way(out=out) for each in parts])
+                assert ways.tobytes() == whole.passage.way(out=out).tobytes()
             late = [np.broadcast_to(each.late, (size,)) for each in parts]
             assert np.hstack(late).tobytes() == np.broadcast_to(whole.late, (21,)).tobytes()
             kicks = [
@@ -172,9 +172,9 @@ def test_each_shot_may_have_an_axis_of_its_own() -> None:
         )
         whole = play_events(scene).pieces
         for shot in range(5):
-            own, alone = whole.part(whole.shot == shot), play_events(scene.alone(shot)).pieces
-            assert own.time.tobytes() == alone.time.tobytes()
-            assert np.array(own.state).tobytes() == np.array(alone.state).tobytes()
+            pieces, alone = whole.part(whole.shot == shot), play_events(scene.alone(shot)).pieces
+            assert pieces.time.tobytes() == alone.time.tobytes()
+            assert np.array(pieces.state).tobytes() == np.array(alone.state).tobytes()
 
 
 def way_back(pieces: Pieces) -> tuple[int, int, int]:
@@ -194,15 +194,15 @@ def way_back(pieces: Pieces) -> tuple[int, int, int]:
 
 def test_flights_are_read_from_the_contacts() -> None:
     """A frame ends a flight out, and a later contact turns the bat; each shot is compared."""
-    seen = {"again": 0, "missed": 0, "stopped": 0}
+    counts = {"again": 0, "missed": 0, "stopped": 0}
     for shots in weak_shots(40, STOPS[:2]):  # no post behind the bat
-        scene, found = shots.scene(), shots.flown()
-        flights, pieces = found.passage, play_events(scene).pieces
-        late, met = (np.broadcast_to(each, (40,)) for each in (found.late, found.met))
+        scene, flown = shots.scene(), shots.flown()
+        flights, pieces = flown.passage, play_events(scene).pieces
+        late, met = (np.broadcast_to(each, (40,)) for each in (flown.late, flown.met))
         kicks: list[tuple[float, ...]] = []
         for shot in np.unique(pieces.shot):
-            own = pieces.part(pieces.shot == shot)
-            (first, back, frame), state = way_back(own), own.state
+            shot_pieces = pieces.part(pieces.shot == shot)
+            (first, back, frame), state = way_back(shot_pieces), shot_pieces.state
             contact, up = scene.start.x[shot] + AHEAD, np.asarray(scene.frames[0].up)[shot]
             expected = {
                 "speed_out": -state.vx[back],
@@ -216,15 +216,20 @@ def test_flights_are_read_from_the_contacts() -> None:
             for name, true in expected.items():
                 value = np.broadcast_to(getattr(flights, name), (40,))[shot]
                 assert value == pytest.approx(true, rel=1e-9, abs=1e-12), name
-            assert met[shot] == (own.struck[first] == Target.BAT)
-            assert late[shot] == pytest.approx(own.time[back] - own.time[first], rel=1e-12)
+            assert met[shot] == (shot_pieces.struck[first] == Target.BAT)
+            assert late[shot] == pytest.approx(
+                shot_pieces.time[back] - shot_pieces.time[first], rel=1e-12
+            )
             if flights.reach is not None and np.isfinite(flights.reach[shot]):
                 assert flights.reach[shot] == pytest.approx(contact - state.x[frame], rel=1e-9)
-                seen["stopped"] += 1
-            for k in np.flatnonzero(own.struck == Target.BAT_AGAIN):
-                after, change = own.time[k] - own.time[first], state.rate[k] - state.rate[k - 1]
+                counts["stopped"] += 1
+            for k in np.flatnonzero(shot_pieces.struck == Target.BAT_AGAIN):
+                after, change = (
+                    shot_pieces.time[k] - shot_pieces.time[first],
+                    state.rate[k] - state.rate[k - 1],
+                )
                 kicks.append((shot, after, change))
-            seen["missed"] += not met[shot]
-        assert np.array(found.kicks) == pytest.approx(np.array(kicks))
-        seen["again"] += len(kicks)
-    assert min(seen.values()) > 4, seen
+            counts["missed"] += not met[shot]
+        assert np.array(flown.kicks) == pytest.approx(np.array(kicks))
+        counts["again"] += len(kicks)
+    assert min(counts.values()) > 4, counts

@@ -170,5 +170,5 @@ def test_the_sliding_rate_is_the_derivative_of_the_position() -> None:
         nearness(played, move(played, played.start, np.full(12, sign * step), every)).place
         for sign in (-1.0, 1.0)
     )
-    found = nearness(played, played.start).sliding
-    assert found == pytest.approx((after - before) / (2 * step), rel=1e-6, abs=1e-6)
+    rate = nearness(played, played.start).sliding
+    assert rate == pytest.approx((after - before) / (2 * step), rel=1e-6, abs=1e-6)

@@ -42,13 +42,13 @@ def end(outcome: PlayedShots, played: ShotScene) -> Array:
 
 def assert_as_reference(played: ShotScene, outcome: PlayedShots, shot: int, within: float) -> None:
     true = reference(played, shot)
-    own = outcome.pieces.part(outcome.pieces.shot == shot)
+    pieces = outcome.pieces.part(outcome.pieces.shot == shot)
     assert struck(outcome, shot) == [contact[1] for contact in true.contacts]
     for column, name in ((0, "time"), (2, "place"), (3, "speed")):
         expected = [contact[column] for contact in true.contacts]
-        assert getattr(own, name)[1:] == pytest.approx(expected, abs=within, nan_ok=True)
-    if Target.BAT in own.struck:
-        hit = own.state.part(own.struck == Target.BAT)
+        assert getattr(pieces, name)[1:] == pytest.approx(expected, abs=within, nan_ok=True)
+    if Target.BAT in pieces.struck:
+        hit = pieces.state.part(pieces.struck == Target.BAT)
         assert [hit.vx[0], hit.vy[0], hit.vz[0]] == pytest.approx(true.ball_velocity, abs=within)
         assert hit.rate[0] == pytest.approx(true.bat_rate, abs=within)
     last = [*true.place, *true.velocity, true.angle, true.rate]
@@ -73,10 +73,10 @@ def test_the_models_agree_for_any_step() -> None:
     for step in (7e-4, 1.1e-4):
         carried = play_pymunk(played, PymunkSettings(step=step))
         for name in ("time", "place", "speed"):
-            found, true = getattr(carried.pieces, name), getattr(closed.pieces, name)
-            assert found == pytest.approx(true, abs=1e-11, nan_ok=True), name
-        found, true = (np.array(each.at(played, times)) for each in (carried, closed))
-        assert found == pytest.approx(true, abs=1e-9)
+            value, true = getattr(carried.pieces, name), getattr(closed.pieces, name)
+            assert value == pytest.approx(true, abs=1e-11, nan_ok=True), name
+        value, true = (np.array(each.at(played, times)) for each in (carried, closed))
+        assert value == pytest.approx(true, abs=1e-9)
 
 
 def test_steps_by_the_present_speed_find_the_same_contacts(
@@ -103,15 +103,15 @@ def test_steps_by_the_present_speed_find_the_same_contacts(
         return carried(shot, span)
 
     monkeypatch.setattr(pymunk_scene._Shot, "_carry", carry)
-    own = play_pymunk(played).pieces
+    pieces = play_pymunk(played).pieces
     assert len(steps) < shots * played.duration / 3e-3  # the initial speed requires 0.9 ms
     fixed = play_pymunk(played, PymunkSettings(step=2e-4)).pieces
-    assert own.struck.tolist() == fixed.struck.tolist()
-    assert {*own.struck} == set(Target)
+    assert pieces.struck.tolist() == fixed.struck.tolist()
+    assert {*pieces.struck} == set(Target)
     for name in ("shot", "time", "place", "speed"):
-        found, true = getattr(own, name), getattr(fixed, name)
-        assert found == pytest.approx(true, rel=1e-11, nan_ok=True), name
-    assert np.array(own.state) == pytest.approx(np.array(fixed.state), rel=1e-9, abs=1e-9)
+        value, true = getattr(pieces, name), getattr(fixed, name)
+        assert value == pytest.approx(true, rel=1e-11, nan_ok=True), name
+    assert np.array(pieces.state) == pytest.approx(np.array(fixed.state), rel=1e-9, abs=1e-9)
 
 
 @EVERY
@@ -119,11 +119,11 @@ def test_any_moment_is_the_end_of_a_shorter_record(rung: str) -> None:
     moments = (0.01, 0.033, 0.08)
     shots: dict[str, Any] = {"z": [5 * INCH, 7 * INCH], "vz": 1.0}
     played = scene(**shots, duration=0.08)
-    found = np.array(play(played, rung).at(played, (0.0, *moments)))
-    assert found[..., 0].tolist() == np.array(played.start).tolist()
+    states = np.array(play(played, rung).at(played, (0.0, *moments)))
+    assert states[..., 0].tolist() == np.array(played.start).tolist()
     for column, moment in enumerate(moments, 1):
         shorter = scene(**shots, duration=moment)
-        assert found[..., column] == pytest.approx(end(play(shorter, rung), shorter), abs=1e-11)
+        assert states[..., column] == pytest.approx(end(play(shorter, rung), shorter), abs=1e-11)
 
 
 def test_a_square_hit_on_a_bat_at_rest_is_the_textbook_case() -> None:
@@ -192,8 +192,8 @@ def test_a_post_affects_only_the_shots_that_strike_it(rung: str) -> None:
     played = scene(z=z, duration=0.08, frames=(frame_at(-0.6),))
     outcome, plain = play(played, rung), play(played, "closed-form")
     for shot in (0, 2):
-        own, other = (each.pieces.part(each.pieces.shot == shot) for each in (outcome, plain))
-        assert own.time == pytest.approx(other.time, abs=1e-11)
+        pieces, other = (each.pieces.part(each.pieces.shot == shot) for each in (outcome, plain))
+        assert pieces.time == pytest.approx(other.time, abs=1e-11)
     assert outcome.pieces.shot.tolist() == sorted(outcome.pieces.shot.tolist())
     for shot in (1, 3):  # shots that strike the post; one barely
         assert struck(outcome, shot)[0] == Target.FRAME

@@ -16,16 +16,16 @@ hits = st.lists(st.tuples(st.integers(0, 5), st.floats(5.0, 60.0)), max_size=25)
 
 def written_out(ball: list[int], speed: list[float], rest: float) -> list[float]:
     """Return the loss before each hit: 60 % of every earlier loss stays, 40 % decays with time."""
-    found = []
+    losses = []
     for n, this in enumerate(ball):
         mine = [speed[i] for i in range(n) if ball[i] == this]
-        found.append(
+        losses.append(
             sum(
                 2e-4 * (v / 26.8) ** 2 * (0.6 + 0.4 * exp(-(len(mine) - i) * rest / 600))
                 for i, v in enumerate(mine)
             )
         )
-    return found
+    return losses
 
 
 @given(hits=hits, rest=st.floats(0.0, 1e6))
@@ -33,18 +33,18 @@ def test_the_loss_is_the_explicit_sum_over_earlier_hits(
     hits: list[tuple[int, float]], rest: float
 ) -> None:
     ball, speed = [hit[0] for hit in hits], [hit[1] for hit in hits]
-    found = loss_of_restitution(AGEING, np.array(ball, dtype=int), np.array(speed), rest)
-    assert found.tolist() == pytest.approx(written_out(ball, speed, rest), rel=1e-12, abs=1e-18)
+    loss = loss_of_restitution(AGEING, np.array(ball, dtype=int), np.array(speed), rest)
+    assert loss.tolist() == pytest.approx(written_out(ball, speed, rest), rel=1e-12, abs=1e-18)
 
 
 def test_without_rest_every_hit_costs_the_same() -> None:
-    found = loss_of_restitution(AGEING, np.zeros(5, dtype=int), np.full(5, 26.8), 0.0)
-    assert found == pytest.approx(2e-4 * np.arange(5), rel=1e-12)
+    loss = loss_of_restitution(AGEING, np.zeros(5, dtype=int), np.full(5, 26.8), 0.0)
+    assert loss == pytest.approx(2e-4 * np.arange(5), rel=1e-12)
 
 
 def test_after_a_long_rest_the_lasting_part_is_left() -> None:
     """The lasting share is 0.6; at half the speed the loss is a quarter."""
     speed = np.array([26.8, 13.4, 26.8])
-    found = loss_of_restitution(AGEING, np.zeros(3, dtype=int), speed, 1e9)
-    assert found == pytest.approx([0, 1.2e-4, 1.5e-4], rel=1e-12)
+    loss = loss_of_restitution(AGEING, np.zeros(3, dtype=int), speed, 1e9)
+    assert loss == pytest.approx([0, 1.2e-4, 1.5e-4], rel=1e-12)
     assert lasting_loss(AGEING, speed) == pytest.approx([1.2e-4, 0.3e-4, 1.2e-4], rel=1e-12)

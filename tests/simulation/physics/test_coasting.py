@@ -24,9 +24,9 @@ def test_a_bat_coasts_as_its_bearing_and_the_air_slow_it(
         rates, TICKS, RELEASE, constant=constant, linear=linear, quadratic=quadratic
     )
     angles = shots @ at_ticks
-    for own, rate, release in zip(angles, rates, RELEASE, strict=True):
+    for curve, rate, release in zip(angles, rates, RELEASE, strict=True):
         after = release <= TICKS
-        found = solve_ivp(
+        solution = solve_ivp(
             lambda _, y: [y[1], -(constant + linear * y[1] + quadratic * y[1] ** 2)],
             (release, TICKS[-1]),
             [0.0, rate],
@@ -34,7 +34,7 @@ def test_a_bat_coasts_as_its_bearing_and_the_air_slow_it(
             rtol=1e-11,
             atol=1e-12,
         )
-        assert own[after] == pytest.approx(found.y[0], abs=1e-9)
+        assert curve[after] == pytest.approx(solution.y[0], abs=1e-9)
 
 
 def test_a_bat_rings_out_as_a_damped_oscillator() -> None:
@@ -44,9 +44,9 @@ def test_a_bat_rings_out_as_a_damped_oscillator() -> None:
     velocity = np.array([[0.1, 0.3], [-0.2, 0.0]])
     frequency, ratio = np.array([700.0, 2600.0]), 0.08
     shots, at_ticks = ringing(turn, start, velocity, frequency, ratio, TICKS, RELEASE)
-    for shot, own in enumerate(shots @ at_ticks):
+    for shot, curve in enumerate(shots @ at_ticks):
         after = RELEASE[shot] <= TICKS
-        found = np.zeros(after.sum())
+        expected = np.zeros(after.sum())
         for mode, omega in enumerate(frequency):
             moved = solve_ivp(
                 lambda _, y, w=omega: [y[1], -2 * ratio * w * y[1] - w**2 * y[0]],
@@ -56,5 +56,5 @@ def test_a_bat_rings_out_as_a_damped_oscillator() -> None:
                 rtol=1e-10,
                 atol=1e-14,
             )
-            found += turn[shot, mode] * moved.y[0]
-        assert own[after] == pytest.approx(found, abs=1e-10)
+            expected += turn[shot, mode] * moved.y[0]
+        assert curve[after] == pytest.approx(expected, abs=1e-10)

@@ -113,8 +113,8 @@ def timoshenko_free_free(body: BatBody, count: int) -> list[float]:
 
     grid = np.linspace(50.0, 45_000.0, 3000)  # range below the cut-off of shear waves
     signs = np.sign([determinant(f) for f in grid])
-    found = np.flatnonzero(signs[:-1] != signs[1:])[:count]
-    return [brentq(determinant, grid[i], grid[i + 1], xtol=1e-9, rtol=1e-14) for i in found]
+    crossings = np.flatnonzero(signs[:-1] != signs[1:])[:count]
+    return [brentq(determinant, grid[i], grid[i + 1], xtol=1e-9, rtol=1e-14) for i in crossings]
 
 
 def test_stocky_rod_has_the_roots_of_timoshenkos_equation() -> None:
@@ -255,10 +255,10 @@ def test_a_pivot_spring_tends_to_the_free_and_the_pinned_bat() -> None:
     free = modes_of(BAT, Free(), 4).angular_frequencies[2:]
 
     def gap(stiffness: float) -> float:
-        found = modes_of(BAT, Pinned(0.7, stiffness), 5).angular_frequencies
+        frequencies = modes_of(BAT, Pinned(0.7, stiffness), 5).angular_frequencies
         against = rigid if stiffness > 1e7 else free
-        own = found[1:5] if stiffness > 1e7 else found[2:]
-        return float(np.abs(own / against - 1).max())
+        selection = frequencies[1:5] if stiffness > 1e7 else frequencies[2:]
+        return float(np.abs(selection / against - 1).max())
 
     assert gap(1e11) == pytest.approx(gap(1e10) / 10, rel=0.05)
     assert gap(1e2) == pytest.approx(gap(1e3) / 10, rel=0.05)

@@ -56,8 +56,10 @@ def test_a_softball_touches_a_wall_for_about_a_millisecond() -> None:
     time = deepest / SPEED * pi / 2
     time += deepest / (e0 * SPEED) * sqrt(pi) * gamma(1 + 1 / n) / gamma(1 / 2 + 1 / n)
     assert 1.0e-3 < time < 1.5e-3
-    given = (ball.mass, SPEED, ball.stiffness, ball.exponent, e0)
-    assert float(wall_contact(*(np.array(x) for x in given)).time) == pytest.approx(time, rel=1e-9)
+    arguments = (ball.mass, SPEED, ball.stiffness, ball.exponent, e0)
+    assert float(wall_contact(*(np.array(x) for x in arguments)).time) == pytest.approx(
+        time, rel=1e-9
+    )
 
 
 def test_a_hollow_softball_bat_beats_a_wooden_one() -> None:
@@ -104,7 +106,7 @@ def test_the_check_cylinder_is_nearly_rigid() -> None:
 def test_the_impact_rig_finds_the_check_cylinder_rigid() -> None:
     """From noiseless gates and encoder: e = e0, and e_A = (e0 - r) / (1 + r)."""
     tested = certify("check-cylinder", procedure="astm-f1881", reality=Reality.IDEAL, seed=0)
-    found = {name: known.value for name, known in tested.certification.quantities.items()}
-    assert found["bat_performance_factor"] == pytest.approx(1, abs=0.01)
-    r, e0 = found["recoil_factor"], found["ball_restitution"]
-    assert found["collision_efficiency"] == pytest.approx((e0 - r) / (1 + r), abs=0.01 * e0)
+    quantities = {name: budget.value for name, budget in tested.certification.quantities.items()}
+    assert quantities["bat_performance_factor"] == pytest.approx(1, abs=0.01)
+    r, e0 = quantities["recoil_factor"], quantities["ball_restitution"]
+    assert quantities["collision_efficiency"] == pytest.approx((e0 - r) / (1 + r), abs=0.01 * e0)

@@ -41,9 +41,9 @@ class RadarGun(CalibratedInstrument[RadarGunSpec]):
         noise = draws.normal(name, 3, slots).T
         slowed = np.exp(passage.drag * self.true["distance"])
         back = np.where(passage.speed_out > 0, passage.speed_out, np.nan)
-        shown = self.spec.speed_scatter * noise[:2]
+        speed_noise = self.spec.speed_scatter * noise[:2]
         return RadarRecord(
-            speed_in=self.true["scale"] * passage.speed_in * slowed + shown[0],
-            speed_out=self.true["scale"] * back / slowed + shown[1],
+            speed_in=self.true["scale"] * passage.speed_in * slowed + speed_noise[0],
+            speed_out=self.true["scale"] * back / slowed + speed_noise[1],
             turned=contact + self.spec.time_jitter * noise[2],
         )

@@ -54,10 +54,10 @@ def test_a_plain_ball_has_the_exact_spectrum(
     size = 2 * int(radius) + 48
     centre, way = np.array([size / 2 + 0.31, size / 2 - 0.17]), np.array(motion)
     path = [[centre - way / 2, centre + way / 2]]
-    seen = render_balls(path, radius, [[0, 0]], (size, size), sigma=sigma, look=PLAIN)
+    ball = render_balls(path, radius, [[0, 0]], (size, size), sigma=sigma, look=PLAIN)
     exact = folded_spectrum(centre, way, radius, sigma, size)
-    assert np.abs(seen.cover[0] - exact).max() < CONTRAST
-    assert np.abs(seen.radiance[0] / 0.9 - exact).max() < CONTRAST
+    assert np.abs(ball.cover[0] - exact).max() < CONTRAST
+    assert np.abs(ball.radiance[0] / 0.9 - exact).max() < CONTRAST
 
 
 def test_the_centre_is_true_at_every_phase() -> None:
@@ -65,8 +65,8 @@ def test_the_centre_is_true_at_every_phase() -> None:
     steps = np.arange(16) / 16
     centres = 30 + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 1, 2)
     corners = np.zeros((len(centres), 2))
-    seen = render_balls(centres, 20.0, corners, (61, 61), sigma=0.6, look=PLAIN)
-    cover = seen.cover.astype(float)
+    ball = render_balls(centres, 20.0, corners, (61, 61), sigma=0.6, look=PLAIN)
+    cover = ball.cover.astype(float)
     area = cover.sum(axis=(1, 2))
     x = (cover.sum(axis=1) @ np.arange(61)) / area
     y = (cover.sum(axis=2) @ np.arange(61)) / area
@@ -114,7 +114,7 @@ def test_a_stitched_ball_is_the_sum_of_its_samples(light: Light) -> None:
     for seed in range(2):
         body = axes_of(2 * Streams(seed).normal("axes", 3))
         path = [[centre - motion / 2, centre + motion / 2]]
-        seen = render_balls(
+        ball = render_balls(
             path,
             14.0,
             [[0, 0]],
@@ -125,7 +125,7 @@ def test_a_stitched_ball_is_the_sum_of_its_samples(light: Light) -> None:
             orientation=body,
         )
         exact = raster(body, centre, motion, 14.0, 0.6, light, size)
-        off = seen.radiance[0] - exact
+        off = ball.radiance[0] - exact
         assert np.abs(off).max() < 2e-3
         assert np.sqrt((off**2).mean()) < 3e-4
         assert exact[12:28, 12:28].std() > 0.02  # contrast of the seams
@@ -171,8 +171,8 @@ def test_an_outline_may_be_an_ellipse() -> None:
     """A disc is sheared: area and second moments, less the blur, are those of an ellipse."""
     warp = np.zeros((1, 2, 5))
     warp[0, :, :2] = [[20.0, 3.0], [-1.0, 16.0]]
-    seen = render_balls([[[40.0, 40.0]]], 1.0, [[0, 0]], (81, 81), sigma=0.6, look=PLAIN, warp=warp)
-    cover = seen.cover[0].astype(float)
+    ball = render_balls([[[40.0, 40.0]]], 1.0, [[0, 0]], (81, 81), sigma=0.6, look=PLAIN, warp=warp)
+    cover = ball.cover[0].astype(float)
     off = np.arange(81) - 40
     area = cover.sum()
     assert area == pytest.approx(np.pi * (20 * 16 + 3), rel=1e-4)

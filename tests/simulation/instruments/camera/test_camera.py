@@ -109,15 +109,15 @@ def test_a_frame_lost_leaves_a_gap_in_the_time_stamps() -> None:
 
 
 def test_a_film_keeps_every_frame_and_its_time(tmp_path: Path) -> None:
-    seen = list(islice(whole_frames(camera(), course(1), Streams(6), "film", np.arange(1)), 6))
+    frames = list(islice(whole_frames(camera(), course(1), Streams(6), "film", np.arange(1)), 6))
     rate = SPEC.clock.frame_rate
-    write_clip(tmp_path / "film.mp4", seen, rate)
+    write_clip(tmp_path / "film.mp4", frames, rate)
     reader = cv2.VideoCapture(str(tmp_path / "film.mp4"), cv2.CAP_FFMPEG)
     reader.set(cv2.CAP_PROP_CONVERT_RGB, 0)
-    for _, frame in seen:
-        good, shown = reader.read()
+    for _, frame in frames:
+        good, picture = reader.read()
         assert good
-        assert np.array_equal(np.squeeze(shown), frame)
+        assert np.array_equal(np.squeeze(picture), frame)
     assert not reader.read()[0]
 
 
@@ -125,11 +125,11 @@ def test_a_preview_plays_every_frame_slowly(tmp_path: Path) -> None:
     """25 frames per second of the root of the grey values; the brightest are near 255."""
     ramp = np.linspace(0, 1000, 32)[None] * np.ones((20, 1))
     write_preview(tmp_path / "film.webp", [ramp * (k + 1) / 5 for k in range(5)], 4095)
-    good, shown = cv2.imreadanimation(str(tmp_path / "film.webp"))
+    good, picture = cv2.imreadanimation(str(tmp_path / "film.webp"))
     assert good
-    assert len(shown.frames) == 5
-    assert set(np.ravel(shown.durations).tolist()) == {40}
-    for k, frame in enumerate(shown.frames):
+    assert len(picture.frames) == 5
+    assert set(np.ravel(picture.durations).tolist()) == {40}
+    for k, frame in enumerate(picture.frames):
         assert frame.shape[:2] == (20, 32)
         expected = 255 * np.sqrt(ramp[0] / 1000 * (k + 1) / 5)
         assert np.abs(frame[..., 0].mean(axis=0) - expected).max() < 8

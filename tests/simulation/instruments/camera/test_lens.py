@@ -86,10 +86,10 @@ def test_a_rendered_sphere_lies_where_its_outline_is() -> None:
     x = ((px + np.roll(px, -1)) * cross).sum() / 6 / area
     y = ((py + np.roll(py, -1)) * cross).sum() / 6 / area
     corner = np.rint(outline.centre - 50)
-    seen = render_balls(
+    ball = render_balls(
         outline.centre[:, None], 1.0, corner, (101, 101), sigma=0.64, look=PLAIN, warp=outline.warp
     )
-    cover = seen.cover[0].astype(float)
+    cover = ball.cover[0].astype(float)
     total = cover.sum()
     assert total == pytest.approx(abs(area), rel=2e-4)
     assert corner[0, 0] + cover.sum(axis=0) @ np.arange(101) / total == pytest.approx(x, abs=1e-3)

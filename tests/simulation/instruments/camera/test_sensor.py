@@ -53,11 +53,11 @@ def test_counts_of_dim_pixels_are_poisson() -> None:
         counts = np.rint((grey - 64) / spec.gain)
         assert np.allclose(counts * spec.gain + 64, grey, atol=1e-3)
         edges = np.arange(stats.poisson.ppf(1e-4, level), stats.poisson.ppf(1 - 1e-4, level))
-        seen = [np.sum(counts <= edges[0]), *(np.sum(counts == n) for n in edges[1:])]
+        observed = [np.sum(counts <= edges[0]), *(np.sum(counts == n) for n in edges[1:])]
         share = np.diff(stats.poisson.cdf(edges, level), prepend=0)
-        seen.append(counts.size - sum(seen))
+        observed.append(counts.size - sum(observed))
         wanted = np.append(share, 1 - share.sum()) * counts.size
-        assert stats.chisquare(seen, wanted).pvalue > 1e-3
+        assert stats.chisquare(observed, wanted).pvalue > 1e-3
 
 
 def test_saturation_is_full_scale() -> None:

@@ -150,11 +150,11 @@ def test_calibration_and_errors_have_the_same_constants() -> None:
     """True constants lie within 5 u of the certificate; an ideal camera has those of its sheet."""
     spec = spec_of("camera-overhead")
     camera = camera_of(spec, Streams(9))
-    known = camera.calibration()
+    calibration = camera.calibration()
     for key, value in camera.errors().items():
         # tolerance: the true position also turns with the tilt, 2 m away
-        reach = 5 * known[key].u + 5e-3 * key.startswith("translation")
-        assert abs(value - known[key].value) <= reach, key
+        reach = 5 * calibration[key].u + 5e-3 * key.startswith("translation")
+        assert abs(value - calibration[key].value) <= reach, key
     ideal = camera_of(spec.ideal(), QUIET)
     for key, value in ideal.errors().items():
         assert value == pytest.approx(ideal.calibration()[key].value, abs=1e-9), key
