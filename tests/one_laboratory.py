@@ -1,4 +1,4 @@
-"""One laboratory as a block of one: examples of textbooks and papers know no blocks."""
+"""One laboratory as a block of one, for examples of textbooks and papers without blocks."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ AXIS, PLACE, INERTIA_P = (
     0.75,
     0.16,
     0.20,
-)  # from the tip, and about the axis
+)  # positions from the tip, inertia about the axis
 RECOIL = MASS * (AXIS - PLACE) ** 2 / INERTIA_P
 STANDARD = 0.5
 MEAN_E0 = 0.55

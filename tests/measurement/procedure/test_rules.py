@@ -161,7 +161,7 @@ ABOVE = "BPF 1.3000 is above the limit 1.200"
 
 
 def bats(*ounces: float) -> BatProperties:
-    """Return bats of 34 in by their weights."""
+    """Return bats of 34 in, one per weight [oz]."""
     one = np.ones((len(ounces), 1, 1))
     weight = OUNCE * np.reshape(ounces, one.shape)
     return BatProperties(
@@ -170,7 +170,7 @@ def bats(*ounces: float) -> BatProperties:
 
 
 def unmet(rules: Procedure, bat: BatProperties, *values: float) -> list[tuple[str, ...]]:
-    """Return the sentences on each laboratory."""
+    """Return the sentences on the unmet rules, one tuple per laboratory."""
     unmet_by_bat = list(unmet_rules(rules, bat, np.array(values)))
     return [sentences_of(unmet_by_bat, Verdict.FAIL, i) for i in range(len(values))]
 
@@ -192,7 +192,7 @@ def test_an_unmet_limit_is_stated_in_the_printed_unit() -> None:
 
 
 def test_verdict_and_reasons_come_from_one_table() -> None:
-    """INVALID before FAIL, and of a laboratory only what leads to its own verdict."""
+    """INVALID precedes FAIL, and a laboratory has only the reasons of its own verdict."""
 
     def reason(verdict: Verdict, *where: int) -> Reason:
         mask = np.isin(np.arange(4), where)

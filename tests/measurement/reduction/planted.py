@@ -15,7 +15,7 @@ __all__ = ["plant", "reduce_arrays"]
 def reduce_arrays(
     settings: Any, sets: Any, balls: Any, ball: np.ndarray, shots: Any, results: Any
 ) -> None:
-    """Do what `kinematics.reduce_sets` does, with `kinematics.reduced` on whole arrays."""
+    """Compute the results of `kinematics.reduce_sets` by `kinematics.reduced` on whole arrays."""
     of_ball = tuple(np.take_along_axis(each, ball, axis=-1) for each in balls)
     for arrays, values in zip(
         results, kinematics.reduced(settings, sets, of_ball, shots), strict=True

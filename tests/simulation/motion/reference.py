@@ -30,7 +30,7 @@ class Reference:
 
     contacts: list[tuple[float, str, float, float]]
     efficiency: float
-    ball_velocity: Array  # after the first contact with the bat, (3,)
+    ball_velocity: Array  # velocity after the first contact with the bat, (3,)
     bat_rate: float
     place: Array  # position of the ball at the end, (3,)
     velocity: Array  # velocity of the ball at the end, (3,)

@@ -22,7 +22,7 @@ class RadarGunSpec(CalibratedSpec):
 
     kind: str
     title: str
-    distance: Annotated[float, Gt(0), Dimension("length")]  # from the target
+    distance: Annotated[float, Gt(0), Dimension("length")]  # distance from the target
     distance_u: Annotated[float, Ge(0), Dimension("length")]
     scale: Annotated[float, Gt(0), Dimension("number")]  # ratio of displayed to true speed
     scale_u: Annotated[float, Ge(0), Dimension("number")]
