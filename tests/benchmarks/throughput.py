@@ -37,7 +37,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     measured_balls,
     shot_results,
 )
-from virtual_lab.measurement.session_reduction import reduce_session
+from virtual_lab.measurement.session_reduction import reduce_block
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import ShotPlan, Stage
@@ -133,18 +133,21 @@ def _certify(procedure: str) -> Work:
 def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
     """Return what plays and reduces the next block."""
     laboratory = RoundRobin.of(BATS.get(procedure, "r161"), procedure).laboratory(1)
-    session = by_the_book(laboratory).of(0).certification.session
-    reduced = reduce_session(session)
-    known = {name: np.array(constant.value) for name, constant in reduced.constants.items()}
+    tested = by_the_book(laboratory).of(0).certification
+    session = tested.session
+    reduced, _ = reduce_block(tested.block)
+    known = {name: constant.value[0] for name, constant in reduced.constants.items()}
     bat = bat_properties(known)
-    balls = measured_balls(known, observe_balls(SessionBlock.of(session)).of(0))
+    balls = measured_balls(
+        known, observe_balls(tested.block).select(np.array(0)).select(np.array(0))
+    )
     rules = reduced.procedure
     metric = metric_of(rules)
     plan = ShotPlan(
         slot=np.arange(shots),
         ball=np.arange(shots) % rules.balls,
         speed=np.full(shots, rules.ball_speed),
-        place=np.full(shots, reduced.outcome.place),
+        place=np.full(shots, tested.outcome.place[0]),
         turn_rate=float(rules.turn_rate(bat.length)),
         detail=detail,
     )
