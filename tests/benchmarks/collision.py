@@ -1,7 +1,7 @@
-"""The collision solver measured: ``python -m tests.benchmarks.collision``.
+"""Benchmark of the collision solver: ``python -m tests.benchmarks.collision``.
 
-Speed against peers on the same core in the same run, worst errors on very many scenes, the
-surrogate, memory. Rows say what figure was to be reached and whether it was.
+It measures speed against peers on the same core in the same run, worst errors on very many scenes,
+the surrogate, and memory. Rows state the target and whether it was reached.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ SURROGATE = "surrogate of the default model: R161, the box of `chart collision`"
 MEMORY = "memory"
 TOLERANCES = (1e-4, 1e-5, 1e-6)
 POINTS, SEED = 100_000, 11
-BATCH, MOST = 1_000_000, 1.0  # GB
+BATCH, MOST = 1_000_000, 1.0  # scenes, and largest growth of memory [GB]
 
 
 def main() -> None:
-    """Measure what was asked for; print rows as they come."""
+    """Measure the chosen parts, and print each row as it comes."""
     chosen = _arguments()
     parts: dict[str, Callable[[], Iterator[Row]]] = {
         "speed": speed,
@@ -69,7 +69,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def surrogate() -> Iterator[Row]:
-    """Measure building and using the surrogate."""
+    """Yield the times and errors of building and using the surrogate."""
     import numpy as np
 
     from virtual_lab.fidelity.collision_chart import _box
@@ -100,7 +100,7 @@ def surrogate() -> Iterator[Row]:
 
 
 def memory() -> Iterator[Row]:
-    """Measure in a process of its own: one that has nothing else to keep."""
+    """Measure the growth of memory in a separate process, which keeps nothing else."""
     what = f"memory, growth in {BATCH:,} collisions, default model"
     done = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.memory", str(BATCH)],

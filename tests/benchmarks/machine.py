@@ -1,4 +1,4 @@
-"""What the machine is worth: its vectors, its clock, its rate of matrix products."""
+"""Speed of the machine: its vector instructions, timers, and the rate of matrix products."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ GEMM_FLOPS = 2.0 * GEMM**3
 
 
 def in_turn(works: Mapping[str, Work], rounds: int) -> dict[str, Floats]:
-    """Return the times of several works [s], each (rounds,), done one after another in rounds.
+    """Return the times [s] of several works, each (rounds,), which are run in turn.
 
-    A neighbour that takes the processor for a second then slows all of them. Each is done once
-    before: it may compile.
+    A neighbour that takes the processor for a second then slows all of them. Each work runs once
+    before, because it may compile.
     """
     times: dict[str, list[float]] = {name: [] for name in works}
     for work in works.values():
@@ -37,14 +37,14 @@ def in_turn(works: Mapping[str, Work], rounds: int) -> dict[str, Floats]:
 
 
 def seconds(work: Work, repeats: int = REPEATS) -> float:
-    """Return the median time of some work [s]."""
+    """Return the median time of a work [s]."""
     return float(np.median(in_turn({"": work}, repeats)[""]))
 
 
 def processor_seconds(work: Work, rounds: int) -> float:
-    """Return the median processor time of some work [s], done once before: it may compile.
+    """Return the median processor time of a work [s], after a first run, which may compile.
 
-    Neighbours on a shared machine disturb it less than the clock on the wall.
+    Neighbours on a shared machine disturb it less than they disturb wall-clock time.
     """
     times = []
     for _ in range(rounds + 1):
@@ -55,14 +55,14 @@ def processor_seconds(work: Work, rounds: int) -> float:
 
 
 def gemm() -> Work:
-    """Return a product of matrices, of which everyone knows how fast the core can be."""
+    """Return a product of matrices, the usual measure of a core's speed."""
     a = np.random.default_rng(1).standard_normal((GEMM, GEMM))
     out = np.empty_like(a)
     return lambda: np.dot(a, a, out=out)
 
 
 def vectors() -> str:
-    """Return the widest vector instructions the processor says it has."""
+    """Return the widest vector instructions that the processor reports."""
     try:
         flags = set(Path("/proc/cpuinfo").read_text("utf-8").split())
     except OSError:

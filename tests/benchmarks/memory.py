@@ -1,4 +1,4 @@
-"""How far memory grows in a large batch: run in a process of its own, prints bytes."""
+"""Growth of memory in a large batch of collisions. Run in a separate process, prints bytes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SEED = 7
 
 
 def main(count: int) -> None:
-    """Collide once, small, so that all is loaded; then print what `count` scenes add."""
+    """Collide a few scenes so that everything is loaded; print the growth due to `count` scenes."""
     from tests.benchmarks.scenes import NARROW, default_model
 
     model = default_model("r161")
@@ -24,7 +24,10 @@ def main(count: int) -> None:
 
 
 def _status(key: str) -> int:
-    """Return an entry [B]; the peak of `resource` would begin with that of the parent process."""
+    """Return an entry of the process status [B].
+
+    The peak of `resource` would include that of the parent process.
+    """
     lines = Path("/proc/self/status").read_text("utf-8").splitlines()
     return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(key + ":"))
 

@@ -1,7 +1,7 @@
-"""Regions and full frames a second that a camera renders: ``python -m tests.benchmarks.rendering``.
+"""Rendered regions and full frames per second: ``python -m tests.benchmarks.rendering``.
 
-On one core, in the processor's own time, which neighbours on a shared machine disturb less than
-the clock on the wall. Compiling is left out.
+Times are processor times on one core, which neighbours on a shared machine disturb less than
+wall-clock time. Compilation is not included.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SOFT = Light(ambient=0.6, softness=0.6)
 
 
 def main() -> None:
-    """Measure and print; with the name of a file, write the rows there too."""
+    """Measure, print the rows, and write them as CSV to the named files."""
     tell("rendering", _rows(), sys.argv[1:])
 
 
@@ -67,7 +67,7 @@ def _rows() -> Iterator[Row]:
 
 
 def _balls(look: BallLook, blur: float) -> Callable[[], np.ndarray]:
-    """Return what renders balls at every phase, turned every way."""
+    """Return a function that renders balls at all phases and in random orientations."""
     draws = Streams(1)
     middle = CENTRE + draws.uniform("phase", (REGIONS, 1, 2))
     way = blur / 2 * np.array([[-1.0, -0.1], [1.0, 0.1]])

@@ -1,4 +1,4 @@
-"""What a measurement came to: a row each, with the figure it was to reach."""
+"""Results of benchmarks: one row per result, with its target."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ COLUMNS = ("part", "what", "value", "unit", "error", "target", "verdict", "note"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One number, or a note why there is none."""
+    """One result, or a note why there is none."""
 
     part: str
     what: str
     value: float = nan
     unit: str = ""
-    error: float = nan  # the worst in e_A that goes with it
+    error: float = nan  # worst error of e_A with this result
     at_most: float | None = None
     at_least: float | None = None
     note: str = ""
 
     @property
     def target(self) -> str:
-        """The figure to reach."""
+        """Target of the value, empty without one."""
         if self.at_most is not None:
             return f"<= {self.at_most:g}"
         return "" if self.at_least is None else f">= {self.at_least:g}"
 
     @property
     def verdict(self) -> str:
-        """Whether it was reached; empty where nothing was asked for."""
+        """Whether the target was reached; empty without a target."""
         if not self.target:
             return ""
         above = self.at_least is None or self.value >= self.at_least
@@ -57,7 +57,7 @@ def line(row: Row) -> str:
 
 
 def tell(name: str, rows: Iterable[Row], paths: Iterable[str]) -> None:
-    """Print rows as they come, under a heading, and write them as CSV to each path."""
+    """Print rows under a heading as they come, and write them as CSV to each path."""
     print(f"{name}, {datetime.now(UTC):%Y-%m-%d}, one core, {vectors()}")
     done = []
     for row in rows:
@@ -68,7 +68,7 @@ def tell(name: str, rows: Iterable[Row], paths: Iterable[str]) -> None:
 
 
 def write_csv(rows: Iterable[Row], path: Path) -> None:
-    """Write the rows as CSV; a number that is not there stays empty."""
+    """Write rows as CSV; a missing number is an empty cell."""
     with path.open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file)
         out.writerow(COLUMNS)

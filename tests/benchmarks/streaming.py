@@ -1,7 +1,7 @@
-"""How much memory it takes to follow a ball through a long clip of full frames.
+"""Memory for tracking a ball through a long clip of full frames.
 
-Run in a process of its own; prints the peak [B], the frames, and the processor's time [s]. The
-clip is written by another process, whose memory is not counted.
+Run in a separate process; prints the peak [B], the number of frames, and the processor time [s].
+Another process writes the clip, so that its memory does not count.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import Any
 
 COUNT, RATE = 2000, 5000.0
-BANKS = 8  # of noise
+BANKS = 8  # number of pictures with different noise
 
 
 def main(folder: Path) -> None:
-    """Track a clip and print what it took."""
+    """Track a clip and print the memory, frames and time."""
     import cv2
 
     from tests.benchmarks.memory import _status
@@ -44,7 +44,7 @@ def main(folder: Path) -> None:
 
 
 def write(path: Path) -> None:
-    """Write a ball that crosses full frames and comes back, without loss."""
+    """Write a lossless clip of a ball that crosses full frames and returns."""
     from dataclasses import replace
 
     import numpy as np

@@ -1,11 +1,11 @@
-"""Shots and certificates a second, by procedure: ``python -m tests.benchmarks.throughput``.
+"""Shots and certificates per second, by procedure: ``python -m tests.benchmarks.throughput``.
 
-Shots: from true shots to records to the metric of each, in blocks on one core, once with
-instruments that write sums, once with every edge and count. Certificates: the whole tests of
-laboratories of a round robin side by side, from their rigs to the verdicts, in the time of numpy's
-normal numbers in this run; one alone; one in full with a bat of its own; a campaign by two
-processes. Times are those of the processor, which neighbours on a shared machine disturb less than
-the clock on the wall, but for the campaign's.
+Shots: from true shots to records to the metric of each, in blocks on one core, first with
+instruments that write sums, then with every edge and count. Certificates: whole tests of a block of
+laboratories of a round robin, from their rigs to the verdicts, in units of the time of one numpy
+normal number; one laboratory alone; one in full with an individual bat; and a campaign by two
+processes. Times are processor times, which neighbours on a shared machine disturb less than
+wall-clock times; that of the campaign is wall-clock time.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.rig import ShotPlan, Stage
 
-BATS = {"asa": "softball-34"}  # the others are tests of baseball bats
+BATS = {"asa": "softball-34"}  # softball bat; the other procedures test baseball bats
 BLOCKS = {
     RecordDetail.SUMMED: (16_384, 2e6),
     RecordDetail.FULL: (8_192, 2e4),
-}  # shots a block, to be reached
-CERTIFICATES = {  # normal numbers of numpy in whose time one is to be made, summed
+}  # shots per block, and target
+CERTIFICATES = {  # largest time of a certificate by sums, in normal numbers of numpy
     "asa": 18_000,
     "astm-f1881": 18_000,
     "bbcor": 44_000,
@@ -55,14 +55,14 @@ CERTIFICATES = {  # normal numbers of numpy in whose time one is to be made, sum
     "ncaa-modified": 140_000,
     "proposed": 140_000,
 }
-LABORATORIES = 2048  # a round
+LABORATORIES = 2048  # laboratories per round
 CAMPAIGN = 131_072
 ROUNDS = 9
 NORMALS = 1_000_000
 
 
 def main() -> None:
-    """Measure and print; with the name of a file, write the rows there too."""
+    """Measure, print the rows, and write them as CSV to the named files."""
     tell("throughput", _rows(), sys.argv[1:])
 
 
@@ -108,7 +108,7 @@ def _rows() -> Iterator[Row]:
 
 
 def _one(detail: RecordDetail, *, individual: bool = False) -> Work:
-    """Return the work of certifying the next laboratory alone."""
+    """Return a work that certifies the next laboratory alone."""
     round_robin = RoundRobin.of("r161", "astm-f1881", individual=individual)
     setup = replace(round_robin.setup, seed=1, detail=detail)
     numbers = count()
@@ -116,7 +116,7 @@ def _one(detail: RecordDetail, *, individual: bool = False) -> Work:
 
 
 def _campaign() -> float:
-    """Return the time of a row of a campaign [s], by the clock on the wall, start and end too."""
+    """Return the wall-clock time per row of a campaign [s], with start and end."""
     study = {"bats": ["r161"], "procedures": ["astm-f1881"], "laboratories": CAMPAIGN, "seed": 1}
     with TemporaryDirectory() as folder:
         start = time.perf_counter()
@@ -125,13 +125,13 @@ def _campaign() -> float:
 
 
 def _certify(procedure: str) -> Work:
-    """Return the work of a round: certify the same laboratories of a round_robin."""
+    """Return a work that certifies the same laboratories of a round robin."""
     round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
     return lambda: list(round_robin.blocks(LABORATORIES, 1))
 
 
 def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
-    """Return what plays and reduces the next block."""
+    """Return a work that plays and reduces the next block."""
     laboratory = RoundRobin.of(BATS.get(procedure, "r161"), procedure).laboratory(1)
     tested = by_the_book(laboratory).of(0).certification
     session = tested.session

@@ -1,4 +1,4 @@
-"""trackpy on the same pictures: as its guide has it, without its extras, and from a start."""
+"""trackpy on the same pictures: as in its guide, without characterization, and from a start."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from virtual_lab.fidelity.camera_estimators import Estimator, Picture, Place, by
 
 __all__ = ["TRACKPY"]
 
-PAD = 20  # pixels of nothing around: it looks for no ball near an edge
-BEYOND = 11  # pixels its window is wider than the ball
+PAD = 20  # empty margin [pixels], because trackpy finds no ball near an edge
+BEYOND = 11  # width of its window beyond the ball's diameter [pixels]
 WHITE = 200.0  # grey value of the ball
-SMOOTHED = 1 / 3  # of the radius: less leaves a plateau without a peak
+SMOOTHED = 1 / 3  # smoothing in radii; with less, a plateau has no peak
 
 
 def _located(picture: Picture, *, characterize: bool) -> Place | None:

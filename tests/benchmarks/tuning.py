@@ -1,8 +1,8 @@
-"""What the constants of the default stepper are worth: ``python -m tests.benchmarks.tuning``.
+"""Effects of the constants of the default stepper: ``python -m tests.benchmarks.tuning``.
 
-Each is made smaller and larger on random scenes all over two bats, against steps twice as fine
-that meet every event. Prints the worst error in e_A, the share of scenes stepped again and the
-steps of one pass; the table of `virtual_lab/simulation/collision/README.md`.
+Each constant is varied on random scenes of two bats, and compared with steps half as long that meet
+every event. The table has the worst error of e_A, the share of repeated scenes and the steps per
+pass; it is that of `virtual_lab/simulation/collision/README.md`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Batch = tuple[CollisionBatch, FinalStates]
 
 
 def main() -> None:
-    """Print a line a value."""
+    """Print one line per value."""
     batches = list(_batches())
     print(f"{'':22s}{'worst error':>12s}{'again':>8s}{'steps':>7s}")
     _print("as it is", FINE, batches)

@@ -19,7 +19,7 @@ NONE = np.zeros(4)
 
 
 def test_a_shift_is_found_to_a_hundredth_of_a_pixel_whatever_moves_before() -> None:
-    """Two pictures of one scene cut out of a larger one a known way apart; a square covers some."""
+    """Two pictures are cut out of a larger scene with a known shift; a square covers a part."""
     rng = np.random.default_rng(3)
     coarse = rng.uniform(60, 200, (9, 12))
     row, column = np.mgrid[:120, :160] / 16.0
@@ -39,14 +39,14 @@ def test_a_shift_is_found_to_a_hundredth_of_a_pixel_whatever_moves_before() -> N
 
 
 def test_a_turn_is_found_to_a_hundredth_of_a_pixel_at_the_rim() -> None:
-    """One scene seen twice, the second time by a camera that turned and came nearer."""
+    """A scene is seen again by a camera that turned and came nearer."""
     from scipy.ndimage import map_coordinates
 
     coarse = np.random.default_rng(3).uniform(60, 200, (14, 17))
     row, column = np.mgrid[:120, :160].astype(float)
 
     def scene(right: float, down: float, growth: float, turn: float) -> NDArray[np.uint8]:
-        """Return what a pixel at c + (1 + growth) R(turn) (x - c) + shift shows, c the middle."""
+        """Return a picture that shows x at c + (1 + growth) R(turn) (x - c) + shift; c: middle."""
         off = (column - 79.5 - right) + 1j * (row - 59.5 - down)
         still = off * np.exp(-1j * np.arctan2(turn, 1 + growth)) / np.hypot(1 + growth, turn)
         at = [(still.imag + 59.5) / 16 + 3, (still.real + 79.5) / 16 + 3]
@@ -58,20 +58,20 @@ def test_a_turn_is_found_to_a_hundredth_of_a_pixel_at_the_rim() -> None:
         other = scene(*drift)
         other[40:75, 60:100] = 250
         found = NONE
-        for _ in range(3):  # each time it stays near where it was
+        for _ in range(3):  # iterations, because a fit stays near its start
             found = edges.drift(other, found)
         assert found * [1, 1, 80, 80] == pytest.approx(np.array(drift) * [1, 1, 80, 80], abs=0.03)
 
 
 def test_edges_lie_where_the_still_frame_has_them() -> None:
-    """A picture cut out of a larger one is aligned with that; a matrix by hand."""
+    """A picture cut out of a larger one is aligned with it; a matrix is computed by hand."""
     noise = np.random.default_rng(3).integers(60, 200, (160, 200)).astype(np.uint8)
     larger = cv2.GaussianBlur(noise, (0, 0), 2.0)
     edges = edges_of(larger, (160, 120), (-13, -18))
     found = edges.drift(larger[17:137, 15:175], NONE)
     np.testing.assert_allclose(found * [1, 1, 80, 80], [-2, 1, 0, 0], atol=0.03)
     corner = matrix_of(np.array([0, 0, 0, 0.01]), (320, 240)) @ [319, 119.5, 1]
-    np.testing.assert_allclose(corner, [319, 119.5 + 1.595])  # x turns to y
+    np.testing.assert_allclose(corner, [319, 119.5 + 1.595])  # rotation from x to y
 
 
 def test_a_step_of_many_pixels_is_found_to_a_few() -> None:
@@ -84,7 +84,7 @@ def test_a_step_of_many_pixels_is_found_to_a_few() -> None:
 
 @pytest.mark.parametrize("covered", ["plain", "another"])
 def test_a_shift_stays_where_nothing_shows_it(covered: str) -> None:
-    """A coat before the lens: neither does a drift go on as before, nor is it taken to be none."""
+    """With a coat before the lens, the drift neither continues nor returns to zero."""
     scene, coat = (np.random.default_rng(k).integers(60, 200, (120, 160)) for k in (3, 4))
     edges = edges_of(cv2.GaussianBlur(scene.astype(np.uint8), (0, 0), 2.0))
     shown = cv2.GaussianBlur(coat.astype(np.uint8), (0, 0), 2.0)
@@ -95,7 +95,7 @@ def test_a_shift_stays_where_nothing_shows_it(covered: str) -> None:
 
 
 def test_drift_and_background_of_a_hand_held_phone() -> None:
-    """The still frame is the first: shifts are those of the truth, the wall is where it was."""
+    """The still frame is the first one: shifts agree with the truth, and the wall is in place."""
     scene = replace(SCENES["glossy-floor"], count=40, mirror=0.0)
     frames = list(pictures(scene))
     still = still_of(frames[::2], 8, 2)
@@ -111,11 +111,11 @@ def test_drift_and_background_of_a_hand_held_phone() -> None:
         drift, last = still.drift(small, drift, (last, drift)), small
         found.append(drift)
     assert np.ptp(found, axis=0).max() > 2
-    assert np.ptp(still.sampled[:, 2:] * 160, axis=0).max() < 0.15  # pixels at the rim
+    assert np.ptp(still.sampled[:, 2:] * 160, axis=0).max() < 0.15  # rim [px]
 
 
 def test_a_phone_that_turns_in_the_hand() -> None:
-    """Places at the rim, by the first picture; a shift alone is nearly 4 px off."""
+    """Positions at the rim are right to 0.5 px; by a shift alone they are wrong by nearly 4 px."""
     scene = replace(UNSEEN["rolled"], count=60)
     frames = list(pictures(scene))
     still = still_of(frames[::3], 8, 3)
@@ -138,7 +138,7 @@ def test_a_camera_on_a_stand_does_not_drift() -> None:
 
 
 def test_an_arm_before_a_plain_wall_is_no_camera_that_turns() -> None:
-    """The foot of the wall stands where it was, though it hardly shows a way along itself."""
+    """The foot of the wall is in place, though it hardly shows a motion along itself."""
     import cv2
 
     noise = np.random.default_rng(7)
@@ -155,7 +155,7 @@ def test_an_arm_before_a_plain_wall_is_no_camera_that_turns() -> None:
 
 
 def test_a_ball_alone_before_a_plain_wall_is_no_camera_that_turns() -> None:
-    """It has all the edges that there are."""
+    """The ball has all the edges in the picture."""
     part = np.concatenate([np.zeros(4), np.arange(1, 13) / 12, np.ones(6)])
     noise = np.random.default_rng(7)
     row, column = np.mgrid[:270, :480]
@@ -181,7 +181,7 @@ def test_a_blob_is_where_and_as_large_as_the_ball(blur: tuple[float, float]) -> 
 
 
 def test_a_ball_lit_from_the_side_keeps_its_place_before_a_lighter_wall() -> None:
-    """At half of its contrast the outline of its dark side moves by three pixels."""
+    """An outline at half its contrast would move by three pixels on its dark side."""
 
     def place(wall: int) -> float:
         y, x = np.mgrid[:480, :640] / 4.0
@@ -240,7 +240,7 @@ def test_a_light_of_another_colour_is_no_blob_and_leaves_the_ball_its_ring() -> 
 
 
 def test_a_ball_before_a_pattern() -> None:
-    """Before mortar it differs four times as much as before bricks."""
+    """The contrast with mortar is four times that with bricks."""
     row, column = np.mgrid[:200, :320]
     wall = np.where((row % 24 < 3) | ((column + row // 24 % 2 * 20) % 40 < 3), 190.0, 100.0)
     covered = matte((200, 320), 150.0, 92.0, 20.0)
@@ -254,7 +254,7 @@ def test_a_ball_before_a_pattern() -> None:
 
 
 def test_a_ball_with_dark_patches_before_a_light_wall_is_one() -> None:
-    """A football: its patches differ from the wall eight times as much as what lies between."""
+    """The patches of a football differ from the wall eight times as much as the rest."""
     behind = np.full((200, 320), 200.0)
     covered = matte(behind.shape, 150.3, 90.8, 20.0)
     ball = covered * 225.0 + (1 - covered) * behind
@@ -271,7 +271,7 @@ def test_a_ball_with_dark_patches_before_a_light_wall_is_one() -> None:
 
 
 def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:
-    """The picture hardly changes, but the ball is a pixel or two from where it was."""
+    """The picture hardly changes, but the ball moves by a pixel or two."""
     change = np.array([np.nan, 40, 38, 9, 36, 40, 3, 41.0])
     found = np.zeros(8, BLOB)
     found["frame"], found["radius"], found["x"] = np.arange(8), 15.0, 100.0
@@ -283,9 +283,9 @@ def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:
 
 
 def test_one_blob_of_noise_is_no_motion_in_a_repeat() -> None:
-    """Of a frame stored twice most blobs stay where they are; of one beside a codec's noise may."""
+    """In a repeated frame most blobs stay in place; one of the codec's noise may move."""
     change = np.array([np.nan, 40, 38, 3, 36, 40.0])
-    found = np.zeros((6, 3), BLOB)  # of each frame the ball, its shadow, noise
+    found = np.zeros((6, 3), BLOB)  # blobs of each frame: ball, shadow, noise
     found["frame"], found["radius"] = np.arange(6)[:, None], [15.0, 11.0, 4.0]
     found["x"][:, :2] = np.array([100, 110, 120, 120, 130, 140.0])[:, None]
     found["y"] = np.array([[90, 300, y] for y in (60, 64, 60, 61.5, 60, 64)])
@@ -306,7 +306,7 @@ def test_frames_stored_twice_change_less_than_those_beside() -> None:
 
 @pytest.mark.parametrize("light", [True, False])
 def test_what_is_behind_a_slow_ball(light: bool) -> None:
-    """A ball covers a pixel in many frames; the mean of those that do not is the background."""
+    """A ball covers a pixel in many frames; the mean of the others is the background."""
     ball, dark = (180.0, 40.0) if light else (20.0, 120.0)
     scene = Film(light=ball, dark=dark, velocity_out=(-2.0, 0.3))
     samples = np.stack(list(scene.frames())).astype(np.uint8)[::2]
@@ -316,7 +316,7 @@ def test_what_is_behind_a_slow_ball(light: bool) -> None:
 
 
 def test_a_picture_hides_no_more_than_the_drift_of_a_hand() -> None:
-    """A hand moves by .02 of the longer side in a second, whatever a failed alignment shows."""
+    """A hand moves by 0.02 of the longer side per second, whatever a failed alignment shows."""
     still = still_of(list(Film().frames())[:9], 8, 1.0)
     drifts = [replace(still, stands_to=each).unseen_drift(1 / 40) for each in (8.0, 0.01)]
     assert drifts == pytest.approx([0.02 * 320 / 40, 0.01])

@@ -1,4 +1,4 @@
-"""What the u and the time of a contact contain, on a bounce of exactly known speeds."""
+"""Contributions to the u and time of a contact, for a bounce with exactly known speeds."""
 
 from dataclasses import replace
 
@@ -15,18 +15,18 @@ from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.ruler import Ruler
 from virtual_lab.video.follow.scene import FlightScene
 
-PULL = 0.2  # px/frame²
+PULL = 0.2  # gravity [px/frame²]
 SIZE = (2400, 700)
-MET = 40.3  # frames
-FLOOR = 600.0  # px
+MET = 40.3  # time of the contact [frames]
+FLOOR = 600.0  # height of the floor [px]
 SCALE = PixelScale(metres_per_pixel=1e-3, relative_u=0.0, source="given")
 
 
 def bounce(across: float, readout: float = 0.0) -> tuple[FlightScene, list[Piece], FittedFlights]:
-    """Return a bounce of .7; each frame shows the ball when its row is read."""
+    """Return a bounce with restitution 0.7; each frame shows the ball when its row is read."""
     frames = np.arange(95.0)
     late = np.zeros(95)
-    for _ in range(20):  # the row depends on the place, the place on the row
+    for _ in range(20):  # iterations: the row depends on the position, the position on the row
         t = frames + readout * late - MET
         y = FLOOR + np.where(t < 0, 9.0, -6.3) * t + PULL * t**2 / 2
         late = np.clip(y / (SIZE[1] - 1), 0, 1)
@@ -51,7 +51,7 @@ def contact(scene: FlightScene, ways: list[Piece], model: FittedFlights) -> Cont
 
 
 def test_time_and_frame_of_a_contact_are_freed_of_the_readout() -> None:
-    """The row of the floor is read .86 of a frame after the first one."""
+    """The row of the floor is read 0.86 of a frame after the first one."""
     found = contact(*bounce(5.0, readout=1.0))
     shown = MET - FLOOR / (SIZE[1] - 1)
     assert found.frame == pytest.approx(shown, abs=0.05)
@@ -61,7 +61,7 @@ def test_time_and_frame_of_a_contact_are_freed_of_the_readout() -> None:
 def test_the_u_of_a_contact_s_time_has_what_other_fits_leave_open() -> None:
     scene, ways, model = bounce(5.0)
     vector = model.fit.vector.copy()
-    vector[-3] += 3.0  # second flight 3 px lower: met .2 frames later
+    vector[-3] += 3.0  # second flight 3 px lower, which it meets 0.2 frames later
     late = 3.0 / (9.0 + 6.3)
     beside = replace(model, rest=[*model.rest, (model.fit.with_vector(vector), 1.0)])
     apart = contact(scene, ways, beside).time.u ** 2 - contact(scene, ways, model).time.u ** 2
@@ -69,7 +69,7 @@ def test_the_u_of_a_contact_s_time_has_what_other_fits_leave_open() -> None:
 
 
 def test_a_floor_off_level_adds_to_the_u_of_a_slanting_bounce() -> None:
-    """Turned by .2 degrees, a floor takes tan(.2 deg) of the speed along it for one across it."""
+    """A floor turned by 0.2 degrees converts tan(0.2 deg) of the tangential speed."""
     found = contact(*bounce(20.0))
     assert found.restitution is not None
     least = np.radians(0.2) * (20.0 + 0.7 * 20.0) / 9.0
@@ -77,7 +77,7 @@ def test_a_floor_off_level_adds_to_the_u_of_a_slanting_bounce() -> None:
 
 
 def test_residuals_alike_in_neighbours_widen_the_u_of_a_speed() -> None:
-    """Errors of an autoregression of .6: (1 + .6)/(1 - .6) = 4 of them count for one."""
+    """Autoregressive errors of 0.6 have a variance larger by (1 + .6)/(1 - .6) = 4."""
     draw = np.random.default_rng(7)
     noise = np.zeros((2, 800))
     for k in range(1, 800):

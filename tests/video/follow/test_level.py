@@ -1,4 +1,4 @@
-"""Restitutions of a camera taken as level, speeds of one whose tilt is fitted."""
+"""Restitutions of a camera taken as level, and of one with a fitted tilt."""
 
 from typing import Any
 
@@ -12,15 +12,15 @@ from virtual_lab.video.follow.models import FittedFlights
 from virtual_lab.video.follow.pieces import pieces
 from virtual_lab.video.follow.scene import FlightScene
 
-PULL = 0.2  # px/frame²
+PULL = 0.2  # gravity [px/frame²]
 SIZE = (960, 540)
 
 
 def hop(yaw: float, seed: int) -> FittedFlights:
-    """Return fits of a bounce of .7 before a camera turned to a side, exact but for .3 px."""
+    """Return fits of a bounce of 0.7 with 0.3 px noise, seen by a camera turned by `yaw`."""
     t = np.arange(-40.0, 55.0)
     place = np.stack([5.0 * t, np.where(t < 0, 9.0, -6.3) * t + PULL * t**2 / 2], axis=1)
-    off = place + np.array([0.0, 150.0])  # from the middle; the floor lies low in the picture
+    off = place + np.array([0.0, 150.0])  # from the middle; the floor is low
     off /= 1 + off[:, :1] * np.tan(yaw) / (0.8 * SIZE[0])
     found = blobs_of(off + (np.array(SIZE) - 1) / 2, noise=0.0)
     noise = np.random.default_rng(seed).normal(0, 0.3, (2, len(t)))
@@ -34,9 +34,9 @@ def hop(yaw: float, seed: int) -> FittedFlights:
 
 
 def hops(yaw: float, noise: float = 0.0, seed: int = 0) -> FittedFlights:
-    """Return fits of two bounces of .7 before a camera turned to a side.
+    """Return fits of two bounces of 0.7 with `noise` [px], seen by a camera turned by `yaw`.
 
-    A codec bends each flight to the side by .8 px, as a slanting picture would.
+    A codec bends each flight to the side by 0.8 px, as a tilted picture would.
     """
     t, next_bounce = np.arange(-40.0, 120.0), 63.0
     later = t - next_bounce
@@ -94,7 +94,7 @@ def test_two_contacts_show_the_floor_so_that_bent_flights_give_the_restitution(y
 
 
 def test_the_floor_is_level_to_a_fifth_of_a_degree() -> None:
-    """Places with errors of .75 px alone would give its slope to g to half a degree."""
+    """Positions with errors of 0.75 px alone would give its slope to g within half a degree."""
     slopes = []
     for seed in range(4):
         fit = hops(0.0, noise=0.75, seed=seed).fit
