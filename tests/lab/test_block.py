@@ -59,21 +59,24 @@ def row_of(block: lab.BlockTest, case: Case, one: int, scenes: int) -> Row:
     )
 
 
-def compare(procedure: str, bat: str, first: int, last: int) -> list[str]:
-    """Return the differences from the table, one line each."""
+def compare(procedure: str, bat: str, first: int, last: int, **shares: float) -> list[str]:
+    """Return the differences from the table beyond `shares`, one line each."""
     block, lines = block_of(procedure, bat, first, last), []
     for number in range(first, last):
         case = Case(kind="summed", procedure=procedure, bat=bat, number=number)
         golden = table()[case]
         own = row_of(block, case, number - first, golden.scenes)
-        lines += [f"{number}: {line}" for line in differences(own, golden)]
+        lines += [f"{number}: {line}" for line in differences(own, golden, **shares)]
     return lines
 
 
 @pytest.mark.parametrize("procedure", PROCEDURES)
 def test_a_block_is_its_laboratories_one_after_another(procedure: str) -> None:
-    """Metric, u, ν, truth, shots, verdict and flags of twenty laboratories agree."""
-    assert compare(procedure, bat_of(procedure), 0, 20) == []
+    """Metric, u, ν, truth, shots, verdict and flags of twenty laboratories agree.
+
+    Another family of processors than that of the table moves the metric by up to 1e-10.
+    """
+    assert compare(procedure, bat_of(procedure), 0, 20, value=1e-9, dof=1e-6) == []
 
 
 @pytest.mark.long
