@@ -57,7 +57,7 @@ def contacts_of(
     scale: Ruler,
     sharp: SharpBall | None,
 ) -> tuple[list[Contact], list[Note]]:
-    """Contacts, and notes against them; `step`: duration of a step of time [s]."""
+    """Return the contacts, and notes on doubtful ones; `step`: duration of a time step [s]."""
     notes: list[Note] = []
     found = []
     fit, others = model.fit, model.rest
@@ -120,12 +120,12 @@ def _outside(ways: Sequence[Piece], k: int, t: float, step: float) -> Note:
 
 
 def _place(axis: int, first: int, t: float, fit: Fit) -> float:
-    """Place where two flights are nearest to each other near a time, along an axis [pixels]."""
+    """Return the point of nearest approach of two flights near a time, along an axis [pixels]."""
     return float(fit.meeting(first, t)[axis])
 
 
 def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
-    """Frame number, with a fraction, of a time between two flights; repeats do not count."""
+    """Return the fractional frame number of a time between two flights, without repeats."""
     between = np.arange(one.frames[-1], other.frames[0] + 1)
     between = between[np.isfinite(scene.time[between])]
     times = scene.time[between] + one.t[-1] - scene.time[one.frames[-1]]
@@ -170,7 +170,7 @@ def _restitution(
     kind: str,
     sharp: bool,
 ) -> tuple[Estimate | None, str, str]:
-    """Restitution, or None with a flag and the reason."""
+    """Return the restitution, or None with a flag and the reason."""
 
     def ratio_of(turns: bool, some: Fit) -> float:
         _, before, after = _closest(some, first, t)

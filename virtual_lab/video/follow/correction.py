@@ -20,7 +20,7 @@ from virtual_lab.video.follow.pieces import GROWTH, Piece
 
 
 def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
-    """Places in a track as blobs, and the flights that its column `flight` names.
+    """Return the positions in a track as blobs, and the flights of its column `flight`.
 
     Columns: frame, x_px and y_px in the still frame, flight (empty: of none); radius_px (else the
     median), time_s (else the frame's), drift_x_px and drift_y_px (else 0).

@@ -57,7 +57,7 @@ class Falls:
         return self.shared.u / self.shared.value / 2
 
     def rated(self) -> ClipKnowledge:
-        """Knowledge of the clip with `rate`. Gravity gave this rate, so it is no ruler any more."""
+        """Return the knowledge of the clip with `rate` from gravity, which is then no ruler."""
         return replace(self.known, rate=self.rate, rate_u=self.rate_u, rate_of=GRAVITY, ruler=BALL)
 
     def of_rate(self) -> Note:
@@ -155,7 +155,7 @@ def against_flights(
 
 
 def without_flight(found: Sequence[Piece]) -> str:
-    """Why there is no flight, and what to try."""
+    """Return the reason why there is no flight, and advice."""
     if not found:
         return (
             "nothing round was seen to move smoothly through five frames: --ball-at X,Y@FRAME "

@@ -53,7 +53,7 @@ FLIGHTS = FlightSearch()
 
 
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
-    """Flights among pieces, of one ball and one gravity, and their fit; or none."""
+    """Return the flights among pieces, of one ball and one gravity, and their fit; or none."""
     flights = _join(scene, _of_one_gravity(scene, pieces))
     if not flights:
         return [], None
@@ -112,7 +112,7 @@ class _Bend:
         return float(np.hypot(*self.pull))
 
     def sag(self, size: float) -> float:
-        """Distance by which an acceleration of a `size` bends the piece off its chord [pixels]."""
+        """Return the sag of the piece below its chord under an acceleration of `size` [pixels]."""
         return float(size * np.ptp(self.t) ** 2 / 8)
 
     @cached_property
@@ -155,7 +155,7 @@ class _Bend:
         return drag / self.piece.radius * speed**2
 
     def shares(self, other: _Bend) -> tuple[bool, bool]:
-        """Whether another piece may have the same acceleration, and whether it surely has."""
+        """Return whether another piece may have the same acceleration, and whether it has."""
         alike = float(np.abs(other.colour - self.colour).max()) < GROWTH.colour
         ratio = max(other.piece.radius, self.piece.radius)
         ratio /= min(other.piece.radius, self.piece.radius)
@@ -171,7 +171,7 @@ class _Bend:
 
 
 def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
-    """Pieces, one at a time, that share the acceleration supported by most places."""
+    """Return the pieces, one at a time, with the acceleration that most positions support."""
     # a shadow on the ground moves like its ball, but only across the picture
     bends = [each for each in (_Bend.of(scene, piece) for piece in pieces) if each.may_fall]
     best: tuple[float, list[Piece]] = (0.0, [])
@@ -197,7 +197,7 @@ def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
 
 
 def _adjoins(one: Piece, other: Piece) -> bool:
-    """Whether one piece begins where and when the other ends."""
+    """Return whether one piece begins where and when the other ends."""
     first, last = (one, other) if one.frames[0] < other.frames[0] else (other, one)
     later = float(last.frames[0] - first.frames[-1])
     if later > FLIGHTS.contact_frames:
@@ -208,7 +208,7 @@ def _adjoins(one: Piece, other: Piece) -> bool:
 
 
 def _once(flights: list[Piece]) -> list[Piece]:
-    """Flights that do not share frames: of two at a time the longer stays."""
+    """Return flights that share no frames: the longer of two overlapping ones."""
     kept: list[Piece] = []
     for piece in sorted(flights, key=lambda each: -len(each.t)):
         spans = [
@@ -221,7 +221,7 @@ def _once(flights: list[Piece]) -> list[Piece]:
 
 
 def _join(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
-    """Flights, with neighbours joined that are one flight; frames may be left out between them."""
+    """Return the flights, with neighbours joined that are one flight, even across lost frames."""
     joined = flights[:1]
     for other in flights[1:]:
         one = joined[-1]
@@ -238,7 +238,7 @@ def _join(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
 
 
 def _align(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
-    """Flights, later ones shifted by frames that were left out at a contact."""
+    """Return the flights, the later ones shifted by the frames lost at a contact."""
     aligned, shift = flights[:1], 0.0
     for k, (one, other) in enumerate(pairwise(flights)):
         moves = np.arange(GROWTH.lost_frames + 1.0) - scene.ahead(one, other)
@@ -269,7 +269,7 @@ def _nearest(
 
 
 def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
-    """Meetings of neighbouring flights: the number of the first, and the time [frames]."""
+    """Return the meetings of neighbouring flights: number of the first, and time [frames]."""
     found = []
     for k, (one, other) in enumerate(pairwise(flights)):
         start, end = one.t[-1], other.t[0]
@@ -282,7 +282,7 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
 
 
 def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
-    """Readout [frames]; if it is unknown, it is 0 unless the flights contradict that."""
+    """Return the readout [frames]; an unknown one is 0 unless the flights contradict that."""
     if scene.readout is not None:
         return scene.readout
     fits = [fit_flights(scene, flights, readout=each) for each in (0.0, *FLIGHTS.readouts)]
@@ -291,7 +291,7 @@ def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
 
 
 def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
-    """Flights with all places on their path, and no others.
+    """Return the flights with all positions on their path, and no others.
 
     Where there is no contact, a flight begins and ends at places that are surely on its path: a
     hand moves on with the ball, and the two together look longer than the ball.
@@ -337,7 +337,7 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
-    """Flights of a second ball among pieces, at the time of the first ball but apart from it."""
+    """Return the flights of a second ball: at the time of the first ball, but apart from it."""
     blobs = np.concatenate([each.blobs for each in flights])
     # a shadow on a wall moves like its ball
     least = FLIGHTS.second_contrast * np.median(scene.found["contrast"][blobs])
@@ -377,7 +377,7 @@ def explained(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Pie
 
 
 def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
-    """Flights without places whose exposure spans a contact."""
+    """Return the flights without positions whose exposure spans a contact."""
     if len(flights) < 2:
         return flights
     half = (1.0 if scene.exposure is None else scene.exposure) / 2

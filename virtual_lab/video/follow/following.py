@@ -213,7 +213,7 @@ def measure(
 
 
 def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
-    """Mask of the repeats while a ball moves: at other times, frames may well look the same."""
+    """Return a mask of the repeats while a ball moves; at other times frames may be equal."""
     counted = np.zeros(len(same), bool)
     for way in ways:
         t, steps = way.frames, np.hypot(*np.diff(way.xy, axis=0).T) / np.diff(way.frames)
@@ -232,7 +232,7 @@ def _flights(
     scale: Ruler,
     step: float,
 ) -> list[Flight]:
-    """Flights in metres and seconds."""
+    """Return the flights in metres and seconds."""
     fit = model.fit
     others = [*model.rest, *model.longest]
     unit = scale.metres_per_pixel / step
@@ -271,7 +271,7 @@ def _falls(
     scale: Ruler,
     step: float,
 ) -> tuple[Estimate, list[Estimate]]:
-    """Acceleration that flights share, and that of each flight alone, by a ruler [m/s²]."""
+    """Return the common acceleration of the flights, and that of each, by a ruler [m/s²]."""
     own = refit(scene, ways, model.fit, shared=False, tilt=np.zeros(2))
     known = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
     shared = estimate_of(partial(_pull, 0), model.fit, (), **known)
@@ -280,7 +280,7 @@ def _falls(
 
 
 def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Array) -> Estimate:
-    """Speed at a flight's free end; its u covers the uncertain time of the release.
+    """Return the speed at a flight's free end; its u covers the unknown time of the release.
 
     Just after a release the ball has moved by less than places scatter, or than the last is `off`.
     """
@@ -299,5 +299,5 @@ def _pull(flight: int, fit: Fit) -> float:
 
 
 def _speed(flight: int, t: float, late: float, scale: Ruler, fit: Fit) -> float:
-    """Speed of a flight at a time of the first row [m/frame]; `late`: share of the readout."""
+    """Return the speed of a flight at a time of the first row [m/frame]; `late`: readout share."""
     return scale.unit(fit) * float(np.hypot(*fit.at(flight, t + fit.readout * late)[0, 2:]))

@@ -100,17 +100,17 @@ class Fit:
         return self.with_vector(np.concatenate([self.vector[: -states.size], states.ravel()]))
 
     def at(self, flight: int, t: Array | float) -> Array:
-        """Place and velocity of a flight in the plane, (time, 4) [pixels, frames]."""
+        """Return position and velocity of a flight in the plane, (time, 4) [pixels, frames]."""
         dt = np.atleast_1d(np.asarray(t, float)) - self.middles[flight]
         states = np.broadcast_to(self.states[flight], (len(dt), 4))
         return _fly(states, self.pull[flight], self.drag, dt)
 
     def meeting(self, flight: int, t: float) -> Array:
-        """Place (2,) where a flight and the next one meet, near a time [pixels]."""
+        """Return the point (2,) where a flight and the next one meet, near a time [pixels]."""
         return _meeting(self.at(flight, t)[0], self.at(flight + 1, t)[0])
 
     def in_picture(self, flight: int, t: Array | float) -> Array:
-        """Places of a flight as the picture shows them, (time, 2) [pixels]."""
+        """Return the positions of a flight in the picture, (time, 2) [pixels]."""
         return _project(self.at(flight, t)[:, :2], self.tilt, self.centre)
 
 
@@ -149,7 +149,7 @@ def fit_flights(
     tilt: Array | None = None,
     floor: Floor = (),
 ) -> Fit:
-    """Joint fit of flights of four places or more each, of three where g is known.
+    """Return the joint fit of flights of at least four positions each, or three if g is known.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ def _solve(
 
 
 def _pattern(flight: Piece, residuals: Array, late: Array) -> Array:
-    """Covariance of place and velocity along an axis that a ball's pattern adds to noise, (2, 2).
+    """Return the covariance of position and velocity along an axis from a ball's pattern, (2, 2).
 
     `late` (place,) is the time from the flight's middle [frames].
     """
@@ -316,7 +316,7 @@ def _pattern(flight: Piece, residuals: Array, late: Array) -> Array:
 
 
 def _parts(vector: Array, flights: int) -> dict[str, Any]:
-    """Parts of vectors (…, parameter), by the names of `Fit`."""
+    """Return the parts of vectors (…, parameter), by the names of `Fit`."""
     some, k = vector.shape[:-1], vector.shape[-1] - 4 * flights - 3
     return {
         "pull": np.broadcast_to(vector[..., :k].reshape(*some, -1, 2), (*some, flights, 2)),
@@ -341,7 +341,7 @@ class _FlightModel:
     floor: Floor
 
     def slants(self, vector: Array) -> Array:
-        """Slopes to g of the lines from the first contact with the floor, (…, contact - 1)."""
+        """Return the slopes to g of the lines from the first floor contact, (…, contact - 1)."""
         parts = _parts(vector, self.of[-1] + 1)
         first, t = (np.array(each) for each in zip(*self.floor, strict=True))
         states, pull = parts["states"], parts["pull"]
@@ -356,20 +356,20 @@ class _FlightModel:
         return np.asarray((lines * down).sum(axis=-1) / across)
 
     def places(self, vector: Array) -> Array:
-        """Places of vectors (…, parameter), (…, place, 2)."""
+        """Return the positions for vectors (…, parameter), (…, place, 2)."""
         parts = _parts(vector, self.of[-1] + 1)
         states, pull = (parts[name][..., self.of, :] for name in ("states", "pull"))
         flown = _fly(states, pull, parts["drag"], self.dt)
         return _project(flown[..., :2], parts["tilt"], self.centre)
 
     def jacobian(self, vector: Array, steps: Array) -> Array:
-        """Jacobian of places by steps of the parameters, (place, 2, parameter)."""
+        """Return the Jacobian of positions by steps of the parameters, (place, 2, parameter)."""
         change = self.places(vector + np.diag(steps)) - self.places(vector)
         return np.moveaxis(change, 0, -1) / steps
 
 
 def _meeting(before: Array, after: Array) -> Array:
-    """Place where two flights meet (…, 2), by their states (…, 4) at a time close to that."""
+    """Return the meeting point of two flights (…, 2), from their states (…, 4) near that time."""
     apart, change = np.split(after - before, 2, axis=-1)
     late = -(apart * change).sum(axis=-1) / (change**2).sum(axis=-1)
     place, velocity = np.split((before + after) / 2, 2, axis=-1)
@@ -377,7 +377,7 @@ def _meeting(before: Array, after: Array) -> Array:
 
 
 def _alike(left: Array, of: Ints) -> float:
-    """Factor of the variance for neighbouring places whose errors are correlated."""
+    """Return the factor of the variance for correlated errors of neighbouring positions."""
     same = of[1:] == of[:-1]
     power = float((left**2).mean())
     if power == 0:
@@ -388,7 +388,7 @@ def _alike(left: Array, of: Ints) -> float:
 
 
 def _fly(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
-    """States (…, place, 4) after times (place,), by Runge and Kutta's method."""
+    """Return the states (…, place, 4) after times (place,), by Runge and Kutta's method."""
     if not np.any(drag):
         later = dt[:, None]
         place = states[..., :2] + states[..., 2:] * later + pull * later**2 / 2
@@ -404,7 +404,7 @@ def _fly(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
 
 
 def _project(places: Array, tilt: Array, centre: Array) -> Array:
-    """Places of the plane as a tilted camera shows them, (place, 2) [pixels]."""
+    """Return points of the plane as a tilted camera shows them, (place, 2) [pixels]."""
     if not tilt.any():
         return places
     off = places - centre

@@ -48,7 +48,7 @@ class ClipKnowledge:
 
 
 def known_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
-    """Knowledge of a clip by its calibration file.
+    """Return the knowledge of a clip from its calibration file.
 
     Whoever calibrates a camera is taken to have one that opens all its rows at once.
     """

@@ -74,7 +74,7 @@ def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -
 
 
 def _floor(ways: Sequence[Piece], fit: Fit) -> Floor:
-    """Contacts with one floor, far enough apart to show its slope better than floors are level."""
+    """Return contacts with one floor, far enough apart to show its slope better than .2°."""
     found: list[tuple[int, float]] = []
     u = np.hypot(FLIGHT_FIT.slant_u, np.sqrt(np.trace(fit.covariance[:2, :2])) / fit.size)
     for k, t in meetings(ways, fit):

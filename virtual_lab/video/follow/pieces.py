@@ -60,7 +60,7 @@ class Piece:
 
     @classmethod
     def of(cls, found: Blobs, blobs: Ints, t: Array) -> Piece:
-        """Piece of some blobs at times."""
+        """Return the piece of some blobs at times."""
         some = found[blobs]
         return cls(
             blobs=blobs,
@@ -71,14 +71,14 @@ class Piece:
         )
 
     def part(self, which: NDArray[np.bool_] | slice) -> Piece:
-        """Piece of some of the places."""
+        """Return the piece of some of the positions."""
         u = None if self.u is None else self.u[which]
         names = ("blobs", "frames", "t", "xy")
         return replace(self, u=u, **{name: getattr(self, name)[which] for name in names})
 
 
 def polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
-    """Coefficients of a polynomial, the matrix that gives them from places, and rms residual."""
+    """Return the coefficients of a polynomial, the matrix of their fit, and the rms residual."""
     design, solver = _solver(t.tobytes(), degree)
     solved = solver @ xy
     left = xy - design @ solved
@@ -87,13 +87,13 @@ def polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
 
 @lru_cache(maxsize=4096)
 def _solver(times: bytes, degree: int) -> tuple[Array, Array]:
-    """Polynomial's powers at times and their inverse: growth meets few sets of times."""
+    """Return the powers of times and their pseudo-inverse; few sets of times occur."""
     design = np.vander(np.frombuffer(times), degree + 1, increasing=True)
     return design, np.asarray(np.linalg.pinv(design), np.float64)
 
 
 def pieces(found: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
-    """Pieces of smooth motion among blobs, in order of time.
+    """Return the pieces of smooth motion among blobs, in order of time.
 
     Parameters
     ----------
@@ -136,13 +136,13 @@ class _Growth:
         return found
 
     def _timed(self, piece: Piece) -> Piece:
-        """Piece with even times, unless frames that were left out give a far better fit."""
+        """Return the piece with even times, unless lost frames give a far better fit."""
         even = replace(piece, t=self.time[piece.frames])
         mended = _misfit(piece, slice(None)) < GROWTH.better**2 * _misfit(even, slice(None))
         return piece if mended else even
 
     def _like(self, one: int, frame: int) -> Ints:
-        """Unused blobs of a frame that look like one."""
+        """Return the unused blobs of a frame that look like one."""
         others = np.arange(self.first[frame], self.first[frame + 1])
         ratio = self.radius[others] / self.radius[one]
         near = ~self.used[others] & (ratio < GROWTH.size_ratio) & (ratio > 1 / GROWTH.size_ratio)
@@ -150,7 +150,7 @@ class _Growth:
         return np.asarray(others[near])
 
     def _seeds(self, a: int) -> Iterator[list[int]]:
-        """Blob and two after it that are nearest to a line, for each two of the next frames."""
+        """Yield a blob and the two later ones nearest to a line, for pairs of the next frames."""
         here = np.searchsorted(self.counted, self.frame[a])
         for one, other in combinations(self.counted[here + 1 : here + 4].tolist(), 2):
             second, third = self._like(a, one), self._like(a, other)
@@ -168,7 +168,7 @@ class _Growth:
                 yield [a, int(second[m]), int(third[n])]
 
     def _room(self, places: list[int], speed: Any) -> Any:
-        """Largest distance of the next place from its prediction [pixels]."""
+        """Return the largest distance of the next position from its prediction [pixels]."""
         wider = 1 if self.pull is not None else max(1, 5 - len(places))
         radius = median(self.radius[places[-GROWTH.recent_places :]].tolist())
         return wider * (GROWTH.room[0] * radius + GROWTH.room[1] * speed)
@@ -187,7 +187,7 @@ class _Growth:
         return places, t
 
     def _next(self, places: list[int], t: list[float], there: Ints) -> tuple[int, float] | None:
-        """Blob of a later frame that goes on, and its time: frames may be left out before it."""
+        """Return the next blob of the motion, and its time; frames may be lost before it."""
         recent, last = np.array(t[-GROWTH.recent_places :]), places[-1]
         xy = self.xy[places[-GROWTH.recent_places :]]
         s = recent - recent[-1]
@@ -210,7 +210,7 @@ class _Growth:
 
 
 def _break_up(piece: Piece) -> list[Piece]:
-    """Piece cut where two ways fit far better than one: a contact that growth went through."""
+    """Return a piece cut at a contact, if two curves fit far better than one."""
     cuts = range(4, len(piece.t) - 3)
     left = [sum(_misfit(piece, part) for part in (slice(k), slice(k, None))) for k in cuts]
     if not left or min(left) > GROWTH.better**2 * _misfit(piece, slice(None)):

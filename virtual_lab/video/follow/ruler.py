@@ -76,7 +76,7 @@ class Ruler(PixelScale):
 
     @classmethod
     def of_plane(cls, plane: PixelScale, rate_u: float) -> Ruler:
-        """Ruler of a calibrated plane; `rate_u`: relative, of the frame rate."""
+        """Return the ruler of a calibrated plane; `rate_u`: relative u of the frame rate."""
         return cls(
             metres_per_pixel=plane.metres_per_pixel,
             relative_u=plane.relative_u,
@@ -92,7 +92,7 @@ class Ruler(PixelScale):
 
 
 def off_u(one: PixelScale, other: PixelScale) -> float:
-    """Logarithm of the ratio of scale `other` to `one`, in units of their combined u."""
+    """Return the logarithm of the ratio of scale `other` to `one` over its u."""
     apart = float(np.log(other.metres_per_pixel / one.metres_per_pixel))
     return apart / float(np.hypot(one.relative_u, other.relative_u))
 
@@ -105,7 +105,7 @@ def rulers_of(
     step: float,
     where: str,
 ) -> list[Ruler]:
-    """Rulers that are available; the first one is to be used.
+    """Return the available rulers; the first one is used.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def rulers_of(
 
 
 def _with_rate(ruler: Ruler, known: ClipKnowledge) -> Ruler:
-    """Ruler with the rate's u in that of speeds.
+    """Return the ruler with the u of the frame rate in that of speeds.
 
     A rate by gravity goes with 1/√(a length), so that speeds go with its root: the rate's u, half
     of the length's and of the fitted pull's, is all of theirs.
@@ -154,7 +154,7 @@ def _with_rate(ruler: Ruler, known: ClipKnowledge) -> Ruler:
 
 
 def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) -> Ruler:
-    """Ruler by a ball's size in its roundest pictures.
+    """Return the ruler by a ball's size in its roundest pictures.
 
     Blur draws a hull out by as much as it narrows it at half of the contrast, or little more: the
     mean of the axes is not biased. Shade makes the edge wide or the picture no circle, and the ball
@@ -180,7 +180,7 @@ def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) 
 def _by_gravity(
     model: FittedFlights, radius: float, known: ClipKnowledge, step: float
 ) -> Ruler | None:
-    """Ruler by gravity, None where it is not fitted or hardly shows; `radius` in pixels."""
+    """Return the ruler by gravity, None if not fitted or hardly visible; `radius` in pixels."""
     if not model.fit.covariance[0, 0]:
         return None
     # ratio of the air's density to the ball's

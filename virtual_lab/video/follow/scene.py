@@ -40,7 +40,7 @@ class FlightScene:
         return float(np.tan(self.level_u) / FOCAL / max(self.size))
 
     def expected(self, radius: float) -> float | None:
-        """Gravity [px/frame²] where scale and rate are known, for a ball of a radius [pixels]."""
+        """Return gravity [px/frame²] for a ball of a radius [pixels], None if it is unknown."""
         return self.fall and self.fall * (radius if self.in_radii else 1.0)
 
     def lost(self, flights: Sequence[Piece]) -> dict[int, int]:
@@ -57,7 +57,7 @@ class FlightScene:
         return float(other.t[0] - one.t[-1] - passed)
 
     def late(self, blobs: NDArray[np.intp]) -> Array:
-        """Share of the readout at which blobs were read, (blob,)."""
+        """Return the share of the readout at which blobs were read, (blob,)."""
         axis, sense = self.readout_axis
         at = self.found["picture_x" if axis == 0 else "picture_y"][blobs]
         share = np.clip(at / (self.size[axis] - 1), 0, 1)

@@ -41,7 +41,7 @@ class FlightsFound:
 
 
 def search(clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask) -> FlightsFound:
-    """Flights by the time stamps, or by a count without the repeats `same` (frame,).
+    """Return the flights by the time stamps, or by a count without the repeats `same` (frame,).
 
     Where every frame is stored twice a count is all there is: one stored three times takes no time.
     """
@@ -55,7 +55,7 @@ def search(clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask) -> Fl
 def clip_scene(
     clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask, *, squeezed: bool
 ) -> FlightScene:
-    """Scene before the search; squeezed: a repeat takes no time."""
+    """Return the scene before the search; squeezed: a repeat takes no time."""
     stamped = np.arange(clip.count, dtype=float)
     if uneven(clip.times):
         stamped = (clip.times - clip.times[0]) / usual_step(clip.times)
@@ -85,7 +85,7 @@ def clip_scene(
 
 
 def _read(watched: Watched, known: ClipKnowledge, scene: FlightScene) -> tuple[float, FlightsFound]:
-    """Flights by one reading of the time, and their support."""
+    """Return the flights by one reading of the time, and their support."""
     best, pull = (-1.0, FlightsFound(scene=scene)), None
     for _ in range(2):  # the second round knows gravity and continues pieces across missing frames
         found = pieces(watched.found, scene.time, pull)
@@ -101,7 +101,7 @@ def _read(watched: Watched, known: ClipKnowledge, scene: FlightScene) -> tuple[f
 
 
 def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> bool:
-    """Whether a piece is of the ball that is pointed at: it passes there or looks alike."""
+    """Return whether a piece is of the selected ball: it passes there or looks alike."""
     x, y, frame = at
     here = piece.frames == frame
     if here.any():
@@ -115,14 +115,14 @@ def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> boo
 
 
 def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
-    """Support for flights: number of places beyond the free parameters, over their scatter."""
+    """Return the support for flights: positions beyond the free parameters, over the scatter."""
     radius = float(np.median([each.radius for each in ways]))
     spare = sum(len(each.t) for each in ways) - 5 * len(ways) - len(scene.lost(ways))
     return spare / (0.02 + fit.spread / radius)
 
 
 def step_of(known: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
-    """Duration of a step of time [s]: longer than a picture's if repeats take no time.
+    """Return the duration of a time step [s]: longer than a frame's if repeats take no time.
 
     How many pictures are repeats shows where the ball flies; where nothing moves it does not.
     """

@@ -94,7 +94,7 @@ class SharpBall:
 
 
 def wants_sharp(known: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
-    """Whether a calibrated camera stands still, takes whole frames, and shows one hit at most."""
+    """Return whether a calibrated camera stands still, with whole frames and at most one hit."""
     given = known.calibration
     # a file that gives rate or scale only replaces options; it asks for no outline fit
     asked = given is not None and (given.camera or given.lens_blur_px or given.exposure_s)
@@ -110,7 +110,7 @@ def sharpen(
     found: FlightsFound,
     progress: Callable[[str], None],
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
-    """Scene, flights and ball by sharp places.
+    """Return the scene, the flights and the ball from positions by the ball's outline.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def sharpen(
 
 
 def _uncovered(clip: Clip, moving: Blobs) -> Array:
-    """Background, the mean of samples where nothing that moves covers them, else their median.
+    """Return the background: the mean of samples if nothing covers them, else their median.
 
     A ball that dwells at a contact stands in the median, too.
     """
@@ -225,7 +225,7 @@ def settle(
 
 
 def _agreed(scene: FlightScene, way: Piece) -> Piece:
-    """Flight without the places that its other places contradict, the farthest off first.
+    """Return the flight without outliers, the largest residual removed first.
 
     Raises `NotSharpError`: too few places.
     """
@@ -262,7 +262,7 @@ def _slants(camera: CameraModel, fit: Fit, flights: Sequence[Piece], plane: Plan
 
 
 def _approach(scene: FlightScene, way: Piece, ball: SharpBall) -> Array:
-    """Apparent velocity (2,) of a ball because it approaches [px/frame]; 0: it does not."""
+    """Return the apparent velocity (2,) of an approaching ball [px/frame]; 0: it does not."""
     from scipy.stats import linregress
 
     own = np.isin(ball.frames, way.frames) & (ball.located.flags == 0)
