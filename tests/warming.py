@@ -57,7 +57,7 @@ def _camera() -> None:
     from virtual_lab.fidelity.camera_scenes import Case
 
     for case in (Case(), Case(stitched=True, light="soft")):
-        ESTIMATORS[EDGE](pictures(case).given)
+        ESTIMATORS[EDGE](pictures(case).inputs)
 
 
 def _flights() -> None:
