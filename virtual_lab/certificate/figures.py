@@ -167,7 +167,7 @@ def rebound_figure(document: CertificateDocument) -> str | None:
 
 
 def contact_figure(document: CertificateDocument) -> str:
-    """Return the encoder's record of every shot less its turn, side by side, as SVG."""
+    """Return an SVG figure of the encoder's angle minus the fitted rotation, one panel per shot."""
     sheet, reasons = document.contact_sheet, {row.shot: row.reason for row in document.shots}
     most = max((abs(angle) for each in sheet for angle in each.angle_deg), default=0.0) or 1.0
     wide, high, columns = 80.0, 50.0, 6

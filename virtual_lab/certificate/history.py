@@ -29,7 +29,7 @@ def kind_of(session: Session) -> dict[str, str]:
 def earlier_scatter(
     folders: Sequence[Path], asked: Mapping[str, str], today: Session | None = None
 ) -> dict[str, Estimate]:
-    """Return the variance of a hit in each result, by the certificates of earlier tests.
+    """Return the variance of one hit for each result, from the certificates of earlier tests.
 
     `folders` are result folders, or folders that contain them. `asked` is the kind of the current
     test, as `kind_of` returns it, and `today` its session, where its records are reduced.

@@ -153,7 +153,7 @@ def trends(folder: Folder) -> StudyResult:
 
 
 def branch(day: Folder, entry: int, folder: Folder) -> Answer:
-    """Take a DAY that was handed in again from an ENTRY, as practice in FOLDER."""
+    """Repeat a handed-in DAY from an ENTRY of its log, as practice in FOLDER."""
     from virtual_lab.bench.machines.stored_day import StoredDay
 
     StoredDay.branch(Path(day), entry, Path(folder))

@@ -126,9 +126,10 @@ class ColumnOutcome:
 
 
 def collision_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return one row per cell: state, largest errors of e_A and of the energy balance, counts.
+    """Return the maps of stability: one row per step and value of a parameter of the scene.
 
-    Refused steps are computed, too.
+    A row has the state, the largest errors of e_A and of the energy balance, and counts of scenes.
+    Steps that the stepper would refuse are computed, too.
     """
     rows = []
     for axis, values in AXES.items():

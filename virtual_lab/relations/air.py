@@ -49,7 +49,10 @@ def air_density(
 def air_pressure(
     temperature: Array | float, humidity: Array | float, density: Array | float
 ) -> Array:
-    """Return the pressure [Pa] at which air of this temperature and humidity has the density."""
+    """Return the pressure [Pa] of air with a density [kg/m³].
+
+    `temperature` is in K, `humidity` from 0 to 1.
+    """
     over = np.asarray(temperature) / MASS_OVER_R
     pressure = density * over
     for _ in range(6):  # each step reduces the error to a hundredth

@@ -47,7 +47,10 @@ def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
 
 
 def speed_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the speed [m/s] at a `time` [s] after a place left at `speed` [m/s]."""
+    """Return the speed [m/s] of a ball a `time` [s] after it had the `speed` [m/s].
+
+    `drag` is the drag rate κ [1/m].
+    """
     return np.asarray(speed / (1 + np.asarray(drag) * speed * np.asarray(time)))
 
 

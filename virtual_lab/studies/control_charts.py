@@ -80,7 +80,10 @@ class Baseline:
 
 
 def breaks(x: Array, rule: int) -> Mask:
-    """Return the mask of the days that complete a pattern of Western Electric rule 1, 2, 3 or 4."""
+    """Return a mask of the days that complete a pattern of Western Electric rule 1, 2, 3 or 4.
+
+    `x` are deviations from the mean in standard deviations, (…, day).
+    """
     run = RULES[rule]
     pattern_days = np.zeros(x.shape, dtype=bool)
     for side in (x, -x):

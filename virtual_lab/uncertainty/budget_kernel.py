@@ -142,7 +142,11 @@ def add_lines(effect: Array, dof: Array, line: Whole, square: Array, freedom: Ar
 
 @njit(cache=True, error_model="numpy")
 def welch_satterthwaite(square: Array, freedom: Array, u: Array, dof: Array) -> None:
-    """Fill in u and degrees of freedom (GUM G.2b) of the sum of lines, (laboratory, line)."""
+    """Fill `u` and `dof`, (laboratory,), from the lines of a budget (GUM G.2b).
+
+    `square` are squared contributions, `freedom` their degrees of freedom, (laboratory, line). The
+    degrees of freedom of a u of 0 are inf.
+    """
     for laboratory in range(len(square)):
         variance, fourth = 0.0, 0.0
         for line in range(square.shape[1]):

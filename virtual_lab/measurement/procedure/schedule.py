@@ -80,7 +80,10 @@ def next_shots(
 def in_turn_of(
     owner: NDArray[np.intp], laboratories: int
 ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-    """Return the indices of shots sorted by laboratory, and the start of each laboratory."""
+    """Return the indices of shots sorted by laboratory, (shot,), and the bounds of laboratories.
+
+    Laboratory i has the sorted shots from bound i to bound i + 1; shape (laboratory + 1,).
+    """
     fired = np.bincount(owner, minlength=laboratories)
     return np.argsort(owner, kind="stable"), np.append(0, np.cumsum(fired))
 

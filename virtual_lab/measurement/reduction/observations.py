@@ -224,7 +224,10 @@ def _along(block: SessionBlock) -> Array:
 
 
 def along_of(session: Session) -> float:
-    """Return the offset along the bat of impacts from the set place [m]."""
+    """Return the distance of the line of fire from the set position along the bat [m].
+
+    It is positive toward the knob, and 0 if the calibration does not state it.
+    """
     known = session.calibration.get("impact.cannon.along")
     return known.value if known else 0.0
 

@@ -110,7 +110,8 @@ def choose(
     The errors are measured on `probe`, scenes similar to those of the test. A named `rung` of
     `COLLISION_RUNGS` is used whatever its error; ``modal`` has the default number of modes. Without
     a name, the error must not exceed `SHARE` of `standard_uncertainty`, that of the e_A to be
-    measured. Without either, the modal rung is used.
+    measured; if no other model is that accurate, the reference model is used. Without either, the
+    modal rung is used.
 
     Raises `InputError` for an unknown rung, an uncertainty that is not positive, or a probe that no
     rung can simulate.

@@ -133,7 +133,7 @@ def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.
 
 
 def time_to_stop(scene: ShotScene, state: ShotState) -> Array:
-    """Return the time at which the bat reaches its stop [s], inf if it does not."""
+    """Return the time from `state` until the bat reaches its stop [s], inf if it does not."""
     if scene.stop is None:
         return np.full(state.rate.shape, np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -135,6 +135,7 @@ def _thickness() -> float:
 
 
 def node_shift(i: int) -> float:
+    """Return the position of barrel node `i` of EA70 minus that of R161 [in]."""
     return (
         profiles_by_swing(ALUMINIUM)[0.0].nodes[i] - profiles_by_swing(WOOD)[0.0].nodes[i]
     ) / INCH

@@ -108,7 +108,7 @@ def effect_of_support(bat: str, support_name: str) -> float:
 
 
 def firmness() -> float:
-    """Return the difference of v_f between a bat on a stiff spring and a clamped bat [mph]."""
+    """Return v_f of a bat held by a stiff spring minus that of a clamped bat [mph]."""
     on_spring = peak_of(WOOD, Z, support_name="held").collision_efficiency
     return FAST * _worst(on_spring - peak_of(WOOD, Z, support_name="clamped").collision_efficiency)
 
@@ -298,6 +298,7 @@ def batted_speed_of(e_A: float, v_ball: float, v_bat: float) -> float:
 
 
 def energy_fraction(name: str, e: float, r: float) -> float:
+    """Return a share of the collision energy by Eqs. (10): ``ball``, ``bat`` or ``dissipated``."""
     return float(getattr(energy_fractions(e, r), name))
 
 

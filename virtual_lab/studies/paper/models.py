@@ -60,7 +60,7 @@ def highest_of(count: int) -> float:
 
 
 def less_lost() -> float:
-    """Return the smallest energy loss along EA70 minus that along R161, as shares."""
+    """Return the smallest share of lost energy along EA70 minus that along R161."""
     aluminium, wood = (float(energy_loss(peak_of(bat, Z)).min()) for bat in (ALUMINIUM, WOOD))
     return aluminium - wood
 
@@ -122,7 +122,7 @@ def without_inertia() -> float:
 
 
 def follows() -> float:
-    """Return the correlation of e_A and e of R161 within 3 in of their peaks."""
+    """Return the correlation of e_A and e of R161, each within 3 in of its own peak."""
     table, distances = profiles_by_swing(WOOD)[0.0].table, np.arange(-3, 3.01, 0.25)
     curves = [
         np.interp(top(WOOD, curve).place + distances, table["z_in"], table[curve])

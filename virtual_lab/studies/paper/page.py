@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def draw_page() -> Figure:
-    """Return one figure of the paper's Figs. 2, 3 and 4, for the swing exponents n = 0 and 0.5."""
+    """Return a single figure with the paper's Figs. 2 to 4, for the swing exponents 0 and 0.5."""
     from matplotlib import style
     from matplotlib.figure import Figure
 

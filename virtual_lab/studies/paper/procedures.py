@@ -133,18 +133,22 @@ def swing_matters() -> float:
 
 
 def metrics_alike() -> float:
+    """Return the relative difference of the NCAA metric between EA70 and R161 [%]."""
     return abs(_ncaa(ALUMINIUM) / _ncaa(WOOD) - 1) * 100
 
 
 def ncaa_lead(first: str, second: str) -> float:
+    """Return the NCAA metric of the first bat minus that of the second."""
     return _ncaa(first) - _ncaa(second)
 
 
 def factor_lead(first: str, second: str) -> float:
+    """Return the BPF of the first bat minus that of the second."""
     return _factor(first) - _factor(second)
 
 
 def efficiency_of_besr(value: float) -> float:
+    """Return the e_A that corresponds to a value of BESR."""
     return value - (float(besr(LIMIT)) - LIMIT)
 
 

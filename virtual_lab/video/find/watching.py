@@ -144,9 +144,10 @@ def in_region(found: Blobs, region: tuple[float, float, float, float] | None) ->
 
 
 def repeats(watched: Watched) -> Mask:
-    """Return a mask of the frames equal to the one before, (frame,): no round object moves.
+    """Return a mask of the frames that repeat the one before, (frame,).
 
-    A ball at the top of a low hop hardly changes a picture, but for where it is.
+    A repeat hardly changes the picture, and at most half of its round objects move. The second
+    condition is for a ball at the top of a low hop, which changes the picture very little.
     """
     found, same = watched.found, lulls(watched.change)
     clean = found[(found["dirty"] < CLEAN) & ~found["cut"]]
