@@ -298,7 +298,7 @@ def test_all_methods_agree_on_linear_models(c: list[float], r: float, law: str) 
     ("inputs", "more", "said"),
     [
         (four(1, "uniform"), {"correlations": {("a", "b"): 0.5}}, "all normal, or all t of one ν"),
-        (four(1, "normal"), {"rule": "7.8"}, r"did you mean 7.9.*allowed: stein, 7.9"),
+        (four(1, "normal"), {"rule": "7.8"}, r"did you mean 7.9.*allowed: stein or 7.9"),
         (four(1, "normal"), {"draws": 0}, "draws = 0; allowed: 1 to 68719476736"),
         (four(1, "normal"), {"draws": 2**40}, "allowed: 1 to 68719476736"),
         (four(1, "normal"), {"digits": 400}, "digits = 400; allowed: 1 to 15"),
