@@ -36,11 +36,11 @@ def accuracy(scenes: int = SCENES, seed: int = 1) -> Iterator[Row]:
     """Yield the worst errors of e_A, the closure of energy, and the shares of repeated scenes."""
     yield from _one_by_one(seed)
     for label, of in MODELS.items():
-        found = [
+        results = [
             _compare(of(bat), WIDE.draw(scenes // len(BATS), seed * len(BATS) + number))
             for number, bat in enumerate(BATS)
         ]
-        yield from _rows(f"FINE, {label}", found)
+        yield from _rows(f"FINE, {label}", results)
 
 
 def _one_by_one(seed: int) -> Iterator[Row]:
@@ -53,12 +53,12 @@ def _one_by_one(seed: int) -> Iterator[Row]:
             ReferenceModel(modes=model.modes),
             replace(model, stepper=OneByOne(refinement=4)),
         )
-        for own, other in zip(gaps.values(), others, strict=True):
+        for differences, other in zip(gaps.values(), others, strict=True):
             gap = ours.collision_efficiency - other.collide(scenes).collision_efficiency
-            own.append(float(np.abs(gap).max()))
-    for against, own in gaps.items():
+            differences.append(float(np.abs(gap).max()))
+    for against, differences in gaps.items():
         what, note = f"one by one against {against}", f"{CHECKED * len(BATS)} scenes, 8 modes"
-        yield Row(part=PART, what=what, value=max(own), note=note)
+        yield Row(part=PART, what=what, value=max(differences), note=note)
 
 
 def _compare(model: ModalModel, scenes: Scenes) -> _Found:
@@ -71,11 +71,11 @@ def _compare(model: ModalModel, scenes: Scenes) -> _Found:
     )
 
 
-def _rows(what: str, found: list[_Found]) -> Iterator[Row]:
-    errors = np.concatenate([own.errors for own in found])
-    redone = np.bincount(np.concatenate([own.redone for own in found]), minlength=4) / len(errors)
+def _rows(what: str, results: list[_Found]) -> Iterator[Row]:
+    errors = np.concatenate([run.errors for run in results])
+    redone = np.bincount(np.concatenate([run.redone for run in results]), minlength=4) / len(errors)
     by_bat = ", ".join(
-        f"{bat} {own.errors.max():.1e}" for bat, own in zip(BATS, found, strict=True)
+        f"{bat} {run.errors.max():.1e}" for bat, run in zip(BATS, results, strict=True)
     )
     aim = FINE.tolerance
     yield Row(
@@ -88,7 +88,7 @@ def _rows(what: str, found: list[_Found]) -> Iterator[Row]:
     value = float(np.quantile(errors, 0.999))
     above = f"{np.count_nonzero(errors > aim)} above {aim:g}"
     yield Row(part=PART, what=f"{what}: 99.9 % below", value=value, note=above)
-    closure = max(float(own.closure.max()) for own in found)
+    closure = max(float(run.closure.max()) for run in results)
     yield Row(part=PART, what=f"{what}: energy that does not close", value=closure)
     finer, finest, single = redone[1:]
     yield Row(

@@ -88,7 +88,7 @@ def surrogate() -> Iterator[Row]:
         note = f"{built.coefficients.size} nodes"
         yield Row(part=SURROGATE, what=f"{what}: build", value=time * 1e3, unit="ms", note=note)
         error = float(np.abs(built.efficiency(scenes) - true).max())
-        time = seconds(lambda own=built: own.efficiency(scenes)) / POINTS
+        time = seconds(lambda chart=built: chart.efficiency(scenes)) / POINTS
         yield Row(
             part=SURROGATE,
             what=f"{what}: a shot",

@@ -166,10 +166,10 @@ def numbalsoda_peers() -> Callable[[float], Peer]:
     @cfunc(lsoda_sig)
     def slope(_, y, out, data):
         n = int(data[0])
-        given = carray(data, 5 + 2 * n)
-        law = (given[2], given[3], given[4])
+        values = carray(data, 5 + 2 * n)
+        law = (values[2], values[3], values[4])
         derivative(
-            carray(y, 2 * n + 2), law, given[5 : 5 + n], given[5 + n :], carray(out, 2 * n + 2)
+            carray(y, 2 * n + 2), law, values[5 : 5 + n], values[5 + n :], carray(out, 2 * n + 2)
         )
 
     @cfunc(lsoda_sig)

@@ -47,22 +47,22 @@ def played(setup: TestSetup, laboratories: int) -> Found:
     numbers: list[Any] = [*range(laboratories)] if alone else [np.arange(laboratories)]
     certify_block(replace(setup, number=0 if alone else np.arange(2)))  # compilation, fits
     begin = time.process_time()
-    found = [certify_block(replace(setup, number=each)).certified for each in numbers]
+    results = [certify_block(replace(setup, number=each)).certified for each in numbers]
     seconds = (time.process_time() - begin) / laboratories
-    metric = [each.results["metric"] for each in found]
+    metric = [each.results["metric"] for each in results]
     value, u = (np.concatenate([getattr(m, key) for m in metric]) for key in ("value", "u"))
-    sound = np.concatenate([~each.invalid for each in found])
+    sound = np.concatenate([~each.invalid for each in results])
     return np.where(sound, value, np.nan), np.where(sound, u, np.nan), seconds
 
 
 def collisions(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
     setup = RoundRobin.of(BAT, PROCEDURE).setup
     for rung in ("rigid", "surrogate", "modal", "reference"):
-        own = setup
+        variant = setup
         if rung != "surrogate":
             bat, ball, rules = setup.bat.spec, setup.ball.spec, setup.rules.spec
-            own = replace(setup, collision=collision_of(bat, ball, rules, rung))
-        yield rung, rung == "surrogate", played(own, laboratories)
+            variant = replace(setup, collision=collision_of(bat, ball, rules, rung))
+        yield rung, rung == "surrogate", played(variant, laboratories)
 
 
 def motions(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
@@ -99,12 +99,12 @@ def encoder_that_sums() -> Iterator[None]:
     plan_at = {"fly": 0, "timed": 1, "play": 0}
 
     def changed(name: str) -> Callable[..., Any]:
-        own, detail = getattr(AstmPivotStation, name), SUMMED if name == "play" else FULL
+        method, detail = getattr(AstmPivotStation, name), SUMMED if name == "play" else FULL
 
         def call(self: Any, *args: Any) -> Any:
-            given = list(args)
-            given[plan_at[name]] = replace(given[plan_at[name]], detail=detail)
-            return own(self, *given)
+            arguments = list(args)
+            arguments[plan_at[name]] = replace(arguments[plan_at[name]], detail=detail)
+            return method(self, *arguments)
 
         return call
 
@@ -122,14 +122,14 @@ def encoders(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
 
 def cameras(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
     for rung, detail in (("error model", SUMMED), ("frames, tracked", FULL)):
-        found, begin = [], time.process_time()
+        results, begin = [], time.process_time()
         for number in range(laboratories):
             setup = TestSetup.of(
                 BAT, procedure="bbcor", rig="filmed-cannon", seed=SEED + number, detail=SUMMED
             )
-            found.append(clips._clip(Laboratory.open(setup), detail)[-1])
-        seconds = (time.process_time() - begin) / len(found)
-        value, u, _ = np.array(found).T
+            results.append(clips._clip(Laboratory.open(setup), detail)[-1])
+        seconds = (time.process_time() - begin) / len(results)
+        value, u, _ = np.array(results).T
         yield rung, detail is FULL, (value, u, seconds)
 
 
@@ -154,9 +154,11 @@ def uncertainties(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
     ):
         begin, half = time.process_time(), []
         for at, each in zip(sound, linear, strict=True):
-            own, reduced = block.of(at).certification, block.certified.reduced.row(at)
-            found = refined(method, reduced, own.readings, own.outcome, each, draws)
-            half.append(np.ptp(found.interval) / 2)
+            certification, reduced = block.of(at).certification, block.certified.reduced.row(at)
+            result = refined(
+                method, reduced, certification.readings, certification.outcome, each, draws
+            )
+            half.append(np.ptp(result.interval) / 2)
         seconds = cost + (time.process_time() - begin) / few
         yield rung, False, (np.array(half), u, seconds)
 

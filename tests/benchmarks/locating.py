@@ -85,16 +85,16 @@ def _plain() -> Iterator[Row]:
     for seed, (radius, blur, snr) in enumerate(product(RADII, BLURS, RATIOS)):
         case = Case(radius=radius, blur=blur, snr=snr)
         batch = pictures(case, seed)
-        found = score_places(batch, OURS[EDGE](batch.inputs))
+        score = score_places(batch, OURS[EDGE](batch.inputs))
         still = pictures(replace(case, quiet=True, phases=32, repeats=1))
         bias = score_places(still, OURS[EDGE](still.inputs)).bias
         yield Row(
             part="plain",
             what=f"R {radius:g}, L {blur:g}, SNR {snr:g}: rms",
-            value=found.rms / batch.limit,
+            value=score.rms / batch.limit,
             unit="x limit",
-            note=f"{found.rms:.4f} px; bias {bias:.2f} x limit at the worst of 32 phases; "
-            f"lost {found.lost:.1%}, unsaid {found.unsaid:.1%}",
+            note=f"{score.rms:.4f} px; bias {bias:.2f} x limit at the worst of 32 phases; "
+            f"lost {score.lost:.1%}, unsaid {score.unsaid:.1%}",
         )
 
 
@@ -104,21 +104,21 @@ def _peers() -> Iterator[Row]:
         batch = pictures(replace(case, repeats=FEW))
         few = pictures(replace(case, repeats=SLOW))
         for name, estimator in (ESTIMATORS | TRACKPY).items():
-            seen = few if name in TRACKPY else batch
-            found = score_places(seen, estimator(seen.inputs))
+            sample = few if name in TRACKPY else batch
+            score = score_places(sample, estimator(sample.inputs))
             spent = seconds_a_picture(estimator, few.inputs, rounds=1)
             yield Row(
                 part="peers",
                 what=f"{scene}: {name}",
-                value=found.rms if found.lost < 1 else np.nan,
+                value=score.rms if score.lost < 1 else np.nan,
                 unit="px",
-                note=f"{found.rms / batch.limit:.1f} x limit; {spent * 1e3:.2f} ms; "
-                f"lost {found.lost:.0%}, flagged {found.flagged:.0%}, unsaid {found.unsaid:.1%}",
+                note=f"{score.rms / batch.limit:.1f} x limit; {spent * 1e3:.2f} ms; "
+                f"lost {score.lost:.0%}, flagged {score.flagged:.0%}, unsaid {score.unsaid:.1%}",
             )
 
 
 def _memory() -> Iterator[Row]:
-    told = subprocess.run(
+    output = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.streaming"],
         check=True,
         capture_output=True,
@@ -126,11 +126,11 @@ def _memory() -> Iterator[Row]:
     ).stdout.split()
     yield Row(
         part="memory",
-        what=f"`track` of {told[1]} full frames",
-        value=float(told[0]) / 1e6,
+        what=f"`track` of {output[1]} full frames",
+        value=float(output[0]) / 1e6,
         unit="MB",
         at_most=MEMORY,
-        note=f"peak of the whole process; {float(told[2]):.0f} s of processor time",
+        note=f"peak of the whole process; {float(output[2]):.0f} s of processor time",
     )
 
 

@@ -33,7 +33,7 @@ def in_turn(works: Mapping[str, Work], rounds: int) -> dict[str, Floats]:
             start = time.perf_counter()
             work()
             times[name].append(time.perf_counter() - start)
-    return {name: np.array(own) for name, own in times.items()}
+    return {name: np.array(values) for name, values in times.items()}
 
 
 def seconds(work: Work, repeats: int = REPEATS) -> float:

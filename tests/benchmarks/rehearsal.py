@@ -77,10 +77,10 @@ class Trainee:
             return self.ask(method, path, body)
         return self.ask("GET", "/") if reply.status == 303 else text
 
-    def do(self, number: int, name: str, given: dict[str, object]) -> float:
+    def do(self, number: int, name: str, fields: dict[str, object]) -> float:
         """Return the time of an action [s], up to the next page."""
         begun = time.perf_counter()
-        page = self.ask("POST", "/do", urlencode({"do": name, "entry_number": number, **given}))
+        page = self.ask("POST", "/do", urlencode({"do": name, "entry_number": number, **fields}))
         took = time.perf_counter() - begun
         after = self.number(page)
         assert after > number if name == "fire-shots" else after in {0, number + 1}
@@ -90,17 +90,17 @@ class Trainee:
     @staticmethod
     def number(page: str) -> int:
         """Return the number of the next entry, 0 after the day was handed in."""
-        found = re.search(r'name="entry_number" value="(\d+)"', page)
-        return int(found[1]) if found else 0
+        match = re.search(r'name="entry_number" value="(\d+)"', page)
+        return int(match[1]) if match else 0
 
     def day(self, done: int = 0) -> Iterator[tuple[str, float]]:
         """Take the rest of the plain day, and yield the kind and time [s] of each action."""
-        for number, (name, given) in enumerate((*PLAIN, *END)[done:], done + 1):
+        for number, (name, fields) in enumerate((*PLAIN, *END)[done:], done + 1):
             if name == "hand-in":
                 begun = time.perf_counter()
                 self.ask("GET", "/certificate")
                 yield "certificate", time.perf_counter() - begun
-            yield KINDS.get(name, "entry"), self.do(number, name, given)
+            yield KINDS.get(name, "entry"), self.do(number, name, fields)
 
 
 @contextmanager
@@ -168,22 +168,22 @@ def handed_in_at_once(folder: str) -> tuple[dict[str, list[float]], float]:
         for trainee in trainees:
             trainee.line.close()  # connection that the server closed in the meantime
             trainee.pace = PACE
-            for number, (name, given) in enumerate(preparing, 1):
-                trainee.do(number, name, given)
-            given = {"shots": SALVO, "accept": "yes"}
-            times[salvo].append(trainee.do(len(preparing) + 1, "fire-shots", given) / SALVO)
+            for number, (name, fields) in enumerate(preparing, 1):
+                trainee.do(number, name, fields)
+            fields = {"shots": SALVO, "accept": "yes"}
+            times[salvo].append(trainee.do(len(preparing) + 1, "fire-shots", fields) / SALVO)
             next_one = trainee.number(trainee.ask("GET", "/"))
-            for number, (name, given) in enumerate(END, next_one):
-                trainee.do(number, name, given)
+            for number, (name, fields) in enumerate(END, next_one):
+                trainee.do(number, name, fields)
         for each in (*trainees, other):
             each.line.close()
         begun = time.perf_counter()
         threads = [threading.Thread(target=each.ask, args=("GET", "/debrief")) for each in trainees]
         for thread in threads:
             thread.start()
-        for number, (name, given) in enumerate(PLAIN[:8], 1):
+        for number, (name, fields) in enumerate(PLAIN[:8], 1):
             if any(thread.is_alive() for thread in threads):
-                times[entry].append(other.do(number, name, given))
+                times[entry].append(other.do(number, name, fields))
         for thread in threads:
             thread.join()
         times[all_of_them].append(time.perf_counter() - begun)
@@ -199,8 +199,8 @@ def main() -> None:
             with rehearsal(place) as begun:
                 trainee, took = first_page(*begun)
                 times["first page"].append(took)
-                for number, (name, given) in enumerate(PLAIN[:AGAIN], 1):
-                    took = trainee.do(number, name, given)
+                for number, (name, fields) in enumerate(PLAIN[:AGAIN], 1):
+                    took = trainee.do(number, name, fields)
                     times[KINDS.get(name, "entry") if number > 1 else "first entry"].append(took)
             with rehearsal(place) as begun:
                 trainee, took = first_page(*begun)
@@ -210,11 +210,11 @@ def main() -> None:
     eight = ("--trainees", str(TRAINEES))
     with tempfile.TemporaryDirectory() as place, rehearsal(place, *eight) as (addresses, *_):
         trainees = [Trainee(address, TOGETHER) for address in addresses]
-        found: list[list[tuple[str, float]]] = [[] for _ in trainees]
+        actions: list[list[tuple[str, float]]] = [[] for _ in trainees]
 
         def take(number: int) -> None:
             trainees[number].ask("GET", trainees[number].path)
-            found[number] += trainees[number].day()
+            actions[number] += trainees[number].day()
 
         threads = [threading.Thread(target=take, args=(n,)) for n in range(TRAINEES)]
         time.sleep(8)
@@ -222,8 +222,8 @@ def main() -> None:
             thread.start()
         for thread in threads:
             thread.join()
-        lost = sum(len(each) != len(PLAIN) + len(END) + 1 for each in found)
-        for kind, took in (pair for each in found for pair in each):
+        lost = sum(len(each) != len(PLAIN) + len(END) + 1 for each in actions)
+        for kind, took in (pair for each in actions for pair in each):
             if (name := f"{kind}, {TRAINEES} at once") in times:
                 times[name].append(took)
     with tempfile.TemporaryDirectory() as place:
@@ -233,9 +233,11 @@ def main() -> None:
         times |= found_of_many
     late = 1e3 * quantiles(times["key to loaded page"], n=20)[-1]
     print(f"{'ms':<28}{'median':>8}{'worst':>8}{'to reach':>16}{'of':>6}")
-    for name, own in times.items():
+    for name, spent in times.items():
         goal = " / ".join("-" if each is None else f"{each}" for each in GOALS[name])
-        print(f"{name:<28}{1e3 * median(own):8.0f}{1e3 * max(own):8.0f}{goal:>16}{len(own):6}")
+        print(
+            f"{name:<28}{1e3 * median(spent):8.0f}{1e3 * max(spent):8.0f}{goal:>16}{len(spent):6}"
+        )
     print(f"key to loaded page, 95 of 100 within {late:.0f} ms, to reach 200")
     print(f"memory of the server, {MANY + 1} days: {memory:.0f} MB, to reach {LARGEST}")
     begun, draws = time.process_time(), np.random.default_rng(1)

@@ -75,7 +75,7 @@ def _balls(look: BallLook, blur: float) -> Callable[[], np.ndarray]:
     corners = np.zeros((REGIONS, 2))
 
     def work() -> np.ndarray:
-        seen = render_balls(
+        rendered = render_balls(
             middle + way,
             30.0,
             corners,
@@ -85,7 +85,7 @@ def _balls(look: BallLook, blur: float) -> Callable[[], np.ndarray]:
             light=SOFT,
             orientation=orientation,
         )
-        return seen.over(500.0, 20_000.0)
+        return rendered.over(500.0, 20_000.0)
 
     return work
 

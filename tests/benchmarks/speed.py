@@ -60,12 +60,12 @@ class _Setting:
         The kernel is one pass of the compiled loop over all scenes; the stepper repeats doubtful
         scenes; "all" is `ModalModel.collide`, from scenes to energies.
         """
-        given = struck(self.model, self.scenes)
-        own = replace(self.model, stepper=self.stepper)
+        batch = struck(self.model, self.scenes)
+        model = replace(self.model, stepper=self.stepper)
         return {
-            "kernel": lambda: self.stepper._try(given, WINDOW),
-            "stepper": lambda: self.stepper.follow(given, WINDOW),
-            "all": lambda: own.collide(self.scenes),
+            "kernel": lambda: self.stepper._try(batch, WINDOW),
+            "stepper": lambda: self.stepper.follow(batch, WINDOW),
+            "all": lambda: model.collide(self.scenes),
         }
 
 
@@ -87,11 +87,11 @@ def speed(batch: int = BATCH) -> Iterator[Row]:
 
 def _ours(setting: _Setting) -> Iterator[Row]:
     stepper, scenes = setting.stepper, setting.scenes
-    given = struck(setting.model, scenes)
+    batch = struck(setting.model, scenes)
     times = in_turn(setting.works() | {"gemm": gemm()}, ROUNDS)
-    us = {name: float(np.median(own)) / len(scenes) * 1e6 for name, own in times.items()}
-    followed, exact = (way.follow(given, WINDOW) for way in (stepper, OneByOne()))
-    error = _error(given, scenes, followed.states[:, -1], exact.states[:, -1])
+    us = {name: float(np.median(values)) / len(scenes) * 1e6 for name, values in times.items()}
+    followed, exact = (way.follow(batch, WINDOW) for way in (stepper, OneByOne()))
+    error = _error(batch, scenes, followed.states[:, -1], exact.states[:, -1])
     redone = f"{np.mean(followed.redone > 0):.2%} of the scenes again"
 
     def row(what: str, value: float, **other: Any) -> Row:
@@ -101,9 +101,9 @@ def _ours(setting: _Setting) -> Iterator[Row]:
     yield row("stepper", us["stepper"], unit="us", note=redone)
     yield row("all", us["all"], unit="us")
     yield row("worst error", error, at_most=stepper.tolerance)
-    steps = float(stepper._try(given, WINDOW)[0].steps.mean())
-    stages, powers = stepper.splitting.drifts.size, 2 if given.compliance.any() else 1
-    flops = steps * stages * (A_MODE * given.shapes.shape[1] + powers * A_POWER)
+    steps = float(stepper._try(batch, WINDOW)[0].steps.mean())
+    stages, powers = stepper.splitting.drifts.size, 2 if batch.compliance.any() else 1
+    flops = steps * stages * (A_MODE * batch.shapes.shape[1] + powers * A_POWER)
     yield row("flops", flops / 1e3, unit="kflop", note=f"{steps:.1f} steps of {stages} evaluations")
     share = flops * len(scenes) / GEMM_FLOPS * np.median(times["gemm"] / times["kernel"])
     yield row("kernel, of the rate of gemm", float(share) * 100, unit="%")
@@ -137,13 +137,13 @@ def _against(
 ) -> Iterator[Row]:
     """Measure all peers of a kind, then the fastest accurate ones in turn with our stepper."""
     scenes = NARROW.draw(PEER_SCENES, SEED)
-    given = struck(ours.model, scenes)
-    scaled = Scaled.of(given)
-    exact = OneByOne(refinement=4).follow(given, WINDOW).states[:, -1]
+    batch = struck(ours.model, scenes)
+    scaled = Scaled.of(batch)
+    exact = OneByOne(refinement=4).follow(batch, WINDOW).states[:, -1]
     good: list[tuple[float, str, Peer]] = []
     try:
         for what, peer in peers():
-            error = _error(given, scenes, peer(scaled) * given.speed, exact)
+            error = _error(batch, scenes, peer(scaled) * batch.speed, exact)
             time = seconds(lambda peer=peer: peer(scaled), PEER_REPEATS) / PEER_SCENES
             yield Row(part=PART, what=what, value=time * 1e6, unit="us", error=error)
             if error <= GOOD:
@@ -168,7 +168,7 @@ def _against(
         )
 
 
-def _error(given: CollisionBatch, scenes: Scenes, rates: Floats, exact: Floats) -> float:
+def _error(batch: CollisionBatch, scenes: Scenes, rates: Floats, exact: Floats) -> float:
     """Return the worst error of e_A, given the rates of s (as in `modal_kernel`) after release."""
-    momentum = scenes.ball_mass * given.speed
-    return float(np.abs((rates - exact) / given.inverse_mass / momentum).max())
+    momentum = scenes.ball_mass * batch.speed
+    return float(np.abs((rates - exact) / batch.inverse_mass / momentum).max())

@@ -35,11 +35,11 @@ def main(folder: Path) -> None:
     path = folder / "clip.mp4"
     command = [sys.executable, "-m", "tests.benchmarks.streaming", "--write", str(path)]
     subprocess.run(command, check=True)
-    known = ClipCalibration(frames_per_second=RATE, metres_per_pixel=1e-3, exposure_s=1e-5)
+    calibration = ClipCalibration(frames_per_second=RATE, metres_per_pixel=1e-3, exposure_s=1e-5)
     begun = time.process_time()
-    found = track_hit(path, known)
-    assert found.sharp is not None
-    assert len(found.sharp.frames) > COUNT // 2
+    followed = track_hit(path, calibration)
+    assert followed.sharp is not None
+    assert len(followed.sharp.frames) > COUNT // 2
     print(_status("VmHWM"), COUNT, time.process_time() - begun)
 
 
@@ -65,8 +65,8 @@ def write(path: Path) -> None:
 
     def frames() -> Iterator[tuple[float, Any]]:
         for k, (x, y) in enumerate(zip(*film.places(), strict=True)):
-            seen, share = behind[k % BANKS], matte(film.shape, x, y, film.radius)
-            grey = np.round(seen * (1 - share) + film.light * share).astype(np.uint8)
+            picture, share = behind[k % BANKS], matte(film.shape, x, y, film.radius)
+            grey = np.round(picture * (1 - share) + film.light * share).astype(np.uint8)
             yield k / RATE, grey
 
     write_clip(path, frames(), RATE)

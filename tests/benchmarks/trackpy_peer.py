@@ -19,16 +19,16 @@ def _located(picture: Picture, *, characterize: bool) -> Place | None:
 
     diameter = 2 * round(picture.radius) + BEYOND
     grey = np.pad(np.round(np.clip(picture.matte, 0, 1) * WHITE).astype(np.uint8), PAD)
-    found = trackpy.locate(
+    table = trackpy.locate(
         grey,
         diameter,
         topn=1,
         noise_size=round(SMOOTHED * picture.radius),
         characterize=characterize,
     )
-    if not len(found):
+    if not len(table):
         return None
-    return float(found["x"].iloc[0]) - PAD, float(found["y"].iloc[0]) - PAD
+    return float(table["x"].iloc[0]) - PAD, float(table["y"].iloc[0]) - PAD
 
 
 def _refined(picture: Picture) -> Place | None:
@@ -37,8 +37,8 @@ def _refined(picture: Picture) -> Place | None:
     grey = np.pad(np.clip(picture.matte, 0, 1) * WHITE, PAD).astype(np.float32)
     start = np.array([[picture.y + PAD, picture.x + PAD]])
     reach = round(picture.radius) + BEYOND // 2
-    found = refine_com(grey, grey, reach, start, engine="numba", characterize=False)
-    return float(found["x"].iloc[0]) - PAD, float(found["y"].iloc[0]) - PAD
+    table = refine_com(grey, grey, reach, start, engine="numba", characterize=False)
+    return float(table["x"].iloc[0]) - PAD, float(table["y"].iloc[0]) - PAD
 
 
 TRACKPY: dict[str, Estimator] = {

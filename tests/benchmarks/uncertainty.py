@@ -40,8 +40,8 @@ def monte_carlo(model: Callable[..., Any], inputs: Any, **more: Any) -> Any:
     return vl.propagate(model, inputs, method="monte-carlo", **more)
 
 
-def ours(found: Any) -> Numbers:
-    return (found.u, *found.interval)
+def ours(result: Any) -> Numbers:
+    return (result.u, *result.interval)
 
 
 def linear() -> Iterator[Row]:
@@ -63,14 +63,14 @@ def timed(what: str, work: Callable[[], Any]) -> Row:
 
 def stated(kind: Callable[..., Any], spread: Callable[..., Any]) -> dict[str, Any]:
     """Return the eleven inputs as objects of another program, by value, u and ν or by limits."""
-    found = {}
+    inputs = {}
     for name, each in models.BPF.items():
         if each.low is None:
-            found[name] = kind(each.value, each.u, each.dof)
+            inputs[name] = kind(each.value, each.u, each.dof)
         else:
             middle, half = (each.low + each.high) / 2, (each.high - each.low) / 2
-            found[name] = spread(middle, half, each.distribution or "uniform")
-    return found
+            inputs[name] = spread(middle, half, each.distribution or "uniform")
+    return inputs
 
 
 U = {"uniform": 3**-0.5, "triangular": 6**-0.5}
@@ -162,11 +162,11 @@ def ends(y: Any) -> Numbers:
 
 def budget() -> Iterator[Row]:
     """Yield the time of an astm-f1881 budget per laboratory of a block, the best of nine rounds."""
-    given: list[Any] = []
+    arguments: list[Any] = []
     whole = certification.evaluate
 
     def kept(*args: Any) -> Any:
-        given[:] = args
+        arguments[:] = args
         return whole(*args)
 
     setup = RoundRobin.of("r161", "astm-f1881").setup
@@ -176,15 +176,15 @@ def budget() -> Iterator[Row]:
 
     def timed_one(*args: Any) -> Any:
         begin = time.process_time()
-        found = budgets(*args)
+        result = budgets(*args)
         spent.append(time.process_time() - begin)
-        return found
+        return result
 
     rounds = []
     with patch.object(certification, "_results", timed_one):
         for _ in range(9):
             spent.clear()
-            results = whole(*given).results
+            results = whole(*arguments).results
             rounds.append(sum(spent) / LABORATORIES)
     first = 1e6 * min(rounds)
 
@@ -207,10 +207,10 @@ def draws() -> Iterator[Row]:
     def us() -> Numbers:
         return ours(monte_carlo(models.bpf, models.BPF, draws=DRAWS))
 
-    plain, own = (processor_seconds(work, 7) for work in (by_numpy, us))
+    plain, weighted = (processor_seconds(work, 7) for work in (by_numpy, us))
     yield _of_draws("plain numpy", by_numpy, reference, plain)
-    yield _of_draws("ours", us, reference, own)
-    yield Row(part="draws", what="ours over plain numpy", value=own / plain, at_most=1.2)
+    yield _of_draws("ours", us, reference, weighted)
+    yield Row(part="draws", what="ours over plain numpy", value=weighted / plain, at_most=1.2)
     for name, work in (
         ("metrolopy", by_metrolopy),
         ("suncal", by_suncal),
@@ -283,10 +283,10 @@ def memory() -> Iterator[Row]:
     batches = Batches(model, Drawing(probability=0.95))
     count = 64
     batches.draw_to(4 * count)
-    kept = [model(drawn_block(model.inputs, 0, block))["result"] for block in range(count)]
-    exact = np.quantile(np.concatenate(kept), [0.025, 0.975])
-    found = np.interp([0.025, 0.975], *batches.sketches["result"].distribution())
-    worst = float(np.max(np.abs(found - exact)))
+    values = [model(drawn_block(model.inputs, 0, block))["result"] for block in range(count)]
+    exact = np.quantile(np.concatenate(values), [0.025, 0.975])
+    quantiles = np.interp([0.025, 0.975], *batches.sketches["result"].distribution())
+    worst = float(np.max(np.abs(quantiles - exact)))
     yield Row(
         part="memory",
         what="sketch against sorting, over δ/5 of 2 digits",
@@ -320,8 +320,8 @@ def methods(path: str) -> None:
                 )
             for batches in (1, 8, 64, 512):
                 work = partial(monte_carlo, model, inputs, draws=batches * BLOCK)
-                found = [ours(work(seed=seed)) for seed in range(2, 2 + max(4, 64 // batches))]
-                errors = np.sqrt(np.mean((np.array(found) - reference) ** 2, axis=0))
+                results = [ours(work(seed=seed)) for seed in range(2, 2 + max(4, 64 // batches))]
+                errors = np.sqrt(np.mean((np.array(results) - reference) ** 2, axis=0))
                 spent = processor_seconds(work, 3 if batches < 100 else 1)
                 out.writerow(
                     [name, "monte-carlo", batches * BLOCK, f"{1e3 * spent:.3g}"]

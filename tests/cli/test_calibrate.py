@@ -30,13 +30,13 @@ def test_calibrate_finds_the_true_camera_of_rendered_pictures(folder: Path) -> N
     words = ["calibrate", str(folder / "board/pictures"), *BOARD, "--out", str(out), "--json"]
     done = CliRunner().invoke(cli, [*words, "--height", "36.5mm", "--height-u", "1mm"])
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
+    document = json.loads(done.stdout)
     camera = read_calibration(out).camera
     assert camera is not None
     assert camera.plane_height_m == -0.0365
-    assert told["camera"]["matrix"] == [list(row) for row in camera.matrix]
-    assert told["plane_view"].endswith("view-00.png")
-    assert len(told["views"]) == 4
+    assert document["camera"]["matrix"] == [list(row) for row in camera.matrix]
+    assert document["plane_view"].endswith("view-00.png")
+    assert len(document["views"]) == 4
     truth = json.loads((folder / "board/truth/camera.json").read_text())["constants"]
     assert camera.fit is not None
     for index, key in enumerate(("centre_x", "centre_y")):

@@ -55,9 +55,9 @@ def tested(piped: tuple[Path, bytes, bytes]) -> Path:
 
 def test_certify_writes_all_promised_files(tested: Path) -> None:
     """The folder has the promised files, and the certificate the keys on which programs rely."""
-    found = {str(path.relative_to(tested)) for path in tested.rglob("*") if path.is_file()}
-    assert {"certificate.html", "certificate.json", "readings.csv"} <= found
-    assert {"records/session.json", "records/impact/encoder.csv", "truth/truth.json"} <= found
+    files = {str(path.relative_to(tested)) for path in tested.rglob("*") if path.is_file()}
+    assert {"certificate.html", "certificate.json", "readings.csv"} <= files
+    assert {"records/session.json", "records/impact/encoder.csv", "truth/truth.json"} <= files
     certificate = json.loads((tested / "certificate.json").read_text())
     assert {"name", "value", "u", "interval_95", "limit"} <= set(certificate["metric"])
     for name in ("collision_efficiency", "restitution", "recoil_factor", "ball_restitution"):
@@ -572,14 +572,14 @@ def test_every_claim_of_the_paper_holds(run: Run) -> None:
 
 
 def test_critique_prints_its_tables_and_writes_its_folder(run: Run, tmp_path: Path) -> None:
-    asked = ("critique", "barrel-loaded", "knob-loaded", "--procedure", "astm-f1881")
-    code, out, _ = run(*asked, "--swing", "0", "--laboratories", "2", "--out", "two", "--json")
+    words = ("critique", "barrel-loaded", "knob-loaded", "--procedure", "astm-f1881")
+    code, out, _ = run(*words, "--swing", "0", "--laboratories", "2", "--out", "two", "--json")
     document = json.loads(out)
     assert code == 0
     assert [row["bat"] for row in document["metrics"]] == ["barrel-loaded", "knob-loaded"]
     assert document["pairs"][0]["v_f_mph"] == pytest.approx(6.8, abs=0.5)
     assert (tmp_path / "two" / "critique.png").is_file()
-    code, _, err = run(*asked, "--out", "two")
+    code, _, err = run(*words, "--out", "two")
     assert code == 2
     assert "not empty" in err
 

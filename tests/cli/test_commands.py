@@ -51,16 +51,16 @@ def commands_of(group: click.Group, above: str = "") -> Iterator[tuple[str, Func
 COMMANDS = dict(commands_of(cli))
 
 
-def given(words: str) -> dict[str, Any]:
+def parameters_of(words: str) -> dict[str, Any]:
     """Return the values of a command's parameters, as parsed from a line; nothing runs."""
     context: click.Context = click.Context(cli)
     command: click.Command = cli
     rest = shlex.split(words)
     while isinstance(command, click.Group) and rest and not rest[0].startswith("-"):
-        found = command.get_command(context, rest[0])
-        if found is None:
+        subcommand = command.get_command(context, rest[0])
+        if subcommand is None:
             break
-        command, rest = found, rest[1:]
+        command, rest = subcommand, rest[1:]
     return command.make_context(words, rest).params
 
 
@@ -107,7 +107,7 @@ def test_the_example_of_a_command_is_valid(name: str) -> None:
     """The options of the example exist, and their values are allowed."""
     example = COMMANDS[name].example
     assert example.startswith(name if name != "rehearse" else "rehearse")
-    assert given(example)
+    assert parameters_of(example)
 
 
 def test_settings_in_a_file_act_as_options(run: Run, tmp_path: Path) -> None:  # noqa: F811
@@ -116,11 +116,11 @@ def test_settings_in_a_file_act_as_options(run: Run, tmp_path: Path) -> None:  #
         'bat = "ea70"\nprocedure = "bbcor"\nseed = 7\nfilm = true\nfaults = ["aim-along"]\n'
         'reality = "ideal"\npdf = true\n'
     )
-    found = given("certify --config s.toml")
+    values = parameters_of("certify --config s.toml")
     stated = {"bat": "ea70", "procedure": "bbcor", "seed": 7, "film": True, "pdf": True}
-    assert stated.items() <= found.items()
-    assert (found["faults"], found["reality"]) == (("aim-along",), "ideal")
-    other = given("certify r161 --config s.toml --seed 8 --no-film --fault gate-misses")
+    assert stated.items() <= values.items()
+    assert (values["faults"], values["reality"]) == (("aim-along",), "ideal")
+    other = parameters_of("certify r161 --config s.toml --seed 8 --no-film --fault gate-misses")
     assert (other["bat"], other["seed"], other["film"]) == ("r161", 8, False)
     assert other["faults"] == ("gate-misses",)
     (tmp_path / "p.toml").write_text('bats = "r161"\nswings = 0.3\nball = "game-2003"\n')
@@ -169,12 +169,12 @@ def test_a_wrong_instrument_file_is_refused(run: Run, tmp_path: Path) -> None:  
 def test_another_package_can_add_a_command(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
     """An entry point adds a command, which is in the help and has the options of a study."""
     group = "virtual_lab.commands"
-    asked = {"group": group}
+    selection = {"group": group}
     points = tomllib.loads(PACKAGE.read_text())["project"]["entry-points"][group]
     ours = [EntryPoint(name, value, group) for name, value in points.items()]
     ours.append(EntryPoint("broken", "third_party_rig.nowhere:none", group))
     monkeypatch.setattr(
-        "importlib.metadata.entry_points", lambda **words: ours if words == asked else ()
+        "importlib.metadata.entry_points", lambda **words: ours if words == selection else ()
     )
     code, text, err = run("--help")
     assert (code, err.count("\n")) == (0, 1)
@@ -202,14 +202,14 @@ def test_a_result_folder_keeps_the_settings_that_repeat_it(
     """The file has the given settings except the seed, and is in the list of sealed files."""
     words = ("--seed", "7", "--reality", "real", "--fault", "aim-along", "--paper", "letter")
     assert run("certify", "ea70", *words, "--out", "first")[0] == 0
-    kept = tmp_path / "first" / "settings.toml"
-    assert tomllib.loads(kept.read_text()) == {
+    settings = tmp_path / "first" / "settings.toml"
+    assert tomllib.loads(settings.read_text()) == {
         "bat": "ea70",
         "reality": "real",
         "faults": ["aim-along"],
         "paper": "letter",
     }
-    assert run("certify", "--config", str(kept), "--seed", "7", "--out", "second")[0] == 0
+    assert run("certify", "--config", str(settings), "--seed", "7", "--out", "second")[0] == 0
     one, other = (
         (tmp_path / name / "records" / "impact" / "gates.csv").read_bytes()
         for name in ("first", "second")

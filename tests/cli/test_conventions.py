@@ -34,7 +34,7 @@ def test_every_command_shares_the_conventions(name: str) -> None:
     command = cli.commands[name]
     below = command.commands.values() if isinstance(command, click.Group) else [command]
     for each in below:
-        options = {option: known for known in each.params for option in known.opts}
+        options = {option: parameter for parameter in each.params for option in parameter.opts}
         assert "--json" in options or name == "completion"
         assert "--out" in options or "--plot" not in options
         assert "--first-seed" not in options
@@ -115,19 +115,19 @@ def test_progress_has_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> Non
     """Progress rewrites a line on a terminal, prints lines into a pipe, and is silent at first."""
     for name in ("PATIENCE", "TERMINAL_STEP", "PIPE_STEP"):
         monkeypatch.setattr(module, name, 0.02)
-    found = {}
+    output = {}
     for stream in (Terminal(), io.StringIO()):
         with show_progress(stream) as progress:
             progress("laboratories", 0, 100)
             time.sleep(0.01)
             progress("laboratories", 50, 100)
             time.sleep(0.15)
-        found[stream.isatty()] = stream.getvalue()
-    assert "… laboratories: 50 of 100, " in found[True]
-    assert " a second, 0 s left" in found[True]
-    assert found[True].endswith(module.CLEAR_LINE)
-    assert "\n" not in found[True]
-    lines = found[False].splitlines()
+        output[stream.isatty()] = stream.getvalue()
+    assert "… laboratories: 50 of 100, " in output[True]
+    assert " a second, 0 s left" in output[True]
+    assert output[True].endswith(module.CLEAR_LINE)
+    assert "\n" not in output[True]
+    lines = output[False].splitlines()
     assert len(lines) >= 2
     assert all(line.startswith("… laboratories: 50 of 100") for line in lines)
     monkeypatch.setattr(module, "PATIENCE", 60.0)

@@ -28,8 +28,8 @@ Effect = Callable[[Any], object]
 class Reached(Exception):  # noqa: N818 no error: the work itself is not done
     """Signal that a command is about to begin its work, with the arguments of that work."""
 
-    def __init__(self, **found: Any) -> None:
-        self.found = SimpleNamespace(**found)
+    def __init__(self, **fields: Any) -> None:
+        self.found = SimpleNamespace(**fields)
 
 
 def reached(*words: str) -> Any:
@@ -172,13 +172,13 @@ def test_each_option_of_certify_reaches_the_test(begun: Path) -> None:
     assert options_of("certify") == CERTIFY.keys() | SAVED.keys()
     plain = reached("certify", "r161").setup
     assert plain.bat.spec.name == "r161"
-    for option, (words, without, given, effect) in CERTIFY.items():
+    for option, (words, without, expected, effect) in CERTIFY.items():
         assert effect(plain) == without, option
-        assert effect(reached("certify", "r161", *words.split()).setup) == given, option
+        assert effect(reached("certify", "r161", *words.split()).setup) == expected, option
     assert reached("certify", "ea70").setup.bat.spec.name == "ea70"
     vl.instrument("pivot-gates").with_(distance_u="0.73 mm").save("worse.toml")
-    found = reached("certify", "r161", "--instrument", "pivot-gates=worse.toml")
-    assert "0.73" in found.texts["instruments", "pivot-gates"]
+    request = reached("certify", "r161", "--instrument", "pivot-gates=worse.toml")
+    assert "0.73" in request.texts["instruments", "pivot-gates"]
     with pytest.raises(InputError, match="must be a day"):
         cli.main(["certify", "r161", "--received", "tomorrow"], standalone_mode=False)
 
@@ -194,23 +194,23 @@ def test_each_option_of_saving_reaches_the_certificate(
         raise Reached(certificate=self)
 
     monkeypatch.setattr(Certificate, "save", save)
-    asked: dict[str, Any] = {}
+    arguments: dict[str, Any] = {}
 
     def made(**named: Any) -> Certificate:
-        asked.update(named)
+        arguments.update(named)
         return test
 
     monkeypatch.setattr(api, command, made)
     subject = ["r161"] if command == "certify" else ["old/records", "--out", "new"]
-    for option, (words, without, given, effect) in SAVED.items():
+    for option, (words, without, expected, effect) in SAVED.items():
         assert effect(reached(command, *subject).certificate) == without, option
-        found = reached(command, *subject, *words.split())
-        assert effect(found.certificate) == given, option
+        request = reached(command, *subject, *words.split())
+        assert effect(request.certificate) == expected, option
     if command == "reduce":
         assert options_of("reduce") == SAVED.keys() | {"history", "replaces", "reason"}
         words = "--history a --history b --replaces old --reason why"
         reached("reduce", *subject, *words.split())
-        assert asked == {
+        assert arguments == {
             "records": Path("old/records"),
             "history": (Path("a"), Path("b")),
             "replaces": Path("old"),
@@ -221,9 +221,12 @@ def test_each_option_of_saving_reaches_the_certificate(
 def test_each_option_of_report_reaches_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(api, "report", recorder("report"))
     assert options_of("report") == {"pdf", "paper"}
-    plain, given = reached("report", "a", "b"), reached("report", "a", "--pdf", "--paper", "letter")
+    plain, changed = (
+        reached("report", "a", "b"),
+        reached("report", "a", "--pdf", "--paper", "letter"),
+    )
     assert plain.folders == (Path("a"), Path("b"))
-    assert (given.pdf, given.paper) == (True, "letter")
+    assert (changed.pdf, changed.paper) == (True, "letter")
 
 
 COVERAGE: dict[str, tuple[str, object, object, Effect]] = {
@@ -252,17 +255,17 @@ COVERAGE: dict[str, tuple[str, object, object, Effect]] = {
 def test_each_option_of_coverage_reaches_the_study(monkeypatch: pytest.MonkeyPatch) -> None:
     """With `--individual`, summed records have made bats; `--summed` alone has the nominal bat."""
 
-    def study(*given: Any) -> None:
-        raise Reached(given=given)
+    def study(*arguments: Any) -> None:
+        raise Reached(given=arguments)
 
     monkeypatch.setattr(coverage_study, "each_laboratory", study)
     for other in ("effects", "clip_coverage"):
         monkeypatch.setattr(api, other, recorder(other))
     assert options_of("coverage") == COVERAGE.keys()
     plain = reached("coverage", "r161")
-    for option, (words, without, given, effect) in COVERAGE.items():
+    for option, (words, without, expected, effect) in COVERAGE.items():
         assert effect(plain) == without, option
-        assert effect(reached("coverage", "r161", *words.split())) == given, option
+        assert effect(reached("coverage", "r161", *words.split())) == expected, option
     clips = reached("coverage", "ea70", "--clips", "3", "--seed", "5", "--summed")
     assert (clips.bat, clips.clips) == ("ea70", 3)
     assert (clips.seed, clips.summed) == (5, True)

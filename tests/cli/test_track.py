@@ -40,17 +40,17 @@ def test_track_writes_all_files_and_results(folder: Path) -> None:
         cli, [*arguments, "--ball", "28mm±0.1mm", "--film-of-track", "--out", str(out), "--json"]
     )
     assert done.exit_code == 0, done.output
-    found = json.loads(done.stdout)
-    assert found.pop("folder") == str(out)
-    assert found == json.loads((out / "result.json").read_text())
-    speed, true = found["speed_in_mps"], np.hypot(*FILM.velocity_in) * 5.0
+    document = json.loads(done.stdout)
+    assert document.pop("folder") == str(out)
+    assert document == json.loads((out / "result.json").read_text())
+    speed, true = document["speed_in_mps"], np.hypot(*FILM.velocity_in) * 5.0
     assert speed.keys() == {"value", "u"}
     assert abs(speed["value"] - true) < 2 * speed["u"] < 0.02 * true
-    assert found["speed_out_mps"].keys() == found["restitution"].keys() == {"value", "u"}
-    assert found["flags"] == []
-    assert found["warnings"] == []
-    assert found["counts"] == {"frames": 44, "with_ball": 44, "lost": 0}
-    assert [each["places"] for each in found["flights"]] == [19, 25]
+    assert document["speed_out_mps"].keys() == document["restitution"].keys() == {"value", "u"}
+    assert document["flags"] == []
+    assert document["warnings"] == []
+    assert document["counts"] == {"frames": 44, "with_ball": 44, "lost": 0}
+    assert [each["places"] for each in document["flights"]] == [19, 25]
     assert sorted(path.name for path in out.iterdir()) == [
         "result.json", "settings.toml", "sheet.png", "speeds.csv", "track.csv", "track.png",
         "track.webp",
@@ -65,7 +65,7 @@ def test_track_writes_all_files_and_results(folder: Path) -> None:
     flights = list(csv.DictReader((out / "speeds.csv").read_text().splitlines()))
     assert float(flights[0]["speed_out_mps"]) == pytest.approx(speed["value"], rel=1e-5)
     assert float(flights[0]["restitution"]) == pytest.approx(
-        found["restitution"]["value"], rel=1e-5
+        document["restitution"]["value"], rel=1e-5
     )
     assert flights[1]["contact_after"] == ""
     for name, least in (("track.png", 600), ("sheet.png", 1200)):
@@ -85,17 +85,17 @@ def test_options_replace_the_calibration_file(folder: Path, tmp_path: Path) -> N
     arguments = ["track", str(folder / "clip.mp4"), "--calibration", str(folder / "other.toml")]
     done = CliRunner().invoke(cli, [*arguments, *options, "--out", str(tmp_path), "--json"])
     assert done.exit_code == 0, done.output
-    found = json.loads(done.stdout)
+    document = json.loads(done.stdout)
     u = np.hypot(0.01, np.sqrt(2) / 100)
-    assert found["scale"].pop("checks") == []
-    assert found["scale"].pop("roll_deg") is None
-    assert found["scale"] == pytest.approx(
+    assert document["scale"].pop("checks") == []
+    assert document["scale"].pop("roll_deg") is None
+    assert document["scale"] == pytest.approx(
         {"metres_per_pixel": 2e-3, "relative_u": u, "from": "given"}
     )
     pixels = np.hypot(*FILM.velocity_in)
-    assert found["speed_in_mps"]["value"] == pytest.approx(pixels * 2e-3 * 2500, rel=2e-3)
-    assert found["speed_in_mps"]["u"] == pytest.approx(u * pixels * 5, rel=0.05)
-    assert found["exposure_s"] == pytest.approx(2e-5)
+    assert document["speed_in_mps"]["value"] == pytest.approx(pixels * 2e-3 * 2500, rel=2e-3)
+    assert document["speed_in_mps"]["u"] == pytest.approx(u * pixels * 5, rel=0.05)
+    assert document["exposure_s"] == pytest.approx(2e-5)
     assert (tmp_path / "sheet.png").exists()
     assert not (tmp_path / "track.webp").exists()  # film, which was not requested
 
@@ -103,10 +103,10 @@ def test_options_replace_the_calibration_file(folder: Path, tmp_path: Path) -> N
 def test_the_balls_u_is_in_the_speeds_of_a_hit(folder: Path) -> None:
     for ball, share in (("28mm±1mm", 1 / 28), ("28mm", 0.01)):
         track = vl.track(folder / "clip.mp4", calibration=folder / "cal.toml", ball=ball)
-        found = track.document
-        assert found["scale"]["relative_u"] == pytest.approx(share, rel=0.1)
+        document = track.document
+        assert document["scale"]["relative_u"] == pytest.approx(share, rel=0.1)
         assert ("0.28 mm was assumed" in track.text) == (ball == "28mm")
-        assert found["speed_in_mps"]["u"] > share * found["speed_in_mps"]["value"]
+        assert document["speed_in_mps"]["u"] > share * document["speed_in_mps"]["value"]
 
 
 # baseball: diameter from its circumference, and drag with C_d 0.45, k = ρ C_d A / 2m
@@ -119,11 +119,11 @@ def test_a_kind_of_ball_gives_size_and_drag(folder: Path, tmp_path: Path) -> Non
     at = ["track", str(folder / "clip.mp4"), "--out", str(tmp_path / "found")]
     done = CliRunner().invoke(cli, [*at, *words])
     assert done.exit_code == 0, done.output
-    told = json.loads(done.stdout)
-    assert told["scale"]["metres_per_pixel"] == pytest.approx(BASEBALL / 28, rel=5e-3)
-    assert told["scale"]["relative_u"] == pytest.approx(4e-4 / BASEBALL, rel=0.25)
-    assert told["drag_per_m"] == pytest.approx(DRAG, rel=1e-2)
-    assert "was assumed" not in str(told["warnings"])
+    document = json.loads(done.stdout)
+    assert document["scale"]["metres_per_pixel"] == pytest.approx(BASEBALL / 28, rel=5e-3)
+    assert document["scale"]["relative_u"] == pytest.approx(4e-4 / BASEBALL, rel=0.25)
+    assert document["drag_per_m"] == pytest.approx(DRAG, rel=1e-2)
+    assert "was assumed" not in str(document["warnings"])
 
 
 @pytest.mark.parametrize(
@@ -198,20 +198,22 @@ def test_a_phones_clip_gives_flights_contacts_and_flags(
     thrown: tuple[Path, Path, dict[str, Any]],
 ) -> None:
     """Flights, contacts and flags are complete, and the sheet has at most 4 megapixels."""
-    _, out, told = thrown
-    assert told["motion"] == "flights"
-    assert [set(each) for each in told["contacts"]] == [{"time_s", "frame", "kind", "restitution"}]
-    first = told["flights"][0]
+    _, out, document = thrown
+    assert document["motion"] == "flights"
+    assert [set(each) for each in document["contacts"]] == [
+        {"time_s", "frame", "kind", "restitution"}
+    ]
+    first = document["flights"][0]
     assert set(first) == {
         "flight", "first_frame", "last_frame", "places",
         "speed_in_mps", "speed_out_mps", "angle_in_deg", "angle_out_deg", "acceleration_mps2",
         "contact_after", "contact_s", "restitution",
     }  # fmt: skip
     assert first["first_frame"] >= 16
-    restitution = told["contacts"][0]["restitution"]
+    restitution = document["contacts"][0]["restitution"]
     assert abs(restitution["value"] - 0.77) < 2.5 * restitution["u"] < 0.1
-    assert told["restitution"] == told["contacts"][0]["restitution"]
-    assert "READOUT_UNKNOWN" in told["flags"]
+    assert document["restitution"] == document["contacts"][0]["restitution"]
+    assert "READOUT_UNKNOWN" in document["flags"]
     sheet = cv2.imread(str(out / "sheet.png"))
     assert sheet.shape[0] * sheet.shape[1] <= 4e6
 
@@ -220,17 +222,17 @@ def test_phone_omits_flags_that_hold_for_all_phones(
     thrown: tuple[Path, Path, dict[str, Any]],
 ) -> None:
     """With `phone`, no flag concerns readout, rate or the ball's u; results are the same."""
-    clip, _, told = thrown
-    found = vl.track(clip, ball="80mm", frames="16:51", phone=True).document
-    assert found["flags"] == []
-    assert found["warnings"] == []
-    assert found["contacts"] == told["contacts"]
-    assert found["frames_per_second"] == {"value": 30.0, "u": 0.0, "from": "given"}
+    clip, _, document = thrown
+    by_phone = vl.track(clip, ball="80mm", frames="16:51", phone=True).document
+    assert by_phone["flags"] == []
+    assert by_phone["warnings"] == []
+    assert by_phone["contacts"] == document["contacts"]
+    assert by_phone["frames_per_second"] == {"value": 30.0, "u": 0.0, "from": "given"}
 
 
 def test_a_corrected_track_changes_the_result(thrown: tuple[Path, Path, dict[str, Any]]) -> None:
     """An unchanged table gives the same result; rows changed by hand change it."""
-    clip, out, told = thrown
+    clip, out, document = thrown
     rows = pd.read_csv(out / "track.csv")
 
     def again() -> dict[str, Any]:
@@ -239,7 +241,7 @@ def test_a_corrected_track_changes_the_result(thrown: tuple[Path, Path, dict[str
         return vl.track(clip, corrected=out.parent / "corrected.csv", **words).document
 
     same = again()
-    value = told["contacts"][0]["restitution"]["value"]
+    value = document["contacts"][0]["restitution"]["value"]
     assert abs(same["contacts"][0]["restitution"]["value"] - value) < 2e-3
     assert "READOUT_UNKNOWN" not in same["flags"]
     rows.loc[rows["flight"] == 2, "y_px"] *= 1.1
@@ -264,7 +266,7 @@ def test_flights_at_the_same_time_are_refused(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--fps", "0"], "expected 1 to 1e7"),
         (["--frames", "9:3"], "first:last"),
@@ -281,29 +283,29 @@ def test_flights_at_the_same_time_are_refused(
         (["--ruler", "ball", "--scale", "10,20:200,20=19cm"], "a length in the picture"),
     ],
 )
-def test_options_of_a_wrong_form_are_refused(folder: Path, words: list[str], told: str) -> None:
+def test_options_of_a_wrong_form_are_refused(folder: Path, words: list[str], message: str) -> None:
     done = CliRunner().invoke(cli, ["track", str(folder / "clip.mp4"), "--ball", "28mm", *words])
     assert isinstance(done.exception, InputError)
-    assert told in str(done.exception)
+    assert message in str(done.exception)
 
 
 def test_python_returns_tables(folder: Path) -> None:
     """Without a calibration file, tables are returned, too, and the text states the assumptions."""
-    found = vl.track(folder / "clip.mp4", ball="2.8 cm", global_shutter=True)
-    assert found.motion == "flights"
-    assert len(found.flights) == 2
-    speed = found.flights["speed_out_mps"].iloc[0]
+    track = vl.track(folder / "clip.mp4", ball="2.8 cm", global_shutter=True)
+    assert track.motion == "flights"
+    assert len(track.flights) == 2
+    speed = track.flights["speed_out_mps"].iloc[0]
     true = np.hypot(*FILM.velocity_in) * 5.0
-    assert abs(speed - true) < 3 * found.flights["speed_out_mps_u"].iloc[0]
-    assert list(found.contacts["kind"]) == ["struck"]
-    assert len(found.places) >= 40
-    assert "flights" in repr(found)
-    assert "the frame rate is the file's own" in found.text
-    assert "0.28 mm was assumed" in found.text
+    assert abs(speed - true) < 3 * track.flights["speed_out_mps_u"].iloc[0]
+    assert list(track.contacts["kind"]) == ["struck"]
+    assert len(track.places) >= 40
+    assert "flights" in repr(track)
+    assert "the frame rate is the file's own" in track.text
+    assert "0.28 mm was assumed" in track.text
 
 
 @pytest.mark.parametrize(
-    ("clip", "said", "told"),
+    ("clip", "said", "message"),
     [
         (FRAMES, {"fps": "x"}, "fps = 'x'; expected 1 to 1e7 frames a second"),
         (FRAMES, {"fps": True}, "fps = True"),
@@ -325,11 +327,11 @@ def test_python_returns_tables(folder: Path) -> None:
     ],
 )
 def test_wrong_types_in_python_name_the_allowed_ones(
-    clip: Any, said: dict[str, Any], told: str
+    clip: Any, said: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(InputError) as refused:
         vl.track(clip, **said)
-    assert told in str(refused.value)
+    assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
 

@@ -70,8 +70,8 @@ def added(to: str, table: str, **numbers: str) -> Setup:
     lines = [f"[{table}]"]
     for key, number in numbers.items():
         value, unit = number.split(maxsplit=1)
-        known = f'value = {value}, unit = "{unit}", source = "x", verified = false'
-        lines.append(f"{key} = {{ {known} }}" if unit != "-" else f"{key} = {value}")
+        entry = f'value = {value}, unit = "{unit}", source = "x", verified = false'
+        lines.append(f"{key} = {{ {entry} }}" if unit != "-" else f"{key} = {value}")
     return file("mine.toml", to + "\n".join(["", *lines, ""]))
 
 

@@ -42,13 +42,13 @@ def scatter(
 ) -> Components:
     """Return the component of a weighted sum of hits by their scatter, `effects` (constant, n)."""
     effects = np.zeros((0, hits.size)) if effects is None else effects
-    found = Scatter.seen(hits[None], weights[None], groups[None], effects[None])
-    return types_a(HITS, np.array([hits @ weights]), found.u, found.dof)
+    whole = Scatter.seen(hits[None], weights[None], groups[None], effects[None])
+    return types_a(HITS, np.array([hits @ weights]), whole.u, whole.dof)
 
 
 def component(components: Components) -> Component:
-    (found,) = components.row(0)
-    return found
+    (part,) = components.row(0)
+    return part
 
 
 def end_gauge(x):
@@ -154,13 +154,13 @@ def test_every_impact_position_has_its_own_scatter() -> None:
     """Var = Σ (Σ w²) s² over impact positions; a single hit gets the pooled s² of the others."""
     hits = np.array([1.0, 2.0, 3.0, 10.0, 20.0, 7.0])
     weights = np.array([0.1, 0.1, 0.1, 0.3, 0.3, 0.1])
-    found = component(scatter(hits, weights, np.array([1, 1, 1, 2, 2, 3])))
+    part = component(scatter(hits, weights, np.array([1, 1, 1, 2, 2, 3])))
     parts = np.array([0.03 * 1.0, 0.18 * 50.0])
     alone = 0.01 * (2.0 + 50.0) / 3
-    assert found.contribution**2 == pytest.approx(parts.sum() + alone, rel=1e-12)
+    assert part.contribution**2 == pytest.approx(parts.sum() + alone, rel=1e-12)
     welch = parts[0] ** 2 / 2 + parts[1] ** 2 / 1
-    assert found.dof == pytest.approx((parts.sum() + alone) ** 2 / welch, rel=1e-12)
-    assert found.value == pytest.approx(hits @ weights, rel=1e-12)
+    assert part.dof == pytest.approx((parts.sum() + alone) ** 2 / welch, rel=1e-12)
+    assert part.value == pytest.approx(hits @ weights, rel=1e-12)
 
 
 def test_scatter_that_constants_explain_is_subtracted() -> None:
@@ -171,8 +171,8 @@ def test_scatter_that_constants_explain_is_subtracted() -> None:
     hits, weights = np.array([0.0, 4.0, 1.0, 3.0]), np.full(4, 0.25)
     moved = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 2.0, -2.0]])
     whole, left = 10 / 3, 10 / 3 - 10 / 3
-    found = component(scatter(hits, weights, np.zeros(4), moved))
-    assert found.contribution == pytest.approx(left, abs=1e-7)
+    part = component(scatter(hits, weights, np.zeros(4), moved))
+    assert part.contribution == pytest.approx(left, abs=1e-7)
     half = component(scatter(hits, weights, np.zeros(4), moved / sqrt(2)))
     assert half.contribution**2 == pytest.approx(whole / 2 / 4, rel=1e-12)
     assert half.dof == pytest.approx(3 / 4, rel=1e-12)
@@ -258,9 +258,9 @@ def test_curvature_shifts_the_mean_by_half_of_it() -> None:
     }
     parts = propagate(model, constants)
     assert combine(9.0, parts["square"]).shift == pytest.approx(0.04, rel=1e-9)
-    found = combine(-19.5, parts["both"])
-    assert found.shift == pytest.approx(0.04 / 2 - 0.01, rel=1e-9)
-    assert {part.name: round(part.shift, 12) for part in found.components} == {
+    result = combine(-19.5, parts["both"])
+    assert result.shift == pytest.approx(0.04 / 2 - 0.01, rel=1e-9)
+    assert {part.name: round(part.shift, 12) for part in result.components} == {
         "twins": 0.01,
         "c": 0,
     }
@@ -278,8 +278,8 @@ def test_hits_weigh_in_the_scatter_by_their_effect_on_the_result() -> None:
     hits = np.array([1.0, 3.0, 2.0, 6.0]) + np.outer([0.0, 1.0, -1.0], moved)
     weights, effects = np.full(4, 0.25), np.array([0.7, 0.7, -0.2, -0.2])
     places = np.array([[1, 1, 2, 2]])
-    found = means_of_hits(variants, hits[None], weights[None], places, effects[None]).row(0)
-    assert found.value == pytest.approx(3.0)
-    by_name = {part.name: part.contribution for part in found.components}
+    result = means_of_hits(variants, hits[None], weights[None], places, effects[None]).row(0)
+    assert result.value == pytest.approx(3.0)
+    by_name = {part.name: part.contribution for part in result.components}
     assert by_name["hits"] == pytest.approx(sqrt(0.98 * 1.5 + 0.08 * 8.0))
     assert by_name["k"] == pytest.approx(0.0, abs=1e-12)

@@ -33,9 +33,9 @@ def test_specific_risks_agree_with_jcgm_106() -> None:
 @pytest.mark.parametrize("h", TABLE)
 def test_global_risks_agree_with_suncal(h: float) -> None:
     consumer, producer, near = TABLE[h]
-    found = vl.risk(RESISTORS, 0.04, **LIMITS, guard=h * 0.08)
-    assert found.consumer == pytest.approx(consumer, abs=near)
-    assert found.producer == pytest.approx(producer, abs=near)
+    result = vl.risk(RESISTORS, 0.04, **LIMITS, guard=h * 0.08)
+    assert result.consumer == pytest.approx(consumer, abs=near)
+    assert result.producer == pytest.approx(producer, abs=near)
 
 
 @pytest.mark.parametrize(
@@ -55,13 +55,13 @@ def test_global_risks_are_those_of_counted_items(prior: vl.Input) -> None:
     rng, source = np.random.default_rng(4), source_of("prior", prior)
     item = source.estimate.value + source.scale * source.law.draw(rng, 10**6, source.shape)
     measured = item + 0.1 * rng.standard_t(7, 10**6)
-    found = vl.risk(prior, 0.1, upper=1.2, guard=0.05, dof=7)
+    result = vl.risk(prior, 0.1, upper=1.2, guard=0.05, dof=7)
     good, accepted = item <= 1.2, measured <= 1.15
-    assert found.consumer == pytest.approx(np.mean(accepted & ~good), abs=2e-3)
-    assert found.producer == pytest.approx(np.mean(~accepted & good), abs=2e-3)
-    assert found.consumer_given_accepted == pytest.approx(np.mean(~good[accepted]), abs=2e-3)
-    assert found.producer_given_conforming == pytest.approx(np.mean(~accepted[good]), abs=2e-3)
-    text = str(found)
+    assert result.consumer == pytest.approx(np.mean(accepted & ~good), abs=2e-3)
+    assert result.producer == pytest.approx(np.mean(~accepted & good), abs=2e-3)
+    assert result.consumer_given_accepted == pytest.approx(np.mean(~good[accepted]), abs=2e-3)
+    assert result.producer_given_conforming == pytest.approx(np.mean(~accepted[good]), abs=2e-3)
+    text = str(result)
     assert "customer's risk, P(accepted and not conforming): joint" in text
     assert "maker's risk, P(rejected | conforming): conditional" in text
     assert text.startswith("prior: ")
@@ -77,8 +77,8 @@ def test_guard_bands_meet_their_risk() -> None:
     assert vl.guard_band(0.04, upper=1, r=-1, dof=6)[0] == pytest.approx(-k * 0.04)
     for target in (0.0300, 0.0098836):
         w, *_ = vl.guard_band(0.04, **LIMITS, target=target, prior=RESISTORS)
-        found = vl.risk(RESISTORS, 0.04, **LIMITS, guard=w)
-        assert found.consumer == pytest.approx(target, abs=1e-9)
+        result = vl.risk(RESISTORS, 0.04, **LIMITS, guard=w)
+        assert result.consumer == pytest.approx(target, abs=1e-9)
     assert w == pytest.approx(0.02, abs=2e-5)  # joint risk .00988 at g = U/4
 
 

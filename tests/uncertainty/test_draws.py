@@ -28,14 +28,14 @@ def propagated(model, inputs, **more):
     return vl.propagate(model, inputs, method="monte-carlo", **{"draws": DRAWS} | more)
 
 
-def close(found, value: float | None, u: float | None, low: float, high: float) -> None:
+def close(result, value: float | None, u: float | None, low: float, high: float) -> None:
     """Compare with expected numbers, within 4 standard errors of the draws."""
-    one = next(iter(found.outcomes.values()))
+    one = next(iter(result.outcomes.values()))
     errors = one.convergence.standard_errors
     numbers = one.value, one.u, *one.interval
     for number, expected, error in zip(numbers, (value, u, low, high), errors, strict=True):
         if expected is not None:
-            assert number == pytest.approx(expected, abs=4 * error), found
+            assert number == pytest.approx(expected, abs=4 * error), result
             assert error < 0.01 * (high - low)
 
 
@@ -52,14 +52,14 @@ def test_draws_agree_with_supplement_1_on_additive_models() -> None:
     """JCGM 101 9.2: ± 3.92; ± 3.88, exactly 2 √3 (2 - (3/5)^¼); with u = 10: 10.1 and ± 17.0."""
     close(propagated(total, four(1, "normal")), 0, 2, -3.92, 3.92)
     end = 2 * sqrt(3) * (2 - (3 / 5) ** 0.25)
-    found = propagated(total, four(1, "uniform"), draws=MANY)
-    close(found, 0, 2, -end, end)
-    assert found["result"].verdict.startswith("first order validated")  # 3.92 - 3.88, below .05
+    result = propagated(total, four(1, "uniform"), draws=MANY)
+    close(result, 0, 2, -end, end)
+    assert result["result"].verdict.startswith("first order validated")  # 3.92 - 3.88, below .05
     wider = {name: vl.Input(0, 1.5, distribution="uniform") for name in "abcd"}
     assert "not validated" in propagated(total, wider, draws=MANY).text  # .061, above
-    found = propagated(total, four(10, "uniform"))
-    close(found, 0, sqrt(103), -17.0, 17.0)
-    assert found["result"].verdict.startswith("first order not validated")  # ± 19.9 by the GUM
+    result = propagated(total, four(10, "uniform"))
+    close(result, 0, sqrt(103), -17.0, 17.0)
+    assert result["result"].verdict.startswith("first order not validated")  # ± 19.9 by the GUM
 
 
 def test_draws_agree_with_supplement_1_on_mass_calibration() -> None:
@@ -68,11 +68,11 @@ def test_draws_agree_with_supplement_1_on_mass_calibration() -> None:
     second = vl.propagate(models.mass, models.MASS, method="second-order")
     # printed value .0750, without third derivatives, which bring it nearer to .0754
     assert second.u == pytest.approx(0.0752, abs=5e-5)
-    found = propagated(models.mass, models.MASS)
-    assert found.value == pytest.approx(1.2341, abs=5e-4)
-    assert found.u == pytest.approx(0.0754, abs=2e-4)
-    assert found["result"].shortest == pytest.approx((1.0834, 1.3825), abs=5e-3)
-    assert "not validated" in found.text
+    result = propagated(models.mass, models.MASS)
+    assert result.value == pytest.approx(1.2341, abs=5e-4)
+    assert result.u == pytest.approx(0.0754, abs=2e-4)
+    assert result["result"].shortest == pytest.approx((1.0834, 1.3825), abs=5e-3)
+    assert "not validated" in result.text
 
 
 @pytest.mark.parametrize(
@@ -88,14 +88,14 @@ def test_draws_agree_with_supplement_1_on_squares(
 ) -> None:
     """JCGM 101 9.4, r = 0, in 1e-6; for x1 = 0, the shortest interval ends at -2 ln(.05) · 25."""
     inputs = {"x1": vl.Input(x1, 0.005), "x2": vl.Input(0.0, 0.005)}
-    found = propagated(lambda x1, x2: 1e6 * (x1**2 + x2**2), inputs, draws=MANY)
-    assert found.value == pytest.approx(y, abs=0.6 if x1 else 0.2)
-    assert found.u == pytest.approx(u, abs=1)
+    result = propagated(lambda x1, x2: 1e6 * (x1**2 + x2**2), inputs, draws=MANY)
+    assert result.value == pytest.approx(y, abs=0.6 if x1 else 0.2)
+    assert result.u == pytest.approx(u, abs=1)
     width = 8 if x1 > 0.01 else 2.5  # width of the flat minimum and of the published run
-    assert found["result"].shortest == pytest.approx(shortest, abs=width)
+    assert result["result"].shortest == pytest.approx(shortest, abs=width)
     if x1 == 0:
-        assert found["result"].shortest[1] == pytest.approx(-50 * np.log(0.05), abs=0.5)
-        assert "not validated" in found["result"].verdict
+        assert result["result"].shortest[1] == pytest.approx(-50 * np.log(0.05), abs=0.5)
+        assert "not validated" in result["result"].verdict
 
 
 @pytest.mark.parametrize(
@@ -112,12 +112,12 @@ def test_draws_agree_with_supplement_2_on_polar_coordinates(
     """JCGM 102 9.2: magnitude and phase of a complex quantity whose parts have u = .010."""
     inputs = {"re": vl.Input(re, 0.010), "im": vl.Input(0.0, 0.010)}
     bound = {("re", "im"): r} if r else {}
-    found = propagated(
+    result = propagated(
         lambda re, im: {"size": np.hypot(re, im), "phase": np.arctan2(im, re)},
         inputs,
         correlations=bound,
     )
-    numbers = [getattr(found[name], key) for name in ("size", "phase") for key in ("value", "u")]
+    numbers = [getattr(result[name], key) for name in ("size", "phase") for key in ("value", "u")]
     for number, expected in zip(numbers, printed, strict=True):
         if expected is not None:
             assert number == pytest.approx(expected, abs=1.5e-3 if abs(expected) > 0.1 else 5.1e-4)
@@ -126,11 +126,11 @@ def test_draws_agree_with_supplement_2_on_polar_coordinates(
 def test_regions_of_two_outputs_agree_with_supplement_2() -> None:
     """JCGM 102 7.7: k_p = √χ²_2(.95) = 2.448 for a normal pair; 2.236 for an independent box."""
     inputs = {"a": vl.Input(1, 0.1), "b": vl.Input(2, 0.3)}
-    found = propagated(lambda a, b: {"sum": a + b, "difference": a - b}, inputs)
-    assert found.region.ellipsoid == pytest.approx(sqrt(stats.chi2.ppf(0.95, 2)), abs=0.006)
+    result = propagated(lambda a, b: {"sum": a + b, "difference": a - b}, inputs)
+    assert result.region.ellipsoid == pytest.approx(sqrt(stats.chi2.ppf(0.95, 2)), abs=0.006)
     r = (0.01 - 0.09) / 0.1
-    assert found.correlation[0, 1] == pytest.approx(r, abs=2e-3)
-    assert found.region.covariance == pytest.approx(0.1 * np.array([[1, r], [r, 1]]), rel=0.01)
+    assert result.correlation[0, 1] == pytest.approx(r, abs=2e-3)
+    assert result.region.covariance == pytest.approx(0.1 * np.array([[1, r], [r, 1]]), rel=0.01)
     apart = propagated(lambda a, b: {"a": a, "b": b}, inputs)
     assert apart.region.box == pytest.approx(stats.norm.ppf((1 + sqrt(0.95)) / 2), abs=0.006)
     assert "ellipsoid k = 2.4" in apart.text
@@ -167,11 +167,11 @@ def test_a_t_is_wider_than_its_u() -> None:
     ends = 3 + 0.2 * np.array(stats.t(6).interval(0.95))
     close(propagated(lambda x: x, {"x": vl.Input(3, 0.2, dof=6)}), 3, 0.2 * sqrt(1.5), *ends)
     readings = generator(1, "readings", 0).standard_normal((9, 2))
-    found = propagated(lambda a, b: a + b, {("a", "b"): readings})
+    result = propagated(lambda a, b: a + b, {("a", "b"): readings})
     sums = readings.sum(axis=1)
     scale = sums.std(ddof=1) / 3 * sqrt(8 / 7)
     low, high = sums.mean() + scale * np.array(stats.t(7).interval(0.95))
-    close(found, sums.mean(), scale * sqrt(7 / 5), low, high)
+    close(result, sums.mean(), scale * sqrt(7 / 5), low, high)
 
 
 def test_limits_whose_u_is_not_well_known_are_inexact() -> None:
@@ -183,10 +183,10 @@ def test_limits_whose_u_is_not_well_known_are_inexact() -> None:
 
 
 def test_no_u_with_two_degrees_of_freedom() -> None:
-    found = vl.propagate(lambda x: x, {"x": vl.Input(1, 0.1, dof=2)}, method="monte-carlo")
-    assert found.u == inf
-    assert found.interval == pytest.approx(1 + 0.1 * np.array(stats.t(2).interval(0.95)), abs=5e-3)
-    assert "ν = 2, at most 2: no u exists" in found.text
+    result = vl.propagate(lambda x: x, {"x": vl.Input(1, 0.1, dof=2)}, method="monte-carlo")
+    assert result.u == inf
+    assert result.interval == pytest.approx(1 + 0.1 * np.array(stats.t(2).interval(0.95)), abs=5e-3)
+    assert "ν = 2, at most 2: no u exists" in result.text
 
 
 def test_draws_do_not_depend_on_order_units_or_length_of_run() -> None:
@@ -239,8 +239,8 @@ def test_tolerance_is_met_by_two_stages() -> None:
     expected = np.array([0, 2, -3.919928, 3.919928])
     met = 0
     for seed in range(12):
-        found = vl.propagate(total, four(1, "normal"), method="monte-carlo", seed=seed)
-        one = found["result"]
+        result = vl.propagate(total, four(1, "normal"), method="monte-carlo", seed=seed)
+        one = result["result"]
         assert one.convergence.tolerance == 0.05
         assert one.convergence.draws == 2**18
         met += bool(np.all(np.abs(np.array([one.value, one.u, *one.interval]) - expected) <= 0.05))
@@ -252,14 +252,14 @@ def test_more_digits_take_more_draws() -> None:
     inputs = {"a": vl.Input(1, 0.0606), "b": vl.Input(2, 0.0808)}
     for rule in ("stein", "7.9"):
         two = vl.propagate(lambda a, b: a + b, inputs, method="monte-carlo", rule=rule)
-        found = vl.propagate(
+        result = vl.propagate(
             lambda a, b: a + b, inputs, method="monte-carlo", rule=rule, validate=True
         )
-        draws = [each["result"].convergence.draws for each in (two, found)]
+        draws = [each["result"].convergence.draws for each in (two, result)]
         assert draws[1] > 2 * draws[0]
-        errors = found["result"].convergence.standard_errors
-        assert 2 * max(errors) <= found["result"].convergence.tolerance == pytest.approx(0.001)
-        assert found["result"].verdict.startswith("first order validated")
+        errors = result["result"].convergence.standard_errors
+        assert 2 * max(errors) <= result["result"].convergence.tolerance == pytest.approx(0.001)
+        assert result["result"].verdict.startswith("first order validated")
     few = propagated(lambda a, b: a + b, inputs, draws=1)
     assert few["result"].verdict.startswith("first order not judged")
     with pytest.raises(vl.InputError, match=r"digits = '.*draws needed'; allowed: fewer digits"):
@@ -278,7 +278,7 @@ def test_all_methods_agree_on_linear_models(c: list[float], r: float, law: str) 
     if law == "trapezoid":
         third = vl.Input(low=2.5, high=3.5, inexact=0.2)
     inputs = {"a": vl.Input(1, 0.2), "b": vl.Input(2, 0.3), "c": third}
-    found = [
+    result = [
         vl.propagate(
             lambda a, b, x: c[0] * a + c[1] * b + c[2] * x,
             {"a": inputs["a"], "b": inputs["b"], "x": inputs["c"]},
@@ -288,10 +288,10 @@ def test_all_methods_agree_on_linear_models(c: list[float], r: float, law: str) 
         )
         for method in ("first-order", "second-order", "monte-carlo")
     ]
-    errors = found[2]["result"].convergence.standard_errors
-    assert found[1].u == pytest.approx(found[0].u, rel=1e-6)
-    assert found[2].u == pytest.approx(found[0].u, abs=5 * errors[1])
-    assert found[2].value == pytest.approx(found[0].value, abs=5 * errors[0])
+    errors = result[2]["result"].convergence.standard_errors
+    assert result[1].u == pytest.approx(result[0].u, rel=1e-6)
+    assert result[2].u == pytest.approx(result[0].u, abs=5 * errors[1])
+    assert result[2].value == pytest.approx(result[0].value, abs=5 * errors[0])
 
 
 @pytest.mark.parametrize(
@@ -311,26 +311,26 @@ def test_impossible_draws_are_refused(inputs: dict, more: dict, said: str) -> No
 
 def test_clause_8_compares_both_ends() -> None:
     """For a normal law cut at -1 u, the upper end is first order's 1.96, but the lower is -1."""
-    found = propagated(
+    result = propagated(
         lambda x: np.maximum(x, -1.0), {"x": vl.Input(0, 1)}, digits=1, validate=True
     )
-    assert found.interval == pytest.approx((-1, 1.96), abs=0.02)
-    said = found["result"].verdict
+    assert result.interval == pytest.approx((-1, 1.96), abs=0.02)
+    said = result["result"].verdict
     assert said.startswith("first order not validated: ends differ by 0.96 and 0.0")
 
 
 def test_draws_are_counted_while_they_are_made(capsys: pytest.CaptureFixture[str]) -> None:
     """Progress calls the given function, or prints on stderr if the draws take long."""
-    told: list[tuple[str, int, int]] = []
+    calls: list[tuple[str, int, int]] = []
     inputs = {"x": vl.Input(0, 1)}
     vl.propagate(
         lambda x: x,
         inputs,
         method="monte-carlo",
         draws=2**17,
-        progress=lambda *each: told.append(each),
+        progress=lambda *each: calls.append(each),
     )
-    assert told == [("draws", n * 2**14, 2**17) for n in range(8)]
+    assert calls == [("draws", n * 2**14, 2**17) for n in range(8)]
     waited = iter([0.3])
 
     def slow(x):
@@ -353,12 +353,12 @@ def test_a_rare_nan_is_found() -> None:
 
 
 def test_a_scalar_function_is_called_for_each_draw() -> None:
-    found = propagated(
+    result = propagated(
         lambda x, y: atan2(y, x), {"x": vl.Input(-1, 0.1), "y": vl.Input(0, 0.1)}, draws=1
     )
-    assert "row by row" in found.text
+    assert "row by row" in result.text
     # both sides of the cut: E (π - |angle|)²
-    assert found.u == pytest.approx(sqrt(pi**2 - 0.2 * sqrt(2 * pi) + 0.01), rel=2e-3)
+    assert result.u == pytest.approx(sqrt(pi**2 - 0.2 * sqrt(2 * pi) + 0.01), rel=2e-3)
 
 
 def test_the_u_of_sobols_indices_is_their_scatter() -> None:
@@ -368,7 +368,7 @@ def test_the_u_of_sobols_indices_is_their_scatter() -> None:
     def model(x):
         return x[0] + 2 * x[1] + x[0] * x[1]
 
-    found, stated = [], []
+    result, stated = [], []
     for _ in range(400):
         a, b = rng.standard_normal((2, 2, n))
         mixed = np.stack([np.where([[i == j] for j in range(2)], b, a) for i in range(2)])
@@ -376,18 +376,20 @@ def test_the_u_of_sobols_indices_is_their_scatter() -> None:
         answers = [model(x)[..., None, :] - mean for x in (a, b)]
         of_mixed = np.stack([model(x)[None] for x in mixed]) - mean
         indices, u = indices_with_errors(*answers, of_mixed)
-        found.append(indices)
+        result.append(indices)
         stated.append(u)
-    assert np.mean(found, axis=0)[..., 0] == pytest.approx(np.array([[1, 4], [2, 5]]) / 6, abs=0.02)
-    assert np.mean(stated, axis=0) == pytest.approx(np.std(found, axis=0), rel=0.15)
+    assert np.mean(result, axis=0)[..., 0] == pytest.approx(
+        np.array([[1, 4], [2, 5]]) / 6, abs=0.02
+    )
+    assert np.mean(stated, axis=0) == pytest.approx(np.std(result, axis=0), rel=0.15)
 
 
 def test_a_total_index_below_its_first_is_within_its_error() -> None:
     """Two inputs without interaction have both indices at .2 and .8."""
-    found = vl.sobol(lambda a, b: a + b, {"a": vl.Input(0, 1), "b": vl.Input(0, 2)}, points=64)
-    assert list(found.columns) == ["output", "input", "first", "first_u", "total", "total_u"]
+    result = vl.sobol(lambda a, b: a + b, {"a": vl.Input(0, 1), "b": vl.Input(0, 2)}, points=64)
+    assert list(result.columns) == ["output", "input", "first", "first_u", "total", "total_u"]
     for key in ("first", "total"):
-        assert (np.abs(found[key] - [0.2, 0.8]) < 3 * found[f"{key}_u"]).all()
+        assert (np.abs(result[key] - [0.2, 0.8]) < 3 * result[f"{key}_u"]).all()
 
 
 def test_sobols_indices_agree_with_exact_cases() -> None:
@@ -397,13 +399,13 @@ def test_sobols_indices_agree_with_exact_cases() -> None:
     def ishigami(a, b, c):
         return np.sin(a) + 7 * np.sin(b) ** 2 + 0.1 * c**4 * np.sin(a)
 
-    found = vl.sobol(ishigami, inputs, points=8192)
-    assert found["first"].tolist() == pytest.approx([0.3139, 0.4424, 0], abs=5e-3)
-    assert found["total"].tolist() == pytest.approx([0.5576, 0.4424, 0.2437], abs=5e-3)
+    result = vl.sobol(ishigami, inputs, points=8192)
+    assert result["first"].tolist() == pytest.approx([0.3139, 0.4424, 0], abs=5e-3)
+    assert result["total"].tolist() == pytest.approx([0.5576, 0.4424, 0.2437], abs=5e-3)
     linear = {"a": vl.Input(0, 1), "b": vl.Input(0, 2, dof=5), "c": vl.Input(5, 2)}
     shares = np.array([1, 4 * 5 / 3, 4]) / (5 + 20 / 3)
-    found = vl.sobol(lambda a, b, c: {"sum": a + b + c}, linear, points=4096)
-    assert found["first"].to_numpy() == pytest.approx(shares, abs=0.01)
+    result = vl.sobol(lambda a, b, c: {"sum": a + b + c}, linear, points=4096)
+    assert result["first"].to_numpy() == pytest.approx(shares, abs=0.01)
     with pytest.raises(vl.InputError, match="power of 2"):
         vl.sobol(ishigami, inputs, points=1000)
     with pytest.raises(vl.InputError, match="points = 1073741824; allowed: a power of 2 up to 2"):

@@ -30,22 +30,22 @@ def test_draws_have_the_u_of_t_distributions(bat: str, procedure: str) -> None:
     A constant left out, drawn twice, or with another law would show, as would missing draws of hits
     or of the choice of an impact position.
     """
-    found = certified(bat, procedure=procedure, seed=2).certification
-    linear = found.metric
+    certification = certified(bat, procedure=procedure, seed=2).certification
+    linear = certification.metric
     assert linear is not None
     parts = [part for line in linear.components for part in (line.parts or (line,))]
     dofs = [part.dof for part in parts]
     widened = [1 if dof == inf else dof / (dof - 2) for dof in dofs]
     u = sqrt(sum(w * part.contribution**2 for w, part in zip(widened, parts, strict=True)))
-    reduced, readings = reduce_session(found.session)
+    reduced, readings = reduce_session(certification.session)
     by = partial(refined, reduced=reduced, readings=readings, outcome=reduced.outcome)
     drawn = by("monte-carlo", linear=linear, draws=65_536)
     assert drawn.u == pytest.approx(u, rel=0.02)
     assert drawn.value == pytest.approx(linear.value + linear.shift, abs=0.02 * u)
     rng, sums = np.random.default_rng(7), np.zeros(65_536)
     for part, dof in zip(parts, dofs, strict=True):
-        own = rng.standard_normal if dof == inf else partial(rng.standard_t, dof)
-        sums += part.contribution * own(size=sums.size)
+        draw = rng.standard_normal if dof == inf else partial(rng.standard_t, dof)
+        sums += part.contribution * draw(size=sums.size)
     ends = linear.value + linear.shift + np.quantile(sums, [0.025, 0.975])
     assert drawn.interval == pytest.approx(ends, abs=0.03 * np.ptp(ends))
     if procedure == "asa":  # small curvature, so that the second order changes only the mean

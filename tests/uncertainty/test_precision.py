@@ -32,12 +32,12 @@ def nist(name: str) -> tuple[np.ndarray, dict[str, float]]:
 def test_group_studies_agree_with_nist(name: str) -> None:
     """All eleven sets: F, sums of squares, residual standard deviation (15 certified digits)."""
     rows, certified = nist(name)
-    found = vl.group_study(rows[:, 1], rows[:, 0])
+    study = vl.group_study(rows[:, 1], rows[:, 0])
     numbers = {
-        "f": found.f,
-        "between": found.between.ss,
-        "within": found.within.ss,
-        "sd": found.repeatability,
+        "f": study.f,
+        "between": study.between.ss,
+        "within": study.within.ss,
+        "sd": study.repeatability,
     }
     for key, value in numbers.items():
         digits = -log10(abs(value / certified[key] - 1) + 1e-16)
@@ -63,41 +63,41 @@ PARTS, OPERATORS = np.tile(np.arange(10), 9), np.repeat(list("AAABBBCCC"), 10)
 
 def test_a_gauge_study_agrees_with_the_manual() -> None:
     """Printed results: EV .199933, AV .226838, GRR .302372, PV 1.042327, 27.86 %, ndc 4."""
-    found = vl.gauge_study(GAUGE.ravel(), PARTS, OPERATORS)
-    lines = found.operators.ss, found.parts.ss, found.interaction.ss, found.trials.ss
+    study = vl.gauge_study(GAUGE.ravel(), PARTS, OPERATORS)
+    lines = study.operators.ss, study.parts.ss, study.interaction.ss, study.trials.ss
     assert lines == pytest.approx((3.16726, 88.3619, 0.35898, 2.75893), rel=2e-5)
-    assert found.pooled
-    deviations = found.repeatability, found.operator_sd, found.gauge, found.part_sd, found.total
+    assert study.pooled
+    deviations = study.repeatability, study.operator_sd, study.gauge, study.part_sd, study.total
     printed = (0.199933, 0.226838, 0.302372, 1.042327, 1.085300)
     assert deviations == pytest.approx(printed, abs=1e-6)
-    assert found.percent == pytest.approx(27.86, abs=0.005)
-    assert found.categories == pytest.approx(4.86, abs=0.005)
+    assert study.percent == pytest.approx(27.86, abs=0.005)
+    assert study.categories == pytest.approx(4.86, abs=0.005)
     shuffled = np.random.default_rng(1).permutation(90)
     again = vl.gauge_study(GAUGE.ravel()[shuffled], PARTS[shuffled], OPERATORS[shuffled])
-    assert again.gauge == pytest.approx(found.gauge)
+    assert again.gauge == pytest.approx(study.gauge)
 
 
 def test_an_interaction_stays_apart() -> None:
     """Two parts, two operators and two trials by hand: σ²_PO = (MS_PO - MS_E)/2."""
     values = [1.0, 1.2, 3.0, 3.2, 5.0, 5.2, 1.0, 1.2]
-    found = vl.gauge_study(values, [1, 1, 2, 2, 1, 1, 2, 2], list("AAAABBBB"))
-    assert not found.pooled
-    assert found.repeatability**2 == pytest.approx(0.02)
-    assert found.interaction_sd**2 == pytest.approx((18.0 - 0.02) / 2)
-    assert found.operator_sd == 0
-    assert found.gauge**2 == pytest.approx(0.02 + 8.99)
+    study = vl.gauge_study(values, [1, 1, 2, 2, 1, 1, 2, 2], list("AAAABBBB"))
+    assert not study.pooled
+    assert study.repeatability**2 == pytest.approx(0.02)
+    assert study.interaction_sd**2 == pytest.approx((18.0 - 0.02) / 2)
+    assert study.operator_sd == 0
+    assert study.gauge**2 == pytest.approx(0.02 + 8.99)
 
 
 def test_groups_of_different_size_agree_with_searle() -> None:
     """Searle's n0 by hand is (8 - (25 + 9)/8)/1 = 3.75."""
     values = [1.0, 2.0, 3.0, 2.0, 2.0, 5.0, 6.0, 7.0]
-    found = vl.group_study(values, list("aaaaabbb"))
-    assert found.within.ss == pytest.approx(2.0 + 2.0)
-    assert found.between.ss == pytest.approx(15 / 8 * 4**2)
+    study = vl.group_study(values, list("aaaaabbb"))
+    assert study.within.ss == pytest.approx(2.0 + 2.0)
+    assert study.between.ss == pytest.approx(15 / 8 * 4**2)
     variance = (30 - 4 / 6) / 3.75
-    assert found.between_sd == pytest.approx(sqrt(variance))
-    assert found.reproducibility == pytest.approx(sqrt(variance + 4 / 6))
-    assert found.mean == 3.5
+    assert study.between_sd == pytest.approx(sqrt(variance))
+    assert study.reproducibility == pytest.approx(sqrt(variance + 4 / 6))
+    assert study.mean == 3.5
 
 
 @pytest.mark.parametrize(

@@ -39,19 +39,19 @@ def test_both_orders_agree_with_gum_h1() -> None:
 
 def test_joint_readings_agree_with_gum_h2() -> None:
     """JCGM 100 table H.4, and GTC to 12 digits; u(X) is .296 without the GUM's rounding."""
-    found = vl.propagate(models.circuit, {("v", "i", "phi"): models.CIRCUIT})
+    result = vl.propagate(models.circuit, {("v", "i", "phi"): models.CIRCUIT})
     printed = {"R": (127.732, 0.071), "X": (219.847, 0.296), "Z": (254.260, 0.236)}
     for name, (value, u) in printed.items():
-        assert found[name].value == pytest.approx(value, abs=5e-4 + 5e-4)
-        assert found[name].u == pytest.approx(u, abs=5e-4)
-        assert found[name].dof == pytest.approx(4)
-    pairs = found.correlation[[0, 0, 1], [1, 2, 2]]
+        assert result[name].value == pytest.approx(value, abs=5e-4 + 5e-4)
+        assert result[name].u == pytest.approx(u, abs=5e-4)
+        assert result[name].dof == pytest.approx(4)
+    pairs = result.correlation[[0, 0, 1], [1, 2, 2]]
     assert pairs == pytest.approx([-0.588, -0.485, 0.993], abs=6e-4)
     v, i, phi = GTC.type_a.multi_estimate_real(models.CIRCUIT.T)
     ohm = v / (1e-3 * i)
     peer = ohm * GTC.cos(phi)
-    assert found["R"].u == pytest.approx(GTC.uncertainty(peer), rel=1e-6)
-    assert found["R"].dof == pytest.approx(GTC.dof(peer), rel=1e-6)
+    assert result["R"].u == pytest.approx(GTC.uncertainty(peer), rel=1e-6)
+    assert result["R"].dof == pytest.approx(GTC.dof(peer), rel=1e-6)
     assert pairs[1] == pytest.approx(GTC.get_correlation(peer, ohm), rel=1e-5)
 
 
@@ -67,15 +67,15 @@ def test_a_fitted_line_agrees_with_gum_h3() -> None:
         offset = b.mean(axis=-1) - slope * np.mean(t - 20)
         return {"y1": offset, "y2": slope, "b30": offset + 10 * slope}
 
-    found = vl.propagate(fitted, {"b": vl.Input(b, s, dof=9, by=range(11))})
+    result = vl.propagate(fitted, {"b": vl.Input(b, s, dof=9, by=range(11))})
     printed = {"y1": (-0.1712, 0.0029), "y2": (0.00218, 0.00067), "b30": (-0.1494, 0.0041)}
     for name, (value, u) in printed.items():
         digit = 0.5 * 10 ** -len(str(abs(value)).split(".")[1])
-        assert found[name].value == pytest.approx(value, abs=digit)
-        assert found[name].u == pytest.approx(u, abs=max(digit / 10, 5e-6) if u < 1e-3 else 5e-5)
-        assert found[name].dof == pytest.approx(9)
+        assert result[name].value == pytest.approx(value, abs=digit)
+        assert result[name].u == pytest.approx(u, abs=max(digit / 10, 5e-6) if u < 1e-3 else 5e-5)
+        assert result[name].dof == pytest.approx(9)
     assert s == pytest.approx(0.0035, abs=5e-5)
-    assert found.correlation[0, 1] == pytest.approx(-0.930, abs=5e-4)
+    assert result.correlation[0, 1] == pytest.approx(-0.930, abs=5e-4)
 
 
 def test_eleven_inputs_agree_with_other_libraries() -> None:
@@ -84,13 +84,13 @@ def test_eleven_inputs_agree_with_other_libraries() -> None:
     The difference, f''' u²/6, is (.003/.5)² of u here, by 1/e0. The u with a correlation is that of
     `uncertainties`.
     """
-    found = vl.propagate(models.bpf, models.BPF)
+    result = vl.propagate(models.bpf, models.BPF)
     read = vl.propagate(models.bpf, models.BPF).budget.set_index("component")
     theirs = {name: GTC.ureal(row.value, row.u, row.dof) for name, row in read.iterrows()}
     peer = models.bpf(**theirs)
-    assert found.value == pytest.approx(GTC.value(peer), rel=1e-14)
-    assert found.u == pytest.approx(GTC.uncertainty(peer), rel=5e-5)
-    assert found.dof == pytest.approx(GTC.dof(peer), rel=1e-4)
+    assert result.value == pytest.approx(GTC.value(peer), rel=1e-14)
+    assert result.u == pytest.approx(GTC.uncertainty(peer), rel=5e-5)
+    assert result.dof == pytest.approx(GTC.dof(peer), rel=1e-4)
     bound = vl.propagate(models.bpf, models.BPF, correlations={("t_in", "t_out"): 0.5})
     times = uncertainties.correlated_values_norm(
         [(models.BPF[name].value, models.BPF[name].u) for name in ("t_in", "t_out")],
@@ -102,7 +102,7 @@ def test_eleven_inputs_agree_with_other_libraries() -> None:
     }
     peer = models.bpf(t_in=times[0], t_out=times[1], **others)
     assert bound.u == pytest.approx(peer.std_dev, rel=5e-5)
-    assert abs(bound.u - found.u) > 1e-3 * found.u
+    assert abs(bound.u - result.u) > 1e-3 * result.u
 
 
 TERMS = st.lists(
@@ -133,48 +133,48 @@ def test_a_linear_model_is_exact(terms: list, r: float, scale: float, method: st
         return sum(c * x[f"x{k}"] for k, (c, *_) in enumerate(terms))
 
     bound = {("x1", "x0"): r}
-    found = vl.propagate(model, stated(1.0), correlations=bound, method=method)
+    result = vl.propagate(model, stated(1.0), correlations=bound, method=method)
     (c0, _, u0, _), (c1, _, u1, _) = terms[:2]
     variance = sum((c * u) ** 2 for c, _, u, _ in terms) + 2 * r * c0 * u0 * c1 * u1
     size = sum(abs(c) * (abs(x) + u) for c, x, u, _ in terms)
     near = 1e-9 * size + 1e-9
-    assert found.u == pytest.approx(sqrt(variance), rel=1e-6, abs=near)
-    assert found.value == pytest.approx(sum(c * x for c, x, *_ in terms), abs=near)
+    assert result.u == pytest.approx(sqrt(variance), rel=1e-6, abs=near)
+    assert result.value == pytest.approx(sum(c * x for c, x, *_ in terms), abs=near)
     again = dict(reversed(stated(scale).items()))
     other = vl.propagate(model, again, correlations={("x0", "x1"): r}, method=method)
-    assert other.u / scale == pytest.approx(found.u, rel=1e-6, abs=near)
+    assert other.u / scale == pytest.approx(result.u, rel=1e-6, abs=near)
 
 
 def test_the_second_order_agrees_with_exact_cases() -> None:
     """Squares: E = x² + u², Var = 4 x² u² + (κ - 1) u⁴; a product adds u² u'², a cube 36 u⁴."""
     for law, kurtosis in (("normal", 3), ("uniform", 1.8), ("triangular", 2.4), ("arcsine", 1.5)):
         inputs = {"x": vl.Input(0.5, 0.3, distribution=law)}
-        found = vl.propagate(lambda x: x**2, inputs, method="second-order")
-        assert found.value == pytest.approx(0.25 + 0.09)
-        assert found.u**2 == pytest.approx(0.09 + (kurtosis - 1) * 0.0081)
+        result = vl.propagate(lambda x: x**2, inputs, method="second-order")
+        assert result.value == pytest.approx(0.25 + 0.09)
+        assert result.u**2 == pytest.approx(0.09 + (kurtosis - 1) * 0.0081)
     two = {"a": vl.Input(2, 0.1), "b": vl.Input(-3, 0.2)}
-    found = vl.propagate(lambda a, b: a * b, two, method="second-order")
-    assert found.u**2 == pytest.approx(0.09 + 0.16 + 4e-4)
+    result = vl.propagate(lambda a, b: a * b, two, method="second-order")
+    assert result.u**2 == pytest.approx(0.09 + 0.16 + 4e-4)
     # normal inputs with correlation r: E = a b + r u u', Var = … + 2 r a b u u' + u² u'² (1 + r²)
-    found = vl.propagate(
+    result = vl.propagate(
         lambda a, b: a * b, two, correlations={("a", "b"): 0.6}, method="second-order"
     )
-    assert found.value == pytest.approx(-6 + 0.6 * 0.02)
-    assert found.u**2 == pytest.approx(0.09 + 0.16 - 2 * 0.6 * 6 * 0.02 + 4e-4 * 1.36)
+    assert result.value == pytest.approx(-6 + 0.6 * 0.02)
+    assert result.u**2 == pytest.approx(0.09 + 0.16 - 2 * 0.6 * 6 * 0.02 + 4e-4 * 1.36)
     # a b²: 2 f_b f_baa and 2 f_a f_abb of E[x² y²]: b⁴ u_a² + 4 a² b² u_b² + (4 + 2) b² u_a² u_b²
     # of the mixed pairs, and 2 a² u_b⁴ of b alone
-    found = vl.propagate(lambda a, b: a * b**2, two, method="second-order")
+    result = vl.propagate(lambda a, b: a * b**2, two, method="second-order")
     terms = 81 * 0.01, 4 * 4 * 9 * 0.04, 6 * 9 * 4e-4, 2 * 4 * 0.0016
-    assert found.u**2 == pytest.approx(sum(terms))
+    assert result.u**2 == pytest.approx(sum(terms))
     # correlated inputs, which are taken as normal: each is a sum of independent ones
     bound = {name: vl.Input(0, 0.1, distribution="uniform") for name in "ab"}
-    found = vl.propagate(
+    result = vl.propagate(
         lambda a, b: a**2 + b**2, bound, correlations={("a", "b"): 0.5}, method="second-order"
     )
-    assert found.u**2 == pytest.approx(4e-4 * (1 + 0.5**2))
+    assert result.u**2 == pytest.approx(4e-4 * (1 + 0.5**2))
     # x³ at 1: 9 u² + 18 u⁴ + 18 u⁴, without the u⁶
-    found = vl.propagate(lambda x: x**3, {"x": vl.Input(1, 0.1)}, method="second-order")
-    assert found.u**2 == pytest.approx(9e-2 + 36e-4)
+    result = vl.propagate(lambda x: x**3, {"x": vl.Input(1, 0.1)}, method="second-order")
+    assert result.u**2 == pytest.approx(9e-2 + 36e-4)
 
 
 def test_the_second_order_agrees_with_supplement_1_on_squares() -> None:
@@ -203,12 +203,12 @@ def test_groups_share_errors_nested_and_crossed() -> None:
         "day": vl.Input(u=0.2, dof=4, by=day),
         "ball": vl.Input(u=0.1, by=np.array([day, ball])),
     }
-    found = vl.propagate(mean, inputs)
-    assert found.value == 2.0
+    result = vl.propagate(mean, inputs)
+    assert result.value == 2.0
     squares = 0.09 / 6, 0.04 / 2, 0.01 * (2 * (2 / 6) ** 2 + 2 * (1 / 6) ** 2)
-    assert found.u**2 == pytest.approx(sum(squares))
+    assert result.u**2 == pytest.approx(sum(squares))
     # common scatter of both days with four dof, not eight
-    assert found.dof == pytest.approx(4 * (sum(squares) / squares[1]) ** 2)
+    assert result.dof == pytest.approx(4 * (sum(squares) / squares[1]) ** 2)
     limits = vl.propagate(mean, inputs | {"day": vl.Input(low=-0.1, high=0.3, by=day)})
     assert limits.value == pytest.approx(2.1)
     assert limits.u**2 == pytest.approx(squares[0] + 0.04 / 3 / 2 + squares[2])
@@ -223,17 +223,17 @@ def test_groups_share_errors_nested_and_crossed() -> None:
 
 def test_correlated_inputs_have_the_fewest_dof_among_them() -> None:
     inputs = {"a": vl.Input(1, 0.1, dof=9), "b": vl.Input(2, 0.2, dof=5), "c": vl.Input(0, 0.1)}
-    found = vl.propagate(lambda a, b, c: a + b + c, inputs, correlations={("a", "b"): 0.5})
+    result = vl.propagate(lambda a, b, c: a + b + c, inputs, correlations={("a", "b"): 0.5})
     block = 0.01 + 0.04 + 0.02
-    assert found.dof == pytest.approx(5 * ((block + 0.01) / block) ** 2)
+    assert result.dof == pytest.approx(5 * ((block + 0.01) / block) ** 2)
 
 
 def test_readings_count_by_their_scatter() -> None:
     readings = [1.2, 1.5, 1.1, 1.9]
-    found = vl.propagate(lambda x, k: k * x, {"x": readings, "k": 2.0})
-    assert found.u == pytest.approx(2 * stats.sem(readings))
-    assert found.dof == 3
-    assert found.interval == pytest.approx(
+    result = vl.propagate(lambda x, k: k * x, {"x": readings, "k": 2.0})
+    assert result.u == pytest.approx(2 * stats.sem(readings))
+    assert result.dof == 3
+    assert result.interval == pytest.approx(
         stats.t.interval(0.95, 3, 2 * np.mean(readings), 2 * stats.sem(readings))
     )
     budget = vl.propagate(lambda x, y: x + y, {"x": readings, "y": vl.Input(low=0, high=1)}).budget
@@ -247,9 +247,9 @@ def test_readings_count_by_their_scatter() -> None:
 
 def test_inexact_limits_have_the_u_of_jcgm_101() -> None:
     """JCGM 101 6.4.3: u² = h²/3 + d²/9."""
-    found = vl.propagate(lambda x: x, {"x": vl.Input(low=-3, high=5, inexact=1.5)})
-    assert found.value == 1.0
-    assert found.u**2 == pytest.approx(16 / 3 + 2.25 / 9)
+    result = vl.propagate(lambda x: x, {"x": vl.Input(low=-3, high=5, inexact=1.5)})
+    assert result.value == 1.0
+    assert result.u**2 == pytest.approx(16 / 3 + 2.25 / 9)
 
 
 def test_a_function_of_numbers_is_called_row_by_row() -> None:
@@ -257,9 +257,9 @@ def test_a_function_of_numbers_is_called_row_by_row() -> None:
         return x * y if x > 0 else y
 
     inputs = {"x": vl.Input(2, 0.1), "y": vl.Input(5, 0.2)}
-    found = vl.propagate(piecewise, inputs)
-    assert found.u == pytest.approx(sqrt(0.25 + 0.16))
-    assert "row by row" in found.text
+    result = vl.propagate(piecewise, inputs)
+    assert result.u == pytest.approx(sqrt(0.25 + 0.16))
+    assert "row by row" in result.text
     assert "row by row" not in vl.propagate(lambda x, y: x * y, inputs).text
     # model with a mean over its rows: each row is called alone, where that mean is the number
     mixed = vl.propagate(lambda x, y: x - np.mean(x) + y, inputs)
@@ -268,12 +268,12 @@ def test_a_function_of_numbers_is_called_row_by_row() -> None:
 
 
 def test_several_outputs_are_selected_by_name() -> None:
-    found = vl.propagate(models.circuit, {("v", "i", "phi"): models.CIRCUIT})
-    assert found.table["output"].tolist() == ["R", "X", "Z"]
+    result = vl.propagate(models.circuit, {("v", "i", "phi"): models.CIRCUIT})
+    assert result.table["output"].tolist() == ["R", "X", "Z"]
     with pytest.raises(vl.InputError, match=r"allowed: .NAME. of R, X, Z"):
-        _ = found.u
+        _ = result.u
     with pytest.raises(vl.InputError, match="allowed: R, X, Z"):
-        _ = found["Y"]
+        _ = result["Y"]
 
 
 def plain(a, b):
@@ -399,24 +399,24 @@ def test_outputs_in_another_order_are_the_same() -> None:
         rows = [("sum", a + b), ("product", a * b)]
         return dict(rows[:: 1 if next(turned) % 2 else -1])
 
-    found = vl.propagate(model, GOOD)
-    assert found["sum"].value == pytest.approx(3)
-    assert found["product"].value == pytest.approx(2)
+    result = vl.propagate(model, GOOD)
+    assert result["sum"].value == pytest.approx(3)
+    assert result["product"].value == pytest.approx(2)
 
 
 def test_an_output_without_u_is_stated() -> None:
-    found = vl.propagate(lambda a, b: 0 * a + 3 + 0 * b, GOOD)
-    assert found.u == 0
-    assert found.dof == inf
-    assert "no input moves it" in found.text
+    result = vl.propagate(lambda a, b: 0 * a + 3 + 0 * b, GOOD)
+    assert result.u == 0
+    assert result.dof == inf
+    assert "no input moves it" in result.text
 
 
 @pytest.mark.parametrize("method", ["first-order", "second-order", "monte-carlo"])
 @pytest.mark.parametrize("rule", ["stein", "7.9"])
 def test_a_u_that_is_rounding_is_zero(method: str, rule: str) -> None:
     """Two digits of a u of 1e-16 would take endless draws."""
-    found = vl.propagate(lambda a, b: 0.95 + 3e-16 * (a + b), GOOD, method=method, rule=rule)
-    assert found.u == 0
-    assert found.value == pytest.approx(0.95)
+    result = vl.propagate(lambda a, b: 0.95 + 3e-16 * (a + b), GOOD, method=method, rule=rule)
+    assert result.u == 0
+    assert result.value == pytest.approx(0.95)
     if method == "monte-carlo":
-        assert found["result"].convergence.draws <= 2**18
+        assert result["result"].convergence.draws <= 2**18

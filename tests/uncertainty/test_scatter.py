@@ -24,7 +24,7 @@ def of_six(today: HitVariance, u: float, dof: float) -> Scatter:
     )
 
 
-def seen(hits: np.ndarray, effects: np.ndarray | None = None) -> Scatter:
+def scatter_of(hits: np.ndarray, effects: np.ndarray | None = None) -> Scatter:
     """Return the scatter of tests (test, 6) at one position, with effects (constant, 6) on hits."""
     effects = np.zeros((0, HITS)) if effects is None else effects
     each = np.broadcast_to(effects, (len(hits), *effects.shape))
@@ -47,8 +47,8 @@ def test_the_variance_of_a_hit_is_that_of_numpy() -> None:
     """At one position it is s² with 5 dof; a constant that moves hits reduces it, also below 0."""
     hits = np.array([[1.0, 2.0, 4.0, 4.0, 7.0, 9.0]])
     s2 = hits.var(ddof=1)
-    assert numbers(seen(hits).variance) == pytest.approx([s2, s2, 5])
-    assert numbers(seen(hits, 3 * hits).variance) == pytest.approx([s2 - 9 * s2, s2, 5])
+    assert numbers(scatter_of(hits).variance) == pytest.approx([s2, s2, 5])
+    assert numbers(scatter_of(hits, 3 * hits).variance) == pytest.approx([s2 - 9 * s2, s2, 5])
 
 
 def test_pooled_tests_omit_the_invalid() -> None:
@@ -62,8 +62,8 @@ def test_a_larger_scatter_today_counts_alone() -> None:
     """A one-sided F test with 1 %: the table's F(5, 50; .99) is 3.41."""
     assert stats.f.ppf(0.99, 5, 50) == pytest.approx(3.41, abs=5e-3)
     for ratio, alone in ((3.40, False), (3.42, True)):
-        own = of_six(variance(ratio, ratio, 5.0), float(np.sqrt(ratio / HITS)), 5.0)
-        assert (float(own.joined(variance(1.0, 1.0, 50.0)).dof[0]) == 5.0) == alone
+        six_hits = of_six(variance(ratio, ratio, 5.0), float(np.sqrt(ratio / HITS)), 5.0)
+        assert (float(six_hits.joined(variance(1.0, 1.0, 50.0)).dof[0]) == 5.0) == alone
         today, earlier = (
             Estimate(value=v, u=v * float(np.sqrt(2 / dof)), dof=dof)
             for v, dof in ((ratio, 5.0), (1.0, 50.0))
@@ -93,12 +93,12 @@ def test_a_history_covers_the_tests_with_a_small_u_as_well() -> None:
     """
     rng, count = np.random.default_rng(11), 20_000
     tests = rng.standard_normal((11, count, HITS))
-    earlier = HitVariance.pooled([seen(each).variance for each in tests[1:]])
+    earlier = HitVariance.pooled([scatter_of(each).variance for each in tests[1:]])
     today, one = np.repeat(tests[0][:, None], 3, axis=1), np.ones(count)
     constants = Variants.of({"without effect": Estimates(value=one, u=one, dof=one)})
     even, place = np.full((count, HITS), 1 / HITS), np.zeros((count, HITS))
-    for known, least, most in ((None, 0.65, 0.8), (earlier, 0.88, 0.93)):
-        found = means_of_hits(constants, today, even, place, even, known)
-        held = np.abs(found.value) <= stats.t.ppf(0.975, found.dof) * found.u
+    for history, least, most in ((None, 0.65, 0.8), (earlier, 0.88, 0.93)):
+        result = means_of_hits(constants, today, even, place, even, history)
+        held = np.abs(result.value) <= stats.t.ppf(0.975, result.dof) * result.u
         assert held.mean() == pytest.approx(0.95, abs=4 * 0.0016)
-        assert least < held[np.argsort(found.u)[: count // 10]].mean() < most
+        assert least < held[np.argsort(result.u)[: count // 10]].mean() < most

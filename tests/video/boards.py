@@ -38,7 +38,7 @@ def corners_seen(
     lens: TrueLens, board: Board, views: int, seed: int, noise: float, lean: float = 0.6
 ) -> list[BoardView]:
     """Return the corners in each view as the lens draws them, plus noise; view 0 is flat."""
-    draws, seen = Streams(seed), []
+    draws, corners = Streams(seed), []
     turns, off = draws.uniform("turns", (views, 3)), draws.uniform("off", (views, 3))
     for view in range(views):
         turned = rotation((view > 0) * 2 * lean * turns[view]) @ DOWN
@@ -46,8 +46,8 @@ def corners_seen(
         drawn = lens.drawn(lens.to_camera(board.corners() @ turned.T + place))
         ids = np.flatnonzero(((drawn > 5) & (drawn < np.array(SIZE) - 6)).all(axis=1))
         places = drawn[ids] + noise * draws.normal(f"noise {view}", (len(ids), 2))
-        seen.append(BoardView(ids=ids, places=places))
-    return seen
+        corners.append(BoardView(ids=ids, places=places))
+    return corners
 
 
 def pictures_of(camera: Camera, board: Board, views: int, seed: int) -> list[tuple[str, Array]]:
@@ -56,12 +56,12 @@ def pictures_of(camera: Camera, board: Board, views: int, seed: int) -> list[tup
     return [(f"{number}.png", picture) for number, (picture, _) in enumerate(rendered)]
 
 
-def true_model(lens: TrueLens, found: CameraModel) -> CameraModel:
+def true_model(lens: TrueLens, model: CameraModel) -> CameraModel:
     """Return the model of a perfect calibration. Its axes start at the point under the camera."""
     shift = lens.to_camera([*lens.place[:2], 0.0])
     turn = cv2.Rodrigues(lens.rotation @ DOWN)[0].ravel()
     return replace(
-        found,
+        model,
         matrix=((lens.focal, 0.0, lens.centre[0]), (0.0, lens.focal, lens.centre[1]), (0, 0, 1)),
         distortion=tuple(lens.distortion),
         rotation=tuple(turn),

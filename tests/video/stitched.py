@@ -79,7 +79,7 @@ def scene(
     warp = np.zeros((count, 2, 5))
     root = np.sqrt(stretch)
     warp[:, :, :2] = radius * (np.eye(2) / root + (root - 1 / root) * np.outer(axis, axis))
-    seen = render_balls(
+    rendered = render_balls(
         np.stack([centre - way / 2, centre + way / 2], axis=1),
         radius,
         np.zeros((count, 2)),
@@ -90,7 +90,7 @@ def scene(
         orientation=axes_of(turn),
         warp=None if stretch == 1.0 else warp,
     )
-    mean = seen.over(np.full((1, size, size), behind), white).astype(float)
+    mean = rendered.over(np.full((1, size, size), behind), white).astype(float)
     noise = noise_of(snr)
     shaken = random.standard_normal(mean.shape) * np.sqrt(noise.variance(mean))
     return Scene(

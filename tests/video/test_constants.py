@@ -36,8 +36,8 @@ def _numeric(value: ast.expr | None) -> bool:
 
 def test_the_number_of_constants_does_not_grow() -> None:
     files = [file for room in ROOMS for file in sorted(room.rglob("*.py"))]
-    found = [f"{file.stem}.{name}" for file in files for name in constants(file.read_text("utf-8"))]
-    assert len(found) <= MOST, "\n".join(found)
+    names = [f"{file.stem}.{name}" for file in files for name in constants(file.read_text("utf-8"))]
+    assert len(names) <= MOST, "\n".join(names)
 
 
 @pytest.mark.parametrize(

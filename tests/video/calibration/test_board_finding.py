@@ -32,16 +32,16 @@ def true_places(columns: int, rows: int) -> NDArray[np.float64]:
     return cv2.perspectiveTransform(flat[None].astype(float), LAID)[0]
 
 
-def off(seen: BoardView | None, columns: int, rows: int) -> NDArray[np.float64]:
-    assert seen is not None
-    return seen.places - true_places(columns, rows)[seen.ids]
+def off(view: BoardView | None, columns: int, rows: int) -> NDArray[np.float64]:
+    assert view is not None
+    return view.places - true_places(columns, rows)[view.ids]
 
 
 @pytest.mark.parametrize("legacy", [False, True])
 def test_a_board_drawn_by_opencv_is_found_in_place(legacy: bool) -> None:
     """The board has an even number of rows; its first square is black or, as before 4.6, white."""
-    seen = find_board(drawn(14, 8, 0.72, legacy=legacy), board_of("charuco:14x8:40mm:28.8mm"))
-    error = off(seen, 14, 8)
+    view = find_board(drawn(14, 8, 0.72, legacy=legacy), board_of("charuco:14x8:40mm:28.8mm"))
+    error = off(view, 14, 8)
     assert len(error) == 91
     assert np.sqrt(np.mean(error**2)) < 0.03
     assert np.abs(error).max() < 0.08
@@ -54,8 +54,8 @@ def test_part_of_a_board_is_found_in_uneven_light_and_jpeg() -> None:
     noise = np.random.default_rng(3).normal(0, 2, picture.shape)
     dim = np.clip(picture * light + noise, 0, 255).astype(np.uint8)
     _, coded = cv2.imencode(".jpg", dim, [cv2.IMWRITE_JPEG_QUALITY, 90])
-    seen = find_board(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE), board_of("charuco:14x9:1cm:7.2mm"))
-    error = off(seen, 14, 9)
+    view = find_board(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE), board_of("charuco:14x9:1cm:7.2mm"))
+    error = off(view, 14, 9)
     assert 50 < len(error) < 104
     assert np.sqrt(np.mean(error**2)) < 0.04
 
@@ -65,5 +65,5 @@ def test_another_board_is_not_found() -> None:
     picture = drawn(9, 6, 0.72)
     assert find_board(picture, board_of("charuco:9x6:1m:0.72m:6X6_50")) is None
     assert find_board(picture, board_of("chessboard:10x6:1m")) is None
-    seen = find_board(picture, board_of("chessboard:9x6:1m"))
-    assert seen is None or len(seen.ids) == 40
+    view = find_board(picture, board_of("chessboard:9x6:1m"))
+    assert view is None or len(view.ids) == 40

@@ -40,17 +40,17 @@ SMALL = board_of("charuco:9x6:60mm:44mm")
 NOISE = 0.01  # standard deviation of a corner [pixels]
 
 
-def plan_of(board: Board = BOARD, height: float = 0.0, **known: Any) -> Plan:
-    return Plan(board=board, height=height, **{"square_u": 0.0, "height_u": 0.0} | known)
+def plan_of(board: Board = BOARD, height: float = 0.0, **options: Any) -> Plan:
+    return Plan(board=board, height=height, **{"square_u": 0.0, "height_u": 0.0} | options)
 
 
 def calibrated(
-    monkeypatch: pytest.MonkeyPatch, seen: list[BoardView], plan: Plan | None = None
+    monkeypatch: pytest.MonkeyPatch, views: list[BoardView], plan: Plan | None = None
 ) -> Calibrated:
     """Return the calibration from these corners; no picture is searched."""
-    waiting: Iterator[BoardView] = iter(seen)
+    waiting: Iterator[BoardView] = iter(views)
     monkeypatch.setattr(calibrating, "find_board", lambda *_: next(waiting))
-    names = (f"{number}.png" for number in range(len(seen)))
+    names = (f"{number}.png" for number in range(len(views)))
     blank = np.zeros(SIZE[::-1], np.uint8)
     return calibrate_camera(((name, blank) for name in names), plan or plan_of())
 
@@ -61,16 +61,16 @@ def test_corners_are_located_well_below_a_pixel(name: str) -> None:
     cv2.setNumThreads(1)
     board, camera = board_of(name), camera_with(1)
     picture, corners = next(board_views(camera, board, 1, Streams(2), "views"))
-    seen = find_board(picture, board)
-    assert seen is not None
-    assert len(seen.ids) == 104
+    view = find_board(picture, board)
+    assert view is not None
+    assert len(view.ids) == 104
     true = camera.lens.drawn(camera.lens.to_camera(corners))
     # nearest corners, because a bare chessboard does not show which of its ends is the first
-    order = np.linalg.norm(true[None] - seen.places[:, None], axis=2).argmin(axis=1)
-    assert not board.marker or np.array_equal(order, seen.ids)
-    off = seen.places - true[order]
+    order = np.linalg.norm(true[None] - view.places[:, None], axis=2).argmin(axis=1)
+    assert not board.marker or np.array_equal(order, view.ids)
+    off = view.places - true[order]
     assert np.sqrt(np.mean(off**2)) < 0.03
-    assert lens_blur_of(picture, seen, board) == pytest.approx(camera.spec.blur, rel=0.02)
+    assert lens_blur_of(picture, view, board) == pytest.approx(camera.spec.blur, rel=0.02)
     assert np.abs(off.mean(axis=0)).max() < 0.004
 
 
@@ -79,8 +79,8 @@ def test_errors_are_as_large_as_stated(monkeypatch: pytest.MonkeyPatch) -> None:
     scores, errors = [], []
     for seed in range(40):
         lens = camera_with(seed).lens
-        found = calibrated(monkeypatch, corners_seen(lens, BOARD, 6, seed + 100, NOISE))
-        fit, model = found.model.fit, found.model
+        result = calibrated(monkeypatch, corners_seen(lens, BOARD, 6, seed + 100, NOISE))
+        fit, model = result.model.fit, result.model
         assert fit is not None
         true = true_model(lens, model)
         relative = lengths_of(model) / lengths_of(true) - 1
@@ -98,7 +98,7 @@ def test_errors_are_as_large_as_stated(monkeypatch: pytest.MonkeyPatch) -> None:
             np.concatenate(
                 [
                     off / u,
-                    relative / found.length_u,
+                    relative / result.length_u,
                     cv2.Rodrigues(turn)[0].ravel() / fit.rotation_u,
                     shift / np.array(fit.translation_u_m),
                 ]
@@ -115,37 +115,37 @@ def test_rendered_pictures_give_the_true_lens() -> None:
     """Rendered pictures give the lens within 5 stated u, and lengths within 0.02 %."""
     cv2.setNumThreads(1)
     camera = small_camera(4)
-    found = calibrate_camera(pictures_of(camera, SMALL, 6, 5), plan_of(board=SMALL))
-    model, lens = found.model, camera.lens
+    result = calibrate_camera(pictures_of(camera, SMALL, 6, 5), plan_of(board=SMALL))
+    model, lens = result.model, camera.lens
     assert model.fit is not None
-    assert (model.fit.views, len(found.warnings)) == (6, 3), found.warnings
+    assert (model.fit.views, len(result.warnings)) == (6, 3), result.warnings
     assert abs(model.matrix[0][0] - lens.focal) < 5 * model.fit.focal_u_px[0] < 8e-3 * lens.focal
     relative = lengths_of(model) / lengths_of(true_model(lens, model)) - 1
-    assert np.all(np.abs(relative) < 4 * found.length_u)
-    assert found.length_u.max() < 1.5e-4
+    assert np.all(np.abs(relative) < 4 * result.length_u)
+    assert result.length_u.max() < 1.5e-4
     assert model.fit.rms_px < 0.04
-    assert found.lens_blur == pytest.approx(camera.spec.blur, rel=0.02)
+    assert result.lens_blur == pytest.approx(camera.spec.blur, rel=0.02)
 
 
 def test_track_reads_what_calibrate_writes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The true lens draws points 30 mm above the board; the calibration file gives them back."""
     lens = camera_with(7).lens
     plan = plan_of(board=BOARD, square_u=2e-6, height=0.03, height_u=0.001)
-    found = calibrated(monkeypatch, corners_seen(lens, BOARD, 8, 8, 1e-4), plan)
+    result = calibrated(monkeypatch, corners_seen(lens, BOARD, 8, 8, 1e-4), plan)
     path = tmp_path / "cal.toml"
-    path.write_text("frames_per_second = 5000\n" + calibration_toml(found))
-    known = read_calibration(path)
-    assert known.camera == found.model
-    assert known.lens_blur_px == pytest.approx(found.lens_blur, rel=0.01)
+    path.write_text("frames_per_second = 5000\n" + calibration_toml(result))
+    calibration = read_calibration(path)
+    assert calibration.camera == result.model
+    assert calibration.lens_blur_px == pytest.approx(result.lens_blur, rel=0.01)
     ends = np.array([[-0.2, 0.0, 0.03], [0.2, 0.1, 0.03]])
     ends[:, :2] += lens.place[:2]
     x, y = lens.drawn(lens.to_camera(ends)).T
-    plane = plane_of(located(x, y), known, "clip")
+    plane = plane_of(located(x, y), calibration, "clip")
     off = plane.places * [1, -1] - (ends - lens.place)[:, :2]  # sign of Y: down in the file
     np.testing.assert_allclose(off, 0, atol=2e-6)
     above = lens.place[2] - 0.03
-    own = np.hypot(found.length_u.max(), 2e-6 / 0.04)
-    assert plane.relative_u == pytest.approx(np.hypot(own, 0.001 / above), rel=1e-4)
+    relative_u = np.hypot(result.length_u.max(), 2e-6 / 0.04)
+    assert plane.relative_u == pytest.approx(np.hypot(relative_u, 0.001 / above), rel=1e-4)
     assert plane.relative_u == pytest.approx(5.1e-4, rel=0.02)
 
 
@@ -168,20 +168,20 @@ def test_views_with_too_little_information_are_refused(
 def test_a_view_that_does_not_fit_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """Single wild corners are left out and counted, and a picture of a bent board is named."""
     lens = camera_with(1).lens
-    seen = corners_seen(lens, BOARD, 7, 1, NOISE)
-    wild = seen[1].places.copy()
+    views = corners_seen(lens, BOARD, 7, 1, NOISE)
+    wild = views[1].places.copy()
     wild[3] += 5.0
-    seen[1] = replace(seen[1], places=wild)
-    found = calibrated(monkeypatch, seen)
-    assert "1.png: corners far off were left out, 1 of them" in found.warnings
-    assert abs(found.model.matrix[0][0] - lens.focal) < 5 * found.solved.u[0]
+    views[1] = replace(views[1], places=wild)
+    result = calibrated(monkeypatch, views)
+    assert "1.png: corners far off were left out, 1 of them" in result.warnings
+    assert abs(result.model.matrix[0][0] - lens.focal) < 5 * result.solved.u[0]
     shaken = corners_seen(lens, BOARD, 7, 1, NOISE)
     x = BOARD.corners()[shaken[4].ids, 0]
     bent = shaken[4].places + np.outer(np.cos(20 * x), [0.3, 0.2])
     shaken[4] = replace(shaken[4], places=bent)
-    found = calibrated(monkeypatch, shaken)
-    assert any(each.startswith("4.png: corners far off") for each in found.warnings)
-    assert np.array_equal(np.flatnonzero(found.solved.left_out), [4])
+    result = calibrated(monkeypatch, shaken)
+    assert any(each.startswith("4.png: corners far off") for each in result.warnings)
+    assert np.array_equal(np.flatnonzero(result.solved.left_out), [4])
 
 
 def test_a_wide_lens_keeps_its_sixth_power(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,19 +201,19 @@ def test_axes_run_with_the_picture_however_the_board_lies(
     """X points to the right and Y down, whichever corner of the board is the first."""
     lens = camera_with(1).lens
     board = board_of("chessboard:11x11:40mm")
-    seen = corners_seen(lens, board, 6, 3, 1e-4)
+    views = corners_seen(lens, board, 6, 3, 1e-4)
     order = np.rot90(np.arange(100).reshape(10, 10), turns).ravel()
-    seen = [replace(each, ids=order[each.ids]) for each in seen]
-    found = calibrated(monkeypatch, seen, plan_of(board=board))
-    axes = cv2.Rodrigues(np.array(found.model.rotation))[0]
+    views = [replace(each, ids=order[each.ids]) for each in views]
+    result = calibrated(monkeypatch, views, plan_of(board=board))
+    axes = cv2.Rodrigues(np.array(result.model.rotation))[0]
     assert np.diagonal(axes).min() > 0.99
 
 
 def test_pictures_that_do_not_belong_together_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each picture has its own grey level; the brightest one shows no board."""
-    seen = corners_seen(camera_with(1).lens, BOARD, 6, 1, NOISE)
+    views = corners_seen(camera_with(1).lens, BOARD, 6, 1, NOISE)
     monkeypatch.setattr(
-        calibrating, "find_board", lambda picture, _: [*seen, None][int(picture[0, 0])]
+        calibrating, "find_board", lambda picture, _: [*views, None][int(picture[0, 0])]
     )
     pictures = [(f"in/{grey}.png", np.full(SIZE[::-1], grey, np.uint8)) for grey in range(7)]
     with pytest.raises(InputError, match=r"5\.png: size = '1279 x 800'; the first is 1280 x 800"):
@@ -232,9 +232,9 @@ def test_pictures_that_do_not_belong_together_are_refused(monkeypatch: pytest.Mo
         calibrate_camera(pictures[:2] + pictures[6:], plan_of(board=BOARD))
     with pytest.raises(InputError, match="pictures = 0"):
         calibrate_camera([], plan_of(board=BOARD))
-    found = calibrate_camera(pictures[::-1], plan_of(board=BOARD, plane="1.png"))
-    assert "no board was found in in/6.png" in found.warnings
-    assert found.plane == "in/1.png"
+    result = calibrate_camera(pictures[::-1], plan_of(board=BOARD, plane="1.png"))
+    assert "no board was found in in/6.png" in result.warnings
+    assert result.plane == "in/1.png"
 
 
 def test_a_picture_without_a_board_shows_none() -> None:

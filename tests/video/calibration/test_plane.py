@@ -72,24 +72,28 @@ def test_a_spheres_outline_lies_farther_out_than_its_centre() -> None:
     wide, narrow = outline[:, 0], outline[:, 1]
     x = np.array([(wide.max() + wide.min()) / 2])
     y = np.array([(narrow.max() + narrow.min()) / 2])
-    known = ClipCalibration(camera=straight, ball_diameter_m=2 * radius)
-    told = plane_of(located(x, y), known, "clip").places[0]
+    calibration = ClipCalibration(camera=straight, ball_diameter_m=2 * radius)
+    corrected = plane_of(located(x, y), calibration, "clip").places[0]
     plain = plane_of(located(x, y), ClipCalibration(camera=straight), "clip").places[0]
-    np.testing.assert_allclose(told, centre[:2], atol=2e-6)
+    np.testing.assert_allclose(corrected, centre[:2], atol=2e-6)
     assert plain[0] - centre[0] > 1e-4
 
 
 def test_the_ball_sets_the_scale_where_nothing_else_does() -> None:
     x = np.arange(5.0)
-    known = ClipCalibration(ball_diameter_m=0.06, ball_diameter_m_u=6e-5)
-    plane = plane_of(located(x, x), known, "clip")
+    calibration = ClipCalibration(ball_diameter_m=0.06, ball_diameter_m_u=6e-5)
+    plane = plane_of(located(x, x), calibration, "clip")
     assert plane.metres_per_pixel == pytest.approx(1e-3)
     assert plane.relative_u == pytest.approx(np.hypot(1e-3, 0.05 / 30))
     with pytest.raises(InputError, match="no frame shows the whole ball"):
-        plane_of(located(x, x, flags=PlaceFlag.CLIPPED), known, "clip")
+        plane_of(located(x, x, flags=PlaceFlag.CLIPPED), calibration, "clip")
     sized = ClipCalibration(metres_per_pixel=2e-3, metres_per_pixel_u=4e-6, ball_diameter_m=0.06)
-    given = plane_of(located(x, x), sized, "clip")
-    assert (given.metres_per_pixel, given.relative_u, given.source) == (2e-3, 2e-3, "given")
+    by_scale = plane_of(located(x, x), sized, "clip")
+    assert (by_scale.metres_per_pixel, by_scale.relative_u, by_scale.source) == (
+        2e-3,
+        2e-3,
+        "given",
+    )
 
 
 def test_the_size_of_a_ball_follows_its_outline_across_the_picture() -> None:

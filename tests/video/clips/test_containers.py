@@ -155,17 +155,17 @@ def test_rounded_time_stamps_of_an_even_clip_leave_its_rate(tmp_path: Path) -> N
 )
 def test_a_repeated_time_stamp_spoils_its_frame_alone(stamps: list[int], times: list[int]) -> None:
     at = 0.0503 * np.array(stamps)
-    found, warnings = frame_times(_source(len(at)), at, ANY)
+    result, warnings = frame_times(_source(len(at)), at, ANY)
     assert "time stamps repeat or fall" in warnings[-1]
     first = at[2] if stamps[1] == 0 else at[0]
     expected = 0.0503 * np.array(times)
-    np.testing.assert_allclose(found - first, expected - (expected[2] if stamps[1] == 0 else 0))
+    np.testing.assert_allclose(result - first, expected - (expected[2] if stamps[1] == 0 else 0))
 
 
 def test_time_stamps_most_of_which_repeat_are_not_used() -> None:
     at = np.array([0, 0, 0, 1, 1, 1, 2, 2, 2, 7.0])
-    found, warnings = frame_times(_source(len(at)), at, ANY)
-    np.testing.assert_allclose(found, np.arange(10) / 20)
+    result, warnings = frame_times(_source(len(at)), at, ANY)
+    np.testing.assert_allclose(result, np.arange(10) / 20)
     assert "do not rise" in warnings[-1]
 
 

@@ -200,9 +200,9 @@ def test_unreliable_rates_and_containers_give_a_warning(tmp_path: Path) -> None:
     assert "30 frames a second, the calibration 5000" in " ".join(slow.warnings)
     np.testing.assert_allclose(np.diff(slow.times), 1 / 5000)
     alone = ClipCalibration(metres_per_pixel=1e-3)
-    own = open_clip(write_video(tmp_path / "b.mp4", frames, 240), alone)
-    assert "file's own" in " ".join(own.warnings)
-    np.testing.assert_allclose(np.diff(own.times), 1 / 240, rtol=1e-6)
+    by_file = open_clip(write_video(tmp_path / "b.mp4", frames, 240), alone)
+    assert "file's own" in " ".join(by_file.warnings)
+    np.testing.assert_allclose(np.diff(by_file.times), 1 / 240, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -266,7 +266,7 @@ def test_motion_jpeg_shows_what_ffmpeg_shows(tmp_path: Path) -> None:
         k for k, (frame, _) in enumerate(source.read(lambda k: k % 5 == 0)) if frame is not None
     ] == [0, 5, 10]
     content = bytearray(path.read_bytes())
-    at = [found.start() for found in re.finditer(b"\xff\xd8\xff", bytes(content))][7]
+    at = [match.start() for match in re.finditer(b"\xff\xd8\xff", bytes(content))][7]
     content[at : at + 40] = bytes(40)
     path.write_bytes(content)
     with pytest.raises(InputError, match="frame 7; cannot be decoded"):

@@ -27,15 +27,15 @@ def test_a_shift_is_found_to_a_hundredth_of_a_pixel_whatever_moves_before() -> N
     def scene(x: float, y: float, light: float = 1.0) -> NDArray[np.uint8]:
         from scipy.ndimage import map_coordinates
 
-        seen = map_coordinates(coarse, [row + y / 16, column + x / 16], order=3, mode="mirror")
-        return np.clip(light * seen, 0, 255).astype(np.uint8)
+        picture = map_coordinates(coarse, [row + y / 16, column + x / 16], order=3, mode="mirror")
+        return np.clip(light * picture, 0, 255).astype(np.uint8)
 
     edges = edges_of(scene(0.0, 0.0))
     for way in ((0.0, 0.0), (1.37, -0.62), (-5.2, 4.9)):
         other = scene(*way, light=1.05)
         other[40:75, 60:100] = 250
-        found = edges.drift(other, NONE)
-        assert found == pytest.approx((-way[0], -way[1], 0, 0), abs=0.03)
+        drift = edges.drift(other, NONE)
+        assert drift == pytest.approx((-way[0], -way[1], 0, 0), abs=0.03)
 
 
 def test_a_turn_is_found_to_a_hundredth_of_a_pixel_at_the_rim() -> None:
@@ -50,17 +50,17 @@ def test_a_turn_is_found_to_a_hundredth_of_a_pixel_at_the_rim() -> None:
         off = (column - 79.5 - right) + 1j * (row - 59.5 - down)
         still = off * np.exp(-1j * np.arctan2(turn, 1 + growth)) / np.hypot(1 + growth, turn)
         at = [(still.imag + 59.5) / 16 + 3, (still.real + 79.5) / 16 + 3]
-        seen = map_coordinates(coarse, at, order=3, mode="mirror")
-        return np.clip(np.rint(seen), 0, 255).astype(np.uint8)
+        picture = map_coordinates(coarse, at, order=3, mode="mirror")
+        return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
     edges = edges_of(scene(0, 0, 0, 0))
     for drift in ((0.8, -0.4, 0.006, 0.012), (-0.3, 0.5, -0.004, -0.02)):
         other = scene(*drift)
         other[40:75, 60:100] = 250
-        found = NONE
+        fit = NONE
         for _ in range(3):  # iterations, because a fit stays near its start
-            found = edges.drift(other, found)
-        assert found * [1, 1, 80, 80] == pytest.approx(np.array(drift) * [1, 1, 80, 80], abs=0.03)
+            fit = edges.drift(other, fit)
+        assert fit * [1, 1, 80, 80] == pytest.approx(np.array(drift) * [1, 1, 80, 80], abs=0.03)
 
 
 def test_edges_lie_where_the_still_frame_has_them() -> None:
@@ -68,8 +68,8 @@ def test_edges_lie_where_the_still_frame_has_them() -> None:
     noise = np.random.default_rng(3).integers(60, 200, (160, 200)).astype(np.uint8)
     larger = cv2.GaussianBlur(noise, (0, 0), 2.0)
     edges = edges_of(larger, (160, 120), (-13, -18))
-    found = edges.drift(larger[17:137, 15:175], NONE)
-    np.testing.assert_allclose(found * [1, 1, 80, 80], [-2, 1, 0, 0], atol=0.03)
+    drift = edges.drift(larger[17:137, 15:175], NONE)
+    np.testing.assert_allclose(drift * [1, 1, 80, 80], [-2, 1, 0, 0], atol=0.03)
     corner = matrix_of(np.array([0, 0, 0, 0.01]), (320, 240)) @ [319, 119.5, 1]
     np.testing.assert_allclose(corner, [319, 119.5 + 1.595])  # rotation from x to y
 
@@ -87,14 +87,14 @@ def test_a_shift_stays_where_nothing_shows_it(covered: str) -> None:
     """With a coat before the lens, the drift neither continues nor returns to zero."""
     scene, coat = (np.random.default_rng(k).integers(60, 200, (120, 160)) for k in (3, 4))
     edges = edges_of(cv2.GaussianBlur(scene.astype(np.uint8), (0, 0), 2.0))
-    shown = cv2.GaussianBlur(coat.astype(np.uint8), (0, 0), 2.0)
-    shown = shown if covered == "another" else np.full_like(shown, 90)
+    picture = cv2.GaussianBlur(coat.astype(np.uint8), (0, 0), 2.0)
+    picture = picture if covered == "another" else np.full_like(picture, 90)
     guess = np.array([6.0, -3.0, 0.0, 0.0])
     starts = (guess, np.array([7.5, -2.5, 0.0, 0.0]), NONE)
-    np.testing.assert_allclose(edges.drift(shown, *starts), guess, atol=1.5)
+    np.testing.assert_allclose(edges.drift(picture, *starts), guess, atol=1.5)
 
 
-def test_drift_and_background_of_a_hand_held_phone() -> None:
+def test_drift_and_background_of_a_hand_held_phone_are_found() -> None:
     """The still frame is the first one: shifts agree with the truth, and the wall is in place."""
     scene = replace(SCENES["glossy-floor"], count=40, mirror=0.0)
     frames = list(pictures(scene))
@@ -105,16 +105,16 @@ def test_drift_and_background_of_a_hand_held_phone() -> None:
     inner = still.background[y : y + 240, x : x + 320].astype(int)
     assert np.percentile(np.abs(inner - empty), 95) < 8
     drift, last = NONE, still.shrunk(frames[0])
-    found = []
+    drifts = []
     for frame in frames:
         small = still.shrunk(frame)
         drift, last = still.drift(small, drift, (last, drift)), small
-        found.append(drift)
-    assert np.ptp(found, axis=0).max() > 2
+        drifts.append(drift)
+    assert np.ptp(drifts, axis=0).max() > 2
     assert np.ptp(still.sampled[:, 2:] * 160, axis=0).max() < 0.15  # rim [px]
 
 
-def test_a_phone_that_turns_in_the_hand() -> None:
+def test_the_turn_of_a_phone_in_the_hand_is_found() -> None:
     """Positions at the rim are right to 0.5 px; by a shift alone they are wrong by nearly 4 px."""
     scene = replace(UNSEEN["rolled"], count=60)
     frames = list(pictures(scene))
@@ -187,31 +187,31 @@ def test_a_ball_lit_from_the_side_keeps_its_place_before_a_lighter_wall() -> Non
         y, x = np.mgrid[:480, :640] / 4.0
         fine = np.where(np.hypot(x - 80, y - 60) < 12, 180 + 4 * (x - 80), wall)
         small = cv2.resize(fine.astype(np.float32), (160, 120), interpolation=cv2.INTER_AREA)
-        shown = cv2.GaussianBlur(small, (0, 0), 0.8).round().astype(np.uint8)
-        still = still_of([np.full(shown.shape, wall, np.uint8)] * 8, 8, stands=True)
-        (ball,) = blobs(0, shown, still.shrunk(shown), np.zeros(4), still)
+        picture = cv2.GaussianBlur(small, (0, 0), 0.8).round().astype(np.uint8)
+        still = still_of([np.full(picture.shape, wall, np.uint8)] * 8, 8, stands=True)
+        (ball,) = blobs(0, picture, still.shrunk(picture), np.zeros(4), still)
         return float(ball["x"])
 
     assert place(70) == pytest.approx(79.6, abs=0.7)
     assert abs(place(110) - place(70)) < 0.7
 
 
-def test_a_ball_that_is_held_or_cut_is_said_to_be() -> None:
+def test_a_ball_that_is_held_or_cut_is_marked() -> None:
     behind = np.full((120, 160), 60, np.uint8)
     still = still_of([behind], 8, stands=True)
 
-    def seen(x: float, *, held: bool = False) -> list[np.void]:
+    def balls_near(x: float, *, held: bool = False) -> list[np.void]:
         share = matte(behind.shape, x, 60.0, 12.0)
         frame = np.round(behind * (1 - share) + 220 * share).astype(np.uint8)
         if held:
             frame[54:66, int(x) + 12 :] = 190
-        found = blobs(0, frame, frame, NONE, still)
-        return [each for each in found if abs(each["x"] - x) < 6]
+        candidates = blobs(0, frame, frame, NONE, still)
+        return [each for each in candidates if abs(each["x"] - x) < 6]
 
-    assert not any(each["dirty"] < 0.05 for each in seen(80.0, held=True))
-    assert [each["dirty"] for each in seen(80.0)] == [0]
-    assert all(each["cut"] for each in seen(8.0))
-    assert not any(each["cut"] for each in seen(80.0))
+    assert not any(each["dirty"] < 0.05 for each in balls_near(80.0, held=True))
+    assert [each["dirty"] for each in balls_near(80.0)] == [0]
+    assert all(each["cut"] for each in balls_near(8.0))
+    assert not any(each["cut"] for each in balls_near(80.0))
 
 
 def test_a_changing_light_is_no_blob() -> None:
@@ -233,22 +233,22 @@ def test_a_light_of_another_colour_is_no_blob_and_leaves_the_ball_its_ring() -> 
         lit = np.clip(wall * gains, 0, 255).astype(np.uint8)
         assert len(blobs(0, lit, lit, NONE, still)) == 0
         lit = np.clip(ball * gains, 0, 255).astype(np.uint8)
-        (found,) = blobs(0, lit, lit, NONE, still)
-        assert (found["x"], found["y"]) == pytest.approx((150.0, 90.0), abs=0.4)
-        assert found["radius"] == pytest.approx(14.0, rel=0.05)
-        assert found["dirty"] < 0.05
+        (blob,) = blobs(0, lit, lit, NONE, still)
+        assert (blob["x"], blob["y"]) == pytest.approx((150.0, 90.0), abs=0.4)
+        assert blob["radius"] == pytest.approx(14.0, rel=0.05)
+        assert blob["dirty"] < 0.05
 
 
-def test_a_ball_before_a_pattern() -> None:
+def test_a_ball_before_a_pattern_is_found() -> None:
     """The contrast with mortar is four times that with bricks."""
     row, column = np.mgrid[:200, :320]
     wall = np.where((row % 24 < 3) | ((column + row // 24 % 2 * 20) % 40 < 3), 190.0, 100.0)
     covered = matte((200, 320), 150.0, 92.0, 20.0)
     ball = covered * 70.0 + (1 - covered) * wall
     still = still_of([wall.astype(np.uint8)] * 4, 8, stands=True)
-    seen = np.clip(ball, 0, 255).astype(np.uint8)
-    found = blobs(0, seen, seen, NONE, still)
-    best = found[np.argmin(np.hypot(found["x"] - 150, found["y"] - 92))]
+    picture = np.clip(ball, 0, 255).astype(np.uint8)
+    candidates = blobs(0, picture, picture, NONE, still)
+    best = candidates[np.argmin(np.hypot(candidates["x"] - 150, candidates["y"] - 92))]
     assert (best["x"], best["y"]) == pytest.approx((150.0, 92.0), abs=2.5)
     assert best["radius"] == pytest.approx(20.0, rel=0.1)
 
@@ -263,9 +263,9 @@ def test_a_ball_with_dark_patches_before_a_light_wall_is_one() -> None:
         patch = matte(behind.shape, x, y, 4.5)
         ball = patch * 30.0 + (1 - patch) * ball
     still = still_of([behind.astype(np.uint8)] * 4, 8, stands=True)
-    seen = np.round(ball).astype(np.uint8)
-    found = blobs(0, seen, seen, NONE, still)
-    (best,) = found[found["radius"] > 8]
+    picture = np.round(ball).astype(np.uint8)
+    candidates = blobs(0, picture, picture, NONE, still)
+    (best,) = candidates[candidates["radius"] > 8]
     assert (best["x"], best["y"]) == pytest.approx((150.3, 90.8), abs=1.0)
     assert best["radius"] == pytest.approx(20.0, rel=0.05)
 
@@ -273,11 +273,11 @@ def test_a_ball_with_dark_patches_before_a_light_wall_is_one() -> None:
 def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:
     """The picture hardly changes, but the ball moves by a pixel or two."""
     change = np.array([np.nan, 40, 38, 9, 36, 40, 3, 41.0])
-    found = np.zeros(8, BLOB)
-    found["frame"], found["radius"], found["x"] = np.arange(8), 15.0, 100.0
-    found["y"] = [90, 84, 80, 78.5, 80, 84, 84, 90]
+    candidates = np.zeros(8, BLOB)
+    candidates["frame"], candidates["radius"], candidates["x"] = np.arange(8), 15.0, 100.0
+    candidates["y"] = [90, 84, 80, 78.5, 80, 84, 84, 90]
     still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, stands=True)
-    watched = Watched(still=still, found=found, change=change)
+    watched = Watched(still=still, found=candidates, change=change)
     assert np.flatnonzero(lulls(change)).tolist() == [3, 6]
     assert np.flatnonzero(repeats(watched)).tolist() == [6]
 
@@ -285,13 +285,13 @@ def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:
 def test_one_blob_of_noise_is_no_motion_in_a_repeat() -> None:
     """In a repeated frame most blobs stay in place; one of the codec's noise may move."""
     change = np.array([np.nan, 40, 38, 3, 36, 40.0])
-    found = np.zeros((6, 3), BLOB)  # blobs of each frame: ball, shadow, noise
-    found["frame"], found["radius"] = np.arange(6)[:, None], [15.0, 11.0, 4.0]
-    found["x"][:, :2] = np.array([100, 110, 120, 120, 130, 140.0])[:, None]
-    found["y"] = np.array([[90, 300, y] for y in (60, 64, 60, 61.5, 60, 64)])
-    found = found.ravel()
+    candidates = np.zeros((6, 3), BLOB)  # blobs of each frame: ball, shadow, noise
+    candidates["frame"], candidates["radius"] = np.arange(6)[:, None], [15.0, 11.0, 4.0]
+    candidates["x"][:, :2] = np.array([100, 110, 120, 120, 130, 140.0])[:, None]
+    candidates["y"] = np.array([[90, 300, y] for y in (60, 64, 60, 61.5, 60, 64)])
+    candidates = candidates.ravel()
     still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, stands=True)
-    watched = Watched(still=still, found=found, change=change)
+    watched = Watched(still=still, found=candidates, change=change)
     assert np.flatnonzero(repeats(watched)).tolist() == [3]
 
 
@@ -305,7 +305,7 @@ def test_frames_stored_twice_change_less_than_those_beside() -> None:
 
 
 @pytest.mark.parametrize("light", [True, False])
-def test_what_is_behind_a_slow_ball(light: bool) -> None:
+def test_the_background_behind_a_slow_ball_is_found(light: bool) -> None:
     """A ball covers a pixel in many frames; the mean of the others is the background."""
     ball, dark = (180.0, 40.0) if light else (20.0, 120.0)
     scene = Film(light=ball, dark=dark, velocity_out=(-2.0, 0.3))

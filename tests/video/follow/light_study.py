@@ -125,16 +125,16 @@ def follow_phone(made: Made) -> FollowedClip:
         clip = open_clip(made.path, calibration)
         return follow(clip, known_of_camera(clip, calibration))
     clip = open_clip(made.path, ClipCalibration(frames_per_second=scene.fps))
-    known = ClipKnowledge(
+    knowledge = ClipKnowledge(
         rate=scene.fps, ball=truth.diameter, ball_u=0.01 * truth.diameter, readout=0.0
     )
-    return follow(clip, known)
+    return follow(clip, knowledge)
 
 
-def speeds_of(found: FollowedClip) -> tuple[Estimate, Estimate]:
+def speeds_of(result: FollowedClip) -> tuple[Estimate, Estimate]:
     """Return the speeds before and after the first contact."""
-    contact = found.contacts[0]
-    return found.flights[contact.before].speed_out, found.flights[contact.after].speed_in
+    contact = result.contacts[0]
+    return result.flights[contact.before].speed_out, result.flights[contact.after].speed_in
 
 
 def followed(kind: str, seed: int) -> tuple[FollowedClip, tuple[float, float], float]:
@@ -148,23 +148,23 @@ def followed(kind: str, seed: int) -> tuple[FollowedClip, tuple[float, float], f
         return follow(clip_of(throw, lit), known_of(throw)), lit.speeds, lit.restitution
     with tempfile.TemporaryDirectory() as folder:
         made = filming.film(thrown(kind, seed), Path(folder))
-        found = follow_phone(made)
+        result = follow_phone(made)
     true = made.truth.contacts[0]
     speeds = (float(np.hypot(*true.velocity_in)), float(np.hypot(*true.velocity_out)))
-    met = [each for each in found.contacts if abs(each.frame - true.frame) < 1]
-    return replace(found, contacts=met), speeds, true.restitution
+    met = [each for each in result.contacts if abs(each.frame - true.frame) < 1]
+    return replace(result, contacts=met), speeds, true.restitution
 
 
 def clips(first: int, seeds: int, kinds: list[str]) -> Iterator[dict[str, Any]]:
     """Yield one row per clip."""
     for seed in range(first, first + seeds):
         for kind in kinds:
-            found, speeds, restitution = followed(kind, seed)
-            row: dict[str, Any] = {"kind": kind, "seed": seed, "flags": " ".join(found.flags)}
-            if found.contacts and found.scale:
-                ratio = found.contacts[0].restitution
-                row |= {"by": found.scale.source, "u of ruler %": 100 * found.scale.relative_u}
-                pairs = [*zip(("v_in", "v_out"), speeds_of(found), speeds, strict=True)]
+            result, speeds, restitution = followed(kind, seed)
+            row: dict[str, Any] = {"kind": kind, "seed": seed, "flags": " ".join(result.flags)}
+            if result.contacts and result.scale:
+                ratio = result.contacts[0].restitution
+                row |= {"by": result.scale.source, "u of ruler %": 100 * result.scale.relative_u}
+                pairs = [*zip(("v_in", "v_out"), speeds_of(result), speeds, strict=True)]
                 for name, said, true in [*pairs, *([("e", ratio, restitution)] if ratio else [])]:
                     row |= {f"{name} %": 100 * (said.value / true - 1)}
                     row |= {f"{name} u %": 100 * said.u / true}
@@ -176,25 +176,25 @@ def summary(rows: list[dict[str, Any]]) -> pd.DataFrame:
     """Return one row per kind."""
     table, lines = pd.DataFrame(rows), []
     for kind, some in table.groupby("kind", sort=False):
-        seen, silent = some.dropna(subset="v_in z"), some["flags"] == ""
+        complete, silent = some.dropna(subset="v_in z"), some["flags"] == ""
         off = some[["v_in z", "v_out z"]].abs().max(axis=1)
-        sure = seen[(seen["by"] == "gravity") & (seen["u of ruler %"] <= 100 * SURE)]
+        sure = complete[(complete["by"] == "gravity") & (complete["u of ruler %"] <= 100 * SURE)]
         line = {
             "kind": kind,
             "clips": len(some),
-            "no contact": len(some) - len(seen),
+            "no contact": len(some) - len(complete),
             "speeds within 2 u": int((off < 2).sum()),
             "beyond 3 u, no flag": int(((off > 3) & silent).sum()),
             f"clips of u(g) <= {100 * SURE} %": len(sure),
-            "median error of v_in %": round(seen["v_in %"].abs().median(), 3),
-            "median error of e %": round(seen["e %"].abs().median(), 3),
+            "median error of v_in %": round(complete["v_in %"].abs().median(), 3),
+            "median error of e %": round(complete["e %"].abs().median(), 3),
             "e within 2 u": int((some["e z"].abs() < 2).sum()),
             "e beyond 3 u, no flag": int(((some["e z"].abs() > 3) & silent).sum()),
         }
         for name in ("e", "v_in", "v_out"):
-            line[f"rms of {name} %"] = round(float(np.sqrt((seen[f"{name} %"] ** 2).mean())), 3)
-            line[f"median u of {name} %"] = round(seen[f"{name} u %"].median(), 3)
-            line[f"rms z of {name}"] = round(float(np.sqrt((seen[f"{name} z"] ** 2).mean())), 2)
+            line[f"rms of {name} %"] = round(float(np.sqrt((complete[f"{name} %"] ** 2).mean())), 3)
+            line[f"median u of {name} %"] = round(complete[f"{name} u %"].median(), 3)
+            line[f"rms z of {name}"] = round(float(np.sqrt((complete[f"{name} z"] ** 2).mean())), 2)
         lines.append(line)
     return pd.DataFrame(lines)
 
@@ -205,10 +205,10 @@ def main() -> None:
     parser.add_argument("kinds", nargs="*", choices=[*LIGHTS, *PHONES], default=[*LIGHTS, *PHONES])
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--from", dest="first", type=int, default=0)
-    asked = parser.parse_args()
+    options = parser.parse_args()
     cv2.setNumThreads(1)
     rows = []
-    for row in clips(asked.first, asked.seeds, asked.kinds):
+    for row in clips(options.first, options.seeds, options.kinds):
         rows.append(row)
         cells = (f"{each:.3g}" if isinstance(each, float) else str(each) for each in row.values())
         print(" ".join(cells), flush=True)

@@ -54,13 +54,13 @@ def film(throw: Throw) -> Filmed:
     place = np.array([-0.45 * wide, floor + high * draw.uniform(0.5, 0.75)])
     velocity = np.array([wide * draw.uniform(0.7, 0.9), draw.uniform(-0.5, 0.8)])
     exposure = draw.uniform(0.1, 0.4) / throw.fps
-    shown, speeds = [], []
+    positions, speeds = [], []
     per_frame = round(1 / throw.fps / STEP)
     step = 1 / throw.fps / per_frame
     open_for = max(1, round(exposure / step))
     for k in range(throw.count * per_frame):
         if k % per_frame < open_for:
-            shown.append(place.copy())
+            positions.append(place.copy())
         pull = np.array([0.0, -gravity]) - slowing * np.hypot(*velocity) * velocity
         place = place + velocity * step + pull * step**2 / 2
         velocity = velocity + pull * step
@@ -68,7 +68,7 @@ def film(throw: Throw) -> Filmed:
             speeds.append(float(np.hypot(*velocity)))
             velocity = velocity * [rubbing, -restitution]
             speeds.append(float(np.hypot(*velocity)))
-    ways = np.array(shown).reshape(throw.count, open_for, 2)
+    ways = np.array(positions).reshape(throw.count, open_for, 2)
     return Filmed(
         frames=_pictures(throw, ways, draw),
         gravity=gravity,

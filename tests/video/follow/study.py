@@ -62,26 +62,26 @@ def phone_of(scene: Scene, seed: int) -> Scene:
     return replace(scene, seed=scene.seed + 100 * seed, codec="H264", crf=int(rng.integers(23, 31)))
 
 
-def score_of(made: Made, found: FollowedClip) -> Score:
+def score_of(made: Made, result: FollowedClip) -> Score:
     """Return the score of a followed clip; of several balls, the one with most positions counts."""
-    flown = bool(found.flights)
+    flown = bool(result.flights)
     motion = "" if flown == (made.scene.name not in NO_FLIGHT) else "flights" if flown else "none"
     if not made.truths:
         return Score(
             kind=motion,
             missed=(),
-            false=tuple(f"{each.frame:.1f}" for each in found.contacts),
+            false=tuple(f"{each.frame:.1f}" for each in result.contacts),
             placed=0,
             readable=0,
             far=0.0,
             what="",
-            flags=found.flags,
+            flags=result.flags,
         )
-    truth = max(made.truths, key=lambda each: _placed(each, found)[0])
-    placed, readable, missed = _placed(truth, found)
+    truth = max(made.truths, key=lambda each: _placed(each, result)[0])
+    placed, readable, missed = _placed(truth, result)
     false = []
     errors = [(0.0, "")]
-    for contact in found.contacts:
+    for contact in result.contacts:
         near = [each for each in truth.contacts if abs(each.frame - contact.frame) < BESIDE]
         if not near:
             false.append(f"{contact.frame:.1f}")
@@ -92,15 +92,15 @@ def score_of(made: Made, found: FollowedClip) -> Score:
             said = contact.restitution
             errors.append((abs(said.value - true.restitution) / said.u, f"restitution {at}"))
         for said, velocity in (
-            (found.flights[contact.before].speed_out, true.velocity_in),
-            (found.flights[contact.after].speed_in, true.velocity_out),
+            (result.flights[contact.before].speed_out, true.velocity_in),
+            (result.flights[contact.after].speed_in, true.velocity_out),
         ):
             errors.append((abs(said.value - np.hypot(*velocity)) / said.u, f"speed {at}"))
-    for flight in found.flights:
+    for flight in result.flights:
         said, at = flight.acceleration, f"of {flight.first_frame}-{flight.last_frame}"
         errors.append((abs(said.value - truth.gravity) / said.u, f"g {at}"))
-    if found.gravity:
-        errors.append((abs(found.gravity.value - truth.gravity) / found.gravity.u, "g"))
+    if result.gravity:
+        errors.append((abs(result.gravity.value - truth.gravity) / result.gravity.u, "g"))
     far, what = max(errors)
     return Score(
         kind=motion,
@@ -110,14 +110,14 @@ def score_of(made: Made, found: FollowedClip) -> Score:
         readable=readable,
         far=far,
         what=what,
-        flags=found.flags,
+        flags=result.flags,
     )
 
 
-def _placed(truth: BallTruth, found: FollowedClip) -> tuple[int, int, tuple[str, ...]]:
+def _placed(truth: BallTruth, result: FollowedClip) -> tuple[int, int, tuple[str, ...]]:
     """Return the number of located readable frames, that of all, and the missed flights."""
     frames, missed, placed, readable = truth.frames, [], 0, 0
-    ways = [way.frames[_on(truth, way)] for way in found.ways]
+    ways = [way.frames[_on(truth, way)] for way in result.ways]
     for flight in truth.flights:
         inside = np.arange(flight.first_frame, flight.last_frame + 1)
         inside = inside[frames.readable[inside]]
@@ -134,9 +134,9 @@ def _on(truth: BallTruth, way) -> np.ndarray:
     """Return a mask of a flight's positions on the ball, up to 2 px of still-frame offset."""
     frames = truth.frames
     off = way.xy - np.stack([frames.x, frames.y], axis=1)[way.frames]
-    known = np.isfinite(off).all(axis=1)
-    if not known.any():
-        return known
+    finite = np.isfinite(off).all(axis=1)
+    if not finite.any():
+        return finite
     off = np.hypot(*(off - np.clip(np.nanmedian(off, axis=0), -2, 2)).T)
     return np.nan_to_num(off, nan=np.inf) < 0.5 * way.radius
 
@@ -164,18 +164,18 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--from", dest="first", type=int, default=0)
     parser.add_argument("--as-named", action="store_true")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     cv2.setNumThreads(1)
     rows = []
-    for name in asked.names or [*SCENES, *UNSEEN]:
+    for name in options.names or [*SCENES, *UNSEEN]:
         scene, scores = (SCENES | UNSEEN)[name], []
-        for seed in range(asked.first, asked.first + asked.seeds):
+        for seed in range(options.first, options.first + options.seeds):
             changed = replace(scene, seed=scene.seed + 100 * seed)
             with tempfile.TemporaryDirectory() as folder:
-                made, found = run(
-                    changed if asked.as_named else phone_of(scene, seed), Path(folder)
+                made, result = run(
+                    changed if options.as_named else phone_of(scene, seed), Path(folder)
                 )
-            score = score_of(made, found)
+            score = score_of(made, result)
             scores.append(score)
             if score.kind or score.missed or score.false or score.far > FAR or score.few:
                 print(

@@ -30,9 +30,9 @@ def bounce(across: float, readout: float = 0.0) -> tuple[FlightScene, list[Piece
         t = frames + readout * late - MET
         y = FLOOR + np.where(t < 0, 9.0, -6.3) * t + PULL * t**2 / 2
         late = np.clip(y / (SIZE[1] - 1), 0, 1)
-    found = blobs_of(np.stack([100 + across * (t + MET), y], axis=1), noise=0.02)
+    blobs = blobs_of(np.stack([100 + across * (t + MET), y], axis=1), noise=0.02)
     scene = FlightScene(
-        found=found,
+        found=blobs,
         time=frames,
         stamped=frames,
         size=SIZE,
@@ -40,43 +40,43 @@ def bounce(across: float, readout: float = 0.0) -> tuple[FlightScene, list[Piece
         readout=readout,
         fall=PULL / RADIUS,
     )
-    ways, _ = flights_of(scene, pieces(found, frames))
+    ways, _ = flights_of(scene, pieces(blobs, frames))
     assert len(ways) == 2
     return scene, ways, FittedFlights.of(scene, ways)
 
 
 def contact(scene: FlightScene, ways: list[Piece], model: FittedFlights) -> Contact:
-    (found,), _ = contacts_of(scene, ways, model, 1.0, Ruler.of_plane(SCALE, 0.0), None)
-    return found
+    (result,), _ = contacts_of(scene, ways, model, 1.0, Ruler.of_plane(SCALE, 0.0), None)
+    return result
 
 
-def test_time_and_frame_of_a_contact_are_freed_of_the_readout() -> None:
+def test_time_and_frame_of_a_contact_are_corrected_for_the_readout() -> None:
     """The row of the floor is read 0.86 of a frame after the first one."""
-    found = contact(*bounce(5.0, readout=1.0))
-    shown = MET - FLOOR / (SIZE[1] - 1)
-    assert found.frame == pytest.approx(shown, abs=0.05)
-    assert found.time.value == pytest.approx(shown, abs=0.05)
+    result = contact(*bounce(5.0, readout=1.0))
+    read_at = MET - FLOOR / (SIZE[1] - 1)
+    assert result.frame == pytest.approx(read_at, abs=0.05)
+    assert result.time.value == pytest.approx(read_at, abs=0.05)
 
 
-def test_the_u_of_a_contact_s_time_has_what_other_fits_leave_open() -> None:
+def test_the_u_of_a_contact_s_time_includes_alternative_fits() -> None:
     scene, ways, model = bounce(5.0)
     vector = model.fit.vector.copy()
-    vector[-3] += 3.0  # second flight 3 px lower, which it meets 0.2 frames later
+    vector[-3] += 3.0  # second flight 3 px lower: contact 0.2 frames later
     late = 3.0 / (9.0 + 6.3)
     beside = replace(model, rest=[*model.rest, (model.fit.with_vector(vector), 1.0)])
     apart = contact(scene, ways, beside).time.u ** 2 - contact(scene, ways, model).time.u ** 2
     assert np.sqrt(apart) == pytest.approx(late, rel=0.1)
 
 
-def test_a_floor_off_level_adds_to_the_u_of_a_slanting_bounce() -> None:
+def test_a_tilted_floor_adds_to_the_u_of_an_oblique_bounce() -> None:
     """A floor turned by 0.2 degrees converts tan(0.2 deg) of the tangential speed."""
-    found = contact(*bounce(20.0))
-    assert found.restitution is not None
+    result = contact(*bounce(20.0))
+    assert result.restitution is not None
     least = np.radians(0.2) * (20.0 + 0.7 * 20.0) / 9.0
-    assert least < found.restitution.u < 2 * least
+    assert least < result.restitution.u < 2 * least
 
 
-def test_residuals_alike_in_neighbours_widen_the_u_of_a_speed() -> None:
+def test_correlated_residuals_increase_the_u_of_a_speed() -> None:
     """Autoregressive errors of 0.6 have a variance larger by (1 + .6)/(1 - .6) = 4."""
     draw = np.random.default_rng(7)
     noise = np.zeros((2, 800))
@@ -86,8 +86,8 @@ def test_residuals_alike_in_neighbours_widen_the_u_of_a_speed() -> None:
     places = np.stack([3.0 * t, 0.001 * t**2], axis=1)
     speeds_u = []
     for errors in (draw.normal(0, 0.5, (2, 800)), noise):
-        found = blobs_of(places + errors.T, noise=0.0)
-        scene = FlightScene(found=found, time=t, stamped=t, size=SIZE, exposure=0.2)
-        fit = fit_flights(scene, [Piece.of(found, np.arange(800), t)], drag=False, tilt=np.zeros(2))
+        blobs = blobs_of(places + errors.T, noise=0.0)
+        scene = FlightScene(found=blobs, time=t, stamped=t, size=SIZE, exposure=0.2)
+        fit = fit_flights(scene, [Piece.of(blobs, np.arange(800), t)], drag=False, tilt=np.zeros(2))
         speeds_u.append(float(np.sqrt(fit.covariance[-2, -2])))
     assert speeds_u[1] / speeds_u[0] == pytest.approx(2.0, rel=0.15)

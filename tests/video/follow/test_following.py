@@ -44,36 +44,36 @@ def followed(tmp_path_factory: pytest.TempPathFactory) -> Get:
 
 
 def test_flights_and_contacts_agree_with_the_truth(followed: Get) -> None:
-    made, found = followed("thrown-on-wall")
-    assert found.flags == ("READOUT_UNKNOWN",)
-    assert [each.kind for each in found.contacts] == ["floor", "floor"]
-    require_flights(made.truth, found)
-    require_contacts(made.truth, found)
-    for flight in found.flights:
+    made, result = followed("thrown-on-wall")
+    assert result.flags == ("READOUT_UNKNOWN",)
+    assert [each.kind for each in result.contacts] == ["floor", "floor"]
+    require_flights(made.truth, result)
+    require_contacts(made.truth, result)
+    for flight in result.flights:
         pull = flight.acceleration
         assert abs(pull.value - 9.81) < 3 * pull.u < 0.3 * 9.81
-    assert found.scale is not None  # by a ball that is lighter than its background
-    assert found.scale.metres_per_pixel == pytest.approx(made.truth.metres_per_pixel, rel=0.02)
+    assert result.scale is not None  # by a ball that is lighter than its background
+    assert result.scale.metres_per_pixel == pytest.approx(made.truth.metres_per_pixel, rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["carried", "pendulum", "empty"])
 def test_a_ball_that_does_not_fly_has_no_flight_and_a_reason(name: str, followed: Get) -> None:
-    _, found = followed(name)
-    assert found.contacts == found.flights == []
-    assert "--ball-at" in found.warnings[-1]
-    assert (found.pieces == []) == (name == "empty")
+    _, result = followed(name)
+    assert result.contacts == result.flights == []
+    assert "--ball-at" in result.warnings[-1]
+    assert (result.pieces == []) == (name == "empty")
 
 
 def left_out(name: str, seed: int, crf: int, folder: Path) -> tuple[Made, FollowedClip]:
     """Follow a phone's H.264 that lacks frames, and require its flights and contacts."""
     scene = (SCENES | UNSEEN)[name]
     scene = replace(scene, codec="H264", crf=crf, seed=scene.seed + 100 * seed)
-    made, found = run(scene, folder)
-    assert "GRAVITY" not in found.flags
-    require_flights(made.truth, found)
-    require_contacts(made.truth, found)
-    assert len(found.contacts) >= 2
-    return made, found
+    made, result = run(scene, folder)
+    assert "GRAVITY" not in result.flags
+    require_flights(made.truth, result)
+    require_contacts(made.truth, result)
+    assert len(result.contacts) >= 2
+    return made, result
 
 
 def test_thinned_frames_are_found_by_the_motion(tmp_path: Path) -> None:
@@ -81,32 +81,32 @@ def test_thinned_frames_are_found_by_the_motion(tmp_path: Path) -> None:
 
     If 25 per second is only the file's rate, gravity and the ball's size give the true rate of 30.
     """
-    made, found = left_out("thinned", 38, 29, tmp_path)
-    assert set(found.flags) == {"LOST_FRAMES", "READOUT_UNKNOWN"}
-    missing = set(found.lost)
+    made, result = left_out("thinned", 38, 29, tmp_path)
+    assert set(result.flags) == {"LOST_FRAMES", "READOUT_UNKNOWN"}
+    missing = set(result.lost)
     gaps = np.flatnonzero(np.diff(made.exposures) > 1) + 1
     assert missing
     assert missing <= set(gaps.tolist())
-    by_file = replace(found.known, rate=25.0, rate_of=FILE)
-    search = FlightsFound(scene=found.scene, pieces=found.pieces, ways=found.ways)
-    fitted = measure(found.clip, found.watched, by_file, search)
+    by_file = replace(result.known, rate=25.0, rate_of=FILE)
+    search = FlightsFound(scene=result.scene, pieces=result.pieces, ways=result.ways)
+    fitted = measure(result.clip, result.watched, by_file, search)
     assert "RATE_FITTED" in fitted.flags
     assert fitted.known.rate == pytest.approx(30, rel=2 * fitted.known.rate_u)
     assert fitted.known.rate_u < 0.04
 
 
 def test_time_stamps_that_show_missing_frames_are_used(tmp_path: Path) -> None:
-    _, found = left_out("stamped", 32, 24, tmp_path)
-    assert "LOST_FRAMES" not in found.flags
+    _, result = left_out("stamped", 32, 24, tmp_path)
+    assert "LOST_FRAMES" not in result.flags
 
 
 def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
     """H.264 keeps plain plaster in place while the camera drifts: nothing shows the drift."""
     scene = SCENES["against-wall"]
-    made, found = run(replace(scene, codec="H264", crf=24, seed=scene.seed + 1900), tmp_path)
-    assert set(found.flags) == {"DRIFT_UNSEEN", "READOUT_UNKNOWN"}
-    require_flights(made.truth, found)
-    restitution, true = found.contacts[0].restitution, made.truth.contacts[0].restitution
+    made, result = run(replace(scene, codec="H264", crf=24, seed=scene.seed + 1900), tmp_path)
+    assert set(result.flags) == {"DRIFT_UNSEEN", "READOUT_UNKNOWN"}
+    require_flights(made.truth, result)
+    restitution, true = result.contacts[0].restitution, made.truth.contacts[0].restitution
     assert restitution is not None
     assert abs(restitution.value - true) < 4 * restitution.u < 0.1
 
@@ -119,12 +119,14 @@ def test_a_hand_s_drift_that_a_codec_nearly_hides_is_found(
 ) -> None:
     """H.264 leaves so little of a plain wall that a wrong shift fits nearly as well."""
     scene = UNSEEN["into-a-corner"]
-    made, found = run(replace(scene, codec="H264", crf=crf, seed=scene.seed + 100 * seed), tmp_path)
-    assert found.watched.still.drifts
-    late = found.watched.found["frame"] >= 70
-    assert np.abs(_drift_off(made, found)[late]).max() < 2.0
-    assert found.contacts
-    for each in found.contacts:
+    made, result = run(
+        replace(scene, codec="H264", crf=crf, seed=scene.seed + 100 * seed), tmp_path
+    )
+    assert result.watched.still.drifts
+    late = result.watched.found["frame"] >= 70
+    assert np.abs(_drift_off(made, result)[late]).max() < 2.0
+    assert result.contacts
+    for each in result.contacts:
         true = min(made.truth.contacts, key=lambda other: abs(other.frame - each.frame))
         if each.restitution is not None:
             assert abs(each.restitution.value - true.restitution) < 5 * each.restitution.u
@@ -134,22 +136,22 @@ def test_a_hand_s_drift_that_a_codec_nearly_hides_is_found(
 def test_flights_are_right_if_a_phone_turns_in_the_hand(tmp_path: Path) -> None:
     """The phone turns by 1.5 degrees; a shift alone would leave flights wrong by 2 px."""
     scene = UNSEEN["rolled"]
-    made, found = run(replace(scene, seed=scene.seed + 300), tmp_path)
-    assert set(found.flags) == {"READOUT_UNKNOWN"}
-    require_flights(made.truth, found)
-    require_contacts(made.truth, found)
+    made, result = run(replace(scene, seed=scene.seed + 300), tmp_path)
+    assert set(result.flags) == {"READOUT_UNKNOWN"}
+    require_flights(made.truth, result)
+    require_contacts(made.truth, result)
     true = made.truth.frames
-    for way in found.ways:
+    for way in result.ways:
         off = way.xy - np.stack([true.x, true.y], axis=1)[way.frames]
         assert np.abs(off.mean(axis=0)).max() < 0.6
 
 
 def test_flights_are_right_if_the_camera_follows_the_ball(tmp_path: Path) -> None:
     """The camera turns by more than a picture's width, so that the last samples hardly overlap."""
-    made, found = run(replace(UNSEEN["turned-after"], codec="H264", crf=24), tmp_path)
-    assert np.abs(_drift_off(made, found)).max() < 1.0
-    require_flights(made.truth, found)
-    require_contacts(made.truth, found)
+    made, result = run(replace(UNSEEN["turned-after"], codec="H264", crf=24), tmp_path)
+    assert np.abs(_drift_off(made, result)).max() < 1.0
+    require_flights(made.truth, result)
+    require_contacts(made.truth, result)
 
 
 @pytest.mark.parametrize("leap", [0, 6])
@@ -163,10 +165,10 @@ def test_a_background_that_leaps_is_flagged(leap: int) -> None:
         share = matte((240, 400), x, y, 12.0)
         grey = wall[:, 10 - leap * (k >= 30) :][:, :400] * (1 - share) + 250.0 * share
         frames[k] = np.clip(np.rint(grey + noise.normal(0, 1.5, grey.shape)), 0, 255)
-    known = ClipKnowledge(rate=60.0, ball=0.0953, ball_u=1e-3, readout=0.0)
-    found = follow(_clip(frames), known)
-    assert found.flights
-    assert ("DRIFT_LEAPS" in found.flags) == bool(leap)
+    knowledge = ClipKnowledge(rate=60.0, ball=0.0953, ball_u=1e-3, readout=0.0)
+    result = follow(_clip(frames), knowledge)
+    assert result.flights
+    assert ("DRIFT_LEAPS" in result.flags) == bool(leap)
 
 
 def _thrown(shift: float = 0.0) -> NDArray[np.uint8]:
@@ -192,12 +194,12 @@ KNOWN = ClipKnowledge(rate=60.0, ball=0.0953, ball_u=1e-3, stands=True, readout=
 def test_a_frame_stored_three_times_among_doubled_ones_costs_no_flight() -> None:
     """Of 120 frames per second, every second is a copy, and one is a copy of a copy."""
     late = np.insert(np.repeat(np.arange(60), 2), 61, 30)
-    found = follow(_clip(_thrown()[late]), replace(KNOWN, rate=120.0))
-    (flight,) = found.flights
+    result = follow(_clip(_thrown()[late]), replace(KNOWN, rate=120.0))
+    (flight,) = result.flights
     assert flight.places >= 55
-    assert found.fit is not None
-    assert found.fit.spread < 0.3  # spread without the kink of a copy
-    assert "REPEATED_FRAMES" in found.flags
+    assert result.fit is not None
+    assert result.fit.spread < 0.3  # spread without the kink of a copy
+    assert "REPEATED_FRAMES" in result.flags
 
 
 @pytest.mark.parametrize("first", [0, 1])
@@ -206,10 +208,10 @@ def test_interlaced_frames_are_followed_with_a_flag(first: int) -> None:
     frames = _thrown()
     woven = frames[::2].copy()
     woven[:, 1 - first :: 2] = frames[1::2, 1 - first :: 2]
-    found = follow(_clip(woven), replace(KNOWN, rate=30.0))
-    assert "INTERLACED" in found.flags
+    result = follow(_clip(woven), replace(KNOWN, rate=30.0))
+    assert "INTERLACED" in result.flags
     assert "INTERLACED" not in follow(_clip(frames[::2]), replace(KNOWN, rate=30.0)).flags
-    (flight,) = found.flights
+    (flight,) = result.flights
     for frame, speed in (
         (flight.first_frame, flight.speed_in),
         (flight.last_frame, flight.speed_out),
@@ -222,9 +224,9 @@ def test_interlaced_frames_are_followed_with_a_flag(first: int) -> None:
 
 def test_a_few_edges_show_that_the_camera_stands() -> None:
     """The drift is below 0.01 px per frame; the assumed hand's drift would be 8 px per second."""
-    found = follow(_clip(_thrown()), replace(KNOWN, stands=False))
-    assert found.watched.still.unseen_drift(1 / 60) < 0.01
-    assert "DRIFT_UNSEEN" not in found.flags
+    result = follow(_clip(_thrown()), replace(KNOWN, stands=False))
+    assert result.watched.still.unseen_drift(1 / 60) < 0.01
+    assert "DRIFT_UNSEEN" not in result.flags
 
 
 def _clip(frames: NDArray[np.uint8]) -> Clip:
@@ -246,20 +248,20 @@ def _clip(frames: NDArray[np.uint8]) -> Clip:
     )
 
 
-def _drift_off(made: Made, found: FollowedClip) -> NDArray[np.float64]:
+def _drift_off(made: Made, result: FollowedClip) -> NDArray[np.float64]:
     """Return the error of each blob's drift, relative to the first picture, (blob, 2) [px]."""
-    seen = found.watched.found
-    drift = np.stack([seen["picture_x"] - seen["x"], seen["picture_y"] - seen["y"]], axis=1)
-    return drift - (made.drift - made.drift[0])[seen["frame"]]
+    blobs = result.watched.found
+    drift = np.stack([blobs["picture_x"] - blobs["x"], blobs["picture_y"] - blobs["y"]], axis=1)
+    return drift - (made.drift - made.drift[0])[blobs["frame"]]
 
 
 def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
-    _, found = followed("thrown-on-wall")
-    none = np.zeros_like(found.watched.still.sampled)
-    plain = replace(found.watched.still, sampled=none, stands_to=None)
-    by_hand = follow_blobs(found.clip, replace(found.watched, still=plain), found.known)
+    _, result = followed("thrown-on-wall")
+    none = np.zeros_like(result.watched.still.sampled)
+    plain = replace(result.watched.still, sampled=none, stands_to=None)
+    by_hand = follow_blobs(result.clip, replace(result.watched, still=plain), result.known)
     stands = follow_blobs(
-        found.clip, replace(found.watched, still=plain), replace(found.known, stands=True)
+        result.clip, replace(result.watched, still=plain), replace(result.known, stands=True)
     )
     assert "DRIFT_UNSEEN" in by_hand.flags
     assert "DRIFT_UNSEEN" not in stands.flags
@@ -275,37 +277,37 @@ def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
 
 def test_a_ball_that_leaves_the_picture_and_comes_back_flies_once(tmp_path: Path) -> None:
     scene = UNSEEN["lobbed"]
-    made, found = run(replace(scene, crf=25, seed=scene.seed + 300), tmp_path)
-    assert [len(made.truth.flights), len(found.flights)] == [2, 2]
-    require_flights(made.truth, found)
-    require_contacts(made.truth, found)
-    assert np.diff(found.ways[0].frames).max() > 10
+    made, result = run(replace(scene, crf=25, seed=scene.seed + 300), tmp_path)
+    assert [len(made.truth.flights), len(result.flights)] == [2, 2]
+    require_flights(made.truth, result)
+    require_contacts(made.truth, result)
+    assert np.diff(result.ways[0].frames).max() > 10
 
 
 def test_a_wrong_frame_rate_is_refused_with_the_right_one(followed: Get) -> None:
     """A rate four times too high would give sixteen times g."""
-    _, found = followed("thrown-on-wall")
+    _, result = followed("thrown-on-wall")
     with pytest.raises(InputError, match=r"would fall with 1[4-7]\d.* --fps (29|30|31)"):
-        follow_blobs(found.clip, found.watched, replace(found.known, rate=120.0))
+        follow_blobs(result.clip, result.watched, replace(result.known, rate=120.0))
 
 
 def test_a_clean_parabola_is_a_flight_for_any_stated_ball(followed: Get) -> None:
-    _, found = followed("thrown-on-wall")
-    wrong = follow_blobs(found.clip, found.watched, replace(found.known, ball=0.2))
-    assert [each.places for each in wrong.flights] == [each.places for each in found.flights]
+    _, result = followed("thrown-on-wall")
+    wrong = follow_blobs(result.clip, result.watched, replace(result.known, ball=0.2))
+    assert [each.places for each in wrong.flights] == [each.places for each in result.flights]
     assert "GRAVITY" in wrong.flags
 
 
 def test_a_rolling_shutter_is_found(followed: Get) -> None:
     """The readout is no longer flagged as unknown."""
-    made, found = followed("rolling-shutter")
-    assert found.flags == ("ROLLING_SHUTTER",)
-    assert "about 0.75 of a frame" in " ".join(found.warnings)  # 25 ms of 33 ms
-    require_contacts(made.truth, found)
+    made, result = followed("rolling-shutter")
+    assert result.flags == ("ROLLING_SHUTTER",)
+    assert "about 0.75 of a frame" in " ".join(result.warnings)  # 25 ms of 33 ms
+    require_contacts(made.truth, result)
 
 
 def test_an_unknown_readout_increases_the_u_of_speeds(followed: Get) -> None:
-    _, found = followed("thrown-on-wall")
-    told = follow_blobs(found.clip, found.watched, replace(found.known, readout=0.0))
-    assert "READOUT_UNKNOWN" not in told.flags
-    assert told.flights[0].speed_out.u < 0.6 * found.flights[0].speed_out.u
+    _, result = followed("thrown-on-wall")
+    stated = follow_blobs(result.clip, result.watched, replace(result.known, readout=0.0))
+    assert "READOUT_UNKNOWN" not in stated.flags
+    assert stated.flights[0].speed_out.u < 0.6 * result.flights[0].speed_out.u

@@ -22,12 +22,12 @@ def hop(yaw: float, seed: int) -> FittedFlights:
     place = np.stack([5.0 * t, np.where(t < 0, 9.0, -6.3) * t + PULL * t**2 / 2], axis=1)
     off = place + np.array([0.0, 150.0])  # from the middle; the floor is low
     off /= 1 + off[:, :1] * np.tan(yaw) / (0.8 * SIZE[0])
-    found = blobs_of(off + (np.array(SIZE) - 1) / 2, noise=0.0)
+    blobs = blobs_of(off + (np.array(SIZE) - 1) / 2, noise=0.0)
     noise = np.random.default_rng(seed).normal(0, 0.3, (2, len(t)))
-    found["x"], found["y"] = found["x"] + noise[0], found["y"] + noise[1]
-    known: dict[str, Any] = {"found": found, "time": t - t[0], "stamped": t - t[0]}
-    scene = FlightScene(**known, size=SIZE, exposure=0.5, fall=PULL / RADIUS)
-    ways, fit = flights_of(scene, pieces(found, t - t[0]))
+    blobs["x"], blobs["y"] = blobs["x"] + noise[0], blobs["y"] + noise[1]
+    arrays: dict[str, Any] = {"found": blobs, "time": t - t[0], "stamped": t - t[0]}
+    scene = FlightScene(**arrays, size=SIZE, exposure=0.5, fall=PULL / RADIUS)
+    ways, fit = flights_of(scene, pieces(blobs, t - t[0]))
     assert fit is not None
     assert len(ways) == 2
     return FittedFlights.of(scene, ways)
@@ -45,12 +45,12 @@ def hops(yaw: float, noise: float = 0.0, seed: int = 0) -> FittedFlights:
     off = np.stack([4.0 * t - 160.0, y + 150.0], axis=1)  # from the middle
     off /= 1 + off[:, :1] * np.tan(yaw) / (0.8 * SIZE[0])
     off += np.random.default_rng(seed).normal(0, noise, off.shape)
-    found = blobs_of(off + (np.array(SIZE) - 1) / 2, noise=0.0)
+    blobs = blobs_of(off + (np.array(SIZE) - 1) / 2, noise=0.0)
     late = np.select([t < 0, later < 0], [t / 40, t / next_bounce], later / 57) % 1
-    found["x"] += 0.8 * np.sin(np.pi * late)
-    known: dict[str, Any] = {"found": found, "time": t - t[0], "stamped": t - t[0]}
-    scene = FlightScene(**known, size=SIZE, exposure=0.5, fall=PULL / RADIUS)
-    ways, fit = flights_of(scene, pieces(found, t - t[0]))
+    blobs["x"] += 0.8 * np.sin(np.pi * late)
+    arrays: dict[str, Any] = {"found": blobs, "time": t - t[0], "stamped": t - t[0]}
+    scene = FlightScene(**arrays, size=SIZE, exposure=0.5, fall=PULL / RADIUS)
+    ways, fit = flights_of(scene, pieces(blobs, t - t[0]))
     assert fit is not None
     assert len(ways) == 3
     return FittedFlights.of(scene, ways)
@@ -61,7 +61,7 @@ def ratio(fit: Fit) -> float:
     return float(-(after @ fit.pull[0]) / (before @ fit.pull[0]))
 
 
-def test_a_level_camera_s_restitution_has_none_of_a_fitted_tilt() -> None:
+def test_the_restitution_of_a_level_camera_is_free_of_a_fitted_tilt() -> None:
     errors = []
     for seed in range(6):
         model = hop(0.0, seed)
@@ -74,7 +74,7 @@ def test_a_level_camera_s_restitution_has_none_of_a_fitted_tilt() -> None:
 
 
 @pytest.mark.parametrize("yaw", [-4.0, 4.0])
-def test_the_u_of_a_level_camera_s_restitution_has_what_a_fitted_tilt_changes(yaw: float) -> None:
+def test_the_u_of_a_level_camera_s_restitution_covers_a_fitted_tilt(yaw: float) -> None:
     model = hop(np.radians(yaw), 3)
     assert model.level is not None
     beside = max(abs(ratio(other) - ratio(model.level.fit)) for other, _ in model.level.rest)

@@ -17,30 +17,30 @@ PULL = 0.285  # gravity [px/frame²]
 
 def blobs_of(xy: Array, colour: Array | float = 100.0, noise: float = 0.2) -> Blobs:
     """Return one clean blob per frame at these positions, (frame, 2) [px]."""
-    found = np.zeros(len(xy), BLOB)
-    found["frame"] = np.arange(len(xy))
-    found["x"], found["y"] = (xy + np.random.default_rng(5).normal(0, noise, xy.shape)).T
-    found["picture_x"], found["picture_y"] = found["x"], found["y"]
-    found["radius"] = found["length"] = RADIUS
-    found["contrast"] = 80.0
-    found["colour"] = np.broadcast_to(np.reshape(colour, (-1, 1)), (len(xy), 3))
-    return found
+    blobs = np.zeros(len(xy), BLOB)
+    blobs["frame"] = np.arange(len(xy))
+    blobs["x"], blobs["y"] = (xy + np.random.default_rng(5).normal(0, noise, xy.shape)).T
+    blobs["picture_x"], blobs["picture_y"] = blobs["x"], blobs["y"]
+    blobs["radius"] = blobs["length"] = RADIUS
+    blobs["contrast"] = 80.0
+    blobs["colour"] = np.broadcast_to(np.reshape(colour, (-1, 1)), (len(xy), 3))
+    return blobs
 
 
-def flights_in(found: Blobs, fall: float = PULL / RADIUS) -> list[Piece]:
+def flights_in(blobs: Blobs, fall: float = PULL / RADIUS) -> list[Piece]:
     """Return the flights for a global shutter; the first round gives g to the second."""
-    time = np.arange(found["frame"].max() + 1.0)
+    time = np.arange(blobs["frame"].max() + 1.0)
     scene = FlightScene(
-        found=found,
+        found=blobs,
         time=time,
         stamped=time,
         size=(960, 540),
         exposure=0.5,
         fall=fall,
     )
-    flights, fit = flights_of(scene, pieces(found, time))
+    flights, fit = flights_of(scene, pieces(blobs, time))
     if fit is not None:
-        flights, _ = flights_of(scene, pieces(found, time, fit.pull[0]))
+        flights, _ = flights_of(scene, pieces(blobs, time, fit.pull[0]))
     return flights
 
 
@@ -105,12 +105,12 @@ def test_leaves_that_sail_down_slowly_are_not_the_falling_ball() -> None:
 def test_another_ball_does_not_continue_the_flights_of_the_first() -> None:
     """Another ball has other colour and size; a two-coloured ball that turns keeps its size."""
     way, whole = hops([9.0, 8.0, 7.0, 6.0])
-    found = blobs_of(way)
-    late = found["frame"] >= whole[2][0]
-    found["colour"][late] = 200.0
-    assert len(flights_in(found)) == 4
-    found["radius"][late] = found["length"][late] = RADIUS / 1.5
-    flights = flights_in(found)
+    blobs = blobs_of(way)
+    late = blobs["frame"] >= whole[2][0]
+    blobs["colour"][late] = 200.0
+    assert len(flights_in(blobs)) == 4
+    blobs["radius"][late] = blobs["length"][late] = RADIUS / 1.5
+    flights = flights_in(blobs)
     assert len(flights) == 2
     assert max(each.frames[-1] for each in flights) < whole[2][0]
 
@@ -131,12 +131,12 @@ def test_hops_lower_than_the_ball_are_flights(across: float, drawn: float) -> No
 def test_dark_patches_of_a_ball_do_not_replace_it() -> None:
     """Three patches with equal motion count as one; the ball's own flights have more positions."""
     way, (one, two, three) = hops([3.0, 2.9, 2.8])
-    ball, found = blobs_of(way), []
+    ball, patches = blobs_of(way), []
     for k, off in enumerate(((-5.0, 0.0), (4.0, -5.0), (4.0, 6.0))):
         patch = blobs_of(way + off, noise=0.1 + 0.01 * k)[three]
         patch["radius"] = patch["length"] = 4.0
-        found.append(patch)
-    both = np.concatenate([ball[one], ball[two], *found])
+        patches.append(patch)
+    both = np.concatenate([ball[one], ball[two], *patches])
     flights = flights_in(both[np.argsort(both["frame"], kind="stable")])
     assert [each.radius for each in flights] == [RADIUS, RADIUS]
 
@@ -168,9 +168,9 @@ def test_a_phone_may_film_on_at_a_lower_rate(after: float) -> None:
 def test_a_hand_that_goes_with_the_ball_does_not_begin_a_flight() -> None:
     """The hand is on the ball's path, but its blob is longer than the ball and its blur."""
     t = np.arange(30.0)
-    found = blobs_of(np.stack([300 + 4 * t, 400 - 6 * t + PULL * t**2 / 2], axis=1))
-    found["length"][:3] *= 1.9
-    (flight,) = flights_in(found)
+    blobs = blobs_of(np.stack([300 + 4 * t, 400 - 6 * t + PULL * t**2 / 2], axis=1))
+    blobs["length"][:3] *= 1.9
+    (flight,) = flights_in(blobs)
     assert flight.frames[0] == 3
     assert flight.frames[-1] == 29
 
@@ -186,6 +186,6 @@ def test_a_pendulum_that_starts_slowly_does_not_fly(angle: float) -> None:
             turns[-1] += rate / 100
         turns.append(turns[-1])
     turn = np.array(turns)
-    found = blobs_of(np.stack([480 + length * np.sin(turn), 80 + length * np.cos(turn)], axis=1))
-    assert pieces(found, np.arange(80.0))
-    assert flights_in(found, 0.0) == []
+    blobs = blobs_of(np.stack([480 + length * np.sin(turn), 80 + length * np.cos(turn)], axis=1))
+    assert pieces(blobs, np.arange(80.0))
+    assert flights_in(blobs, 0.0) == []

@@ -19,11 +19,11 @@ from virtual_lab.video.show.track_text import track_document, track_text
 SMALL = {"rows": 240, "columns": 320, "count": 58, "fps": 60.0, "radius": 8.0}
 SEED = 5  # seed by which the camera is tilted by about 4 degrees in two of three lights
 
-Seen = Callable[[str], tuple[Filmed, FollowedClip]]
+Followed = Callable[[str], tuple[Filmed, FollowedClip]]
 
 
 @pytest.fixture(scope="module")
-def seen() -> Seen:
+def followed() -> Followed:
     """Return a function that films and follows a ball in a light, once."""
 
     @cache
@@ -35,29 +35,29 @@ def seen() -> Seen:
     return get
 
 
-def again(found: FollowedClip, **changed: object) -> FollowedClip:
+def again(result: FollowedClip, **changed: object) -> FollowedClip:
     """Return the clip followed again with other knowledge."""
-    return follow_blobs(found.clip, found.watched, replace(found.known, **changed))
+    return follow_blobs(result.clip, result.watched, replace(result.known, **changed))
 
 
 @pytest.mark.parametrize("light", LIGHTS)
-def test_speeds_are_right_in_any_light(light: str, seen: Seen) -> None:
+def test_speeds_are_right_in_any_light(light: str, followed: Followed) -> None:
     """By the ball's size, the speeds in side light would be 25 % too high."""
-    made, found = seen(light)
-    assert found.scale is not None
-    assert found.scale.source == "gravity"
-    for said, true in zip(speeds_of(found), made.speeds, strict=True):
+    made, result = followed(light)
+    assert result.scale is not None
+    assert result.scale.source == "gravity"
+    for said, true in zip(speeds_of(result), made.speeds, strict=True):
         assert abs(said.value - true) < min(2 * said.u, 0.015 * true)
         assert said.u < 0.03 * true
-    restitution = found.contacts[0].restitution
+    restitution = result.contacts[0].restitution
     assert restitution is not None
     assert abs(restitution.value - made.restitution) < 2.5 * restitution.u
 
 
 @pytest.mark.parametrize("light", LIGHTS)
-def test_the_u_of_the_ball_s_size_covers_its_shade(light: str, seen: Seen) -> None:
-    made, found = seen(light)
-    by_ball = again(found, ruler="ball")
+def test_the_u_of_the_ball_s_size_covers_its_shade(light: str, followed: Followed) -> None:
+    made, result = followed(light)
+    by_ball = again(result, ruler="ball")
     assert by_ball.scale is not None
     off = by_ball.scale.metres_per_pixel / made.metres_per_pixel - 1
     assert abs(off) < 3 * by_ball.scale.relative_u or "GRAVITY" in by_ball.flags
@@ -68,137 +68,137 @@ def test_the_u_of_the_ball_s_size_covers_its_shade(light: str, seen: Seen) -> No
         assert abs(by_ball.gravity.value - made.gravity) < 3 * by_ball.gravity.u
 
 
-def test_each_ruler_checks_the_other(seen: Seen) -> None:
+def test_each_ruler_checks_the_other(followed: Followed) -> None:
     """The text names the ruler, its u, and the deviation of the other ruler in combined u."""
-    _, found = seen("flat")
-    (check,) = found.checks
-    assert found.scale is not None
-    ratio = np.log(check.metres_per_pixel / found.scale.metres_per_pixel)
-    apart = ratio / np.hypot(check.relative_u, found.scale.relative_u)
-    document = track_document(found)["scale"]
+    _, result = followed("flat")
+    (check,) = result.checks
+    assert result.scale is not None
+    ratio = np.log(check.metres_per_pixel / result.scale.metres_per_pixel)
+    apart = ratio / np.hypot(check.relative_u, result.scale.relative_u)
+    document = track_document(result)["scale"]
     assert document["from"] == "gravity"
     assert document["checks"][0]["from"] == "ball"
     assert document["checks"][0]["off_u"] == pytest.approx(apart)
-    said = f"by gravity ({100 * found.scale.relative_u:.2g} %); by the ball's size "
-    assert said in track_text(found)
-    assert f"{abs(apart):.1f} u off)" in track_text(found)
-    assert [each.source for each in again(found, ruler="ball").checks] == ["gravity"]
+    said = f"by gravity ({100 * result.scale.relative_u:.2g} %); by the ball's size "
+    assert said in track_text(result)
+    assert f"{abs(apart):.1f} u off)" in track_text(result)
+    assert [each.source for each in again(result, ruler="ball").checks] == ["gravity"]
 
 
-def test_a_rolled_camera_is_stated_and_changes_no_speed(seen: Seen) -> None:
+def test_a_rolled_camera_is_stated_and_changes_no_speed(followed: Followed) -> None:
     """All positions are turned by 8 degrees about the middle; gravity's direction is fitted."""
-    _, found = seen("flat")
-    turn, rows, columns = np.radians(8), *found.clip.shape
-    blobs, straight = found.watched.found.copy(), track_document(found)["scale"]["roll_deg"]
+    _, result = followed("flat")
+    turn, rows, columns = np.radians(8), *result.clip.shape
+    blobs, straight = result.watched.found.copy(), track_document(result)["scale"]["roll_deg"]
     for x, y in (("x", "y"), ("picture_x", "picture_y")):
         right, down = blobs[x] - columns / 2, blobs[y] - rows / 2
         blobs[x] = columns / 2 + np.cos(turn) * right + np.sin(turn) * down
         blobs[y] = rows / 2 - np.sin(turn) * right + np.cos(turn) * down
-    rolled = follow_blobs(found.clip, replace(found.watched, found=blobs), found.known)
+    rolled = follow_blobs(result.clip, replace(result.watched, found=blobs), result.known)
     assert rolled.scale is not None
     assert rolled.scale.source == "gravity"
-    for one, other in zip(speeds_of(rolled), speeds_of(found), strict=True):
+    for one, other in zip(speeds_of(rolled), speeds_of(result), strict=True):
         assert one.value == pytest.approx(other.value, rel=2e-3)
     roll = track_document(rolled)["scale"]["roll_deg"]
     assert roll - straight == pytest.approx(8, abs=0.1)
     assert f"points {roll:.0f} deg to the right of the picture's down" in track_text(rolled)
 
 
-def test_a_wrong_diameter_is_flagged_and_changes_no_speed(seen: Seen) -> None:
-    _, found = seen("flat")
-    wrong = again(found, ball=1.25 * 0.073)
+def test_a_wrong_diameter_is_flagged_and_changes_no_speed(followed: Followed) -> None:
+    _, result = followed("flat")
+    wrong = again(result, ball=1.25 * 0.073)
     assert "GRAVITY" in wrong.flags
-    for one, other in zip(speeds_of(wrong), speeds_of(found), strict=True):
+    for one, other in zip(speeds_of(wrong), speeds_of(result), strict=True):
         assert one.value == pytest.approx(other.value, rel=2e-3)
     assert wrong.gravity is not None
-    assert wrong.gravity.value == pytest.approx(1.25 * found.gravity.value, rel=5e-3)
+    assert wrong.gravity.value == pytest.approx(1.25 * result.gravity.value, rel=5e-3)
 
 
-def test_g_is_not_measured_by_itself(seen: Seen) -> None:
-    _, found = seen("flat")
-    alone = again(found, ball=None, ruler="gravity")
+def test_g_is_not_measured_by_itself(followed: Followed) -> None:
+    _, result = followed("flat")
+    alone = again(result, ball=None, ruler="gravity")
     assert alone.gravity is None
     assert [each.acceleration for each in alone.flights] == [None] * len(alone.flights)
     document = track_document(alone)
     assert document["gravity_mps2"] is None
     assert document["scale"]["checks"] == []
     assert "m/s²" not in track_text(alone)
-    for one, other in zip(speeds_of(alone), speeds_of(found), strict=True):
+    for one, other in zip(speeds_of(alone), speeds_of(result), strict=True):
         assert one.value == pytest.approx(other.value, rel=2e-3)
     # speeds are proportional to g: they have all of its u, and none of the ball's
-    moon = again(found, ball=None, ruler="gravity", gravity=1.62, gravity_u=0.0)
+    moon = again(result, ball=None, ruler="gravity", gravity=1.62, gravity_u=0.0)
     for one, other in zip(speeds_of(moon), speeds_of(alone), strict=True):
-        assert one.value == pytest.approx(other.value * 1.62 / found.known.gravity, rel=1e-6)
+        assert one.value == pytest.approx(other.value * 1.62 / result.known.gravity, rel=1e-6)
 
 
-def test_a_length_in_the_picture_replaces_both_rulers(seen: Seen) -> None:
-    made, found = seen("flat")
+def test_a_length_in_the_picture_replaces_both_rulers(followed: Followed) -> None:
+    made, result = followed("flat")
     unit = made.metres_per_pixel
-    given = again(found, metres_per_pixel=unit, metres_per_pixel_u=0.002 * unit)
-    assert given.scale is not None
-    assert (given.scale.source, given.scale.metres_per_pixel) == ("given", unit)
-    assert {each.source for each in given.checks} == {"gravity", "ball"}
-    assert set(given.flags) <= {"TILTED"}
-    assert given.gravity is not None
-    assert abs(given.gravity.value - made.gravity) < 3 * given.gravity.u < 0.4
-    wrong = again(found, metres_per_pixel=unit, metres_per_pixel_u=0.002 * unit, ball=0.09)
+    by_length = again(result, metres_per_pixel=unit, metres_per_pixel_u=0.002 * unit)
+    assert by_length.scale is not None
+    assert (by_length.scale.source, by_length.scale.metres_per_pixel) == ("given", unit)
+    assert {each.source for each in by_length.checks} == {"gravity", "ball"}
+    assert set(by_length.flags) <= {"TILTED"}
+    assert by_length.gravity is not None
+    assert abs(by_length.gravity.value - made.gravity) < 3 * by_length.gravity.u < 0.4
+    wrong = again(result, metres_per_pixel=unit, metres_per_pixel_u=0.002 * unit, ball=0.09)
     assert set(wrong.flags) - {"TILTED"} == {"BALL_SIZE"}
 
 
-def test_a_rate_that_makes_g_absurd_is_refused_with_the_one_that_fits(seen: Seen) -> None:
+def test_a_rate_that_makes_g_absurd_is_refused_with_the_one_that_fits(followed: Followed) -> None:
     """A rate ten times too high gives a hundred times g: 981 m/s²."""
-    _, found = seen("flat")
+    _, result = followed("flat")
     with pytest.raises(InputError, match=r"ball would fall with 9\d\d.*--fps (59|60|61)\b"):
-        again(found, rate=600.0)
-    slow = again(found, rate=7.5)
+        again(result, rate=600.0)
+    slow = again(result, rate=7.5)
     assert "GRAVITY" in slow.flags
     assert "--fps 6" in " ".join(slow.warnings) or "--fps 59" in " ".join(slow.warnings)
 
 
-def test_gravity_that_no_flight_shows_is_no_ruler(seen: Seen) -> None:
-    _, found = seen("flat")
-    few = found.watched.found["frame"] < found.contacts[0].frame
-    few &= found.watched.found["frame"] > found.contacts[0].frame - 5
-    short = replace(found.watched, found=found.watched.found[few], thumbs={})
+def test_gravity_that_no_flight_shows_is_no_ruler(followed: Followed) -> None:
+    _, result = followed("flat")
+    few = result.watched.found["frame"] < result.contacts[0].frame
+    few &= result.watched.found["frame"] > result.contacts[0].frame - 5
+    short = replace(result.watched, found=result.watched.found[few], thumbs={})
     with pytest.raises(InputError, match="no flight shows gravity"):
-        follow_blobs(found.clip, short, replace(found.known, ruler="gravity"))
+        follow_blobs(result.clip, short, replace(result.known, ruler="gravity"))
 
 
-def test_the_u_of_gravity_includes_its_unobservable_parts(seen: Seen) -> None:
+def test_the_u_of_gravity_includes_its_unobservable_parts(followed: Followed) -> None:
     """It includes g from 9.78 to 9.83 over the Earth, a tilt of 2.5 degrees, and buoyancy.
 
     For a ball of diameter d with drag k v², k d = 3/4 C_d ρ/ρ_b.
     """
-    _, found = seen("flat")
-    assert found.scale is not None
-    assert found.fit is not None
-    density = found.fit.drag * 2 * SMALL["radius"] / (0.75 * 0.45)  # air over ball
-    known = [0.025 / 9.81 / 3**0.5, 1 / np.cos(np.radians(2.5)) - 1, 1.5 * density / 3**0.5]
-    least = float(np.linalg.norm(known))
-    assert found.scale.rest_u == pytest.approx(least, rel=0.012)
-    assert least < found.scale.relative_u < 3 * least
-    for said in speeds_of(found):
+    _, result = followed("flat")
+    assert result.scale is not None
+    assert result.fit is not None
+    density = result.fit.drag * 2 * SMALL["radius"] / (0.75 * 0.45)  # air over ball
+    parts = [0.025 / 9.81 / 3**0.5, 1 / np.cos(np.radians(2.5)) - 1, 1.5 * density / 3**0.5]
+    least = float(np.linalg.norm(parts))
+    assert result.scale.rest_u == pytest.approx(least, rel=0.012)
+    assert least < result.scale.relative_u < 3 * least
+    for said in speeds_of(result):
         assert said.u > 0.97 * least * said.value
-    there = again(found, gravity_u=0.0)
+    there = again(result, gravity_u=0.0)
     assert there.scale is not None
-    apart = found.scale.relative_u**2 - there.scale.relative_u**2
-    assert apart == pytest.approx(known[0] ** 2, rel=0.02)
+    apart = result.scale.relative_u**2 - there.scale.relative_u**2
+    assert apart == pytest.approx(parts[0] ** 2, rel=0.02)
 
 
-def test_the_ruler_with_the_smaller_u_is_used(seen: Seen) -> None:
-    _, found = seen("flat")
+def test_the_ruler_with_the_smaller_u_is_used(followed: Followed) -> None:
+    _, result = followed("flat")
     for gravity_u, used in ((0.01, "gravity"), (1.0, "ball")):
-        by = again(found, gravity_u=gravity_u)
+        by = again(result, gravity_u=gravity_u)
         assert by.scale is not None
         assert by.scale.source == used
         assert by.scale.relative_u < by.checks[0].relative_u
 
 
-def test_gravity_stays_the_ruler_after_lost_frames_are_corrected(seen: Seen) -> None:
+def test_gravity_stays_the_ruler_after_lost_frames_are_corrected(followed: Followed) -> None:
     """The motion gives the number of lost frames, without doubt left by the fit."""
-    made, found = seen("flat")
-    assert found.scale is not None
-    assert found.scale.source == "gravity"
+    made, result = followed("flat")
+    assert result.scale is not None
+    assert result.scale.source == "gravity"
     throw = Throw(light="flat", seed=SEED, **SMALL)
     thinner = replace(made, frames=np.delete(made.frames, [8, 9], axis=0))
     lost = follow(clip_of(throw, thinner), known_of(throw))
@@ -209,10 +209,10 @@ def test_gravity_stays_the_ruler_after_lost_frames_are_corrected(seen: Seen) -> 
         assert abs(said.value - true) < min(2 * said.u, 0.015 * true)
 
 
-def test_an_unknown_rate_is_fitted_by_gravity(seen: Seen) -> None:
+def test_an_unknown_rate_is_fitted_by_gravity(followed: Followed) -> None:
     """A file plays 60 frames per second at 15; the ball's size and gravity give the rate."""
-    made, found = seen("flat")
-    slow = again(found, rate=15.0, rate_of="file")
+    made, result = followed("flat")
+    slow = again(result, rate=15.0, rate_of="file")
     assert "RATE_FITTED" in slow.flags
     said = track_document(slow)["frames_per_second"]
     assert said["from"] == "gravity"
@@ -220,32 +220,32 @@ def test_an_unknown_rate_is_fitted_by_gravity(seen: Seen) -> None:
     for speed, true in zip(speeds_of(slow), made.speeds, strict=True):
         assert abs(speed.value - true) < 2 * speed.u < 0.1 * true
     assert slow.checks == ()  # checks without gravity, which gave the rate
-    right = again(found, rate_of="file")
+    right = again(result, rate_of="file")
     assert right.known.rate == 60.0
-    assert right.scale == found.scale
+    assert right.scale == result.scale
 
 
-def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(seen: Seen) -> None:
+def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(followed: Followed) -> None:
     """Two u of level are 1 degree instead of 5; buoyancy is 0.25 % for 730 kg/m³ in 1.2 kg/m³."""
-    _, found = seen("flat")
+    _, result = followed("flat")
     density = 1.2 / 730.0
     slowing = 0.75 * 0.45 * density / 0.073  # drag constant of a sphere [1/m]
-    known = again(found, level_u=np.radians(0.5), drag=(slowing, 0.0), gravity_u=0.0)
-    assert known.scale is not None
+    levelled = again(result, level_u=np.radians(0.5), drag=(slowing, 0.0), gravity_u=0.0)
+    assert levelled.scale is not None
     # tolerance of the ball's size in the picture, which is known to some per cent
     least = np.hypot(1 / np.cos(np.radians(0.5)) - 1, 1.5 * density / 3**0.5)
-    assert known.scale.rest_u == pytest.approx(least, rel=0.05)
-    tilted = again(found, level_u=np.radians(5), drag=(slowing, 0.0), gravity_u=0.0)
+    assert levelled.scale.rest_u == pytest.approx(least, rel=0.05)
+    tilted = again(result, level_u=np.radians(5), drag=(slowing, 0.0), gravity_u=0.0)
     assert tilted.scale.rest_u == pytest.approx(
         np.hypot(1 / np.cos(np.radians(5)) - 1, 1.5 * density / 3**0.5), rel=0.05
     )
-    assert tilted.scale.relative_u > known.scale.relative_u
-    assert known.drag_per_m == pytest.approx(slowing, rel=0.05)
+    assert tilted.scale.relative_u > levelled.scale.relative_u
+    assert levelled.drag_per_m == pytest.approx(slowing, rel=0.05)
 
 
-def test_the_u_of_the_diameter_is_u_of_the_ball_s_size(seen: Seen) -> None:
+def test_the_u_of_the_diameter_is_u_of_the_ball_s_size(followed: Followed) -> None:
     """For 73 mm ± 7 mm, the u of the diameter is added in squares."""
-    _, found = seen("flat")
-    sharp, unsure = (again(found, ruler="ball", ball_u=u).scale for u in (0.0, 0.007))
+    _, result = followed("flat")
+    sharp, unsure = (again(result, ruler="ball", ball_u=u).scale for u in (0.0, 0.007))
     added = np.sqrt(unsure.relative_u**2 - sharp.relative_u**2)
     assert added == pytest.approx(0.007 / 0.073, rel=1e-6)

@@ -34,39 +34,39 @@ KNOWN = ClipCalibration(
 class Hit:
     """Results of a clip with one hit."""
 
-    def __init__(self, found: FollowedClip) -> None:
-        self.clip, self.document = found, track_document(found)
-        before, after = [*found.flights, None][:2]
+    def __init__(self, result: FollowedClip) -> None:
+        self.clip, self.document = result, track_document(result)
+        before, after = [*result.flights, None][:2]
         assert before is not None
-        self.flags, self.warnings = found.flags, found.warnings
+        self.flags, self.warnings = result.flags, result.warnings
         self.speed_in, self.angle_in = before.speed_out, before.angle_out
         self.speed_out: Estimate | None = after.speed_in if after else None
         self.angle_out: Estimate | None = after.angle_in if after else None
-        (contact,) = found.contacts or [None]
+        (contact,) = result.contacts or [None]
         self.restitution = contact.restitution if contact else None
         self.contact_time = contact.time if contact else None
 
 
 def run(
-    frames: Iterable[NDArray[np.generic]], at: Path, known: ClipCalibration = KNOWN
+    frames: Iterable[NDArray[np.generic]], at: Path, calibration: ClipCalibration = KNOWN
 ) -> tuple[SharpBall, Hit]:
     np.save(at / "clip.npy", np.stack(list(frames)))
-    return hit(at / "clip.npy", known)
+    return hit(at / "clip.npy", calibration)
 
 
 Flown = Callable[[Film], tuple[SharpBall, Hit]]
 
 
-def track_hit(path: Path, known: ClipCalibration) -> FollowedClip:
+def track_hit(path: Path, calibration: ClipCalibration) -> FollowedClip:
     """Follow a ball through a clip of a calibrated camera that stands still."""
-    clip = open_clip(path, known)
-    return follow(clip, known_of(clip, known))
+    clip = open_clip(path, calibration)
+    return follow(clip, known_of(clip, calibration))
 
 
-def hit(path: Path, known: ClipCalibration) -> tuple[SharpBall, Hit]:
-    found = track_hit(path, known)
-    assert found.sharp is not None, found.warnings
-    return found.sharp, Hit(found)
+def hit(path: Path, calibration: ClipCalibration) -> tuple[SharpBall, Hit]:
+    result = track_hit(path, calibration)
+    assert result.sharp is not None, result.warnings
+    return result.sharp, Hit(result)
 
 
 @pytest.fixture(scope="module")
@@ -75,22 +75,22 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
 
     @cache
     def get(film: Film) -> tuple[SharpBall, Hit]:
-        known = replace(KNOWN, exposure_s=film.shutter / RATE)
-        return run(film.frames(), tmp_path_factory.mktemp("film"), known)
+        calibration = replace(KNOWN, exposure_s=film.shutter / RATE)
+        return run(film.frames(), tmp_path_factory.mktemp("film"), calibration)
 
     return get
 
 
-def require(film: Film, found: Hit) -> None:
+def require(film: Film, result: Hit) -> None:
     """Require that both speeds are right within 4 u, and that their u are small."""
-    assert found.speed_out is not None
-    assert found.restitution is not None
+    assert result.speed_out is not None
+    assert result.restitution is not None
     into = np.hypot(*film.velocity_in) * UNIT
     out = np.hypot(*film.velocity_out) * UNIT
-    for said, true in ((found.speed_in, into), (found.speed_out, out)):
+    for said, true in ((result.speed_in, into), (result.speed_out, out)):
         assert abs(said.value - true) < 4 * said.u
         assert said.u < 6e-4 * true
-    assert abs(found.restitution.value - out / into) < 4 * found.restitution.u
+    assert abs(result.restitution.value - out / into) < 4 * result.restitution.u
 
 
 SCENES = {
@@ -116,11 +116,11 @@ SCENES = {
 @pytest.mark.parametrize("scene", SCENES)
 def test_speeds_are_right_within_their_uncertainty(scene: str, flown: Flown) -> None:
     film = SCENES[scene]
-    tracked, found = flown(film)
-    require(film, found)
-    assert found.flags == ()
-    assert found.contact_time is not None
-    assert abs(found.contact_time.value * RATE - film.before) < 4 * RATE * found.contact_time.u
+    tracked, result = flown(film)
+    require(film, result)
+    assert result.flags == ()
+    assert result.contact_time is not None
+    assert abs(result.contact_time.value * RATE - film.before) < 4 * RATE * result.contact_time.u
     places, sides = np.stack(film.places()), np.array(film.shape[::-1])[:, None]
     inside = ((places > film.radius + 2) & (places < sides - film.radius - 2)).all(axis=0)
     assert set(np.flatnonzero(inside)) <= set(tracked.frames.tolist())
@@ -132,9 +132,9 @@ def test_speeds_are_right_within_their_uncertainty(scene: str, flown: Flown) -> 
 
 def test_speeds_are_right_with_sixteen_bits(tmp_path: Path) -> None:
     film = Film(shutter=0.5)
-    _, found = run(film.frames(full=4095.0), tmp_path, replace(KNOWN, exposure_s=0.5 / RATE))
-    require(film, found)
-    assert found.clip.clip.full_scale == 4095.0
+    _, result = run(film.frames(full=4095.0), tmp_path, replace(KNOWN, exposure_s=0.5 / RATE))
+    require(film, result)
+    assert result.clip.clip.full_scale == 4095.0
 
 
 def test_a_floor_s_restitution_is_that_of_the_vertical_speeds(tmp_path: Path) -> None:
@@ -145,12 +145,12 @@ def test_a_floor_s_restitution_is_that_of_the_vertical_speeds(tmp_path: Path) ->
         gravity=(0.0, 0.04),
     )
     pull = 0.04 * SCALE * RATE**2
-    _, found = run(film.frames(), tmp_path, replace(KNOWN, gravity_mps2=(0.0, pull)))
-    assert found.restitution is not None
-    assert found.document["restitution_of"] == "speeds along the vertical"
-    assert abs(found.restitution.value - 4.5 / 6.0) < 4 * found.restitution.u
-    assert found.restitution.u < 1e-3
-    assert found.speed_in.value == pytest.approx(np.hypot(4.0, 6.0) * UNIT, rel=3e-4)
+    _, result = run(film.frames(), tmp_path, replace(KNOWN, gravity_mps2=(0.0, pull)))
+    assert result.restitution is not None
+    assert result.document["restitution_of"] == "speeds along the vertical"
+    assert abs(result.restitution.value - 4.5 / 6.0) < 4 * result.restitution.u
+    assert result.restitution.u < 1e-3
+    assert result.speed_in.value == pytest.approx(np.hypot(4.0, 6.0) * UNIT, rel=3e-4)
     _, bent = run(film.frames(), tmp_path)
     assert "CROOKED" in bent.flags
 
@@ -172,31 +172,31 @@ def test_speeds_are_corrected_by_the_calibrated_drag(tmp_path: Path) -> None:
                 for start, first, second in pairs
             )
 
-    known = replace(KNOWN, drag_per_m=drag, drag_per_m_u=0.001)
-    _, found = run(Dragged().frames(), tmp_path, known)
-    require(film, found)
+    calibration = replace(KNOWN, drag_per_m=drag, drag_per_m_u=0.001)
+    _, result = run(Dragged().frames(), tmp_path, calibration)
+    require(film, result)
 
 
 def test_lost_frames_are_flagged_and_corrected(tmp_path: Path) -> None:
     """One lost frame of 19 would change the speed by 7 %; two more are lost after the contact."""
     film = Film()
     frames = list(film.frames())
-    _, found = run(frames[:8] + frames[9:27] + frames[29:], tmp_path)
-    assert found.flags == ("LOST_FRAMES",)
-    assert any("1 before frame 8, 2 before frame 26" in each for each in found.warnings)
-    require(film, found)
+    _, result = run(frames[:8] + frames[9:27] + frames[29:], tmp_path)
+    assert result.flags == ("LOST_FRAMES",)
+    assert any("1 before frame 8, 2 before frame 26" in each for each in result.warnings)
+    require(film, result)
 
 
 def test_time_stamps_account_for_lost_frames(tmp_path: Path) -> None:
     film = Film()
     frames, t = list(film.frames()), np.arange(film.count) / RATE
-    kept = [k for k in range(film.count) if k not in {8, 30, 31}]
-    known = stamped(tmp_path, t[kept])
-    _, found = run([frames[k] for k in kept], tmp_path, known)
-    assert found.flags == ()
-    require(film, found)
-    np.save(tmp_path / "clip.npy", np.stack([frames[k] for k in kept]))
-    plain = track_hit(tmp_path / "clip.npy", stamped(tmp_path, t[: len(kept)]))
+    numbers = [k for k in range(film.count) if k not in {8, 30, 31}]
+    calibration = stamped(tmp_path, t[numbers])
+    _, result = run([frames[k] for k in numbers], tmp_path, calibration)
+    assert result.flags == ()
+    require(film, result)
+    np.save(tmp_path / "clip.npy", np.stack([frames[k] for k in numbers]))
+    plain = track_hit(tmp_path / "clip.npy", stamped(tmp_path, t[: len(numbers)]))
     assert "NOT_SHARP" in plain.flags
     assert any("by more than its time stamps say" in each for each in plain.warnings)
 
@@ -225,38 +225,38 @@ def test_frames_of_the_contact_are_left_out(tmp_path: Path) -> None:
         share = matte(film.shape, film.contact[0] + dx, film.contact[1] + dy, film.radius)
         image = scene * (1 - share) + film.light * share + 1.5 * rng.standard_normal(film.shape)
         held.append(np.clip(np.round(image), 0, 255).astype(np.uint8))
-    _, found = run(frames[:20] + held + frames[20:], tmp_path)
-    require(film, found)
-    before, after = found.clip.flights
+    _, result = run(frames[:20] + held + frames[20:], tmp_path)
+    require(film, result)
+    before, after = result.clip.flights
     assert 3 <= after.first_frame - before.last_frame - 1 <= 6
-    flown = np.concatenate([way.frames for way in found.clip.ways])
+    flown = np.concatenate([way.frames for way in result.clip.ways])
     assert not {20, 21, 22} & set(flown.tolist())
 
 
 def test_a_ball_that_flies_by_has_one_speed(tmp_path: Path) -> None:
     film = Film(velocity_out=(9.3, 1.1), contact=(190.0, 100.0), count=34)
-    _, found = run(film.frames(), tmp_path)
-    assert found.flags == ()
-    assert found.speed_out is None
-    assert found.restitution is None
-    assert abs(found.speed_in.value - np.hypot(9.3, 1.1) * UNIT) < 4 * found.speed_in.u
+    _, result = run(film.frames(), tmp_path)
+    assert result.flags == ()
+    assert result.speed_out is None
+    assert result.restitution is None
+    assert abs(result.speed_in.value - np.hypot(9.3, 1.1) * UNIT) < 4 * result.speed_in.u
 
 
 def test_a_ball_that_leaves_faster_than_it_came_has_no_restitution(tmp_path: Path) -> None:
     """A body at rest gives back less than it takes; the speeds, which are right, are kept."""
     film = Film(velocity_out=(-11.2, 1.7), contact=(250.0, 100.0))
-    _, found = run(film.frames(), tmp_path)
-    assert found.flags == ("ABOVE_ONE",)
-    assert found.restitution is None
-    assert found.document["restitution"] is None
-    assert any("ratio 1.21" in each for each in found.warnings)
-    assert found.speed_out is not None
-    assert abs(found.speed_out.value - np.hypot(11.2, 1.7) * UNIT) < 4 * found.speed_out.u
-    assert "restitution not stated" in track_text(found.clip)
-    assert "flight 2" in track_text(found.clip)
-    assert found.document["speed_out_mps"] == {
-        "value": found.speed_out.value,
-        "u": found.speed_out.u,
+    _, result = run(film.frames(), tmp_path)
+    assert result.flags == ("ABOVE_ONE",)
+    assert result.restitution is None
+    assert result.document["restitution"] is None
+    assert any("ratio 1.21" in each for each in result.warnings)
+    assert result.speed_out is not None
+    assert abs(result.speed_out.value - np.hypot(11.2, 1.7) * UNIT) < 4 * result.speed_out.u
+    assert "restitution not stated" in track_text(result.clip)
+    assert "flight 2" in track_text(result.clip)
+    assert result.document["speed_out_mps"] == {
+        "value": result.speed_out.value,
+        "u": result.speed_out.u,
     }
     slower = replace(film, velocity_out=(-9.1, 1.7))
     require(slower, run(slower.frames(), tmp_path)[1])
@@ -268,24 +268,24 @@ def test_flights_that_do_not_meet_have_no_contact(tmp_path: Path) -> None:
     other = replace(one, contact=(one.contact[0] - 45, one.contact[1]), seed=2)
     cut = int(one.before) + 1
     frames = [*list(one.frames())[:cut], *list(other.frames())[cut:]]
-    _, found = run(frames, tmp_path)
-    assert "CONTACT_OUTSIDE" in found.flags
-    assert found.restitution is None
-    assert found.contact_time is None
-    assert found.document["contact"] is None
-    assert any("nearest to each other at 3.06 ms, not between" in each for each in found.warnings)
-    assert "restitution" not in track_text(found.clip).split("\n  warning")[0]
+    _, result = run(frames, tmp_path)
+    assert "CONTACT_OUTSIDE" in result.flags
+    assert result.restitution is None
+    assert result.contact_time is None
+    assert result.document["contact"] is None
+    assert any("nearest to each other at 3.06 ms, not between" in each for each in result.warnings)
+    assert "restitution" not in track_text(result.clip).split("\n  warning")[0]
 
 
 def test_the_balls_diameter_sets_the_scale(tmp_path: Path) -> None:
     film = Film()
-    known = replace(KNOWN, metres_per_pixel=None, ball_diameter_m=0.028)
-    tracked, found = run(film.frames(), tmp_path, known)
+    calibration = replace(KNOWN, metres_per_pixel=None, ball_diameter_m=0.028)
+    tracked, result = run(film.frames(), tmp_path, calibration)
     assert tracked.plane.source == "ball"
     assert tracked.plane.metres_per_pixel == pytest.approx(SCALE, rel=3e-3)
-    assert abs(found.speed_in.value - np.hypot(*film.velocity_in) * UNIT) < 2 * found.speed_in.u
-    assert found.restitution is not None
-    assert found.restitution.u < 1e-3  # u without a part of the scale
+    assert abs(result.speed_in.value - np.hypot(*film.velocity_in) * UNIT) < 2 * result.speed_in.u
+    assert result.restitution is not None
+    assert result.restitution.u < 1e-3  # u without a part of the scale
 
 
 @pytest.mark.parametrize("bat", [False, True])
@@ -293,9 +293,9 @@ def test_without_a_ball_there_is_no_flight(bat: bool, tmp_path: Path) -> None:
     film = Film(bat=bat, contact=(230.0 if bat else 900.0, 100.0), count=12 + 28 * bat)
     empty = replace(film, light=film.dark, slope=0.0, noise=1.5)
     np.save(tmp_path / "clip.npy", np.stack(list(empty.frames())))
-    found = track_hit(tmp_path / "clip.npy", KNOWN)
-    assert found.flights == []
-    assert "--ball-at" in " ".join(found.warnings)
+    result = track_hit(tmp_path / "clip.npy", KNOWN)
+    assert result.flights == []
+    assert "--ball-at" in " ".join(result.warnings)
 
 
 @pytest.mark.parametrize(
@@ -311,11 +311,11 @@ def test_a_ball_that_cannot_be_located_sharply_is_flagged(
 ) -> None:
     """The ball has another size, or the calibration lacks a key, which is named."""
     np.save(tmp_path / "clip.npy", np.stack(list(Film().frames())))
-    found = track_hit(tmp_path / "clip.npy", replace(KNOWN, **{key: value}))
-    assert found.sharp is None
-    assert "NOT_SHARP" in found.flags
-    assert re.search(words, " ".join(found.warnings))
-    assert len(found.flights) == 2
+    result = track_hit(tmp_path / "clip.npy", replace(KNOWN, **{key: value}))
+    assert result.sharp is None
+    assert "NOT_SHARP" in result.flags
+    assert re.search(words, " ".join(result.warnings))
+    assert len(result.flights) == 2
     if (
         key == "ball_diameter_m"
     ):  # a file that gives scale and rate only is measured by hulls, unflagged
@@ -338,22 +338,22 @@ def test_angles_do_not_depend_on_the_cameras_axes(
         translation_m=(0.0, 0.0, 1.0),
     )
     plain, flat = flown(film)
-    tracked, seen = run(
+    tracked, turned = run(
         film.frames(), tmp_path, replace(KNOWN, metres_per_pixel=None, camera=camera)
     )
     assert tracked.plane.sense == sense
     assert plain.plane.sense == 1.0
     assert flat.angle_out is not None
-    assert seen.angle_out is not None
-    assert seen.angle_in.value == pytest.approx(flat.angle_in.value, abs=1e-6)
-    assert seen.angle_out.value == pytest.approx(flat.angle_out.value, abs=1e-6)
+    assert turned.angle_out is not None
+    assert turned.angle_in.value == pytest.approx(flat.angle_in.value, abs=1e-6)
+    assert turned.angle_out.value == pytest.approx(flat.angle_out.value, abs=1e-6)
     true = np.arctan2(-film.velocity_in[1], film.velocity_in[0])
-    assert seen.angle_in.value == pytest.approx(true, abs=5 * seen.angle_in.u)
+    assert turned.angle_in.value == pytest.approx(true, abs=5 * turned.angle_in.u)
     # effect of half a degree off the plane: v_z reads as X/Z v_z along the picture
     places = np.stack(film.places())[:, tracked.frames]
     into = tracked.frames < film.before
     off = (places[:, into].mean(axis=1) - [120.0, 80.0]) / 1000.0
     along = off @ film.velocity_in / np.hypot(*film.velocity_in)
-    more = abs(np.tan(np.radians(0.5)) * along * seen.speed_in.value)
-    added = np.sqrt(seen.speed_in.u**2 - flat.speed_in.u**2)
+    more = abs(np.tan(np.radians(0.5)) * along * turned.speed_in.value)
+    added = np.sqrt(turned.speed_in.u**2 - flat.speed_in.u**2)
     assert added == pytest.approx(more, rel=0.1)

@@ -76,8 +76,8 @@ def test_the_u_covers_a_turning_pattern(frames: int, spin_rpm: float, pattern: f
         angle = spin_rpm / 60 * 2 * np.pi * t / 5000 + rng.uniform(0, 2 * np.pi)
         places = np.outer(t, (10.0, 1.0)) + NOISE * rng.standard_normal((frames, 2))
         places += turning(rng, angle, pattern) if pattern else 0.0
-        found = speed(places, NOISE, 1.1 * pattern)
-        inside += abs(found.value - np.hypot(10, 1)) < 1.96 * found.u
+        result = speed(places, NOISE, 1.1 * pattern)
+        inside += abs(result.value - np.hypot(10, 1)) < 1.96 * result.u
     assert inside >= binom.ppf(1e-4, CLIPS, 0.95)
 
 
@@ -95,16 +95,16 @@ def test_gravity_and_drag_are_corrected() -> None:
     """The oracle is an integration in small steps with the same small gravity and drag."""
     gravity, drag = np.array([0.0, 0.02]), 1e-4  # gravity and drag in pixels and frames
     steps, count = 1000, 40
-    place, velocity, told = np.array([100.0, 300.0]), np.array([20.0, -1.0]), []
+    place, velocity, path = np.array([100.0, 300.0]), np.array([20.0, -1.0]), []
     for k in range(steps * (count - 1) + 1):
         if k % steps == 0:
-            told.append(place.copy())
+            path.append(place.copy())
             last = velocity.copy()
         middle = velocity + 0.5 / steps * (gravity - drag * np.hypot(*velocity) * velocity)
         place = place + middle / steps
         velocity = velocity + (gravity - drag * np.hypot(*middle) * middle) / steps
-    found = fit(np.array(told), 1e-4, pull=(0.0, 0.02), drag=drag).at(0, count - 1)[0]
-    np.testing.assert_allclose(found, [*told[-1], *last], atol=2e-5)
+    result = fit(np.array(path), 1e-4, pull=(0.0, 0.02), drag=drag).at(0, count - 1)[0]
+    np.testing.assert_allclose(result, [*path[-1], *last], atol=2e-5)
 
 
 def test_unstated_scatter_widens_the_interval() -> None:
@@ -125,6 +125,6 @@ def test_the_interval_of_three_frames_allows_for_their_few_dof() -> None:
     inside = 0
     for _ in range(clips):
         places = np.outer(t, (10.0, 0.0)) + 0.1 * rng.standard_normal((3, 2))
-        found = speed(places, NOISE)
-        inside += abs(found.value - 10) < 1.96 * found.u
+        result = speed(places, NOISE)
+        inside += abs(result.value - 10) < 1.96 * result.u
     assert inside >= binom.ppf(1e-4, clips, 0.95)

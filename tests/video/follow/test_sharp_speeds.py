@@ -36,12 +36,12 @@ def flown(t: Array, into: Array = INTO, out: Array = OUT) -> Array:
     return np.where(t[:, None] < 0, np.outer(t, into), np.outer(t, out))
 
 
-def told(
+def measured(
     t: Array,
     places: Array,
     *,
     u: float = 1e-7,
-    known: ClipCalibration = KNOWN,
+    calibration: ClipCalibration = KNOWN,
     exposure: float = 0.0,
     radius: Array | None = None,
 ) -> FollowedClip:
@@ -55,8 +55,8 @@ def told(
         warnings=(),
         source=SimpleNamespace(path="clip", exposure=None),
     )
-    found = np.zeros(count, BLOB)
-    found["frame"], found["radius"] = numbers, 15.0
+    blobs = np.zeros(count, BLOB)
+    blobs["frame"], blobs["radius"] = numbers, 15.0
     located = replace(
         Located.start(pixels, 15.0, np.zeros(2)),
         x_u=np.full(count, u / SCALE),
@@ -79,17 +79,17 @@ def told(
         off_plane=np.zeros((2, 2)),
     )
     scene = FlightScene(
-        found=found,
+        found=blobs,
         time=numbers.astype(float),
         stamped=numbers.astype(float),
         size=SIZE[::-1],
         exposure=exposure * RATE,
     )
-    coarse = Piece.of(found, numbers, t * RATE)
+    coarse = Piece.of(blobs, numbers, t * RATE)
     ways = [some for each in (t < 0, t >= 0) if len((some := coarse.part(each)).t)]
-    said = replace(known_of(clip, known), exposure=exposure)
+    said = replace(known_of(clip, calibration), exposure=exposure)
     scene, ways, ball = settle(scene, ways, ball, said)
-    watched = Watched(still=cast("Any", None), found=found, change=np.full(count, np.nan))
+    watched = Watched(still=cast("Any", None), found=blobs, change=np.full(count, np.nan))
     return measure(clip, watched, said, FlightsFound(scene=scene, ways=ways), sharp=ball)
 
 
@@ -113,7 +113,7 @@ def test_the_u_of_a_hit_is_the_scatter_of_repetitions() -> None:
 
     def draw(rng: np.random.Generator) -> FollowedClip:
         places = flown(t) + noise * rng.standard_normal((len(t), 2))
-        return told(t, places, u=noise)
+        return measured(t, places, u=noise)
 
     clips = repeated(draw)
     into, out = np.hypot(*INTO), np.hypot(*OUT)
@@ -136,39 +136,39 @@ def test_the_u_of_angle_and_position_are_the_textbooks() -> None:
     contact is the mean of two such ends. The u of each angle is σ_v over the flight's speed.
     """
     t, noise, count = frames(20, 20), 3e-5, 20
-    found = told(t, flown(t), u=noise)
+    result = measured(t, flown(t), u=noise)
     slope = noise * np.sqrt(12 / (count * (count**2 - 1))) * RATE
-    for flight, velocity in zip(found.flights, (INTO, OUT), strict=True):
+    for flight, velocity in zip(result.flights, (INTO, OUT), strict=True):
         assert flight.angle_in.u == pytest.approx(slope / np.hypot(*velocity), rel=1e-3)
     end = np.hypot(noise / np.sqrt(count), slope / RATE * count / 2)
     # allowance for the time of the contact, which is not known either
-    assert found.contacts[0].metres_u == pytest.approx(end / np.sqrt(2), rel=0.03)
+    assert result.contacts[0].metres_u == pytest.approx(end / np.sqrt(2), rel=0.03)
     change = np.hypot(*(OUT - INTO))
-    assert found.contacts[0].time.u == pytest.approx(end * np.sqrt(2) / change, rel=1e-3)
+    assert result.contacts[0].time.u == pytest.approx(end * np.sqrt(2) / change, rel=1e-3)
 
 
 def test_the_u_of_a_clock_is_in_speeds_but_not_in_restitution() -> None:
-    known = ClipCalibration(
+    calibration = ClipCalibration(
         metres_per_pixel=SCALE, frames_per_second=RATE, frames_per_second_u=0.01 * RATE
     )
     t = frames(20, 20)
-    found = told(t, flown(t), known=known)
-    for flight in found.flights:
+    result = measured(t, flown(t), calibration=calibration)
+    for flight in result.flights:
         assert flight.speed_in.u == pytest.approx(0.01 * flight.speed_in.value, rel=1e-3)
-    assert found.contacts[0].restitution is not None
-    assert found.contacts[0].restitution.u < 1e-4
+    assert result.contacts[0].restitution is not None
+    assert result.contacts[0].restitution.u < 1e-4
 
 
 def test_the_u_of_drag_adds_up_in_both_speeds() -> None:
     """Half of each path lies before the other: e errs by u(κ) (s_in + s_out), without a root."""
-    known = ClipCalibration(metres_per_pixel=SCALE, frames_per_second=RATE, drag_per_m_u=0.02)
+    calibration = ClipCalibration(metres_per_pixel=SCALE, frames_per_second=RATE, drag_per_m_u=0.02)
     t = frames(20, 20)
-    found = told(t, flown(t), known=known)
-    restitution = found.contacts[0].restitution
+    result = measured(t, flown(t), calibration=calibration)
+    restitution = result.contacts[0].restitution
     assert restitution is not None
     ways = [10 / RATE * np.hypot(*each) for each in (INTO, OUT)]  # paths to each middle
     assert restitution.u == pytest.approx(restitution.value * 0.02 * sum(ways), rel=0.02)
-    speeds = found.flights[0].speed_out, found.flights[1].speed_in
+    speeds = result.flights[0].speed_out, result.flights[1].speed_in
     for speed, way in zip(speeds, ways, strict=True):
         assert speed.u == pytest.approx(0.02 * way * speed.value, rel=0.02)
 
@@ -179,10 +179,10 @@ def test_a_frame_exposed_during_the_contact_is_in_no_flight(late: float) -> None
     t, exposure = frames(20, 20, late), 0.9 / RATE
     moments = exposure * (np.arange(200) + 0.5 - 100) / 200
     places = np.mean([flown(t + moment) for moment in moments], axis=0)
-    seen = told(t, places, u=5e-3, exposure=exposure)
+    result = measured(t, places, u=5e-3, exposure=exposure)
     spanned = np.abs(t) < exposure / 2
     assert spanned.sum() == {0.1: 1, 0.5: 0, 0.9: 1}[late]
-    used = np.isin(np.arange(len(t)), np.concatenate([way.frames for way in seen.ways]))
+    used = np.isin(np.arange(len(t)), np.concatenate([way.frames for way in result.ways]))
     assert not (used & spanned).any()
     assert (used | spanned).all()
 
@@ -190,7 +190,7 @@ def test_a_frame_exposed_during_the_contact_is_in_no_flight(late: float) -> None
 @pytest.mark.parametrize(("off_up", "kind"), [(0, "floor"), (32, "floor"), (38, "struck")])
 def test_a_floor_s_change_of_velocity_is_upward_to_35_degrees(off_up: float, kind: str) -> None:
     """Off a floor, the restitution is that of the vertical parts; otherwise that of the speeds."""
-    known = ClipCalibration(
+    calibration = ClipCalibration(
         metres_per_pixel=SCALE, frames_per_second=RATE, gravity_mps2=(0.0, 9.81)
     )
     turn = np.radians(off_up)
@@ -198,8 +198,8 @@ def test_a_floor_s_change_of_velocity_is_upward_to_35_degrees(off_up: float, kin
     out = into + 50 * np.array([np.sin(turn), -np.cos(turn)])
     t = frames(20, 20)
     fall = 0.5 * np.outer(t**2, (0.0, 9.81))
-    found = told(t, flown(t, into, out) + fall, known=known)
-    (contact,) = found.contacts
+    result = measured(t, flown(t, into, out) + fall, calibration=calibration)
+    (contact,) = result.contacts
     assert contact.kind == kind
     ratio = -out[1] / into[1] if kind == "floor" else np.hypot(*out) / np.hypot(*into)
     assert contact.restitution is not None
@@ -213,11 +213,11 @@ def test_a_ball_that_comes_nearer_is_flagged_with_its_error(right: float) -> Non
     middle = t - t.mean()
     nearer = 1 / (1 - rate * middle)
     places = np.stack([(right + true * middle) * nearer, 0 * t], axis=1)
-    found = told(t, places, radius=15 * nearer)
-    assert "OFF_PLANE" in found.flags
-    said = re.search(r"speed read ([+-][\d.]+) m/s off", " ".join(found.warnings))
+    result = measured(t, places, radius=15 * nearer)
+    assert "OFF_PLANE" in result.flags
+    said = re.search(r"speed read ([+-][\d.]+) m/s off", " ".join(result.warnings))
     assert said is not None
-    off = found.flights[0].speed_in.value - true
+    off = result.flights[0].speed_in.value - true
     assert float(said[1]) == pytest.approx(off, rel=0.1)
     assert np.sign(off) == np.sign(right)
-    assert found.flights[0].speed_in.u >= abs(off) * 0.9
+    assert result.flights[0].speed_in.u >= abs(off) * 0.9

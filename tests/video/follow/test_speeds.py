@@ -20,9 +20,9 @@ RATE = 240.0
 BALL = 0.073  # diameter [m]
 
 
-def followed(found: Blobs, readout: float | None = 0.0) -> FollowedClip:
+def followed(blobs: Blobs, readout: float | None = 0.0) -> FollowedClip:
     """Return flights and contacts of blobs, as from a camera on a stand."""
-    count = int(found["frame"].max()) + 1
+    count = int(blobs["frame"].max()) + 1
     clip = SimpleNamespace(
         count=count,
         times=np.arange(count) / RATE,
@@ -32,13 +32,13 @@ def followed(found: Blobs, readout: float | None = 0.0) -> FollowedClip:
     )
     watched = Watched(
         still=cast("Any", SimpleNamespace(drifts=False)),
-        found=found,
+        found=blobs,
         change=np.full(count, np.nan),
     )
-    known = ClipKnowledge(
+    knowledge = ClipKnowledge(
         rate=RATE, ball=BALL, ball_u=1e-4, stands=True, readout=readout, ruler="ball"
     )
-    return follow_blobs(cast("Clip", clip), watched, known)
+    return follow_blobs(cast("Clip", clip), watched, knowledge)
 
 
 @pytest.mark.parametrize("noise", [0.3, 0.5])
@@ -47,8 +47,8 @@ def test_the_u_of_speed_covers_a_roll_over_a_table_s_edge(before: int, noise: fl
     """Positions before the edge bend the path too little to be rejected; u covers their effect."""
     late = np.arange(-before, 86.0)
     fallen = np.where(late > 0, 0.07 * late**2 / 2, 0.0)
-    found = blobs_of(np.stack([200 + 0.85 * late, 100 + fallen], axis=1), noise=noise)
-    (flight,) = followed(found).flights
+    blobs = blobs_of(np.stack([200 + 0.85 * late, 100 + fallen], axis=1), noise=noise)
+    (flight,) = followed(blobs).flights
     true = 0.85 * RATE * BALL / (2 * RADIUS)
     assert abs(flight.speed_in.value - true) < 3 * flight.speed_in.u
     if not before:
@@ -60,8 +60,8 @@ def test_the_u_of_speed_covers_rest_before_release(before: int) -> None:
     """In slow motion, rest before release lies on the path within an outline's error."""
     late = np.arange(-before, 140.0)
     fallen = np.where(late > 0, 0.04 * late**2 / 2, 0.0)
-    found = blobs_of(np.stack([200 + 0 * late, 60 + fallen], axis=1), noise=0.02)
-    (flight,) = followed(found).flights
+    blobs = blobs_of(np.stack([200 + 0 * late, 60 + fallen], axis=1), noise=0.02)
+    (flight,) = followed(blobs).flights
     true = 0.04 * max(0, flight.first_frame - before) * RATE * BALL / (2 * RADIUS)
     assert abs(flight.speed_in.value - true) < 3 * flight.speed_in.u
 
@@ -69,13 +69,13 @@ def test_the_u_of_speed_covers_rest_before_release(before: int) -> None:
 @pytest.mark.parametrize("readout", [0.0, 0.5, 1.0])
 def test_the_u_of_gravity_covers_an_unknown_readout(readout: float) -> None:
     """Rows read later show a falling ball later, which increases its apparent acceleration."""
-    seen = np.arange(80.0)
-    late, y = seen, np.zeros(80)
+    frames = np.arange(80.0)
+    late, y = frames, np.zeros(80)
     for _ in range(20):
         y = 60 + 0.075 * late**2 / 2
-        late = seen + readout * y / 540
-    found = blobs_of(np.stack([200 + 0 * y, y], axis=1), noise=0.1)
-    measured = followed(found, readout=None).gravity
+        late = frames + readout * y / 540
+    blobs = blobs_of(np.stack([200 + 0 * y, y], axis=1), noise=0.1)
+    measured = followed(blobs, readout=None).gravity
     assert measured is not None
     true = 0.075 * RATE**2 * BALL / (2 * RADIUS)
     assert abs(measured.value - true) < 2.5 * measured.u
@@ -87,11 +87,11 @@ def test_a_ball_that_also_turns_back_along_the_floor_has_no_restitution(along: f
     late = np.arange(-50, 50) + 0.5
     x = np.where(late < 0, 3.0, along) * late
     y = np.where(late < 0, 8.0, -6.0) * late + 0.07 * late**2 / 2
-    seen = followed(blobs_of(np.stack([300 + x, 400 + y], axis=1)))
-    (contact,) = seen.contacts
+    result = followed(blobs_of(np.stack([300 + x, 400 + y], axis=1)))
+    (contact,) = result.contacts
     assert contact.kind == "floor"
     assert (contact.restitution is None) == (along < 0)
-    assert ("CONTACT_UNCLEAR" in seen.flags) == (along < 0)
+    assert ("CONTACT_UNCLEAR" in result.flags) == (along < 0)
 
 
 def test_a_flight_with_more_scatter_has_a_larger_u() -> None:
@@ -99,14 +99,14 @@ def test_a_flight_with_more_scatter_has_a_larger_u() -> None:
     time = np.arange(len(way), dtype=float)
     off = []
     for seed in range(40):
-        found = blobs_of(way, noise=0.2)
+        blobs = blobs_of(way, noise=0.2)
         stray = wholes[2]
         noise = np.random.default_rng(seed).normal(0, 2.0, (2, len(stray)))
-        found["x"][stray], found["y"][stray] = (way[stray].T + noise).tolist()
+        blobs["x"][stray], blobs["y"][stray] = (way[stray].T + noise).tolist()
         scene = FlightScene(
-            found=found, time=time, stamped=time, size=(960, 540), exposure=0.5, fall=None
+            found=blobs, time=time, stamped=time, size=(960, 540), exposure=0.5, fall=None
         )
-        flights = [Piece.of(found, whole, time[whole]) for whole in wholes]
+        flights = [Piece.of(blobs, whole, time[whole]) for whole in wholes]
         fit = fit_flights(scene, flights)
         along = estimate_of(lambda some: float(some.states[2, 2]), fit)
         off.append((along.value - 2.0) / along.u)
@@ -118,8 +118,8 @@ def test_a_ball_that_moves_most_of_the_time_without_flying_is_flagged() -> None:
     for before, flagged in ((100, True), (8, False)):
         late = np.arange(-before, 86.0)
         fallen = np.where(late > 0, 0.07 * late**2 / 2, 0.0)
-        found = blobs_of(np.stack([200 + 1.9 * late, 100 + fallen], axis=1), noise=0.2)
-        clip = followed(found)
+        blobs = blobs_of(np.stack([200 + 1.9 * late, 100 + fallen], axis=1), noise=0.2)
+        clip = followed(blobs)
         (flight,) = clip.flights
         assert ("UNEXPLAINED" in clip.flags) == flagged
         share = (flight.last_frame - flight.first_frame + 1) / len(late)

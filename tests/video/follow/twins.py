@@ -30,7 +30,7 @@ def run(scene: Scene, folder: Path) -> tuple[Made, FollowedClip]:
     return made, follow(clip, ClipKnowledge(rate=rate, ball=diameter, ball_u=0.01 * diameter))
 
 
-def require_flights(truth: BallTruth, found: FollowedClip, least: float = 0.8) -> None:
+def require_flights(truth: BallTruth, result: FollowedClip, least: float = 0.8) -> None:
     """Require the flights of at least eight readable frames, and no positions off the ball."""
     frames = truth.frames
     for flight in truth.flights:
@@ -40,23 +40,23 @@ def require_flights(truth: BallTruth, found: FollowedClip, least: float = 0.8) -
         readable = inside[frames.readable[inside]]
         placed = [
             np.isin(way.frames, readable).sum()
-            for way in found.ways
+            for way in result.ways
             if way.frames[0] <= flight.last_frame and flight.first_frame <= way.frames[-1]
         ]
         assert max(placed, default=0) >= least * len(readable)
-    for way in found.ways:
+    for way in result.ways:
         here = np.isfinite(frames.x[way.frames])
         off = way.xy[here] - np.stack([frames.x, frames.y], axis=1)[way.frames[here]]
         assert np.abs(off - np.median(off, axis=0)).max() < 0.35 * way.radius
 
 
-def require_contacts(truth: BallTruth, found: FollowedClip) -> None:
+def require_contacts(truth: BallTruth, result: FollowedClip) -> None:
     """Require that each contact is true, its frame within 0.25, its restitution within 2.5 u."""
-    for contact in found.contacts:
+    for contact in result.contacts:
         true = min(truth.contacts, key=lambda each: abs(each.frame - contact.frame))
         assert abs(true.frame - contact.frame) < 0.25
         assert contact.kind == true.kind
         if contact.restitution is not None:
             off = abs(contact.restitution.value - true.restitution)
             assert off < 2.5 * contact.restitution.u + 1e-3
-            assert "TILTED" in found.flags or contact.restitution.u <= 0.03
+            assert "TILTED" in result.flags or contact.restitution.u <= 0.03

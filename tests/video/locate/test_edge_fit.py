@@ -19,11 +19,11 @@ from virtual_lab.video.locate.noise import Noise
 from virtual_lab.video.locate.rim_profiles import AT, TABLE, blurred_profiles
 
 
-def fitted(seen: Scene, **known: Any) -> Located:
+def fitted(sample: Scene, **options: Any) -> Located:
     """Return the fit of balls with circular outlines; keywords replace the arguments of the fit."""
-    given = {"start": seen.start(), "oval_u": 0.0} | known
-    regions = given.pop("regions", seen.regions)
-    return fit_edge(regions_of(regions, 1.0), **given, noise=seen.noise, lens=LENS)
+    arguments = {"start": sample.start(), "oval_u": 0.0} | options
+    regions = arguments.pop("regions", sample.regions)
+    return fit_edge(regions_of(regions, 1.0), **arguments, noise=sample.noise, lens=LENS)
 
 
 def regions_of(pixels: Array, behind: ArrayLike) -> Regions:
@@ -36,10 +36,10 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def errors(seen: Scene, found: Located) -> tuple[Array, Array]:
+def errors(sample: Scene, fit: Located) -> tuple[Array, Array]:
     """Return the errors (2, region) [pixel], and the errors divided by their uncertainties."""
-    off = np.stack([found.x - seen.x, found.y - seen.y])
-    return off, off / np.hypot([found.x_u, found.y_u], found.pattern_u)
+    off = np.stack([fit.x - sample.x, fit.y - sample.y])
+    return off, off / np.hypot([fit.x_u, fit.y_u], fit.pattern_u)
 
 
 @pytest.mark.parametrize(
@@ -58,10 +58,10 @@ def test_a_stitched_ball_is_located_within_its_u(
     light: str, blur: float, worst: float, least: float
 ) -> None:
     """For 100 balls, the rms error is below its limit, and the errors agree with the stated u."""
-    seen = scene(light, blur)
-    found = fitted(seen)
-    assert (found.flags > 0).mean() <= 0.01
-    off, pulls = errors(seen, found)
+    sample = scene(light, blur)
+    fit = fitted(sample)
+    assert (fit.flags > 0).mean() <= 0.01
+    off, pulls = errors(sample, fit)
     assert max(map(rms, off)) < worst
     assert least < rms(pulls) < 1.5
     assert np.median(np.abs(pulls)) < 1.2
@@ -78,18 +78,18 @@ def test_the_hidden_share_of_a_rim_is_found(hidden: float) -> None:
     noise = Noise(gain=0.0, read=4.0)
     p = np.zeros(len(AT))
     p[[AT.x, AT.y, AT.radius, AT.level]] = middle, middle, radius, 1.0
-    found = covered(View(region, back, np.zeros(2)), p, noise)
+    share = covered(View(region, back, np.zeros(2)), p, noise)
     # angle of the ring, whose middle lies 3 pixels inside the rim and meets the chord later
     ring = np.arccos(np.cos(np.pi * hidden) * radius / (radius - 3)) / np.pi if hidden else 0.0
-    assert found == pytest.approx(ring, abs=0.01)
+    assert share == pytest.approx(ring, abs=0.01)
     dim = np.where(region > 180, 40.0 + 10 * 2, region)  # contrast of 10 sigma with the background
     assert covered(View(dim, back, np.zeros(2)), p, noise) == 0.0
 
 
 def test_a_plain_ball_costs_no_more_than_twice_its_bound() -> None:
     """For a plain ball, the fitted strength of the pattern is zero."""
-    seen = scene("soft", seams=0.0, count=50)
-    off, pulls = errors(seen, fitted(seen))
+    sample = scene("soft", seams=0.0, count=50)
+    off, pulls = errors(sample, fitted(sample))
     assert max(map(rms, off)) < 2 * 0.0023  # bound of the occlusion model
     assert rms(pulls) < 1.2
 
@@ -98,90 +98,92 @@ def test_a_plain_ball_costs_no_more_than_twice_its_bound() -> None:
 def test_a_plain_ball_has_no_bias(blur: float) -> None:
     """Without noise, from the exact spectrum, at every phase of a pixel, before a slope too."""
     for slope in (0.0, 0.5):
-        seen = balls(15, blur, 96, slope=slope, phases=8, repeats=1, noisy=False)
-        found = plain(seen)
-        assert np.abs(found.x - seen.x).max() < 0.003
-        assert np.abs(found.y - seen.y).max() < 0.003
+        sample = balls(15, blur, 96, slope=slope, phases=8, repeats=1, noisy=False)
+        fit = plain(sample)
+        assert np.abs(fit.x - sample.x).max() < 0.003
+        assert np.abs(fit.y - sample.y).max() < 0.003
 
 
 def test_hot_pixels_do_not_bias_a_position() -> None:
     """Each region has 100 hot pixels at 250 DN."""
-    seen = balls(30, 2, 96, repeats=10)
+    sample = balls(30, 2, 96, repeats=10)
     random = np.random.default_rng(3)
-    for region in seen.regions:
+    for region in sample.regions:
         region.flat[random.choice(region.size, 100, replace=False)] = 250.0
-    found = plain(seen)
-    assert rms(found.x - seen.x) < 0.006
+    fit = plain(sample)
+    assert rms(fit.x - sample.x) < 0.006
 
 
 def test_full_scale_is_flagged_and_does_no_harm() -> None:
     """Grey values are clipped well below the ball; the lower part of the edge still places it."""
-    seen = balls(30, 2, 96, repeats=10)
-    noise = Noise(gain=seen.noise.gain, read=seen.noise.read, full_scale=150.0)
-    found = plain(replace(seen, regions=np.minimum(seen.regions, 150.0), noise=noise))
-    flagged = found.flags & (PlaceFlag.SATURATED | PlaceFlag.NOT_FOUND)
+    sample = balls(30, 2, 96, repeats=10)
+    noise = Noise(gain=sample.noise.gain, read=sample.noise.read, full_scale=150.0)
+    fit = plain(replace(sample, regions=np.minimum(sample.regions, 150.0), noise=noise))
+    flagged = fit.flags & (PlaceFlag.SATURATED | PlaceFlag.NOT_FOUND)
     assert flagged.all()
-    assert rms((found.x - seen.x)[np.isfinite(found.x)]) < 0.05
+    assert rms((fit.x - sample.x)[np.isfinite(fit.x)]) < 0.05
 
 
 def test_a_known_background_may_become_brighter() -> None:
     """The background is a known pattern, and is 10 % brighter than when it was recorded."""
-    seen = balls(30, 2, 96, repeats=5)
-    size = seen.regions.shape[1]
+    sample = balls(30, 2, 96, repeats=5)
+    size = sample.regions.shape[1]
     pattern = 1 + 0.4 * np.sin(np.arange(size) / 5.0) * np.cos(np.arange(size) / 7.0)[:, None]
     regions = []
     random = np.random.default_rng(5)
     off = (FIELD - size) // 2
-    for x, y in zip(seen.x, seen.y, strict=True):
-        m = disc(FIELD, x + off, y + off, 30, 0.8, seen.blur)[off:-off, off:-off][:size, :size]
+    for x, y in zip(sample.x, sample.y, strict=True):
+        m = disc(FIELD, x + off, y + off, 30, 0.8, sample.blur)[off:-off, off:-off][:size, :size]
         mean = 44.0 * pattern * (1 - m) + 190 * m
-        regions.append(mean + random.standard_normal(m.shape) * np.sqrt(seen.noise.variance(mean)))
-    found = plain(replace(seen, regions=np.array(regions)), behind=40 * pattern)
-    assert not found.flags.any()
-    assert rms(found.x - seen.x) < 0.006
+        regions.append(
+            mean + random.standard_normal(m.shape) * np.sqrt(sample.noise.variance(mean))
+        )
+    fit = plain(replace(sample, regions=np.array(regions)), behind=40 * pattern)
+    assert not fit.flags.any()
+    assert rms(fit.x - sample.x) < 0.006
 
 
-def plain(seen: Balls, behind: ArrayLike = 1.0) -> Located:
+def plain(sample: Balls, behind: ArrayLike = 1.0) -> Located:
     """Return the fit of plain balls."""
-    regions = regions_of(seen.regions, behind)
-    return fit_edge(regions, seen.start(), noise=seen.noise, lens=0.8)
+    regions = regions_of(sample.regions, behind)
+    return fit_edge(regions, sample.start(), noise=sample.noise, lens=0.8)
 
 
 def test_elliptic_outlines_are_located() -> None:
     """Outlines are 4 % longer along one axis, which is given to the fit or found by it."""
-    seen = scene("soft", stretch=1.04)
+    sample = scene("soft", stretch=1.04)
     oval = (1.04 - 1) / (1.04 + 1) * np.array([np.cos(np.pi / 3), np.sin(np.pi / 3)])
-    off, _ = errors(seen, fitted(seen, oval=oval))
+    off, _ = errors(sample, fitted(sample, oval=oval))
     assert max(map(rms, off)) < 0.010
-    assert max(map(rms, errors(seen, fitted(seen, oval_u=0.02))[0])) < 0.016
-    seen = scene("soft", stretch=1.01)
-    found = fitted(seen, oval_u=RIM_FIT.oval_u)
-    off, pulls = errors(seen, found)
+    assert max(map(rms, errors(sample, fitted(sample, oval_u=0.02))[0])) < 0.016
+    sample = scene("soft", stretch=1.01)
+    fit = fitted(sample, oval_u=RIM_FIT.oval_u)
+    off, pulls = errors(sample, fit)
     assert max(map(rms, off)) < 0.015
     assert rms(pulls) < 1.5
 
 
 def test_a_ball_cut_by_the_frame_is_flagged_and_located() -> None:
     """A quarter of the ball is outside the frame; the median error is below 0.01 px."""
-    seen = scene("soft")
-    end = int(seen.x.mean() + 15)
-    found = fitted(seen, regions=seen.regions[:, :, :end])
-    assert (found.flags == PlaceFlag.CLIPPED).all()
-    off, pulls = errors(seen, found)
+    sample = scene("soft")
+    end = int(sample.x.mean() + 15)
+    fit = fitted(sample, regions=sample.regions[:, :, :end])
+    assert (fit.flags == PlaceFlag.CLIPPED).all()
+    off, pulls = errors(sample, fit)
     assert np.median(np.abs(off[0])) < 0.010
     assert rms(pulls) < 1.6
 
 
 def test_noise_without_a_ball_gives_no_position() -> None:
     """Regions with noise only, and a region with an unknown start, give no position."""
-    seen = scene("soft", count=20)
-    empty = np.random.default_rng(2).normal(40.0, 1.5, seen.regions.shape)
-    found = fitted(seen, regions=empty)
-    assert (found.flags > 0).all()
-    assert np.isnan(found.x).mean() > 0.9
-    start = seen.start()
+    sample = scene("soft", count=20)
+    empty = np.random.default_rng(2).normal(40.0, 1.5, sample.regions.shape)
+    fit = fitted(sample, regions=empty)
+    assert (fit.flags > 0).all()
+    assert np.isnan(fit.x).mean() > 0.9
+    start = sample.start()
     start.x[3] = np.nan
-    assert fitted(seen, start=start).flags.tolist() == [
+    assert fitted(sample, start=start).flags.tolist() == [
         int(PlaceFlag.NOT_FOUND) if k == 3 else 0 for k in range(20)
     ]
 
@@ -218,12 +220,12 @@ def test_a_ring_of_blocks_is_solved_like_a_full_matrix() -> None:
         n, total = 3, 3 * count
         near = [[(3 * k + i) % total for i in range(2 * n)] for k in range(count)]
         design = np.zeros((count, 12, total))
-        for part, own in zip(design, near, strict=True):
-            part[:, own] = random.normal(size=(12, 2 * n))
+        for part, index in zip(design, near, strict=True):
+            part[:, index] = random.normal(size=(12, 2 * n))
         whole = np.einsum("kri,krj->ij", design, design)
-        blocks = np.array([whole[np.ix_(own[:n], own[:n])] for own in near])
-        links = np.array([whole[np.ix_(own[:n], own[n:])] for own in near])
+        blocks = np.array([whole[np.ix_(index[:n], index[:n])] for index in near])
+        links = np.array([whole[np.ix_(index[:n], index[n:])] for index in near])
         right = random.normal(size=(count, n, 2))
         exact = np.linalg.solve(whole, right.reshape(total, 2))
-        found = solve_ring(blocks, links, right).reshape(total, 2)
-        assert found == pytest.approx(exact, rel=1e-9, abs=1e-9)
+        solution = solve_ring(blocks, links, right).reshape(total, 2)
+        assert solution == pytest.approx(exact, rel=1e-9, abs=1e-9)

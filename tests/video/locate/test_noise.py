@@ -11,8 +11,8 @@ def frames(gain: float, read: float, seed: int = 1, count: int = 6) -> np.ndarra
     """Return 12-bit frames of a ramp with Poisson noise, as whole grey values."""
     random = np.random.default_rng(seed)
     electrons = np.broadcast_to(np.linspace(40, 900, 200) / gain, (count, 120, 200))
-    seen = gain * random.poisson(electrons) + read**0.5 * random.standard_normal(electrons.shape)
-    return np.clip(np.rint(seen), 0, 4095).astype(np.uint16)
+    grey = gain * random.poisson(electrons) + read**0.5 * random.standard_normal(electrons.shape)
+    return np.clip(np.rint(grey), 0, 4095).astype(np.uint16)
 
 
 @pytest.mark.parametrize(("gain", "read"), [(0.5, 4.0), (0.05, 1.0), (2.0, 30.0)])

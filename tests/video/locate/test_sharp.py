@@ -42,7 +42,7 @@ def test_a_stitched_ball_that_spins_is_tracked(tmp_path: Path) -> None:
     (tmp_path / "stamps.csv").write_text("\n".join(map(repr, stamps)))
     lens = camera.lens
     x, y = map(float, lens.centre)
-    known = ClipCalibration(
+    calibration = ClipCalibration(
         camera=CameraModel(
             image_size=(spec.sensor.columns, spec.sensor.rows),
             matrix=((lens.focal, 0.0, x), (0.0, lens.focal, y), (0.0, 0.0, 1.0)),
@@ -56,9 +56,9 @@ def test_a_stitched_ball_that_spins_is_tracked(tmp_path: Path) -> None:
         timestamps=str(tmp_path / "stamps.csv"),
         drag_per_m=0.0069,
     )
-    shown = camera.frames(course, draws, "film", np.arange(3), whole=True)
-    true = shown.outlines.middle[shown.shot == 0]
-    tracked, said = hit(tmp_path / "clip.npy", known)
+    rendered = camera.frames(course, draws, "film", np.arange(3), whole=True)
+    true = rendered.outlines.middle[rendered.shot == 0]
+    tracked, said = hit(tmp_path / "clip.npy", calibration)
     flying = np.isin(tracked.frames, np.concatenate([way.frames for way in said.clip.ways]))
     located = tracked.located
     off = np.stack([located.x, located.y], axis=1) - true[tracked.frames]
@@ -84,20 +84,20 @@ def seen_of(regions: np.ndarray, behind: float) -> Regions:
 
 def test_a_ball_with_half_its_rim_dark_is_located() -> None:
     """Under a hard lamp from the side, errors are no larger than their stated u."""
-    seen = scene("side", count=40)
-    middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)
-    found = place(
-        seen_of(seen.regions, 15.0),
-        seen.start(),
-        noise=seen.noise,
+    sample = scene("side", count=40)
+    middle = (sample.regions.shape[2] / 2, sample.regions.shape[1] / 2)
+    fit = place(
+        seen_of(sample.regions, 15.0),
+        sample.start(),
+        noise=sample.noise,
         lens=LENS,
         middle=middle,
         oval=ROUND,
     )
-    assert not found.flags.any()
-    for off, u in ((found.x - seen.x, found.x_u), (found.y - seen.y, found.y_u)):
+    assert not fit.flags.any()
+    for off, u in ((fit.x - sample.x, fit.x_u), (fit.y - sample.y, fit.y_u)):
         assert np.sqrt(np.mean(off**2)) < 0.07
-        assert np.sqrt(np.mean((off / np.hypot(u, found.pattern_u)) ** 2)) < 1.3
+        assert np.sqrt(np.mean((off / np.hypot(u, fit.pattern_u)) ** 2)) < 1.3
 
 
 @pytest.mark.long
@@ -108,61 +108,68 @@ def test_the_u_allows_for_seams_at_the_rim() -> None:
     """
     off, pulls = [], []
     for seed in (12, 13, 14, 18):
-        seen = scene("soft", 2, seed=seed)
-        middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)
-        found = place(
-            seen_of(seen.regions, 40.0),
-            seen.start(),
-            noise=seen.noise,
+        sample = scene("soft", 2, seed=seed)
+        middle = (sample.regions.shape[2] / 2, sample.regions.shape[1] / 2)
+        fit = place(
+            seen_of(sample.regions, 40.0),
+            sample.start(),
+            noise=sample.noise,
             lens=LENS,
             middle=middle,
             oval=ROUND,
         )
-        off.append(np.stack([found.x - seen.x, found.y - seen.y]))
-        pulls.append(off[-1] / np.hypot(np.stack([found.x_u, found.y_u]), found.pattern_u))
+        off.append(np.stack([fit.x - sample.x, fit.y - sample.y]))
+        pulls.append(off[-1] / np.hypot(np.stack([fit.x_u, fit.y_u]), fit.pattern_u))
     assert np.sqrt(np.mean(np.square(off))) < 0.012
     assert (np.abs(pulls) > 5).mean() < 1 / 150
 
 
 def test_a_poor_start_gives_no_poorer_position() -> None:
     """A start wrong by 2 pixels and by 5 % in radius is fitted again from the first result."""
-    seen = scene("soft", count=20)
-    middle = (seen.regions.shape[2] / 2, seen.regions.shape[1] / 2)
-    start = seen.start(off=2.0)
+    sample = scene("soft", count=20)
+    middle = (sample.regions.shape[2] / 2, sample.regions.shape[1] / 2)
+    start = sample.start(off=2.0)
     start.radius[:] *= 1.05
-    found = place(
-        seen_of(seen.regions, 40.0), start, noise=seen.noise, lens=LENS, middle=middle, oval=ROUND
+    fit = place(
+        seen_of(sample.regions, 40.0),
+        start,
+        noise=sample.noise,
+        lens=LENS,
+        middle=middle,
+        oval=ROUND,
     )
-    assert not found.flags.any()
-    assert np.sqrt(np.mean((found.x - seen.x) ** 2)) < 0.02
-    assert np.sqrt(np.mean((found.y - seen.y) ** 2)) < 0.02
+    assert not fit.flags.any()
+    assert np.sqrt(np.mean((fit.x - sample.x) ** 2)) < 0.02
+    assert np.sqrt(np.mean((fit.y - sample.y) ** 2)) < 0.02
 
 
 def test_a_start_may_share_its_arrays() -> None:
     """Unknown values of a start share one array of NaN, which the fit does not change."""
-    seen = scene("back", count=3)
+    sample = scene("back", count=3)
     nothing = np.full(3, np.nan)
-    bare = replace(seen.start(), x_u=nothing, y_u=nothing, chi_square=nothing)
-    known = {"noise": seen.noise, "lens": LENS, "middle": (0.0, 0.0)}
-    found = [place(seen_of(seen.regions, 155.0), each, **known) for each in (seen.start(), bare)]
+    bare = replace(sample.start(), x_u=nothing, y_u=nothing, chi_square=nothing)
+    options = {"noise": sample.noise, "lens": LENS, "middle": (0.0, 0.0)}
+    fits = [
+        place(seen_of(sample.regions, 155.0), each, **options) for each in (sample.start(), bare)
+    ]
     for name in ("x", "x_u", "y_u", "chi_square", "pattern_u"):
-        np.testing.assert_array_equal(*(getattr(each, name) for each in found))
+        np.testing.assert_array_equal(*(getattr(each, name) for each in fits))
     assert np.isnan(nothing).all()
 
 
 def test_a_shadow_needs_no_pattern() -> None:
-    seen = scene("back", count=20)
-    found = place(
-        seen_of(seen.regions, 155.0), seen.start(), noise=seen.noise, lens=LENS, middle=(0, 0)
+    sample = scene("back", count=20)
+    fit = place(
+        seen_of(sample.regions, 155.0), sample.start(), noise=sample.noise, lens=LENS, middle=(0, 0)
     )
-    assert found.pattern_u.max() < 0.002
-    assert np.sqrt(np.mean((found.x - seen.x) ** 2)) < 0.005
+    assert fit.pattern_u.max() < 0.002
+    assert np.sqrt(np.mean((fit.x - sample.x) ** 2)) < 0.005
 
 
 def test_a_ball_lit_from_the_side_is_found_by_its_limb() -> None:
     """A start 8 pixels off, in the middle of the light, gives each position within 2 pixels."""
-    seen = scene("side", count=20)
-    start = seen.start()
-    light = replace(start, y=start.y - 8.0, radius=np.full(20, seen.radius))
-    found = on_the_limb(seen_of(seen.regions, 15.0), light)
-    assert np.hypot(found.x - seen.x, found.y - seen.y).max() < 2
+    sample = scene("side", count=20)
+    start = sample.start()
+    light = replace(start, y=start.y - 8.0, radius=np.full(20, sample.radius))
+    fit = on_the_limb(seen_of(sample.regions, 15.0), light)
+    assert np.hypot(fit.x - sample.x, fit.y - sample.y).max() < 2

@@ -91,9 +91,9 @@ class _Lens:
         x, y, z = np.broadcast_arrays(x, y, z)
         return np.stack([x, y, z], axis=-1) @ self.turned.T + [0, 0, self.scene.phone.distance]
 
-    def project(self, seen: Array) -> Array:
+    def project(self, position: Array) -> Array:
         """Return the pixels of the still frame, (..., 2)."""
-        return self.middle + self.scene.phone.focal * seen[..., :2] / seen[..., 2:]
+        return self.middle + self.scene.phone.focal * position[..., :2] / position[..., 2:]
 
     def rays(self, still: Array) -> Array:
         """Return the rays through pixels of the still frame, (..., 3)."""
@@ -207,12 +207,12 @@ class _Filmed:
         time = t
         for _ in range(8):  # iterations: the row of the ball sets the time of its reading
             x, y = path.at(time)
-            seen = self.lens.seen(x, y)
-            still = self.lens.project(seen)
+            position = self.lens.seen(x, y)
+            still = self.lens.project(position)
             picture = self.moved(still, time)
             row = np.clip(picture[:, 1], 0, rows - 1)
             time = t + scene.phone.readout * row / (rows - 1)
-        radius, half = self._radius(actor, seen), scene.exposure / 2
+        radius, half = self._radius(actor, position), scene.exposure / 2
         breaks = [start for start, _ in path.phases[1:]] + [c.time for c in path.contacts]
         late = np.array(breaks)[:, None] - time
         touched = np.zeros(len(t), bool)
@@ -241,13 +241,13 @@ class _Filmed:
 
     def _whole(self, actor: Actor, path: motion.Path, time: Array) -> NDArray[np.bool_]:
         """Return a mask of the times at which the whole ball, plus a pixel, is in the picture."""
-        seen = self.lens.seen(*path.at(time))
-        reach = self._radius(actor, seen)[..., None] + 1
-        at, last = self.moved(self.lens.project(seen), time), np.array(self.scene.size) - 1
+        position = self.lens.seen(*path.at(time))
+        reach = self._radius(actor, position)[..., None] + 1
+        at, last = self.moved(self.lens.project(position), time), np.array(self.scene.size) - 1
         return ((at >= reach) & (at <= last - reach)).all(axis=-1)
 
-    def _radius(self, actor: Actor, seen: Array) -> Array:
-        return self.scene.phone.focal * actor.ball.radius / seen[..., 2]
+    def _radius(self, actor: Actor, position: Array) -> Array:
+        return self.scene.phone.focal * actor.ball.radius / position[..., 2]
 
     def _still(self, place: Array) -> Array:
         return self.lens.project(self.lens.seen(*place))
@@ -325,11 +325,11 @@ class _Filmed:
         rows, columns = self.shape
         corners = np.array([[0, 0], [columns - 1, 0], [0, rows - 1]], float)
         when = time + self.scene.phone.readout * np.array([0, 0, 1])
-        seen = self.unmoved(corners, when)
-        if np.array_equal(seen, corners):
+        still_corners = self.unmoved(corners, when)
+        if np.array_equal(still_corners, corners):
             inside = slice(self.margin, -self.margin)
             return self.behind[inside, inside].copy()
-        ends = (corners.astype(np.float32), (seen + self.margin).astype(np.float32))
+        ends = (corners.astype(np.float32), (still_corners + self.margin).astype(np.float32))
         flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
         return cv2.warpAffine(
             self.behind, cv2.getAffineTransform(*ends), (columns, rows), flags=flags
@@ -375,9 +375,9 @@ class _Filmed:
         x, y = path.at(time + np.linspace(-scene.exposure / 2, scene.exposure / 2 + phone.readout))
         if mirrored:
             y = 2 * scene.floor - y
-        seen = self.lens.seen(x, y)
-        radius = 1.15 * phone.focal * actor.ball.radius / seen[:, 2].min() + 4 * phone.blur + 2
-        still = self.lens.project(seen)
+        position = self.lens.seen(x, y)
+        radius = 1.15 * phone.focal * actor.ball.radius / position[:, 2].min() + 4 * phone.blur + 2
+        still = self.lens.project(position)
         ends = np.concatenate([self.moved(still, time + late) for late in (0, phone.readout)])
         low = np.floor(ends.min(axis=0) - radius).astype(int)
         high = np.ceil(ends.max(axis=0) + radius).astype(int)
@@ -439,8 +439,8 @@ class _Filmed:
             return
         row, column = np.ogrid[top:bottom, left:right]
         away = ((column - at[0]) / wide[0]) ** 2 + ((row - at[1]) / wide[1]) ** 2
-        kept = (1 - dark * np.exp(-(away**1.5))) ** (1 / self.scene.phone.gamma)
-        picture[top:bottom, left:right] *= kept[..., None].astype(np.float32)
+        factor = (1 - dark * np.exp(-(away**1.5))) ** (1 / self.scene.phone.gamma)
+        picture[top:bottom, left:right] *= factor[..., None].astype(np.float32)
 
 
 def _skin(share: Image) -> Image:

@@ -319,8 +319,8 @@ def _thrown(name: str, **changes: object) -> Scene:
     actor = Actor(
         ball=changes.pop("ball", GREEN), motion=replace(thrown_on_wall.actors[0].motion, **motion)
     )
-    given = {"phone": PHONED, "backdrop": PLASTER, "actors": (actor,), "codec": "H264"}
-    return replace(thrown_on_wall, name=name, **(given | changes))
+    defaults = {"phone": PHONED, "backdrop": PLASTER, "actors": (actor,), "codec": "H264"}
+    return replace(thrown_on_wall, name=name, **(defaults | changes))
 
 
 UNSEEN = {

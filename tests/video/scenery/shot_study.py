@@ -46,15 +46,15 @@ def sharp_places(shot: Shot) -> Places:
     hulls = _hulls(shot)
     high, wide = shot.regions.shape[1:]
     behind = [shot.background[r : r + high, c : c + wide] for c, r in shot.corners]
-    seen = Regions(
+    regions = Regions(
         pixels=shot.regions,
         background=np.stack(behind).astype(np.float32),
         corners=shot.corners.astype(float),
     )
     blurs = np.zeros((len(hulls), 2))
     for side in (shot.times < 0, shot.times > 0):
-        shown = side & np.isfinite(hulls).all(axis=1)
-        blurs[side] = np.polyfit(shot.times[shown], hulls[shown, :2], 1)[0] * shot.kind.exposure
+        usable = side & np.isfinite(hulls).all(axis=1)
+        blurs[side] = np.polyfit(shot.times[usable], hulls[usable, :2], 1)[0] * shot.kind.exposure
     start = Located.start(hulls[:, :2], float(np.nanmedian(hulls[:, 2])), blurs)
     samples = empties(shot.kind, EMPTY)
     clip = Clip(
@@ -66,8 +66,10 @@ def sharp_places(shot: Shot) -> Places:
         sampled=np.arange(EMPTY),
         warnings=(),
     )
-    found = sharp.sharp_places(clip, seen, start, lens=shot.kind.blur, ball_radius=shot.kind.radius)
-    return np.where(found.flags == 0, found.x, np.nan), np.hypot(found.x_u, found.pattern_u)
+    located = sharp.sharp_places(
+        clip, regions, start, lens=shot.kind.blur, ball_radius=shot.kind.radius
+    )
+    return np.where(located.flags == 0, located.x, np.nan), np.hypot(located.x_u, located.pattern_u)
 
 
 def _hulls(shot: Shot) -> Array:

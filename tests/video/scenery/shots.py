@@ -217,12 +217,12 @@ def efficiency(shot: Shot, x: Array, u: Array) -> float:
     """
     drag = DRAG / shot.kind.scale
     straight = np.expm1(np.array([1, -1])[:, None] * drag * (x - shot.contact[0])) / drag
-    seen = np.isfinite(x)
+    finite = np.isfinite(x)
     into, away = (
         np.polyfit(shot.times[side], values[side], 1, w=1 / u[side])[0]
         for side, values in (
-            (seen & (shot.times < 0), straight[0]),
-            (seen & (shot.times > 0), straight[1]),
+            (finite & (shot.times < 0), straight[0]),
+            (finite & (shot.times > 0), straight[1]),
         )
     )
     return float(away / into)
@@ -312,8 +312,8 @@ def _frames(
         _places(kind, contact, velocity_out, times),
     )
     margin = kind.radius + 20
-    seen = (places[:, 0] > margin) & (np.abs(times) > kind.exposure)
-    before, after = (np.flatnonzero(seen & side) for side in (times < 0, times > 0))
+    visible = (places[:, 0] > margin) & (np.abs(times) > kind.exposure)
+    before, after = (np.flatnonzero(visible & side) for side in (times < 0, times > 0))
     chosen = np.concatenate([before[-kind.most_in :], after[: kind.most_out]])
     return times[chosen], places[chosen]
 

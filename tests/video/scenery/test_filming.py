@@ -116,12 +116,12 @@ def test_blur_is_as_long_as_the_motion_during_the_exposure() -> None:
 def test_balls_are_at_their_true_positions(scene: Scene, tmp_path: Path) -> None:
     scene = without_light(scene)
     frames = truth(scene, tmp_path)
-    seen = balls_seen(scene)[frames.whole]
+    centroids = balls_seen(scene)[frames.whole]
     assert frames.whole.sum() >= 10
-    told = np.stack([frames.picture_x, frames.picture_y], axis=1)[frames.whole]
+    true = np.stack([frames.picture_x, frames.picture_y], axis=1)[frames.whole]
     still = np.stack([frames.x, frames.y], axis=1)[frames.whole]
     outward = (still - [79.5, 59.5]) * PURE.radius**2 / (1 - PURE.radius**2)  # offset of the oval
-    assert np.abs(seen - told - outward).max() < 0.02
+    assert np.abs(centroids - true - outward).max() < 0.02
 
 
 def test_positions_in_the_still_frame_are_free_of_drift(tmp_path: Path) -> None:
@@ -155,10 +155,10 @@ def test_rolling_shutter_reads_lower_rows_later(tmp_path: Path) -> None:
 
 
 def test_gravity_and_scale_are_those_of_the_plane(tmp_path: Path) -> None:
-    told = film(QUIET, tmp_path).truth
-    assert told.metres_per_pixel == pytest.approx(1 / 225)
-    assert told.gravity_px == pytest.approx((0, 9.81 * 225), abs=1e-6)
-    frames = told.frames
+    ball_truth = film(QUIET, tmp_path).truth
+    assert ball_truth.metres_per_pixel == pytest.approx(1 / 225)
+    assert ball_truth.gravity_px == pytest.approx((0, 9.81 * 225), abs=1e-6)
+    frames = ball_truth.frames
     fall = np.diff(frames.y, 2) * 60**2
     assert fall == pytest.approx(9.81 * 225, rel=0.01)  # tolerance for drag
 
