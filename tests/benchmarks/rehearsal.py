@@ -153,7 +153,7 @@ def by_key(folder: Path) -> list[float]:
 
 
 def handed_in_at_once(folder: str) -> tuple[dict[str, list[float]], float]:
-    """Many trainees fire a salvo, hand in and open the debrief at once, while another continues.
+    """Let many trainees fire, hand in and open the debrief at once, while another continues.
 
     Return times by kind [s], and then the memory of the server [MB].
     """

@@ -280,7 +280,7 @@ CASES: dict[str, Case] = {
     "a picture's name of 300": (nothing, f"calibrate {LONG} {BOARD} --out c.toml", ["too long"]),
     "a clip that never ends": (nothing, "track /dev/zero --ball 28mm", ["no such file or folder"]),
     "a clip of no name": (nothing, "track '' --ball 28mm", ["images = 0"]),
-    # a bat's file
+    # file of a bat
     "200 000 brackets": (
         file("mine.toml", "a = " + "[" * 200_000),
         "profile mine.toml",
@@ -414,7 +414,7 @@ CASES: dict[str, Case] = {
         "profile r161 --ball ball.toml",
         ["pressed in by 1 cm", "1e7 N"],
     ),
-    # a session
+    # session.json
     "100 000 brackets": (session("[" * 100_000), "reduce r", ["r/session.json", "nested"]),
     "a channel that leads out": (
         renamed("../../../../etc/passwd"),

@@ -51,7 +51,7 @@ def thrown(kind: str, seed: int) -> Scene:
     """Return a throw across the picture with at least one bounce, before a random wall."""
     draw = np.random.default_rng([seed, 77, PHONES.index(kind)])
     diameter = draw.uniform(0.04, 0.08)
-    radius, focal = draw.uniform(8, 15), draw.uniform(0.75, 1.0) * SIZE[0]  # in pixels
+    radius, focal = draw.uniform(8, 15), draw.uniform(0.75, 1.0) * SIZE[0]  # sizes [pixels]
     unit = diameter / 2 / radius
     wide, high = np.multiply(SIZE, unit)
     fps = float(draw.choice([60, 120]))

@@ -29,7 +29,7 @@ READ = 6  # readable frames of a flight whose positions count
 MUCH = 0.5  # share of a flight's readable frames that counts as found
 FAR = 5.0  # largest error of a result [u]
 BESIDE = 0.8  # tolerance of a contact [frames]; a lost frame may contain one
-HARMLESS = {"READOUT_UNKNOWN", "REPEATED_FRAMES", "LOST_FRAMES"}  # no excuse for a wrong result
+HARMLESS = {"READOUT_UNKNOWN", "REPEATED_FRAMES", "LOST_FRAMES"}  # flags that excuse no error
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -52,7 +52,7 @@ def test_flights_and_contacts_agree_with_the_truth(followed: Get) -> None:
     for flight in result.flights:
         pull = flight.acceleration
         assert abs(pull.value - 9.81) < 3 * pull.u < 0.3 * 9.81
-    assert result.scale is not None  # by a ball that is lighter than its background
+    assert result.scale is not None  # scale of a ball lighter than its background
     assert result.scale.metres_per_pixel == pytest.approx(made.truth.metres_per_pixel, rel=0.02)
 
 

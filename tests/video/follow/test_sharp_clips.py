@@ -316,9 +316,8 @@ def test_a_ball_that_cannot_be_located_sharply_is_flagged(
     assert "NOT_SHARP" in result.flags
     assert re.search(words, " ".join(result.warnings))
     assert len(result.flights) == 2
-    if (
-        key == "ball_diameter_m"
-    ):  # a file that gives scale and rate only is measured by hulls, unflagged
+    if key == "ball_diameter_m":
+        # file with scale and rate only, which is measured by hulls without a flag
         bare = replace(KNOWN, lens_blur_px=None, exposure_s=None)
         assert track_hit(tmp_path / "clip.npy", bare).flags == ()
 
