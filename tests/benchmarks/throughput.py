@@ -136,10 +136,10 @@ def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
     tested = by_the_book(laboratory).of(0).certification
     session = tested.session
     reduced, _ = reduce_block(tested.block)
-    known = {name: constant.value[0] for name, constant in reduced.constants.items()}
-    bat = bat_properties(known)
+    constants = {name: constant.value[0] for name, constant in reduced.constants.items()}
+    bat = bat_properties(constants)
     balls = measured_balls(
-        known, observe_balls(tested.block).select(np.array(0)).select(np.array(0))
+        constants, observe_balls(tested.block).select(np.array(0)).select(np.array(0))
     )
     rules = reduced.procedure
     metric = metric_of(rules)
@@ -161,7 +161,9 @@ def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
         )
         records = {**session.records, "impact": play.records}
         readings = observe_impact(SessionBlock.of(replace(session, records=records)))
-        results = shot_results(ShotResults, known, bat, balls, readings, rules.reduction_settings)
+        results = shot_results(
+            ShotResults, constants, bat, balls, readings, rules.reduction_settings
+        )
         return metric(Curve.measured(results), bat)
 
     return work

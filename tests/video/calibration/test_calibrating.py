@@ -150,7 +150,7 @@ def test_track_reads_what_calibrate_writes(monkeypatch: pytest.MonkeyPatch, tmp_
 
 
 @pytest.mark.parametrize(
-    ("seen", "words"),
+    ("views_of", "words"),
     [
         (lambda lens: corners_seen(lens, BOARD, 2, 1, NOISE), "at least 3 must show the board"),
         (lambda lens: corners_seen(lens, BOARD, 6, 1, NOISE, lean=0.0), "askew"),
@@ -159,10 +159,10 @@ def test_track_reads_what_calibrate_writes(monkeypatch: pytest.MonkeyPatch, tmp_
     ],
 )
 def test_views_with_too_little_information_are_refused(
-    seen, words: str, monkeypatch: pytest.MonkeyPatch
+    views_of, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(InputError, match=words):
-        calibrated(monkeypatch, seen(camera_with(1).lens))
+        calibrated(monkeypatch, views_of(camera_with(1).lens))
 
 
 def test_a_view_that_does_not_fit_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
