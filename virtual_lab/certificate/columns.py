@@ -38,9 +38,9 @@ class ShotColumn(NamedTuple):
     row: str = ""  # field of the certificate's `ShotRow`; "": only in the table
     printed: InPrint | None = None
 
-    def values(self, found: Certification) -> Any:
+    def values(self, certification: Certification) -> Any:
         """Return the values in the unit of the name, (shot,), or None."""
-        values, size = self.si(found), unit_of(self.name).si
+        values, size = self.si(certification), unit_of(self.name).si
         return values if values is None or size == 1 else values / size
 
 

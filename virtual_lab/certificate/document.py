@@ -635,16 +635,16 @@ class CertificateDocument(Spec):
     @property
     def quantities(self) -> dict[str, Stated]:
         """The quantities other than the metric, by name."""
-        found = {name: getattr(self, name) for name in OPTIONAL}
-        return {name: stated for name, stated in found.items() if stated is not None}
+        by_name = {name: getattr(self, name) for name in OPTIONAL}
+        return {name: stated for name, stated in by_name.items() if stated is not None}
 
     def as_json(self) -> dict[str, Any]:
         """Return the document as JSON values."""
-        found = asdict(self)
+        content = asdict(self)
         for name in OPTIONAL:
-            if found[name] is None:
-                del found[name]
-        document: dict[str, Any] = _lists(found)
+            if content[name] is None:
+                del content[name]
+        document: dict[str, Any] = _lists(content)
         return document
 
     @cached_property
@@ -742,11 +742,11 @@ def _contradictions(document: CertificateDocument) -> Iterator[tuple[str, Any, s
         yield "marginal", document.marginal, allowed
 
 
-def _same_risk(stated: RiskStated | None, found: RiskStated | None) -> bool:
-    if stated is None or found is None:
-        return stated is found
-    close = isclose(stated.probability, found.probability, rel_tol=1e-6, abs_tol=1e-12)
-    return close and stated.of == found.of
+def _same_risk(stated: RiskStated | None, computed: RiskStated | None) -> bool:
+    if stated is None or computed is None:
+        return stated is computed
+    close = isclose(stated.probability, computed.probability, rel_tol=1e-6, abs_tol=1e-12)
+    return close and stated.of == computed.of
 
 
 def _verdict(document: CertificateDocument, met: bool) -> str:

@@ -152,12 +152,12 @@ def rebound_figure(document: CertificateDocument) -> str | None:
     by_shot.level(0.0, dashes=DASHED)
     against.line(ends, ends, "equal", dashes=DASHED)
     for valid, label in ((True, "valid hit"), (False, "invalid hit")):
-        own = [row for row in both if (not row[0].reason) == valid]
-        if own:
-            _, recoil, rebound = zip(*own, strict=True)
+        rows = [row for row in both if (not row[0].reason) == valid]
+        if rows:
+            _, recoil, rebound = zip(*rows, strict=True)
             against.dots(recoil, rebound, label, radius=2, cross=not valid)
-            shots = [row.shot + 1.0 for row, *_ in own]
-            gaps = [one - other for _, other, one in own]
+            shots = [row.shot + 1.0 for row, *_ in rows]
+            gaps = [one - other for _, other, one in rows]
             by_shot.dots(shots, gaps, radius=2, cross=not valid)
     description = (
         f"e_A by the rebound of the ball against e_A by the recoil of the bat, {len(both)} hits; "
@@ -279,8 +279,8 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
     metric, unit_si = document.metric, METRICS[document.metric.name].unit_si
     scan = bool(document.places)
     across = [row.place_in if scan else row.shot + 1.0 for row in document.shots]
-    seen = [(x, row) for x, row in zip(across, document.shots, strict=True) if row.metric]
-    heights = [row.metric / unit_si for _, row in seen if row.metric is not None]
+    measured = [(x, row) for x, row in zip(across, document.shots, strict=True) if row.metric]
+    heights = [row.metric / unit_si for _, row in measured if row.metric is not None]
     interval = [bound / unit_si for bound in metric.interval_95 or ()]
     if not document.states_result and metric.limit is not None:
         heights.append(metric.limit / unit_si)
@@ -302,7 +302,7 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
     if document.states_result and metric.value is not None:
         panel.band(interval[0], interval[1], "95 % interval")
         panel.level(metric.value / unit_si, "result" if scan else "mean")
-    for label, rows, fill, cross in _kinds(seen, scan):
+    for label, rows, fill, cross in _kinds(measured, scan):
         points = [(x, row.metric / unit_si) for x, row in rows if row.metric is not None]
         if points:
             xs, ys = zip(*points, strict=True)
@@ -315,16 +315,16 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
 
 
 def _kinds(
-    seen: Sequence[tuple[float, ShotRow]], scan: bool
+    measured: Sequence[tuple[float, ShotRow]], scan: bool
 ) -> list[tuple[str, list[tuple[float, ShotRow]], str, bool]]:
     """Return the kinds of hits to be marked: label, hits, fill of the disc, whether a cross."""
-    valid = [(x, row) for x, row in seen if not row.reason]
+    valid = [(x, row) for x, row in measured if not row.reason]
     if scan:
         return [
             ("other valid hit", [(x, row) for x, row in valid if not row.used], "white", False),
             ("in the result", [(x, row) for x, row in valid if row.used], "black", False),
         ]
-    invalid = [(x, row) for x, row in seen if row.reason]
+    invalid = [(x, row) for x, row in measured if row.reason]
     return [("valid hit", valid, "black", False), ("invalid hit", invalid, "none", True)]
 
 

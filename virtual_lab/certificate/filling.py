@@ -210,17 +210,18 @@ def certificate(
 
 def _particulars(session: Session) -> Particulars:
     """Return the stated particulars; supplied records fill in missing names."""
-    found, origin = session.particulars, session.origin
+    particulars, origin = session.particulars, session.origin
     if isinstance(origin, Supplied):
-        laboratory = replace(found.laboratory, name=found.laboratory.name or origin.laboratory)
-        customer = replace(found.customer, name=found.customer.name or origin.customer)
-        return replace(found, laboratory=laboratory, customer=customer)
-    return found
+        laboratory, customer = particulars.laboratory, particulars.customer
+        laboratory = replace(laboratory, name=laboratory.name or origin.laboratory)
+        customer = replace(customer, name=customer.name or origin.customer)
+        return replace(particulars, laboratory=laboratory, customer=customer)
+    return particulars
 
 
 def _simulation(origin: Simulated, truth_digest: str | None) -> SimulationStated:
-    known = {each.name: getattr(origin, each.name) for each in fields(origin)}
-    return SimulationStated(**known, truth_digest=truth_digest)
+    stated = {each.name: getattr(origin, each.name) for each in fields(origin)}
+    return SimulationStated(**stated, truth_digest=truth_digest)
 
 
 def budget_lines(budget: Budget) -> list[BudgetLine]:
@@ -300,14 +301,14 @@ def _along(certification: Certification) -> AlongBarrel | None:
     along = np.linspace(steps[0], steps[-1], 41)
     rules = certification.procedure
     name, at_rest = rules.metric, rules.game is None and not rules.bat_speed
-    shown = {
+    quantities = {
         "collision_efficiency": shots.collision_efficiency,
         "restitution": shots.restitution,
         REBOUND_SPEED if at_rest else "batted_speed": _batted_speed(certification),
         name: certification.shot_metric,
     }
     curves = []
-    for key, each in shown.items():
+    for key, each in quantities.items():
         at = [each[valid][place == step] for step in steps]
         fitted = Polynomial.fit(place, each[valid], degree)(along)
         curves.append(
@@ -341,8 +342,9 @@ def _along(certification: Certification) -> AlongBarrel | None:
 
 def _batted_speed(certification: Certification) -> Array:
     """Return v_f of each shot at the speeds of the rules' game, or of the test, (shot,) [m/s]."""
-    known = {name: np.array(each.value) for name, each in certification.bat.items()}
-    bat = BatProperties(**known, barrel_radius=np.array(np.nan))  # no speed depends on the radius
+    properties = {name: np.array(each.value) for name, each in certification.bat.items()}
+    # no speed depends on the radius
+    bat = BatProperties(**properties, barrel_radius=np.array(np.nan))
     speeds = field_speeds(certification.procedure, certification.readings.place, bat)
     return np.asarray(batted_speed(certification.shots.collision_efficiency, *speeds))
 
@@ -350,13 +352,13 @@ def _batted_speed(certification: Certification) -> Array:
 def _camera(comparison: CameraComparison | None) -> CameraWord | None:
     if comparison is None:
         return None
-    found = {name: _compared(each) for name, each in comparison.quantities.items()}
+    results = {name: _compared(each) for name, each in comparison.quantities.items()}
     return CameraWord(
         hits=comparison.hits,
         missed=comparison.missed,
-        collision_efficiency=found.get("collision_efficiency"),
-        restitution=found.get("restitution"),
-        bat_performance_factor=found.get("bat_performance_factor"),
+        collision_efficiency=results.get("collision_efficiency"),
+        restitution=results.get("restitution"),
+        bat_performance_factor=results.get("bat_performance_factor"),
     )
 
 
@@ -410,16 +412,16 @@ def _method(certification: Certification, metric: Budget) -> str:
         )
     if finer is None:
         return FIRST_ORDER
-    found, printed = next(iter(finer.outcomes.values())), METRICS[certification.procedure.metric]
+    outcome, printed = next(iter(finer.outcomes.values())), METRICS[certification.procedure.metric]
 
     def shown(value: float, form: str) -> str:
         return f"{value / printed.unit_si:{form}} {printed.unit}".rstrip()
 
-    shift = shown(found.shift, "+.2g")
-    if found.convergence is None:
+    shift = shown(outcome.shift, "+.2g")
+    if outcome.convergence is None:
         order = "Propagation of mean and variance to second order (GUM 5.1.2, note): by it the mean"
         return f"{order} lies {shift} off. {FIRST_ORDER}"
-    drawn, within = found.convergence.draws, found.convergence.tolerance or inf
+    drawn, within = outcome.convergence.draws, outcome.convergence.tolerance or inf
     return (
         f"Propagation of distributions (JCGM 101) by {drawn:,} draws, u and both ends of the "
         f"interval right within {shown(within, '.1g')} with 95 %; their mean lies {shift} off. "
@@ -516,13 +518,13 @@ def _rebound_check(certification: Certification) -> ReboundCheck | None:
     if certification.readings.recoil is None:
         return None
     shots, valid = certification.shots, certification.judgement.valid
-    seen = valid & np.isfinite(shots.rebound_efficiency)
-    if not seen.any():
+    measured = valid & np.isfinite(shots.rebound_efficiency)
+    if not measured.any():
         return ReboundCheck(shots=0, collision_efficiency=None, difference=None, u=None)
-    rebound = shots.rebound_efficiency[seen]
-    gap = rebound - shots.recoil_efficiency[seen]
+    rebound = shots.rebound_efficiency[measured]
+    gap = rebound - shots.recoil_efficiency[measured]
     return ReboundCheck(
-        shots=int(seen.sum()),
+        shots=int(measured.sum()),
         collision_efficiency=float(rebound.mean()),
         difference=float(gap.mean()),
         u=float(gap.std(ddof=1)) / sqrt(gap.size) if gap.size > 1 else None,
@@ -536,19 +538,19 @@ def _encoder(certification: Certification) -> EncoderTrace | None:
     reduction found for all shots: for display only, no result uses this fit.
     """
     counts, recoil = _counts(certification), certification.readings.recoil
-    seen = np.isfinite(certification.shots.speed)
-    if counts is None or recoil is None or not seen.any():
+    measured = np.isfinite(certification.shots.speed)
+    if counts is None or recoil is None or not measured.any():
         return None
     valid = certification.judgement.valid
-    shot = int((valid if valid.any() else seen).argmax())
+    shot = int((valid if valid.any() else measured).argmax())
     after, angle = _angle_of(certification, counts, shot)
     turn, ring = _turn_and_ring(after, angle, recoil.ring_frequency, recoil.ring_decay)
-    shown = (after >= 0) & (after <= 20e-3)  # a few periods of the slowest vibration
+    early = (after >= 0) & (after <= 20e-3)  # a few periods of the slowest vibration
     return EncoderTrace(
         shot=shot,
         settled_ms=RECOIL.settling_time * 1e3,
         turn=_trace(*(each[::8] for each in (after, angle, turn))),
-        ring=_trace(after[shown], (angle - turn)[shown], ring[shown]),
+        ring=_trace(after[early], (angle - turn)[early], ring[early]),
     )
 
 
@@ -564,8 +566,8 @@ def _contact_sheet(certification: Certification) -> Iterator[RingRecorded]:
         if not np.any(after > RECOIL.settling_time):
             continue
         turn, _ = _turn_and_ring(after, angle, recoil.ring_frequency, recoil.ring_decay)
-        shown = (after >= 0) & (after <= 20e-3)
-        time, ring = 1e3 * after[shown][::2], (angle - turn)[shown][::2]  # two samples per period
+        window = (after >= 0) & (after <= 20e-3)
+        time, ring = 1e3 * after[window][::2], (angle - turn)[window][::2]  # two samples per period
         yield RingRecorded(
             shot=shot,
             from_ms=round(float(time[0]), 3),
@@ -575,11 +577,11 @@ def _contact_sheet(certification: Certification) -> Iterator[RingRecorded]:
 
 
 def _trace(after: Array, angle: Array, fit: Array) -> Trace:
-    time, shown, fitted = (
+    time, angles, fitted = (
         tuple(np.round(values, places).tolist())
         for values, places in ((after * 1e3, 4), (angle, 5), (fit, 5))
     )
-    return Trace(time_ms=time, angle_deg=shown, fit_deg=fitted)
+    return Trace(time_ms=time, angle_deg=angles, fit_deg=fitted)
 
 
 def _counts(certification: Certification) -> EncoderRecord | None:
@@ -595,10 +597,10 @@ def _angle_of(
     certification: Certification, record: EncoderRecord, shot: int
 ) -> tuple[Array, Array]:
     """Return time after contact [s] and angle [°] of one shot, (sample,)."""
-    known = certification.session.calibration
+    constants = certification.session.calibration
     contact = certification.readings.flights.raw.contact[shot]
-    turn = known["impact.encoder.counts_per_turn"].value * known["impact.encoder.scale"].value
-    return record.times - contact, record.counts[shot] * (360 / turn)
+    scale, turn = constants["impact.encoder.scale"], constants["impact.encoder.counts_per_turn"]
+    return record.times - contact, record.counts[shot] * (360 / (turn.value * scale.value))
 
 
 def _turn_and_ring(

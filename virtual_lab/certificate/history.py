@@ -27,11 +27,11 @@ def kind_of(session: Session) -> dict[str, str]:
 
 
 def earlier_scatter(
-    folders: Sequence[Path], asked: Mapping[str, str], today: Session | None = None
+    folders: Sequence[Path], kind: Mapping[str, str], today: Session | None = None
 ) -> dict[str, Estimate]:
     """Return the variance of one hit for each result, from the certificates of earlier tests.
 
-    `folders` are result folders, or folders that contain them. `asked` is the kind of the current
+    `folders` are result folders, or folders that contain them. `kind` is the kind of the current
     test, as `kind_of` returns it, and `today` its session, where its records are reduced.
 
     Raises
@@ -47,24 +47,24 @@ def earlier_scatter(
         allowed = f"allowed: {FEWEST} earlier tests and more; ten serve well"
         raise InputError("", "history", _count(len(every)), allowed)
     tests: list[dict[str, HitVariance]] = []
-    seen = {_digest(today): "these records"} if today else {}
+    digests = {_digest(today): "these records"} if today else {}
     for folder in every:
-        _, found = stated_and_reduced(folder)
-        for key, there in kind_of(found.session).items():
-            if there != asked[key]:
-                which = "is another" if key == "procedure" else f"is {there!r}, not {asked[key]!r}"
+        _, certification = stated_and_reduced(folder)
+        for key, there in kind_of(certification.session).items():
+            if there != kind[key]:
+                which = "is another" if key == "procedure" else f"is {there!r}, not {kind[key]!r}"
                 allowed = f"{which}; allowed: tests of this bat, procedure, rig and laboratory"
                 raise InputError(str(folder), key, None, allowed)
-        if not found.variances:
+        if not certification.variances:
             allowed = "an INVALID test tells nothing; allowed: one with a result"
             raise InputError(str(folder), "history", None, allowed)
-        digest = _digest(found.session)
-        if digest in seen:
-            allowed = f"is the test of {seen[digest]} once more"
+        digest = _digest(certification.session)
+        if digest in digests:
+            allowed = f"is the test of {digests[digest]} once more"
             raise InputError(str(folder), "history", None, allowed)
-        seen[digest] = str(folder)
-        own = found.variances.items()
-        tests.append({name: HitVariance.of(Estimates.stacked([each])) for name, each in own})
+        digests[digest] = str(folder)
+        variances = certification.variances.items()
+        tests.append({name: HitVariance.of(Estimates.stacked([each])) for name, each in variances})
     source = f"{len(tests)} earlier tests"
     return {
         name: HitVariance.pooled([test[name] for test in tests]).known(source).row(0)

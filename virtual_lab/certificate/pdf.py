@@ -77,41 +77,41 @@ def typeset(
     """
     odd: set[str] = set()
     while True:
-        shown = _shown(view, odd)
+        printable = _shown(view, odd)
         try:
-            found: bytes = typst.compile(
+            pdf: bytes = typst.compile(
                 source,
                 format="pdf",
-                sys_inputs={"view": shown, **others},
+                sys_inputs={"view": printable, **others},
                 pdf_standards=standards,
                 ignore_system_fonts=True,
             )
         except Exception as fault:
-            lacking = _lacking(str(fault), shown) - odd
+            lacking = _lacking(str(fault), printable) - odd
             if not lacking or len(odd) > MOST_ODD:
                 said = " ".join(f"cannot be set by Typst ({fault})".split())
                 raise InputError("", "PDF", None, said) from fault
             odd |= lacking
         else:
-            return found
+            return pdf
 
 
-def _lacking(refusal: str, shown: str) -> set[str]:
+def _lacking(refusal: str, printable: str) -> set[str]:
     """Return the characters of a text without a glyph, from Typst's error message.
 
     If the message names a base character with combining marks, only the marks are returned,
     because the font may have the base. If it names an ASCII base alone, which every font has, the
     marks behind it in the text are returned.
     """
-    found = set[str]()
+    characters = set[str]()
     for escaped in NO_GLYPH.findall(refusal):
         text = ESCAPED.sub(lambda code: chr(int(code[1], 16)), escaped)
         marks = {each for each in text if category(each) in MARKS}
         if text.isascii():
-            behind = (each for base, each in pairwise(shown) if base in text)
+            behind = (each for base, each in pairwise(printable) if base in text)
             marks = {each for each in behind if category(each) in MARKS}
-        found |= marks or {each for each in text if not each.isascii()}
-    return found
+        characters |= marks or {each for each in text if not each.isascii()}
+    return characters
 
 
 def source_of_pdf() -> bytes:
@@ -121,8 +121,8 @@ def source_of_pdf() -> bytes:
 
 def inputs_of_pdf(document: CertificateDocument, paper: str = "a4") -> dict[str, str]:
     """Return the template's inputs, for a document whose characters all have glyphs."""
-    shown = _shown(_view(document), set())
-    return {"view": shown, "document": document.text, "paper": PAPERS[paper]}
+    printable = _shown(_view(document), set())
+    return {"view": printable, "document": document.text, "paper": PAPERS[paper]}
 
 
 def _shown(view: dict[str, Any], odd: set[str]) -> str:

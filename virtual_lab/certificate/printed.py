@@ -299,19 +299,19 @@ def _first_order(document: CertificateDocument) -> str:
 def _risk(risk: RiskStated) -> str:
     """Return the specific risk of a verdict, in words."""
     percent = 100 * risk.probability
-    known = f"of {percent:.2g} %" if percent >= 0.01 else "below 0.01 %"
+    chance = f"of {percent:.2g} %" if percent >= 0.01 else "below 0.01 %"
     side = "exceeds" if risk.of == "false acceptance" else "does not exceed"
     return (
-        f"with a risk {known} that its true value {side} the limit (specific risk of {risk.of}, by "
-        "this result alone, without a prior)"
+        f"with a risk {chance} that its true value {side} the limit (specific risk of {risk.of}, "
+        "by this result alone, without a prior)"
     )
 
 
 def _stated(metric: MetricStated, unit_si: float) -> dict[str, object]:
     """Return value, expanded uncertainty and interval as printed; {} without a result."""
-    known = (metric.value, metric.u, metric.u_type_a, metric.u_type_b, *(metric.interval_95 or ()))
-    numbers = [number / unit_si for number in known if number is not None]
-    if len(numbers) < len(known) or metric.interval_95 is None:
+    values = (metric.value, metric.u, metric.u_type_a, metric.u_type_b, *(metric.interval_95 or ()))
+    numbers = [number / unit_si for number in values if number is not None]
+    if len(numbers) < len(values) or metric.interval_95 is None:
         return {}
     value, u, u_type_a, u_type_b, low, high = numbers
     expanded, dof = high - value, metric.degrees_of_freedom
@@ -338,11 +338,11 @@ def _quantities(document: CertificateDocument) -> list[dict[str, str]]:
         (f"Recoil factor, {document.recoil.which} bat", "r", "recoil_factor"),
         ("Restitution, ball on a wall", "e_0", "ball_restitution"),
     ]
-    found = document.quantities
+    quantities = document.quantities
     return [
-        {"words": words, "symbol": symbol, **_with_u(found[name])}
+        {"words": words, "symbol": symbol, **_with_u(quantities[name])}
         for words, symbol, name in rows
-        if name in found and found[name].value is not None
+        if name in quantities and quantities[name].value is not None
     ]
 
 
@@ -373,9 +373,9 @@ def _correction(correction: CorrectionStated | None) -> str:
     standard, control = correction.standard, correction.control
     if control is None:
         return f"carried to a ball of e0 {standard:g} by the method {correction.method}"
-    known = _with_u(control)
+    ratio = _with_u(control)
     return (
-        f"divided by {known['value']} (u = {known['u']}), what the control bat gave with this "
+        f"divided by {ratio['value']} (u = {ratio['u']}), what the control bat gave with this "
         f"lot of balls over the {standard:g} it is known by"
     )
 
@@ -403,24 +403,24 @@ def _width(width: WidthStated | None) -> dict[str, str] | None:
 def _shots(document: CertificateDocument) -> dict[str, object]:
     """Return heads, and one row per shot, without empty columns."""
     metric, heads, columns = METRICS[document.metric.name], [], []
-    for name, told in ((each.row, each.printed) for each in SHOTS if each.printed):
+    for name, column in ((each.row, each.printed) for each in SHOTS if each.printed):
         values = [getattr(row, name) for row in document.shots]
-        blank = told.otherwise is None and all(value is None for value in values)
+        blank = column.otherwise is None and all(value is None for value in values)
         if blank or (name == "place_in" and not document.places):
             continue
-        of_metric = told.symbol == "metric"
+        of_metric = column.symbol == "metric"
         size = metric.unit_si if of_metric else 1.0
         heads.append(
             {
-                "symbol": metric.symbol if of_metric else told.symbol,
-                "words": told.words,
-                "unit": metric.unit if of_metric else told.unit,
+                "symbol": metric.symbol if of_metric else column.symbol,
+                "words": column.words,
+                "unit": metric.unit if of_metric else column.unit,
             }
         )
         columns.append(
             [
                 _number(
-                    None if value is None else value / size, told.places, told.otherwise or NONE
+                    None if value is None else value / size, column.places, column.otherwise or NONE
                 )
                 for value in values
             ]
@@ -529,8 +529,8 @@ def _input(name: str, u: float) -> dict[str, str]:
     number = re.search(r"_(\d+)$", name)
     if name in INPUTS:
         words, unit = INPUTS[name]
-    elif known := constant_of(name):
-        words, unit = known.words, known.printed
+    elif constant := constant_of(name):
+        words, unit = constant.words, constant.printed
         if number:
             words = words.format(number=int(number[1]) + 1)
         if stage in STAGES:
@@ -555,8 +555,8 @@ def _rebound(check: ReboundCheck | None) -> dict[str, object]:
     }
 
 
-def _with_u(known: Stated | WidthStated | ControlRatio, factor: float = 1.0) -> dict[str, str]:
-    value, u = known.value, known.u
+def _with_u(stated: Stated | WidthStated | ControlRatio, factor: float = 1.0) -> dict[str, str]:
+    value, u = stated.value, stated.u
     if value is None or u is None:
         return {"value": NONE, "u": NONE}
     return {"value": f"{value * factor:.{decimals(u * factor)}f}", "u": digits(u * factor)}

@@ -95,8 +95,8 @@ def _changes(root: Path, index: Path) -> str:
             changed.append(f"{entry.name} missing")
             continue
         blob = b"blob %d\0%b" % (len(content), content)
-        if (found := hashlib.sha1(blob).digest()) != entry.blob:
-            changed.append(f"{entry.name} {found.hex()}")
+        if (digest := hashlib.sha1(blob).digest()) != entry.blob:
+            changed.append(f"{entry.name} {digest.hex()}")
     return hashlib.sha256("\n".join(changed).encode()).hexdigest()[:12] if changed else ""
 
 

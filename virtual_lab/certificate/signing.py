@@ -72,9 +72,9 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
     for name, digest in stated:
         if name.split("/")[0] in absent:
             continue
-        found = _digest(folder / name) if name in here else "the file is missing"
-        if found != digest and not _same_lines(folder / name, digest, name in here):
-            yield Mismatch(file=name, key="sha256", stated=digest, found=found)
+        actual = _digest(folder / name) if name in here else "the file is missing"
+        if actual != digest and not _same_lines(folder / name, digest, name in here):
+            yield Mismatch(file=name, key="sha256", stated=digest, found=actual)
     for name in sorted(here - {name for name, _ in stated}):
         yield Mismatch(file=name, key="sha256", stated="", found=f"is not listed in {SUMS}")
     for top in sorted(absent & {name.split("/")[0] for name, _ in stated}):

@@ -18,11 +18,11 @@ def shot_table(certification: Certification) -> pd.DataFrame:
     """Return one row per shot: instrument readings and reduced results."""
     import pandas as pd
 
-    found = {
+    columns = {
         name: column.values(certification)
         for name, column in shot_columns(certification.procedure.metric).items()
     }
-    return pd.DataFrame({name: values for name, values in found.items() if values is not None})
+    return pd.DataFrame({name: values for name, values in columns.items() if values is not None})
 
 
 def budget_table(budget: Budget) -> pd.DataFrame:

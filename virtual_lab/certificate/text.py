@@ -13,13 +13,13 @@ from virtual_lab.records.particulars import Particulars
 
 def certificate_text(document: CertificateDocument) -> str:
     """Return the certificate as text of about a dozen lines."""
-    procedure, told = document.procedure, printed_values(document)
+    procedure, printed = document.procedure, printed_values(document)
     marginal = ", marginal: the limit lies within the 95 % interval" if document.marginal else ""
     said = f": {'; '.join(document.reasons)}" if document.verdict == "FAIL" else ""
     lines = [f"{document.bat.name} by {procedure.name} ({procedure.edition})"]
     lines.append(f"  {document.verdict}{said}{marginal}")
     if document.states_result:
-        lines += [f"  {line}" for line in _result(document, told)]
+        lines += [f"  {line}" for line in _result(document, printed)]
     if document.verdict == "INVALID":
         lines += [f"  invalid: {reason}" for reason in document.reasons]
     lines += [
@@ -27,7 +27,7 @@ def certificate_text(document: CertificateDocument) -> str:
         for finding in document.findings
     ]
     lines += [f"  FLAG {flag.name}: {flag.sentence}" for flag in document.flags]
-    lines += [f"  {said[0].lower()}{said[1:-1]}" for said in told["not_checked"]]
+    lines += [f"  {said[0].lower()}{said[1:-1]}" for said in printed["not_checked"]]
     lines.append(f"  {document.valid_hits} valid hits, {len(document.rejected_hits)} rejected")
     lines += [f"    shot {hit.shot + 1}: {hit.reason}" for hit in document.rejected_hits]
     lines += [
@@ -42,40 +42,41 @@ def certificate_text(document: CertificateDocument) -> str:
     return "\n".join(lines)
 
 
-def _result(document: CertificateDocument, told: dict[str, Any]) -> Iterator[str]:
+def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[str]:
     """Yield the result, and all that was measured beside it."""
-    result, at = told["result"], told["conditions"]
+    result, at = printed["result"], printed["conditions"]
     most = "no limit" if result["limit"] == "none" else f"limit {result['limit']}"
     first = f", of first order {result['u_first_order']}" if result["u_first_order"] else ""
     value = f"{result['value']} ± {result['expanded']}{result['unit']} (u {result['u']}{first})"
     interval = f"95 % interval {result['low']} to {result['high']}"
     yield f"{result['symbol']:4} {value}   {interval}, {most}"
-    for row in told["quantities"]:
+    for row in printed["quantities"]:
         symbol = row["symbol"].replace("_0", "0")
         which = f"   {document.recoil.which}" if symbol == "r" else ""
         yield f"{symbol:4} {row['value']} (u {row['u']}){which}"
     yield f"at {at['relative']} mph, {at['place']} in from the tip"
-    if told["choice"]:
-        yield f"raised by {told['choice']}: mean shortfall of the chosen place against the best one"
-    if width := told["width"]:
+    if printed["choice"]:
+        more = printed["choice"]
+        yield f"raised by {more}: mean shortfall of the chosen place against the best one"
+    if width := printed["width"]:
         along = f"{width['value']} (u {width['u']})" if width["u"] else f"at least {width['value']}"
         where = f"{width['low']} to {width['high']} in from the tip"
         yield f"{along} in of barrel within {width['drop']} of the curve's maximum, {where}"
-    if told["swings"]:
+    if printed["swings"]:
         yield "for other exponents n of the swing law:"
-        shown = f"{result['symbol']},{result['unit']}"
+        title = f"{result['symbol']},{result['unit']}"
         rows = [
             {
                 "n": row["exponent"],
-                shown: f"{row['value']} (u {row['u']})",
+                title: f"{row['value']} (u {row['u']})",
                 "best place, in": row["place"],
             }
-            for row in told["swings"]
+            for row in printed["swings"]
         ]
         yield from (f"  {line}" for line in table_text(rows).splitlines())
-    if told["correction"]:
-        yield told["correction"]
-    yield from _camera(document, told["camera"])
+    if printed["correction"]:
+        yield printed["correction"]
+    yield from _camera(document, printed["camera"])
 
 
 def _camera(document: CertificateDocument, rows: list[dict[str, str]]) -> Iterator[str]:

@@ -223,13 +223,13 @@ def made_elsewhere(stated: Mapping[str, Any]) -> str:
     here = program.commit()
     of_here = (SCHEMA, program.versions()["virtual-lab"], here and asdict(here))
     of_there = (stated["schema"], at(stated, "versions", "virtual-lab"), stated.get("commit"))
-    there, own = (
+    there, ours = (
         f"version {version}, schema {schema}, "
         + (f"commit {str(at(commit, 'id'))[:12]}" if commit else "no commit stated")
         + (" with changes" if at(commit, "changes") else "")
         for schema, version, commit in (of_there, of_here)
     )
-    return "" if of_there == of_here else f"made by {there}; this is {own}"
+    return "" if of_there == of_here else f"made by {there}; this is {ours}"
 
 
 def _certified(
@@ -316,8 +316,8 @@ def _tables(
     shots = shot_table(certification)
     rows = list(compared_table(folder / READINGS, csv_text(shots)))
     if document:
-        told = descriptors(document, certification.session, shots, folder)
-        for name, each in told.items():
+        packages = descriptors(document, certification.session, shots, folder)
+        for name, each in packages.items():
             rows += compared_json(folder / name, each, text_of_descriptor(each))
     yield from _differing(rows) if elsewhere else rows
 
@@ -326,9 +326,9 @@ def _truth(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
     """Yield a mismatch if the truth does not have the digest that the certificate states."""
     wanted, path = at(stated, "simulation", "truth_digest"), folder / TRUTH_FILE
     if path.is_file():
-        found = digest_of_text(read_bytes(path))
-        if found != wanted:
-            yield Mismatch(file=TRUTH_FILE, key="sha256", stated=str(wanted or ""), found=found)
+        digest = digest_of_text(read_bytes(path))
+        if digest != wanted:
+            yield Mismatch(file=TRUTH_FILE, key="sha256", stated=str(wanted or ""), found=digest)
     elif (folder / TRUTH).exists():
         yield Mismatch(file=TRUTH_FILE, key="", stated="", found=MISSING)
     elif wanted:
@@ -404,13 +404,13 @@ def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
 
     `InputError` if it cannot be compared, for example if another version of Typst made it.
     """
-    found, wanted = read_bytes(path), b""
+    stored, wanted = read_bytes(path), b""
     for paper in PAPERS:
         wanted = certificate_pdf(document, paper)
-        if found == wanted:
+        if stored == wanted:
             return
     producer = re.compile(rb"Typst [\d.]+")
-    theirs, ours = producer.findall(found), producer.findall(wanted)
+    theirs, ours = producer.findall(stored), producer.findall(wanted)
     if theirs and theirs != ours:
         raise InputError("", "Typst", theirs[0].decode(), f"here it is {ours[0].decode()}")
     yield Mismatch(file=path.name, key="", stated="", found="another file than the records give")
@@ -447,17 +447,17 @@ def _replaced(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding
 
     The folder of a replaced report is beside the folder of its replacement, which states its name.
     """
-    told = at(stated, "particulars", "replaces")
-    if not told:
+    earlier = at(stated, "particulars", "replaces")
+    if not earlier:
         return
-    name, number = str(at(told, "folder")), at(told, "number")
+    name, number = str(at(earlier, "folder")), at(earlier, "number")
     if name in ("", ".", "..") or Path(name).name != name:
         return  # reported when the records are loaded or compared
     old = folder.resolve().parent / name
     if not (old / CERTIFICATE).is_file():
         yield Remark(f"it replaces {number}, whose folder {name} is not beside this one")
         return
-    digest, wanted = digest_of_text(read_bytes(old / CERTIFICATE)), str(at(told, "digest"))
+    digest, wanted = digest_of_text(read_bytes(old / CERTIFICATE)), str(at(earlier, "digest"))
     if digest != wanted:  # the chain ends here: a forged one may be circular
         file = f"../{name}/{CERTIFICATE}"
         yield Mismatch(file=file, key="sha256", stated=wanted, found=digest)

@@ -63,7 +63,7 @@ class BlockTest:
 
     def _sealed(self, laboratory: int) -> SealedTruth:
         of_all, reduced = self.laboratories, self.certified.reduced
-        own = reduced.owner == laboratory
+        rows = reduced.owner == laboratory
         setup, balls = of_all.setup, of_all.specimen.balls
         hits = np.arange(next(iter(self.wall.values())).size).reshape(setup.count, -1)[laboratory]
 
@@ -93,8 +93,8 @@ class BlockTest:
                 for name, values in self.measurands.items()
                 if np.isfinite(values[laboratory])
             },
-            place=reduced.place[own],
-            shots={name: values[own] for name, values in self.shots.items()},
+            place=reduced.place[rows],
+            shots={name: values[rows] for name, values in self.shots.items()},
             wall_hits={name: values[hits] for name, values in self.wall.items()},
             faults=setup.faults.names,
         )

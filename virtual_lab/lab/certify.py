@@ -41,29 +41,31 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
     if not kernel_is_compiled():
         progress("compiling the numerical code, which happens once and takes some fifteen seconds")
     laboratory = Laboratory.open(setup)
-    rules, given = setup.rules.spec, setup.control_bat
+    rules, control_bat = setup.rules.spec, setup.control_bat
     if not rules.controlled:
-        if given is not None:
+        if control_bat is not None:
             allowed = f"{rules.name} has no [correction] by the method 'control-bat'"
-            raise InputError("", "control bat", given.spec.name, allowed)
+            raise InputError("", "control bat", control_bat.spec.name, allowed)
         return by_the_book(laboratory, progress)
-    if given is None:
+    if control_bat is None:
         allowed = f"is missing: {rules.name} corrects its balls by one"
         raise InputError("", "control bat", None, allowed)
     assert rules.correction is not None
-    bat, standard = given.spec, rules.correction.standard
+    bat, standard = control_bat.spec, rules.correction.standard
     require_places(rules, bat)
     tests = () if setup.test is None else (setup.test,)
-    own = setup.draws(laboratory.seed, *tests, CONTROL_TEST)
+    draws = setup.draws(laboratory.seed, *tests, CONTROL_TEST)
     progress(f"control bat {bat.name}, with the same balls")
     collision = collision_of(bat, setup.ball.spec, rules, setup.rung)
     control = by_the_book(
         replace(
             laboratory,
-            setup=replace(setup, bat=given, film=False, history={}, uncertainty="first-order"),
-            draws=own,
+            setup=replace(
+                setup, bat=control_bat, film=False, history={}, uncertainty="first-order"
+            ),
+            draws=draws,
             collision=collision,
-            specimen=replace(laboratory.specimen, bat=made_bat(bat, own), collision=collision),
+            specimen=replace(laboratory.specimen, bat=made_bat(bat, draws), collision=collision),
             calibration=_with_ratio(laboratory, Estimate(value=1.0)),
         ),
         progress,

@@ -69,18 +69,18 @@ def _calibration(session: Session, ball_mass: float, size: tuple[int, int]) -> s
     import cv2
     import numpy as np
 
-    known = session.calibration
+    constants = session.calibration
 
     def of(name: str) -> Estimate:
-        return known[f"impact.camera.{name}"]
+        return constants[f"impact.camera.{name}"]
 
     def value(name: str) -> float:
         return of(name).value
 
     turn = looking_down([value(f"tilt_{axis}") for axis in "xyz"])
     place = np.array([value(f"place_{axis}") for axis in "xyz"])
-    air, coefficient = known["hall.air.density"], known["hall.air.drag_coefficient"]
-    radius = known["ball.radius"].value
+    air, coefficient = constants["hall.air.density"], constants["hall.air.drag_coefficient"]
+    radius = constants["ball.radius"].value
     drag = float(drag_rate(air.value, coefficient.value, radius, ball_mass))
     share = hypot(air.u / (air.value or 1.0), coefficient.u / (coefficient.value or 1.0))
     scale_u = hypot(of("focal").u / value("focal"), of("place_z").u / value("place_z"))

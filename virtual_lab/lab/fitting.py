@@ -100,20 +100,20 @@ def require_ball(procedure: Procedure, ball: BallSpec) -> None:
 
 def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
     """Return the unverified numbers of the rigs in our catalog."""
-    found: dict[str, str] = {}
+    counts: dict[str, str] = {}
     for rig in rigs:
         if rig in catalog.names("rigs"):
-            found |= catalog.count_unverified("rigs", rig)
-    return found
+            counts |= catalog.count_unverified("rigs", rig)
+    return counts
 
 
 def identities(rigs: Iterable[str]) -> Iterator[tuple[str, InstrumentIdentity]]:
     """Yield the instruments of rigs in our catalog whose data sheets state an identity."""
-    known = catalog.names("instruments")
+    instruments = catalog.names("instruments")
     for rig in rigs:
         if rig not in catalog.names("rigs"):
             continue
-        for name in filter(known.__contains__, catalog.sheet("rigs", rig)[0].values()):
+        for name in filter(instruments.__contains__, catalog.sheet("rigs", rig)[0].values()):
             where = f"instruments/{name}"
             if stated := catalog.sheet("instruments", name)[0].get("identity"):
                 yield name, validate(stated, f"{where} [identity]", InstrumentIdentity)

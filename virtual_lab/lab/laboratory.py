@@ -87,19 +87,19 @@ class Laboratory:
         require_ball(rules, ball)
         seed = secrets.randbits(SEED_BITS) if setup.seed is None else setup.seed
         draws = setup.draws(seed)
-        own = draws if setup.test is None else setup.draws(seed, setup.test)
-        bats = (draws if setup.same_bat else own) if setup.made else Quiet()
+        test_draws = draws if setup.test is None else setup.draws(seed, setup.test)
+        bats = (draws if setup.same_bat else test_draws) if setup.made else Quiet()
         ideal = setup.reality is Reality.IDEAL
         stations = {
             stage: setup.faults.station(stage, find_rig(name, stage).commission(draws, ideal=ideal))
             for stage, name in setup.rigs.items()
         }
-        known = {
+        constants = {
             constant_name(stage, name): estimate
             for stage, station in stations.items()
             for name, estimate in station.calibration.items()
         }
-        entered = setup.faults.calibration(known | lot_constants(ball))
+        entered = setup.faults.calibration(constants | lot_constants(ball))
         collision = setup.collision or collision_of(bat, ball, rules, setup.rung)
         return cls(
             setup=setup,
@@ -107,12 +107,12 @@ class Laboratory:
             salt=salt_of(setup.seed),
             date=datetime.date.today().isoformat(),
             sealing=_sealing(setup),
-            draws=own,
+            draws=test_draws,
             collision=collision,
             stations=stations,
             specimen=Specimen(
                 bat=made_bat(bat, bats),
-                balls=draw_balls(ball, rules.balls, own),
+                balls=draw_balls(ball, rules.balls, test_draws),
                 collision=collision,
             ),
             calibration={
@@ -166,8 +166,8 @@ class Laboratory:
             particulars=setup.particulars,
             rigs={stage.value: name for stage, name in setup.rigs.items()},
             procedure_text=one.procedure_text,
-            calibration={name: known.row(0) for name, known in one.calibration.items()},
-            history={name: known.row(0) for name, known in one.history.items()},
+            calibration={name: estimates.row(0) for name, estimates in one.calibration.items()},
+            history={name: estimates.row(0) for name, estimates in one.history.items()},
             uncertainty=setup.uncertainty,
             records=one.records,
             origin=Simulated(

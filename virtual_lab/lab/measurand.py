@@ -48,24 +48,24 @@ def measurands(
     curve = curve_at(at.imag, at.real.astype(np.intp))
     weighed = np.where(np.isfinite(weights), weights, 0.0)
     some = np.bincount(owner, weighed != 0, laboratories) > 0
-    found: dict[str, Array] = {
+    true_values: dict[str, Array] = {
         name: np.asarray(np.bincount(owner, values[back] * weighed, laboratories), dtype=float)
         for name, values in curve.quantities.items()
     }
     visited = Visits(owner, reduced.place, reduced.valid)
     true = curve.sought(control)[back], curve.metric(control)[back]
-    found["metric"] = results_of_curves(procedure, laboratories, visited, *true)
+    true_values["metric"] = results_of_curves(procedure, laboratories, visited, *true)
     if procedure.scan is not None:
         along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)
         smooth = curve_at(np.tile(along, laboratories), np.arange(laboratories).repeat(POINTS))
         shape = laboratories, POINTS
-        found |= _of_continuous(
+        true_values |= _of_continuous(
             procedure.scan,
             along,
             smooth.sought(control).reshape(shape),
             smooth.metric(control).reshape(shape),
         )
-    return {name: np.where(some, values, np.nan) for name, values in found.items()}
+    return {name: np.where(some, values, np.nan) for name, values in true_values.items()}
 
 
 def _of_continuous(
@@ -75,14 +75,14 @@ def _of_continuous(
 
     The results are (curve,). The curves are known at `place`, (curve, place).
     """
-    sought, metric = (CubicSpline(place, values.T) for values in (sought_at, metric_at))
-    best = _tops(sought)
+    objective, metric = (CubicSpline(place, values.T) for values in (sought_at, metric_at))
+    best = _tops(objective)
     top = _at(metric, best)
-    found = {CONTINUOUS: top}
+    results = {CONTINUOUS: top}
     if scan.width_drop is not None:
         low, high = (_reached(metric, metric_at.T, top - scan.width_drop, best, w) for w in (-1, 1))
-        found[WIDTH_KEY] = high - low
-    return found
+        results[WIDTH_KEY] = high - low
+    return results
 
 
 def _tops(curves: CubicSpline) -> Array:

@@ -53,9 +53,9 @@ class BeforeShots(NamedTuple):
     along: Array  # correction of the cannon's aim [m]
 
 
-def impact_plan(setup: TestSetup, asked: NextShots, before: BeforeShots) -> ShotPlan:
+def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> ShotPlan:
     """Return the plan to fire one ball at each requested position, with the balls in turn."""
-    owner = asked.owner
+    owner = shots.owner
     turn, many = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)
     slot = before.fired[owner] + shot_numbers(owner)
     exact = setup.reality is Reality.IDEAL
@@ -63,7 +63,7 @@ def impact_plan(setup: TestSetup, asked: NextShots, before: BeforeShots) -> Shot
         slot=slot,
         ball=turn[owner, slot % many[owner]],
         speed=np.full(slot.shape, setup.rules.spec.ball_speed),
-        place=to_set(asked.place - before.along[owner], exact=exact),
+        place=to_set(shots.place - before.along[owner], exact=exact),
         turn_rate=before.turn_rate[owner],
         owner=owner if setup.shape else ...,
         detail=setup.detail,

@@ -61,18 +61,22 @@ def alterations(folder: Path) -> list[Alteration]:
     if not isinstance(sealed, dict) or seal.get("digest") != _digest(sealed):
         return [Alteration(SEAL, "", "altered")]
     complete = {"records", "truth"}  # nothing may be added to them
-    found = contents(folder)
-    found.pop(SEAL, None)
-    added = [name for name in found if name not in sealed and complete & {*name.split("/")}]
+    present = contents(folder)
+    present.pop(SEAL, None)
+    added = {
+        name: kind
+        for name, kind in present.items()
+        if name not in sealed and complete & {*name.split("/")}
+    }
     return [
         *(
             each
             for name, content in sealed.items()
-            for each in _altered(folder, name, content, found.get(name))
+            for each in _altered(folder, name, content, present.get(name))
         ),
         *(
-            Alteration(name, "", "added" if found[name] == "file" else f"added, a {found[name]},")
-            for name in added
+            Alteration(name, "", "added" if kind == "file" else f"added, a {kind},")
+            for name, kind in added.items()
         ),
     ]
 
@@ -95,19 +99,19 @@ def _altered(
         yield Alteration(name, "", f"replaced by a {kind}" if kind else "removed")
         return
     try:
-        found = _content(folder, name)
+        content = _content(folder, name)
     except (ValueError, RecursionError):  # for example, a truncated file
-        found = ""
-    if not (isinstance(found, dict) and isinstance(sealed, dict)):
-        if found != sealed:
+        content = ""
+    if not (isinstance(content, dict) and isinstance(sealed, dict)):
+        if content != sealed:
             yield Alteration(name, "", "altered")
         return
-    for key in sealed | found:
-        if key not in found:
+    for key in sealed | content:
+        if key not in content:
             yield Alteration(name, key, "removed")
         elif key not in sealed:
             yield Alteration(name, key, "added")
-        elif found[key] != sealed[key]:
+        elif content[key] != sealed[key]:
             yield Alteration(name, key, "altered")
 
 

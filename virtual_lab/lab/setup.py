@@ -153,11 +153,11 @@ class TestSetup:
     @property
     def unverified(self) -> dict[str, str]:
         """Number of unverified numbers behind the simulation, by sheet."""
-        found = _doubtful(f"bats/{self.bat.spec.name}", self.bat)
+        counts = _doubtful(f"bats/{self.bat.spec.name}", self.bat)
         if self.control_bat:
-            found |= _doubtful(f"bats/{self.control_bat.spec.name}", self.control_bat)
-        found |= _doubtful(f"balls/{self.ball.spec.name}", self.ball)
-        return {**found, **self.doubtful_rigs}
+            counts |= _doubtful(f"bats/{self.control_bat.spec.name}", self.control_bat)
+        counts |= _doubtful(f"balls/{self.ball.spec.name}", self.ball)
+        return {**counts, **self.doubtful_rigs}
 
 
 def _rigs(impact: str) -> dict[Stage, str]:
@@ -169,19 +169,19 @@ def _doubtful(where: str, entry: Entry[BatSpec] | Entry[BallSpec]) -> dict[str, 
     return {where: f"{doubtful} of {len(entry.sheet)}"} if doubtful else {}
 
 
-def _with_correction(rules: Entry[Procedure], asked: str) -> Entry[Procedure]:
+def _with_correction(rules: Entry[Procedure], text: str) -> Entry[Procedure]:
     """Return the rules with a conversion ``METHOD:E0``; `InputError` where they have one."""
     if rules.spec.correction is not None:
         allowed = f"{rules.spec.name} has a [correction]: {rules.spec.correction.method}"
-        raise InputError("", "correction", asked, allowed)
-    method, _, standard = asked.partition(":")
+        raise InputError("", "correction", text, allowed)
+    method, _, standard = text.partition(":")
     try:
         value = float(standard)
     except ValueError:
         value = 0.0
     if method not in METHODS or not 0 < value < 1:
         allowed = f"allowed: {' or '.join(METHODS)}, a colon and an e0 below 1: trampoline:0.5"
-        raise InputError("", "correction", asked, allowed)
+        raise InputError("", "correction", text, allowed)
     number = f'{{ value = {value!r}, unit = "1", source = "assumed", verified = false }}'
     table = f'[correction]  # asked for by the operator\nmethod = "{method}"\nstandard = {number}\n'
     return catalog.read(f"{rules.text}\n{table}", f"procedures/{rules.spec.name}", Procedure)

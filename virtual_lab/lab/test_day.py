@@ -99,7 +99,7 @@ class TestDay:
         assert self.preparation is not None, "prepare() comes first"
         return self.reduced.next_shots() if self.reduced else self.preparation.first_shots()
 
-    def fire(self, asked: NextShots) -> TestDay:
+    def fire(self, shots: NextShots) -> TestDay:
         """Fire one ball at each position, corrected by the calibration of the cannon."""
         preparation, laboratory = self.preparation, self.laboratory
         assert preparation is not None, "prepare() comes first"
@@ -110,7 +110,7 @@ class TestDay:
             turn_rate=preparation.turn_rate,
             along=along.value if along else np.zeros(preparation.laboratories),
         )
-        plan = impact_plan(laboratory.setup, asked, before)
+        plan = impact_plan(laboratory.setup, shots, before)
         rounds = (*self.rounds, laboratory.play(Stage.IMPACT, plan))
         return replace(self, plans=(*self.plans, plan), rounds=rounds)
 
@@ -188,10 +188,10 @@ class TestDay:
         assert isinstance(station, FilmingStation), "require_camera() has seen to it"
         return film_of(station, *done, laboratory.draws, laboratory.session_of(sessions, {}))
 
-    def _on_bench(self, asked: Callable[[str], bool]) -> TestDay:
+    def _on_bench(self, wanted: Callable[[str], bool]) -> TestDay:
         setup = self.laboratory.setup
         bench = self.laboratory.play(Stage.BENCH, bench_plan(setup.rules.spec, setup.shape))
-        records = {name: record for name, record in bench.records.items() if asked(name)}
+        records = {name: record for name, record in bench.records.items() if wanted(name)}
         sessions = self._recorded(Stage.BENCH, replace(bench, records=records))
         return replace(self, sessions=sessions, bench=bench)
 
@@ -210,10 +210,10 @@ class TestDay:
 def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest:
     """Measure bats and balls, then fire and judge until the procedure requires no more shots."""
     day = prepared(laboratory, progress)
-    while (asked := day.next_shots()).owner.size:
+    while (shots := day.next_shots()).owner.size:
         if progress is not quiet:
-            progress(f"impact rig: round {len(day.rounds) + 1}, {_round_in_words(asked)}")
-        day = day.fire(asked).judge()
+            progress(f"impact rig: round {len(day.rounds) + 1}, {_round_in_words(shots)}")
+        day = day.fire(shots).judge()
     return day.finish()
 
 
@@ -226,8 +226,8 @@ def prepared(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
     return day.hit_wall().prepare()
 
 
-def _round_in_words(asked: NextShots) -> str:
+def _round_in_words(shots: NextShots) -> str:
     """Return a text with the number of shots of a round, and of positions if several."""
-    where = np.unique(np.round(asked.place / INCH, 2))
+    where = np.unique(np.round(shots.place / INCH, 2))
     along = f" at {', '.join(f'{place:g}' for place in where)} in" if len(where) > 1 else ""
-    return f"{asked.place.size} shots{along}"
+    return f"{shots.place.size} shots{along}"

@@ -152,7 +152,7 @@ def _at_the_top(at: Array, near: NDArray[np.bool_], looked: Array, wanted: Array
     powers = np.arange(4)
     rows = np.where(near[..., None] & (powers <= degree), along[..., None] ** powers, 0.0)
     curve, value = (
-        np.linalg.pinv(rows) @ np.where(near, own, 0.0)[..., None] for own in (looked, wanted)
+        np.linalg.pinv(rows) @ np.where(near, values, 0.0)[..., None] for values in (looked, wanted)
     )
     flat, bend, twist = curve[:, 1], 2 * curve[:, 2], 3 * curve[:, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -163,5 +163,5 @@ def _at_the_top(at: Array, near: NDArray[np.bool_], looked: Array, wanted: Array
     candidates = np.concatenate([ends, np.where(inside, turns, -1.0)], axis=1)
     rows = candidates[..., None] ** powers
     top = (rows @ curve)[..., 0].argmax(axis=1)
-    found = (rows @ value)[np.arange(top.size), top, 0]
-    return np.where(near.any(axis=1), found, np.nan)
+    top_value = (rows @ value)[np.arange(top.size), top, 0]
+    return np.where(near.any(axis=1), top_value, np.nan)

@@ -75,8 +75,8 @@ class Components(AlignedArrays):
     @property
     def sensitivity(self) -> Array:
         """Change of the result per unit of each source, 0 for a source without uncertainty."""
-        known = self.u > 0
-        return np.where(known, self.effect / np.where(known, self.u, 1.0), 0.0)
+        uncertain = self.u > 0
+        return np.where(uncertain, self.effect / np.where(uncertain, self.u, 1.0), 0.0)
 
     def row(self, laboratory: int) -> list[Component]:
         """Return the components of one laboratory, without certain ones except the hits."""
@@ -112,8 +112,8 @@ class Components(AlignedArrays):
         number = {pool: at for at, pool in enumerate(pools, first)}
         line = np.array([number[pool] if pool else next(alone) for pool in self.pools], np.int64)
         square, dof = np.zeros((2, len(self.effect), first + len(pools)))
-        effect, own = np.ascontiguousarray(self.effect), np.ascontiguousarray(self.dof)
-        add_lines(effect, own, line, square, dof)
+        effect, freedom = np.ascontiguousarray(self.effect), np.ascontiguousarray(self.dof)
+        add_lines(effect, freedom, line, square, dof)
         return square, dof
 
 
@@ -178,8 +178,8 @@ class Variants(AlignedArrays):
     @classmethod
     def of(cls, constants: Mapping[str, Estimates]) -> Self:
         """Return the variants; constants without uncertainty are not shifted."""
-        uncertain = tuple(name for name, known in constants.items() if np.any(known.u > 0))
-        laboratories = next((len(known.value) for known in constants.values()), 1)
+        uncertain = tuple(name for name, constant in constants.items() if np.any(constant.u > 0))
+        laboratories = next((len(constant.value) for constant in constants.values()), 1)
 
         def beside(field: str) -> Array:
             columns = [getattr(constants[name], field) for name in uncertain]
@@ -201,24 +201,24 @@ class Variants(AlignedArrays):
     @property
     def columns(self) -> dict[str, Array]:
         """Columns of the constants, (laboratory, k, 1), the estimates first; new at each call."""
-        found = {}
-        for name, known in self.constants.items():
-            best = np.asarray(known.value, float)[:, None, None]
-            found[name] = np.broadcast_to(best, (len(best), self.sets, 1))
+        columns = {}
+        for name, constant in self.constants.items():
+            best = np.asarray(constant.value, float)[:, None, None]
+            columns[name] = np.broadcast_to(best, (len(best), self.sets, 1))
         for at, name in enumerate(self.uncertain, 1):
-            found[name] = np.array(found[name])
-            found[name][:, at, 0] += self.constants[name].u
-            found[name][:, at + len(self.uncertain), 0] -= self.constants[name].u
-        return found
+            columns[name] = np.array(columns[name])
+            columns[name][:, at, 0] += self.constants[name].u
+            columns[name][:, at + len(self.uncertain), 0] -= self.constants[name].u
+        return columns
 
     def components(self, values: Array) -> Components:
         """Return the contribution of each constant to an output of shape (laboratory, k)."""
         up, down = self._moved(values[..., None])
-        known = [self.constants[name] for name in self.uncertain]
+        estimates = [self.constants[name] for name in self.uncertain]
         return Components(
             names=self.uncertain,
-            evaluations=tuple(each.evaluation for each in known),
-            pools=tuple(each.pool for each in known),
+            evaluations=tuple(each.evaluation for each in estimates),
+            pools=tuple(each.pool for each in estimates),
             value=self.value,
             u=self.stated,
             dof=self.dof,
@@ -276,8 +276,8 @@ def means_of_hits(
     value = weighed(hits[:, :1], weights)[:, 0]
     constants = variants.components(weighed(hits, effects))
     today = Scatter.seen(hits[:, 0], effects, places, variants.effects(hits))
-    own = today if earlier is None else today.joined(earlier)
-    scattered = types_a(HITS, weighed(hits[:, :1], effects)[:, 0], own.u, own.dof)
+    scatter = today if earlier is None else today.joined(earlier)
+    scattered = types_a(HITS, weighed(hits[:, :1], effects)[:, 0], scatter.u, scatter.dof)
     return replace(combined(value, constants + scattered), scatter=today)
 
 

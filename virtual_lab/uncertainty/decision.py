@@ -38,22 +38,22 @@ class Tolerance:
     @classmethod
     def read(cls, lower: float | None, upper: float | None) -> Tolerance:
         """Return the limits. Raises `InputError` without a limit or in the wrong order."""
-        found = cls(-inf if lower is None else lower, inf if upper is None else upper)
+        tolerance = cls(-inf if lower is None else lower, inf if upper is None else upper)
         if lower is None and upper is None:
             raise InputError("", "limits", None, "allowed: lower, upper, or both")
-        if not found.lower < found.upper:
+        if not tolerance.lower < tolerance.upper:
             raise InputError("", "upper", upper, f"allowed: above lower = {lower}")
-        return found
+        return tolerance
 
     def guarded(self, w: float) -> Tolerance:
         """Return the acceptance limits. Raises `InputError` if nothing remains between them."""
         if not isfinite(w):
             raise InputError("", "guard band", w, "allowed: a finite number")
-        found = Tolerance(self.lower + w, self.upper - w)
-        if not found.lower < found.upper:
+        tolerance = Tolerance(self.lower + w, self.upper - w)
+        if not tolerance.lower < tolerance.upper:
             most = (self.upper - self.lower) / 2
             raise InputError("", "guard band", w, f"allowed: below {most}, half the tolerance")
-        return found
+        return tolerance
 
     def chance(self, y: Array, u: float, dof: float) -> Array:
         """Return the probability that a value with standard uncertainty u about y lies within."""
@@ -191,8 +191,8 @@ def guard_band(
             allowed = f"allowed: {reached[1]:.2g} to {reached[0]:.2g}, what guard bands can reach"
             raise InputError("", "target", target, allowed)
         w = float(brentq(lambda w: risk(w) - target, -40 * u, most, xtol=1e-12 * u))
-    found = limits.guarded(w)
-    return w, found.lower, found.upper
+    acceptance = limits.guarded(w)
+    return w, acceptance.lower, acceptance.upper
 
 
 def _risk_with(

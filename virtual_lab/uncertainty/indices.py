@@ -83,11 +83,11 @@ def sobol_indices(
         return np.stack(list(called(dict(zip(names, x, strict=True))).values()))
 
     def indices(f_A: Array, f_B: Array, f_AB: Array) -> tuple[Array, Array]:
-        found, u = indices_with_errors(f_A, f_B, f_AB)
+        by_library, u = indices_with_errors(f_A, f_B, f_AB)
         errors.append(u)
-        return found[0].T, found[1].T
+        return by_library[0].T, by_library[1].T
 
-    found = by_scipy(
+    by_library = by_scipy(
         func=answers,
         n=points,
         method=indices,
@@ -95,7 +95,7 @@ def sobol_indices(
         rng=seed,
     )
     called.require_same()
-    first, total = np.atleast_2d(found.first_order), np.atleast_2d(found.total_order)
+    first, total = np.atleast_2d(by_library.first_order), np.atleast_2d(by_library.total_order)
     first_u, total_u = errors[0]
     columns = {"first": first, "first_u": first_u.T, "total": total, "total_u": total_u.T}
     rows = [
@@ -124,6 +124,6 @@ def indices_with_errors(f_A: Array, f_B: Array, f_AB: Array) -> tuple[Array, Arr
     if not variance.all():
         raise InputError("model", "outputs", None, "no input moves one of them; allowed: all moved")
     parts = np.stack([f_B * (f_AB - f_A), (f_AB - f_A) ** 2 / 2])
-    found = parts.mean(axis=-1) / variance
-    parts -= found[..., None] * squares
-    return found, parts.std(axis=-1) / variance / sqrt(squares.shape[-1])
+    mean = parts.mean(axis=-1) / variance
+    parts -= mean[..., None] * squares
+    return mean, parts.std(axis=-1) / variance / sqrt(squares.shape[-1])

@@ -107,12 +107,12 @@ class Inputs:
     def arguments(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Return the model's arguments, (k,) or (k, n), from columns (k,) of sources."""
         k = next(iter(columns.values())).size if columns else 1
-        found = {name: np.full(k, value) for name, value in self.certain.items()}
+        values = {name: np.full(k, value) for name, value in self.certain.items()}
         apart = {part for _, parts, _ in self.groups.values() for part in parts}
-        found |= {name: column for name, column in columns.items() if name not in apart}
+        values |= {name: column for name, column in columns.items() if name not in apart}
         for name, (base, parts, which) in self.groups.items():
-            found[name] = base + np.stack([columns[part] for part in parts], axis=1)[:, which]
-        return found
+            values[name] = base + np.stack([columns[part] for part in parts], axis=1)[:, which]
+        return values
 
     @property
     def joined(self) -> set[str]:
@@ -120,19 +120,19 @@ class Inputs:
         return {name for joint in self.joints for name in joint.names}
 
 
-def read_inputs(given: Mapping[InputName, Any], correlations: Correlations) -> Inputs:
+def read_inputs(entries: Mapping[InputName, Any], correlations: Correlations) -> Inputs:
     """Return the sources behind inputs; `InputError` names the input that cannot be used.
 
     A value of the mapping is an `Input`, an `Estimate`, a number, or readings (n,), whose mean
     and its scatter count (type A); readings (n, m) taken together have a tuple of m names.
     """
-    if not isinstance(given, Mapping) or not given:
-        raise InputError("", "inputs", given, "allowed: names and inputs, {'d': vl.Input(…)}")
+    if not isinstance(entries, Mapping) or not entries:
+        raise InputError("", "inputs", entries, "allowed: names and inputs, {'d': vl.Input(…)}")
     sources: dict[str, InputSource] = {}
     certain: dict[str, float] = {}
     groups: dict[str, tuple[Array, tuple[str, ...], NDArray[np.int_]]] = {}
     joints: list[Joint] = []
-    for key, one in given.items():
+    for key, one in entries.items():
         if isinstance(key, tuple):
             together, joint = _together(key, one)
             sources |= together
@@ -140,8 +140,8 @@ def read_inputs(given: Mapping[InputName, Any], correlations: Correlations) -> I
             continue
         read = _input(key, one)
         if len(read.by):
-            groups[key], own = _grouped(key, read)
-            sources |= own
+            groups[key], parts = _grouped(key, read)
+            sources |= parts
         elif isinstance(source := _source(key, read), float):
             certain[key] = source
         else:
@@ -151,23 +151,23 @@ def read_inputs(given: Mapping[InputName, Any], correlations: Correlations) -> I
     return Inputs(sources, tuple(joints), certain, groups)
 
 
-def _input(name: str, given: Any) -> Input:
-    if isinstance(given, Input):
-        return given
-    if isinstance(given, Estimate):
-        return Input(given.value, given.u, given.dof, evaluation=given.evaluation)
-    readings = _numbers(name, given)
+def _input(name: str, entry: Any) -> Input:
+    if isinstance(entry, Input):
+        return entry
+    if isinstance(entry, Estimate):
+        return Input(entry.value, entry.u, entry.dof, evaluation=entry.evaluation)
+    readings = _numbers(name, entry)
     if readings.ndim == 0:
         return Input(float(readings), 0.0)
     mean, u = _readings(name, readings)
     return Input(mean, u, readings.size - 1.0, "t", evaluation="A")
 
 
-def _numbers(name: str, given: Any) -> Array:
+def _numbers(name: str, entry: Any) -> Array:
     try:
-        return np.asarray(given, float)
+        return np.asarray(entry, float)
     except (TypeError, ValueError) as fault:
-        raise InputError(name, "input", given, "allowed: vl.Input, a number, readings") from fault
+        raise InputError(name, "input", entry, "allowed: vl.Input, a number, readings") from fault
 
 
 def _readings(name: str, readings: Array) -> tuple[float, float]:
@@ -181,24 +181,24 @@ def _readings(name: str, readings: Array) -> tuple[float, float]:
     return float(readings.mean()), float(readings.std(ddof=1) / sqrt(readings.size))
 
 
-def source_of(name: str, given: Input) -> InputSource:
+def source_of(name: str, entry: Input) -> InputSource:
     """Return the source of an input; `InputError` for one that is certain or not an `Input`."""
-    if not isinstance(given, Input):
-        raise InputError("", name, given, "allowed: vl.Input(…)")
-    source = _source(name, given)
+    if not isinstance(entry, Input):
+        raise InputError("", name, entry, "allowed: vl.Input(…)")
+    source = _source(name, entry)
     if isinstance(source, float):
-        raise InputError(name, "u", given.u, "allowed: above 0")
+        raise InputError(name, "u", entry.u, "allowed: above 0")
     return source
 
 
-def _source(name: str, given: Input) -> InputSource | float:
+def _source(name: str, entry: Input) -> InputSource | float:
     """Return the source of an input of one number; a number that has no uncertainty."""
 
     def refuse(key: str, value: object, allowed: str) -> InputError:
         return InputError(name, key, value, f"allowed: {allowed}")
 
     def number(key: str) -> float:
-        value = getattr(given, key)
+        value = getattr(entry, key)
         try:
             found = float(value)
         except (TypeError, ValueError) as fault:
@@ -207,22 +207,22 @@ def _source(name: str, given: Input) -> InputSource | float:
             raise refuse(key, value, f"a number below {LARGEST:g} in size")
         return found
 
-    if not isinstance(given.dof, int | float | np.number) or not given.dof > 0:
-        raise refuse("dof", given.dof, "above 0")
-    limits = given.low is not None or given.high is not None
-    if limits and (given.value is not None or given.u is not None):
-        raise refuse("limits", (given.low, given.high), "low and high, or value and u, not both")
-    kind = given.distribution or (
-        ("trapezoid" if given.inexact else "uniform")
+    if not isinstance(entry.dof, int | float | np.number) or not entry.dof > 0:
+        raise refuse("dof", entry.dof, "above 0")
+    limits = entry.low is not None or entry.high is not None
+    if limits and (entry.value is not None or entry.u is not None):
+        raise refuse("limits", (entry.low, entry.high), "low and high, or value and u, not both")
+    kind = entry.distribution or (
+        ("trapezoid" if entry.inexact else "uniform")
         if limits
-        else ("normal" if given.dof == inf else "t")
+        else ("normal" if entry.dof == inf else "t")
     )
     if kind not in LAWS:
         raise refuse("distribution", kind, f"{nearest(kind, LAWS)}{', '.join(LAWS)}")
-    if (given.inexact != 0) != (kind == "trapezoid"):
-        raise refuse("inexact", given.inexact, "above 0 for a trapezoid, and only there")
-    if kind == "t" and given.dof == inf:
-        raise refuse("dof", given.dof, "degrees of freedom of a t; else distribution='normal'")
+    if (entry.inexact != 0) != (kind == "trapezoid"):
+        raise refuse("inexact", entry.inexact, "above 0 for a trapezoid, and only there")
+    if kind == "t" and entry.dof == inf:
+        raise refuse("dof", entry.dof, "degrees of freedom of a t; else distribution='normal'")
     if limits:
         if not LAWS[kind].limited:
             raise refuse("distribution", kind, "value and u for it, not limits")
@@ -231,24 +231,24 @@ def _source(name: str, given: Input) -> InputSource | float:
             raise refuse("high", high, f"above low = {low}")
         value, half = (low + high) / 2, (high - low) / 2
     else:
-        if given.value is not None and np.ndim(given.value) > 0:
-            raise refuse("value", given.value, "a number; an array with by=labels")
-        value, u = number("value"), number("u") if given.u is not None else 0.0
+        if entry.value is not None and np.ndim(entry.value) > 0:
+            raise refuse("value", entry.value, "a number; an array with by=labels")
+        value, u = number("value"), number("u") if entry.u is not None else 0.0
         if u < 0:
             raise refuse("u", u, "at least 0")
         if u == 0:
             return value
         half = u / LAWS[kind].u(0.0)
-    return _scaled(value, half, kind, given, refuse)
+    return _scaled(value, half, kind, entry, refuse)
 
 
-def _scaled(value: float, half: float, kind: str, given: Input, refuse: Any) -> InputSource:
+def _scaled(value: float, half: float, kind: str, entry: Input, refuse: Any) -> InputSource:
     """Return a source by its law and scale; limits of a u that is not well known are inexact."""
-    dof, shape = given.dof, nan
+    dof, shape = entry.dof, nan
     if kind == "trapezoid":
-        if not 0 < given.inexact <= half * (1 + 1e-12):
-            raise refuse("inexact", given.inexact, f"above 0, at most half the distance, {half}")
-        shape = given.inexact / half
+        if not 0 < entry.inexact <= half * (1 + 1e-12):
+            raise refuse("inexact", entry.inexact, f"above 0, at most half the distance, {half}")
+        shape = entry.inexact / half
     elif kind == "t":
         shape = dof
     u = half * LAWS[kind].u(shape)
@@ -256,34 +256,34 @@ def _scaled(value: float, half: float, kind: str, given: Input, refuse: Any) -> 
         kind, shape = "trapezoid", inexactness(dof)
         if shape > 1:
             raise refuse("dof", dof, "at least .5 of limits")
-    estimate = Estimate(value=value, u=u, dof=dof, evaluation=given.evaluation)
+    estimate = Estimate(value=value, u=u, dof=dof, evaluation=entry.evaluation)
     return InputSource(estimate, LAWS[kind], half, shape)
 
 
 def _grouped(
-    name: str, given: Input
+    name: str, entry: Input
 ) -> tuple[tuple[Array, tuple[str, ...], NDArray[np.int_]], dict[str, InputSource]]:
     """Return base, sources and which of them each observation has, and the sources by name."""
-    nested = isinstance(next(iter(given.by)), list | tuple | np.ndarray)
-    rows = given.by if nested else (given.by,)
+    nested = isinstance(next(iter(entry.by)), list | tuple | np.ndarray)
+    rows = entry.by if nested else (entry.by,)
     lengths = {len(row) for row in rows}
     if len(lengths) != 1:
         raise InputError(name, "by", sorted(lengths), "allowed: rows of labels of one length")
     labels = list(zip(*rows, strict=True))
     order = {label: at for at, label in enumerate(dict.fromkeys(labels))}
     base = np.zeros(len(labels))
-    if given.value is not None:
+    if entry.value is not None:
         try:
-            base = base + np.asarray(given.value, float)
+            base = base + np.asarray(entry.value, float)
         except (TypeError, ValueError) as fault:
             allowed = f"allowed: a number, or {len(labels)} of them, one a label"
-            raise InputError(name, "value", given.value, allowed) from fault
+            raise InputError(name, "value", entry.value, allowed) from fault
     # the base holds the values, the sources hold the errors about them
-    source = source_of(name, replace(given, value=None if given.low is not None else 0.0))
+    source = source_of(name, replace(entry, value=None if entry.low is not None else 0.0))
     parts = tuple(f"{name}[{'/'.join(map(str, label))}]" for label in order)
-    own = replace(source, estimate=replace(source.estimate, pool=name))
+    pooled = replace(source, estimate=replace(source.estimate, pool=name))
     which = np.array([order[label] for label in labels])
-    return (base, parts, which), dict.fromkeys(parts, own)
+    return (base, parts, which), dict.fromkeys(parts, pooled)
 
 
 def _require_once(names: Sequence[str]) -> None:
@@ -292,10 +292,10 @@ def _require_once(names: Sequence[str]) -> None:
         raise InputError("inputs", "name", twice[0], "is given twice; allowed: once")
 
 
-def _together(names: tuple[str, ...], given: Any) -> tuple[dict[str, InputSource], Joint]:
+def _together(names: tuple[str, ...], entry: Any) -> tuple[dict[str, InputSource], Joint]:
     """Return sources and block of readings taken together, (n, m)."""
     where = ", ".join(names)
-    readings = _numbers(where, given)
+    readings = _numbers(where, entry)
     if readings.ndim != 2 or readings.shape[1] != len(names) or len(names) < 2:
         allowed = f"allowed: a column each of two inputs and more, (n, {len(names)})"
         raise InputError(where, "readings", f"shape {readings.shape}", allowed)
@@ -340,15 +340,15 @@ def _correlated(
 def _joint(
     sources: Mapping[str, InputSource], correlations: Correlations, block: list[str]
 ) -> Joint:
-    own = [sources[name] for name in block]
-    u = np.array([each.estimate.u for each in own])
+    members = [sources[name] for name in block]
+    u = np.array([each.estimate.u for each in members])
     matrix = np.eye(len(block))
     for (first, second), r in correlations.items():
         if first in block:
             i, j = block.index(first), block.index(second)
             matrix[i, j] = matrix[j, i] = r
-    dofs = {each.estimate.dof for each in own}
-    shapes = {(each.law, each.shape if each.law is LAWS["t"] else inf) for each in own}
+    dofs = {each.estimate.dof for each in members}
+    shapes = {(each.law, each.shape if each.law is LAWS["t"] else inf) for each in members}
     law, _ = next(iter(shapes))
     drawn = "" if len(shapes) == 1 and not law.limited else ", ".join(block)
     factor = _factor(tuple(block), matrix * np.outer(u, u))

@@ -80,8 +80,8 @@ class Model:
             differs = ~np.isclose(values, again[name], SAME, 0)
             if differs.any():
                 row = int(np.argmax(differs))
-                found = f"{values[row]:.9g} and {again[name][row]:.9g}"
-                allowed = f"the same inputs gave two results, {found}; allowed: a function of the "
+                pair = f"{values[row]:.9g} and {again[name][row]:.9g}"
+                allowed = f"the same inputs gave two results, {pair}; allowed: a function of the "
                 raise InputError("model", REPEATED, name, f"{allowed}inputs alone")
 
     def __call__(self, columns: Mapping[str, Array]) -> Outputs:
@@ -97,10 +97,10 @@ class Model:
             ]
             for row in rows:
                 self._require_names(row, tuple(rows[0]))
-            found = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+            outputs = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         else:
-            found = self._answer(arguments, (k,))
-        for name, values in found.items():
+            outputs = self._answer(arguments, (k,))
+        for name, values in outputs.items():
             wrong = ~(np.abs(values) < LARGEST)
             if wrong.any():
                 at = int(np.argmax(wrong))
@@ -108,19 +108,19 @@ class Model:
                 said = f"is {values[at]} in {wrong.sum()} of {k} rows, as at {where}"
                 allowed = f"{said}; allowed: numbers below {LARGEST:g} in size"
                 raise InputError("model", VALUE, name, allowed)
-        return found
+        return outputs
 
     def _answer(self, arguments: Mapping[str, Any], shape: tuple[int, ...]) -> Outputs:
         try:
             with np.errstate(all="ignore"):
-                given = self.function(**arguments)
+                answer = self.function(**arguments)
         except Exception as fault:
             if "read-only" in str(fault):
                 allowed = "the model writes into an array it was given; allowed: a new array"
                 raise InputError("model", CHANGED, None, allowed) from fault
             said = f"{type(fault).__name__}: {fault}; at {_where(arguments)}"
             raise InputError("model", "raises", None, " ".join(said.split())) from fault
-        named = given if isinstance(given, Mapping) else {RESULT: given}
+        named = answer if isinstance(answer, Mapping) else {RESULT: answer}
         if not named:
             raise InputError("model", "outputs", [], ONE)
         names = self.outputs or tuple(named)
@@ -132,13 +132,13 @@ class Model:
             allowed = f"allowed: {', '.join(map(str, names))}, as at its first call"
             raise InputError("model", "outputs", list(answer), allowed)
 
-    def _numbers(self, name: str, given: Any, shape: tuple[int, ...]) -> Array:
+    def _numbers(self, name: str, answer: Any, shape: tuple[int, ...]) -> Array:
         try:
-            values = np.asarray(given)
+            values = np.asarray(answer)
         except ValueError as fault:
-            raise InputError("model", name, given, ONE) from fault
+            raise InputError("model", name, answer, ONE) from fault
         if values.dtype.kind not in "fiub":
-            raise InputError("model", name, given, f"{ONE}, real ones")
+            raise InputError("model", name, answer, f"{ONE}, real ones")
         if values.shape != shape:
             raise InputError("model", name, f"shape {values.shape}", ONE)
         return np.asarray(values, float)

@@ -52,13 +52,13 @@ class Drawing:
 
 def drawn_block(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
     """Return one block of draws of every source, (65 536,) each."""
-    found = {}
+    draws = {}
     for name, source in inputs.sources.items():
         if name not in inputs.joined:
             x = source.law.draw(generator(seed, name, block), BLOCK, source.shape)
             x *= source.scale
             x += source.estimate.value
-            found[name] = x
+            draws[name] = x
     for joint in inputs.joints:
         normal = [generator(seed, name, block).standard_normal(BLOCK) for name in joint.names]
         errors = joint.draw_factor @ np.stack(normal)
@@ -66,8 +66,8 @@ def drawn_block(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
             shared = generator(seed, " ".join(joint.names), block)
             errors /= np.sqrt(shared.chisquare(joint.draw_dof, BLOCK) / joint.draw_dof)
         for name, error in zip(joint.names, errors, strict=True):
-            found[name] = inputs.sources[name].estimate.value + error
-    return found
+            draws[name] = inputs.sources[name].estimate.value + error
+    return draws
 
 
 class Batches:
@@ -96,8 +96,8 @@ class Batches:
         if not self.sketches:
             first = next(self._blocks)
             p = self.drawing.probability
-            self.sketches = {name: Sketch.placed(own, p) for name, own in first.items()}
-            self.ends = {name: _ends(own, (1 - p) / 2) for name, own in first.items()}
+            self.sketches = {name: Sketch.placed(values, p) for name, values in first.items()}
+            self.ends = {name: _ends(values, (1 - p) / 2) for name, values in first.items()}
             self._rest = _parts(first)
         while len(self) < count:
             self.drawing.progress("draws", len(self) * BATCH, count * BATCH)
@@ -146,8 +146,8 @@ def tolerance(u: float, digits: int) -> float:
 
 def _goals(batches: Batches, infinite: bool) -> Array:
     """Return the tolerance of each number, (output, 4)."""
-    found = np.mean(batches.found, axis=0)
-    size = (found[:, 3] - found[:, 2]) / 4 if infinite else batches.u
+    means = np.mean(batches.found, axis=0)
+    size = (means[:, 3] - means[:, 2]) / 4 if infinite else batches.u
     share = 5 if batches.drawing.validate else 1
     goals = np.array([tolerance(each, batches.drawing.digits) / share for each in size])
     each = np.repeat(goals[:, None], 4, axis=1)
@@ -261,8 +261,8 @@ def _draw_notes(few: float, drawing: Drawing) -> tuple[str, ...]:
 def _ends(values: Array, tail: float) -> tuple[Array, Array]:
     """Return the quantiles of both tails of a block, and the slopes of the quantile function."""
     q = np.array([[tail / 2, tail, tail * 3 / 2], [1 - tail * 3 / 2, 1 - tail, 1 - tail / 2]])
-    found = np.quantile(values, q)
-    return found[:, 1], (found[:, 2] - found[:, 0]) / tail
+    quantiles = np.quantile(values, q)
+    return quantiles[:, 1], (quantiles[:, 2] - quantiles[:, 0]) / tail
 
 
 def _parts(answers: Outputs) -> list[Outputs]:

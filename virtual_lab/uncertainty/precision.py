@@ -181,13 +181,13 @@ def _read(
     if np.ptp(readings) == 0:
         allowed = "all readings are equal, so no scatter is known; allowed: a finer instrument"
         raise InputError("", "values", readings[0], allowed)
-    found = []
+    numbers = []
     for row in labels:
         if len(row) != readings.size:
             raise InputError("", "labels", len(row), f"allowed: one a reading, {readings.size}")
         order = {label: at for at, label in enumerate(dict.fromkeys(row))}
-        found.append(np.array([order[label] for label in row]))
-    return readings, found
+        numbers.append(np.array([order[label] for label in row]))
+    return readings, numbers
 
 
 def _root(variance: float) -> float:

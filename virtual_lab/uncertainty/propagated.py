@@ -116,11 +116,11 @@ class Propagated:
         for one in self.outcomes.values():
             total = sum(part.contribution**2 for part in one.components)
             for part in sorted(one.components, key=lambda each: -each.contribution):
-                own = {"output": one.name, "component": part.name}
+                row = {"output": one.name, "component": part.name}
                 for key in ("value", "u", "dof", "evaluation", "sensitivity", "contribution"):
-                    own[key] = getattr(part, key)
+                    row[key] = getattr(part, key)
                 share = 100 * part.contribution**2 / total if total else 0.0
-                rows.append(own | {"share_percent": share})
+                rows.append(row | {"share_percent": share})
         return pd.DataFrame(rows)
 
     @property

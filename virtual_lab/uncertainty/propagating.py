@@ -101,9 +101,9 @@ def propagate_inputs(
         seed=seed,
         progress=progress,
     )
-    found = METHODS[method](called, linear, drawing)
+    result = METHODS[method](called, linear, drawing)
     called.require_same()
-    return found
+    return result
 
 
 def first_order(model: Model, probability: float) -> Propagated:
@@ -129,7 +129,7 @@ def first_order(model: Model, probability: float) -> Propagated:
             components=combined(values[:1], components).row(0).components,
         )
         effects.append(turned.effect[0])
-    found = Propagated(
+    result = Propagated(
         method=FIRST,
         probability=probability,
         outcomes=outcomes,
@@ -137,7 +137,8 @@ def first_order(model: Model, probability: float) -> Propagated:
         notes=_notes(model),
     )
     silent = [one.name for one in outcomes.values() if one.u == 0]
-    return replace(found, notes=found.notes + tuple(_u_is_zero(outcomes[each]) for each in silent))
+    notes = tuple(_u_is_zero(outcomes[name]) for name in silent)
+    return replace(result, notes=result.notes + notes)
 
 
 def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propagated:

@@ -62,8 +62,8 @@ class SecondOrder:
         along = corners.sum(axis=1) - 2 * np.stack([up[i], down[i]])
         across = corners.sum(axis=0) - 2 * np.stack([up[j], down[j]])
         f_ijj, f_iij = (along[0] - along[1]) / 2, (across[0] - across[1]) / 2
-        own = first**2 + (self.kurtosis - 1) / 4 * second**2 + self.kurtosis / 3 * first * third
-        variance = own.sum() + np.sum(mixed**2 + first[i] * f_ijj + first[j] * f_iij)
+        squares = first**2 + (self.kurtosis - 1) / 4 * second**2 + self.kurtosis / 3 * first * third
+        variance = squares.sum() + np.sum(mixed**2 + first[i] * f_ijj + first[j] * f_iij)
         if variance < -((LAST_BITS * middle) ** 2):
             allowed = "the series does not converge at these u; allowed: method='monte-carlo'"
             raise InputError("second-order", "variance", f"{variance:.3g}", allowed)
