@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 from scipy.stats import binomtest
@@ -21,7 +20,7 @@ from virtual_lab.lab import RoundRobin
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.style import INTERVAL_GREY, PAGE_WIDTH_IN, STYLE, as_drawn
+from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
 from virtual_lab.output.tables import column
 from virtual_lab.parameters import Seed
 from virtual_lab.sheets import AnyBat, AnyProcedures, Instruments, entry_name, entry_names
@@ -66,12 +65,7 @@ class OperatingCurves(Rows[OperatingPoint]):
 
     def draw(self, path: Path) -> None:
         """Draw the probability of PASS with its interval, one panel per procedure."""
-        from matplotlib import rc_context
-        from matplotlib.figure import Figure
-
-        with rc_context(cast("Any", STYLE)):
-            size = (PAGE_WIDTH_IN, 2.6 * len(self.limits))
-            figure = Figure(figsize=size, dpi=150, layout="constrained")
+        with figure_file(path, 2.6 * len(self.limits)) as figure:
             panels = figure.subplots(len(self.limits), 1, squeeze=False).ravel()
             for axes, (procedure, limit) in zip(panels, self.limits.items(), strict=True):
                 for best_of, line in zip(TESTS, ("-", "--"), strict=True):
@@ -91,7 +85,6 @@ class OperatingCurves(Rows[OperatingPoint]):
                     ylabel="P(PASS | x)",
                 )
                 axes.legend()
-            figure.savefig(path)
 
 
 def operating(
