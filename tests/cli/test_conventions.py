@@ -63,8 +63,8 @@ def test_table_and_picture_go_to_the_named_files(run: Run, tmp_path: Path) -> No
     assert out.splitlines()[-2:] == ["sub/peaks.csv", "peaks.svg"]
     assert (tmp_path / "sub" / "peaks.csv").read_text().startswith("bat,n,z_in,")
     assert "<svg" in (tmp_path / "peaks.svg").read_text()[:400]
-    code, out, err = run("slope", "--csv", "slope.csv", "--json")
-    assert (code, err) == (0, "slope.csv\n")
+    code, out, err = run("slope", "--csv", "slope.csv", "--plot", "slope.png", "--json")
+    assert (code, err) == (0, "slope.csv\nslope.png\n")
     assert json.loads(out)[-1]["bat"] == "deviation"
 
 
@@ -79,6 +79,8 @@ def test_table_and_picture_go_to_the_named_files(run: Run, tmp_path: Path) -> No
         ("coverage --clips 3 --effects", "none of"),
         ("coverage --clips 3 --laboratories 9", "none of"),
         ("coverage --clips 1", "clips"),
+        ("coverage --clips 3 --plot clips.png", "goes not with --plot"),
+        ("coverage --effects --plot effects.png", "goes not with --plot"),
     ],
 )
 def test_files_that_cannot_be_written_are_named(

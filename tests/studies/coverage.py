@@ -19,22 +19,14 @@ from typing import Any
 
 from virtual_lab.files import whole_file
 from virtual_lab.lab import RoundRobin
-from virtual_lab.output.style import PAGE_WIDTH_IN, STYLE
+from virtual_lab.output.style import figure_file
 from virtual_lab.output.tables import write_csv
-from virtual_lab.studies.coverage import coverage_table, sample
+from virtual_lab.studies.coverage import coverage_table, plot_tenths, sample
 
 HERE = Path(__file__).parent
 SEED, BLOCK = 1, 768  # laboratories per block
 TABLES = {"coverage-*.csv": "this test alone", "history-*.csv": "with ten earlier tests"}
 TENTHS = {"by_u": "tenths by u, smallest first", "by_dof": "tenths by ν, fewest first"}
-LINES = {
-    "astm-f1881": "-",
-    "asa": "--",
-    "bbcor": "-.",
-    "proposed": ":",
-    "ncaa-besr": (0, (5, 1)),
-    "ncaa-modified": (0, (1, 1)),
-}
 FEWEST = 4_000  # laboratories, so that a tenth is known to a per cent
 
 
@@ -52,25 +44,18 @@ def tenths(row: dict[str, Any], key: str) -> list[float]:
 
 
 def draw(path: str) -> None:
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    with rc_context(STYLE):
-        figure = Figure(figsize=(PAGE_WIDTH_IN, 5.4), dpi=150, layout="constrained")
+    with figure_file(Path(path), 5.4) as figure:
         panels = figure.subplots(2, 2, sharex=True, sharey=True)
         for across, (pattern, said) in zip(panels, TABLES.items(), strict=True):
             for axes, (key, words) in zip(across, TENTHS.items(), strict=True):
-                axes.axhspan(0.94, 0.96, color="0.9", linewidth=0)
-                axes.axhline(0.9, color="0.5", linewidth=0.6)
-                for procedure, row in rows_of(pattern).items():
-                    look: dict[str, Any] = {"linestyle": LINES[procedure], "label": procedure}
-                    axes.plot(range(1, 11), tenths(row, key), color="black", **look)
+                axes.axhspan(94, 96, color="0.9", linewidth=0)
+                axes.axhline(90, color="0.5", linewidth=0.6)
+                rows = rows_of(pattern)
+                plot_tenths(axes, {name: tenths(row, key) for name, row in rows.items()})
                 axes.set_title(f"{said}: {words}")
-            across[0].set_ylabel("intervals that hold the truth")
-        panels[0, 0].set(xticks=range(1, 11))
+            across[0].set_ylabel("intervals with the true value, %")
         named = panels[0, 0].get_legend_handles_labels()
         figure.legend(*named, loc="outside lower center", ncols=6)
-        figure.savefig(path)
 
 
 def main(procedure: str, laboratories: str, history: str, path: str) -> None:

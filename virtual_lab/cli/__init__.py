@@ -181,8 +181,8 @@ cli = Sections(
                 output=Output(table=True, file="New bat file, .toml.", answer=_fitted),
                 example="fit-bat measured.toml --out mine.toml",
             ),
-            FunctionCommand("sensitivity", output=TABLE, example="sensitivity r161"),
-            FunctionCommand("slope", output=TABLE, example="slope r161 ea70"),
+            FunctionCommand("sensitivity", output=DRAWN, example="sensitivity r161"),
+            FunctionCommand("slope", output=DRAWN, example="slope r161 ea70"),
             FunctionCommand("percussion", output=DRAWN, example="percussion r161 --laboratories 2"),
         ),
         "Studies of laboratories and procedures": (
@@ -194,12 +194,12 @@ cli = Sections(
             FunctionCommand(
                 "coverage",
                 variants={"effects": "effects", "clips": "clip_coverage"},
-                output=STUDY,
+                output=DRAWN,
                 example="coverage r161 --summed --laboratories 20",
             ),
             FunctionCommand("operating", output=DRAWN, example="operating r161 --laboratories 20"),
             FunctionCommand(
-                "bias", options=("procedure",), output=STUDY, example="bias --procedure bbcor"
+                "bias", options=("procedure",), output=DRAWN, example="bias --procedure bbcor"
             ),
             FunctionCommand("faults", output=STUDY, example="faults gate-moved --laboratories 2"),
             FunctionCommand(
@@ -267,7 +267,7 @@ cli = Sections(
                 output=Output(folder="stability-{part}", table=True, picture=True),
                 example="stability motion",
             ),
-            FunctionCommand("convergence", output=TABLE, example="convergence r161"),
+            FunctionCommand("convergence", output=DRAWN, example="convergence r161"),
         ),
         "Shell": (completion,),
     },

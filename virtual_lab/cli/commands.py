@@ -106,7 +106,7 @@ class FunctionCommand(click.Command):
         Positional parameters that are options of the command.
     variants
         Options that call another public function instead, and its name: a flag, or the value of
-        the function's parameter of this name.
+        the function's parameter of this name. Its result has no picture.
     flags
         A parameter each of whose values, the default aside, is also a flag.
     saving
@@ -210,6 +210,8 @@ class FunctionCommand(click.Command):
             asked[self.flags] = flags[0]
         place = self.place
         for variant in [key for key in self.variants if asked.get(key)][-1:]:
+            if values.get("plot"):
+                usage(f"--{variant} goes not with --plot, because its result has no picture")
             place = self.variants[variant]
             asked = _for_variant(variant, place, asked, self.parameters)
         how = {key: asked.pop(key) for key in self._saving if key in asked}

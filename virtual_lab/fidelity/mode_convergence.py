@@ -7,6 +7,8 @@ reference has 120 modes and the same contact.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
+from virtual_lab.output.style import as_drawn, figure_file
 from virtual_lab.output.tables import Column
 from virtual_lab.sheets import AnyBats, entry_names
 from virtual_lab.simulation.collision.modal import STIFF_MODES, ModalModel
@@ -24,8 +27,37 @@ from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.units import INCH, MPH
 
+COUNTS = (8, 12, 16, 20, 30)  # numbers of bending modes
+MARKERS = "osD^v<>"  # markers of the bats, used again after the last one
+CONTACTS = {"point": "point contact", "patch": "contact patch"}  # panel titles
+DASHES = {"without": "--", "with residual": "-"}  # line styles by treatment of omitted modes
 
-def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> Rows[dict[str, Any]]:
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ModeConvergence(Rows[dict[str, Any]]):
+    """Largest errors of e_A by the number of modes, one row per bat, contact and treatment."""
+
+    def draw(self, path: Path) -> None:
+        """Draw the errors against the number of modes, one panel per contact."""
+        bats = list(dict.fromkeys(row["bat"] for row in self.rows))
+        with figure_file(path, 3.6) as figure:
+            panels = figure.subplots(1, 2, sharex=True, sharey=True)
+            for axes, (contact, title) in zip(panels, CONTACTS.items(), strict=True):
+                for row in (row for row in self.rows if row["contact"] == contact):
+                    bat, dash = bats.index(row["bat"]), DASHES[row["residual"]]
+                    label = as_drawn(row["bat"]) if dash == "-" else None
+                    look = {"marker": MARKERS[bat % len(MARKERS)], "linestyle": dash}
+                    errors = [row[f"{count}_modes"] for count in COUNTS]
+                    axes.plot(COUNTS, errors, color="black", markersize=3, label=label, **look)
+                axes.set(title=title, xlabel="number of bending modes")
+            panels[0].set(yscale="log", ylabel="largest error of $e_A$", xticks=COUNTS)
+            handles = panels[0].get_legend_handles_labels()
+            figure.legend(*handles, loc="outside lower center", ncols=4)
+            words = "static flexibility of the omitted modes: with (solid), without (dashed)"
+            figure.suptitle(words, fontsize=8)
+
+
+def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> ModeConvergence:
     """Show the largest error of e_A against 120 bending modes, by the number of modes.
 
     The table has one row per bat, contact (``point`` or ``patch``) and treatment of the omitted
@@ -46,7 +78,7 @@ def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> Rows[dict[
     InputError
         A bat is unknown, or its file cannot be used.
     """
-    counts, converged = (8, 12, 16, 20, 30), 120
+    converged = 120
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     place, speed = np.meshgrid(np.linspace(1, 12, 23) * INCH, np.array([60.0, 160.0]) * MPH)
     scenes = Scenes.with_ball(ball, impact_position=place.ravel(), relative_speed=speed.ravel())
@@ -66,13 +98,13 @@ def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> Rows[dict[
                     "contact": contact,
                     "residual": "with residual" if residual else "without",
                 }
-                for count in counts:
+                for count in COUNTS:
                     stiff = every.above(count) if residual else none
                     model = ModalModel(modes=every.first(count), stiff=stiff, patch=patch)
                     gap = model.collide(scenes).collision_efficiency - true
                     row[f"{count}_modes"] = float(np.abs(gap).max())
                 rows.append(row)
-    return Rows(
+    return ModeConvergence(
         name="convergence",
         title=f"largest error of e_A against {converged} modes, by the number of bending modes",
         columns={
@@ -80,6 +112,6 @@ def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> Rows[dict[
             "contact": Column("contact"),
             "residual": Column("residual flexibility"),
         }
-        | {f"{count}_modes": Column(f"{count} modes", form=".1e") for count in counts},
+        | {f"{count}_modes": Column(f"{count} modes", form=".1e") for count in COUNTS},
         rows=rows,
     )

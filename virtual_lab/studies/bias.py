@@ -8,14 +8,42 @@ reduction.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
 from virtual_lab import catalog
 from virtual_lab.lab import TestSetup, certify_bat
 from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
+from virtual_lab.output.style import as_drawn, figure_file
 from virtual_lab.output.tables import Column
 from virtual_lab.sheets import AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.rig import Reality
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Biases(Rows[dict[str, str | float | None]]):
+    """Systematic errors, one row per bat."""
+
+    def draw(self, path: Path) -> None:
+        """Draw the errors as bars, one panel per quantity and one bar per bat."""
+        with figure_file(path, 1.4 + 0.2 * len(self.rows)) as figure:
+            panels = figure.subplots(1, len(QUANTITIES), sharex=True, sharey=True)
+            for axes, name in zip(panels, QUANTITIES, strict=True):
+                errors = np.array([row[name] for row in self.rows], dtype=float)  # None: NaN
+                bats = [
+                    f"{as_drawn(str(row['bat']))}{'' if row[name] is not None else ' (no result)'}"
+                    for row in self.rows
+                ]
+                axes.barh(bats, 1e3 * errors, color="0.4")
+                axes.axvline(0, color="black", linewidth=0.6)
+                axes.set_title(name.replace("_", "\n"))
+            panels[0].invert_yaxis()
+            figure.suptitle(as_drawn(self.title), fontsize=8)
+            figure.supxlabel("measured minus true value, 10$^{-3}$", fontsize=8)
 
 
 def bias(
@@ -23,7 +51,7 @@ def bias(
     *,
     instruments: Instruments = (),
     progress: Progress = quiet,
-) -> Rows[dict[str, str | float | None]]:
+) -> Biases:
     """Show the systematic error of the method: measured minus true value without randomness.
 
     The table has one row per bat in the catalog and one column per quantity, in SI units. An
@@ -60,7 +88,7 @@ def bias(
             name: measured[name].value - true[name] if measured else None for name in QUANTITIES
         }
         rows.append({"bat": bat, **errors})
-    return Rows(
+    return Biases(
         name="bias",
         title=f"measured minus true value by {procedure}, without randomness",
         columns={"bat": Column("bat")}

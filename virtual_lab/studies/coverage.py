@@ -8,15 +8,16 @@ computed by simulation.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import sqrt
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
+from scipy.stats import binom, binomtest
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BlockTest, Laboratory, RoundRobin
@@ -25,6 +26,7 @@ from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.measurement.procedure import variances_within
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
+from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
 from virtual_lab.output.tables import column
 from virtual_lab.parameters import Positive, Seed
 from virtual_lab.records import AimMarks
@@ -34,6 +36,9 @@ from virtual_lab.studies.rehearsal import Rehearsal
 from virtual_lab.uncertainty.budget import coverage_factors
 from virtual_lab.units import Array, Mask
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 WORDS = (
     "Error: measured minus true value. At least, at most: 95 % confidence interval of the\n"
     "percentage (Clopper-Pearson). SI: unit of the quantity, 1 or m/s. Tenths of the\n"
@@ -41,7 +46,7 @@ WORDS = (
 )
 Taken = TypeVar("Taken")
 TENTHS = 10
-TENTH_LABELS = {"by_u": "tenth by u", "by_dof": "tenth by degrees of freedom"}
+TENTH_DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (1, 1)))  # line styles of a panel's lines
 
 
 def _tenth_texts(key: str) -> Callable[[Coverage], str]:
@@ -86,6 +91,54 @@ class Coverage:
     expected_se: float = column("  its standard error", "SI", ".1e")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class CoverageTable(Rows[Coverage]):
+    """Coverage, errors and bias, one row per quantity, the metric first."""
+
+    def draw(self, path: Path) -> None:
+        """Draw the coverage of each quantity, and of the metric by tenths of the laboratories."""
+        shares = np.array([(row.coverage, row.low, row.high) for row in self.rows])
+        share, low, high = 100 * shares.T
+        names = [row.quantity.replace("_", " ") for row in self.rows]
+        with figure_file(path, 2.9) as figure:
+            quantities, tenths = figure.subplots(1, 2)
+            spread = (share - low, high - share)
+            quantities.errorbar(share, names, xerr=spread, capsize=3, fmt="ok", markersize=3)
+            quantities.axvline(95, color="0.5", linewidth=0.6)
+            figure.suptitle(as_drawn(self.title), fontsize=8)
+            quantities.set(xlabel="intervals with the true value, %", ymargin=0.1)
+            quantities.invert_yaxis()
+            metric = self.rows[0]
+            labels = {
+                "by $u$, smallest first": metric.by_u,
+                "by degrees of freedom, fewest first": metric.by_dof,
+            }
+            size = max(metric.laboratories // TENTHS, 1)
+            least, most = (100 * binom.ppf(p, size, 0.95) / size for p in (0.025, 0.975))
+            words = "range of 95 % of tenths, by chance"
+            tenths.axhspan(least, most, color=INTERVAL_GREY, linewidth=0, label=words)
+            plot_tenths(tenths, labels)
+            tenths.set(ylabel="intervals for the metric, %")
+            figure.legend(loc="outside lower center", ncols=3)
+
+
+def plot_tenths(axes: Axes, shares: Mapping[str, Sequence[float | None]]) -> None:
+    """Plot the coverage [%] of ten groups of laboratories against their number.
+
+    Parameters
+    ----------
+    axes
+        Panel to plot into.
+    shares
+        Coverage of each tenth by label of the line; None: a tenth without laboratories.
+    """
+    axes.axhline(95, color="0.5", linewidth=0.6)
+    for (label, tenths), dash in zip(shares.items(), TENTH_DASHES, strict=False):
+        percent = 100 * np.array(tenths, dtype=float)  # None: NaN
+        axes.plot(range(1, TENTHS + 1), percent, linestyle=dash, color="black", label=label)
+    axes.set(xticks=range(1, TENTHS + 1), xlabel="tenth of the laboratories")
+
+
 def coverage(
     bat: AnyBat = "r161",
     *,
@@ -98,7 +151,7 @@ def coverage(
     workers: Positive = 1,
     instruments: Instruments = (),
     progress: Progress = quiet,
-) -> Rows[Coverage]:
+) -> CoverageTable:
     """Return the coverage of the 95 % intervals over many laboratories.
 
     One bat design is certified in each laboratory. The table has one row per quantity, the metric
@@ -175,9 +228,7 @@ def _counting(tested: BlockTest, take: Callable[[BlockTest], Taken]) -> tuple[in
     return tested.certified.invalid.size, take(tested)
 
 
-def coverage_table(
-    samples: Iterable[Sample], bat: str, procedure: str, seed: int
-) -> Rows[Coverage]:
+def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: int) -> CoverageTable:
     """Return the table of the study from the samples of all blocks of laboratories."""
     names = ("metric", *QUANTITIES)
     nominal = RoundRobin.of(bat, procedure)
@@ -211,7 +262,7 @@ def coverage_table(
         straying = rehearsal.straying(*np.sqrt(np.mean(np.concatenate(strayed), axis=0)))
         bias, bias_se = rehearsal.bias(straying, Streams(seed), laboratories)
         metric = replace(metric, expected=metric.expected + bias, expected_se=bias_se)
-    return Rows(
+    return CoverageTable(
         name="coverage",
         title=f"{bat} by {procedure}: coverage of the 95 % intervals",
         across="quantity",

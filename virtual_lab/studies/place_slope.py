@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.lab.measurand import true_curve
-from virtual_lab.measurement.procedure import aimed_place
+from virtual_lab.measurement.procedure import Procedure, aimed_place
 from virtual_lab.output.result import Rows
+from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
 from virtual_lab.output.tables import column
 from virtual_lab.sheets import AnyBats, AnyProcedure, Instruments, entry_name, entry_names
 from virtual_lab.simulation.physics.beam import beam_of
@@ -27,9 +30,34 @@ class Slope:
     slope_per_in: float = column("slope of e_A", "1/in", "+.4f")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Slopes(Rows[Slope]):
+    """Slopes of the bats, their mean and standard deviation, and the slope on the sheet."""
+
+    on_sheet: tuple[float, float]  # slope of the procedure, and its standard uncertainty [1/in]
+
+    def draw(self, path: Path) -> None:
+        """Draw the slope of each bat, and their mean, against the slope on the sheet."""
+        *bats, mean, deviation = self.rows
+        value, u = self.on_sheet
+        with figure_file(path, 1.3 + 0.25 * len(bats)) as figure:
+            axes = figure.subplots()
+            words = "slope on the sheet of the procedure ± $u$"
+            axes.axvspan(value - u, value + u, color=INTERVAL_GREY, linewidth=0, label=words)
+            axes.axvline(value, color="0.5", linewidth=0.6)
+            names = [as_drawn(row.bat) for row in bats]
+            axes.plot([row.slope_per_in for row in bats], names, "ok", label="bat")
+            spread, words = deviation.slope_per_in, "mean ± standard deviation"
+            axes.errorbar(mean.slope_per_in, words, xerr=spread, capsize=3, fmt="Dk", label=words)
+            title = as_drawn(self.title).replace("e_A", "$e_A$")
+            axes.set(title=title, ymargin=0.1, xlabel="slope of $e_A$ along the barrel, 1/in")
+            axes.invert_yaxis()
+            figure.legend(loc="outside lower center", ncols=3)
+
+
 def slope(
     bats: AnyBats = (), *, procedure: AnyProcedure = "astm-f1881", instruments: Instruments = ()
-) -> Rows[Slope]:
+) -> Slopes:
     """Show the slope of e_A along the barrel [1/in] where a procedure hits the bats.
 
     Two more rows hold the mean and the standard deviation over the bats. Bat and ball are
@@ -67,7 +95,9 @@ def slope(
         Slope(bat=name, place_in=None, slope_per_in=value) for name, value in statistics.items()
     ]
     title = f"slope of e_A along the barrel at the impact position of {procedure}"
-    return Rows(name="slope", title=title, rows=rows)
+    rules = catalog.load("procedures", procedure, Procedure).spec
+    on_sheet = (rules.place_slope * INCH, rules.place_slope_u * INCH)
+    return Slopes(name="slope", title=title, rows=rows, on_sheet=on_sheet)
 
 
 def _slope(bat: str, procedure: str) -> Slope:

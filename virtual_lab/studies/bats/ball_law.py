@@ -6,7 +6,9 @@ shape of the force. The rest of the program uses only the first law.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +18,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.measurement.reduction.kinematics import recoil_factor_free
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
+from virtual_lab.output.style import as_drawn, figure_file
 from virtual_lab.output.tables import columns_of
 from virtual_lab.relations.swing import bat_speed
 from virtual_lab.sheets import AnyBat, entry_name
@@ -29,9 +32,10 @@ from virtual_lab.simulation.physics.ball import (
     wall_contact,
 )
 from virtual_lab.simulation.physics.beam import Free, beam_of
+from virtual_lab.studies.bats.curves import PLACE
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions, curves_of, peaks_of
 from virtual_lab.studies.bats.text import PEAK_COLUMNS, LawRow, peak_entries, spread_of
-from virtual_lab.units import INCH
+from virtual_lab.units import INCH, Array
 
 PLACES_IN = np.arange(2.5, 9.01, 0.5)
 
@@ -49,9 +53,38 @@ LAWS = (
     _Law("Hunt-Crossley", HuntCrossley.of, 1.0),
     _Law("Hunt-Crossley", HuntCrossley.of, 1.5),
 )
+PANELS = {"e": "$e$", "v_f_mph": "$v_f$, mph"}  # axis labels by name of the curve
+LINES = {"power law": ("-", "black"), "Hunt-Crossley": ("--", "0.5")}  # style and colour by law
+MARKERS = {1.0: "o", 1.5: "s", 2.0: "^"}  # markers of the peaks by exponent
 
 
-def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> Rows[LawRow]:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LawTable(Rows[LawRow]):
+    """Results of a bat by force law of the ball, one row per law."""
+
+    curves: Sequence[Mapping[str, Array]]  # curves along the bat by name, one mapping per law
+
+    def draw(self, path: Path) -> None:
+        """Draw e and v_f along the barrel for each law, with a marker at each peak."""
+        with figure_file(path, 4.6) as figure:
+            panels = figure.subplots(2, 1, sharex=True)
+            for row, curves in zip(self.rows, self.curves, strict=True):
+                dash, colour = LINES[row.law]
+                for axes, name in zip(panels, PANELS, strict=True):
+                    axes.plot(curves["z_in"], curves[name], dash, color=colour)
+                    peak = (row.peaks[f"{name}_at_in"], row.peaks[name])
+                    label = f"{row.law}, exponent {row.exponent:g}"
+                    look = {"linestyle": dash, "marker": MARKERS[row.exponent]}
+                    axes.plot(*peak, color=colour, label=label, **look)
+            for axes, label in zip(panels, PANELS.values(), strict=True):
+                axes.set_ylabel(label)
+            panels[0].set_title(as_drawn(f"{self.rows[0].bat}, markers: largest values"))
+            panels[1].set_xlabel(PLACE)
+            handles = panels[0].get_legend_handles_labels()
+            figure.legend(*handles, loc="outside lower center", ncols=3)
+
+
+def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
     """Show how the results of a bat depend on the force law of the ball.
 
     The table has one row per law: the ball on a wall, and the peaks of the free bat in the standard
@@ -85,7 +118,7 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> Rows[LawRow]:
     # with 40 modes, e_A of every law is 2e-4 lower than with 100
     model = ReferenceModel.of(body, Free(), 40)
     goal = _on_wall(_Law("", PowerLaw.of, ball.exponent), ball.mass, speed, e0, ball.stiffness)
-    rows = []
+    rows, curves = [], []
     for law in LAWS:
         progress(f"{law.name}, exponent {law.exponent:g}")
         stiffness = _stiffness(law, ball.mass, speed, e0, float(goal.compression_time))
@@ -99,6 +132,7 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> Rows[LawRow]:
         )
         e_A = replace(model, law=law.make).collide(scenes).collision_efficiency
         wall = _on_wall(law, ball.mass, speed, e0, stiffness)
+        curves.append(curves_of(scenes, e_A, r, game.pitch_speed, moving))
         rows.append(
             LawRow(
                 bat=spec.name,
@@ -107,15 +141,16 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> Rows[LawRow]:
                 stiffness=stiffness,
                 wall_time_ms=float(wall.time) * 1e3,
                 wall_force_kn=float(wall.force) / 1e3,
-                peaks=peak_entries(peaks_of(curves_of(scenes, e_A, r, game.pitch_speed, moving))),
+                peaks=peak_entries(peaks_of(curves[-1])),
             )
         )
-    return Rows(
+    return LawTable(
         name="sensitivity",
         title=f"{spec.name}: largest values (positions, in from the tip) by force law of the ball",
         columns=columns_of(rows[0]) | PEAK_COLUMNS,
         rows=rows,
         words=spread_of(rows),
+        curves=curves,
     )
 
 

@@ -1,0 +1,115 @@
+"""Pictures of studies: the numbers in the axes are those of the rows, made by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from virtual_lab.fidelity.mode_convergence import ModeConvergence
+from virtual_lab.output.result import StudyResult
+from virtual_lab.studies.bats.ball_law import LawTable
+from virtual_lab.studies.bats.text import LawRow
+from virtual_lab.studies.bias import Biases
+from virtual_lab.studies.coverage import Coverage, CoverageTable
+from virtual_lab.studies.place_slope import Slope, Slopes
+
+NOTHING: dict[str, Any] = dict.fromkeys(Coverage.__dataclass_fields__, 0)
+
+
+@pytest.fixture
+def panels(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the function that draws a result and returns the axes of its picture."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
+
+    def drawn(result: StudyResult) -> list[Any]:
+        result.plot(Path("unused.png"))
+        return figures[-1].axes
+
+    return drawn
+
+
+def test_coverage(panels: Any) -> None:
+    """The interval is not symmetric; of 100 laboratories per tenth, 90 to 99 hold the value."""
+    about = NOTHING | {"quantity": "metric", "laboratories": 1000}
+    shares = {"coverage": 0.96, "low": 0.90, "high": 0.98}
+    by_u, by_dof = (0.9, None, *[0.95] * 8), (1.0, *[0.94] * 9)
+    row = Coverage(**about | shares | {"by_u": by_u, "by_dof": by_dof})
+    quantities, tenths = panels(CoverageTable(name="coverage", title="", rows=[row]))
+    ((limits,),) = (bar.get_segments() for bar in quantities.collections)
+    assert quantities.lines[0].get_xdata() == pytest.approx([96])
+    assert limits[:, 0] == pytest.approx([90, 98])
+    assert [line.get_xdata()[0] for line in quantities.lines if line.get_color() == "0.5"] == [95]
+    of_u, of_dof = (line.get_ydata() for line in tenths.lines[-2:])
+    assert of_u == pytest.approx([90, np.nan, *[95] * 8], nan_ok=True)
+    assert of_dof == pytest.approx([100, *[94] * 9])
+    (band,) = tenths.patches
+    assert (band.get_y(), band.get_y() + band.get_height()) == pytest.approx((90, 99))
+
+
+def test_sensitivity(panels: Any) -> None:
+    curves = {"z_in": [5.0, 6.0], "e": [0.49, 0.48], "v_f_mph": [104.0, 102.0]}
+    peaks = {"e": 0.5, "e_at_in": 5.2, "v_f_mph": 105.0, "v_f_mph_at_in": 5.4}
+    law = {"law": "power law", "exponent": 1.5, "stiffness": 0, "wall_time_ms": 0}
+    row = LawRow(bat="r161", wall_force_kn=0, peaks=peaks, **law)
+    axes = panels(LawTable(name="sensitivity", title="", rows=[row], curves=[curves]))
+    for panel, name in zip(axes, ("e", "v_f_mph"), strict=True):
+        curve, peak = (line.get_xydata().ravel() for line in panel.lines)
+        assert curve == pytest.approx(np.transpose([curves["z_in"], curves[name]]).ravel())
+        assert peak == pytest.approx([peaks[f"{name}_at_in"], peaks[name]])
+
+
+def test_slope(panels: Any) -> None:
+    slopes = {"r161": -0.01, "ea70": 0.03, "mean": 0.01, "deviation": 0.02}
+    rows = [Slope(bat=bat, place_in=None, slope_per_in=at) for bat, at in slopes.items()]
+    (axes,) = panels(Slopes(name="slope", title="", rows=rows, on_sheet=(0.006, 0.014)))
+    (band,), (bar,) = axes.patches, axes.collections
+    assert (band.get_x(), band.get_x() + band.get_width()) == pytest.approx((-0.008, 0.02))
+    points = [list(line.get_xdata()) for line in axes.lines if line.get_marker() in ("o", "D")]
+    assert points == [[-0.01, 0.03], [0.01]]
+    assert bar.get_segments()[0][:, 0] == pytest.approx([-0.01, 0.03])
+
+
+def test_bias(panels: Any) -> None:
+    words = "bat_performance_factor collision_efficiency restitution recoil_factor ball_restitution"
+    names = words.split()
+    rows = [
+        {"bat": "r161"} | {name: 1e-3 * (at - 2) for at, name in enumerate(names)},
+        {"bat": "ea70"} | dict.fromkeys(names),
+    ]
+    drawn = panels(Biases(name="bias", title="", rows=rows))
+    drawn[0].figure.draw_without_rendering()
+    bats = [label.get_text() for label in drawn[0].get_yticklabels()]
+    assert bats == ["r161", "ea70 (no result)"]
+    for at, axes in enumerate(drawn):
+        assert axes.get_title("left").replace("\n", "_") == names[at]
+        assert [bar.get_width() for bar in axes.patches] == pytest.approx(
+            [at - 2, np.nan], nan_ok=True
+        )
+
+
+def test_convergence(panels: Any) -> None:
+    """Four lines, solid for those with the flexibility of the omitted modes."""
+    modes = np.array([8, 12, 16, 20, 30])
+    rows = [
+        {"bat": "r161", "contact": contact, "residual": residual}
+        | {f"{count}_modes": scale / count for count in modes}
+        for contact, residual, scale in (
+            ("point", "without", 1.0),
+            ("point", "with residual", 0.1),
+            ("patch", "without", 0.5),
+            ("patch", "with residual", 0.05),
+        )
+    ]
+    axes = panels(ModeConvergence(name="convergence", title="", rows=rows))
+    scales = {"point contact": {"--": 1.0, "-": 0.1}, "contact patch": {"--": 0.5, "-": 0.05}}
+    for panel in axes:
+        assert panel.get_yscale() == "log"
+        for line in panel.lines:
+            scale = scales[panel.get_title("left")].pop(line.get_linestyle())
+            assert pytest.approx(np.array([modes, scale / modes])) == line.get_xydata().T
+    assert not any(scales.values())
