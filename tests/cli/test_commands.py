@@ -20,6 +20,7 @@ import pytest
 import virtual_lab as vl
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from virtual_lab import api
+from virtual_lab.api.describing import first_line
 from virtual_lab.cli import cli
 from virtual_lab.cli.commands import FunctionCommand
 from virtual_lab.errors import InputError
@@ -236,3 +237,15 @@ def test_a_sweep_at_the_shell_equals_that_in_python(run: Run, tmp_path: Path) ->
     assert code == 0
     assert json.loads(out) == json.loads(table.to_json(orient="records"))
     assert (tmp_path / "rows.csv").read_text().startswith("bat,procedure,laboratory,")
+
+
+def test_a_function_without_a_docstring_is_no_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The docstring of the next function is not taken; a module may be a single file."""
+    text = 'def bare(x):\n    return x\n\n\ndef said(x):\n    """Say x."""\n'
+    (tmp_path / "alone_here.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert first_line("alone_here", "said") == "Say x."
+    with pytest.raises(ValueError, match="alone_here has no function bare with a docstring"):
+        first_line("alone_here", "bare")

@@ -126,13 +126,14 @@ def first_line(module: str, name: str) -> str:
 
 
 def _header(module: str, name: str) -> str:
-    """Return the text of a function without its body."""
+    """Return the text of a function without its body; `ValueError` if it has no docstring."""
     text = _source(module).read_text(encoding="utf-8")
-    found = re.search(
-        rf'^ *def {name.rsplit(".", maxsplit=1)[-1]}\(.*?""".*?"""', text, re.DOTALL | re.MULTILINE
-    )
-    assert found, (module, name)
-    return dedent(found[0])
+    start = rf"^ *def {name.rsplit('.', maxsplit=1)[-1]}\("
+    # a function without a docstring must not take that of the next one
+    header = re.search(rf'{start}(?:(?!^ *def ).)*?""".*?"""', text, flags=re.DOTALL | re.MULTILINE)
+    if header is None:
+        raise ValueError(f"{module} has no function {name} with a docstring")
+    return dedent(header[0])
 
 
 def _source(module: str) -> Path:
@@ -140,7 +141,10 @@ def _source(module: str) -> Path:
     top, *parts = module.split(".")
     spec = find_spec(top)
     assert spec is not None, module
-    path = Path(str(spec.origin)).parent.joinpath(*parts)
+    origin = Path(str(spec.origin))
+    if not parts:
+        return origin
+    path = origin.parent.joinpath(*parts)
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 

@@ -28,7 +28,7 @@ from virtual_lab.records.particulars import NOTHING_STATED, Particulars
 from virtual_lab.uncertainty.decision import conformity
 
 SCHEMA = 4
-READABLE = (3, SCHEMA)  # schemas that `verify` reads
+READABLE = range(3, SCHEMA + 1)  # schemas that `verify` reads
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
 SUPPLIED = "Computed by this program from records supplied by {}; not verified."
 OPTIONAL = (  # not stated where the metric is the same quantity

@@ -132,7 +132,7 @@ def _of_other_packages() -> list[click.Command]:
         made = FunctionCommand(each.name, (each.module, each.attr), output=DRAWN)
         try:
             made.get_short_help_str()
-        except (AssertionError, OSError, SyntaxError) as fault:
+        except (AssertionError, OSError, SyntaxError, ValueError) as fault:
             click.echo(f"{PROGRAM}: {each.value}: no command can be read ({fault})", err=True)
         else:
             commands.append(made)
