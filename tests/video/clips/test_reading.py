@@ -290,7 +290,7 @@ def test_a_clip_that_fits_in_memory_is_decoded_once(
         np.save(path, frames)
         clip = open_clip(path, FAST)
         path.unlink()
-        for each, stays in ((clip, there), (clip.released(), later)):
+        for each, stays in ((clip, there), (clip.trim_memory(), later)):
             if stays:
                 np.testing.assert_array_equal(np.stack(list(each.pictures())), frames)
                 assert [number for number, _ in each.chosen(np.array([7, 3]))] == [3, 7]

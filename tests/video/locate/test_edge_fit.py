@@ -12,7 +12,7 @@ from scipy.special import ndtr
 from tests.video.plain import FIELD, Balls, balls
 from tests.video.spectrum import disc
 from tests.video.stitched import LENS, Array, Scene, scene
-from virtual_lab.video.locate.edge_fit import RIM_FIT, covered, fit_edge, solve_ring
+from virtual_lab.video.locate.edge_fit import RIM_FIT, fit_edge, hidden_share, solve_ring
 from virtual_lab.video.locate.edge_kernel import View
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions
 from virtual_lab.video.locate.noise import Noise
@@ -78,12 +78,12 @@ def test_the_hidden_share_of_a_rim_is_found(hidden: float) -> None:
     noise = Noise(gain=0.0, read=4.0)
     p = np.zeros(len(AT))
     p[[AT.x, AT.y, AT.radius, AT.level]] = middle, middle, radius, 1.0
-    share = covered(View(region, back, np.zeros(2)), p, noise)
+    share = hidden_share(View(region, back, np.zeros(2)), p, noise)
     # angle of the ring, whose middle lies 3 pixels inside the rim and meets the chord later
     ring = np.arccos(np.cos(np.pi * hidden) * radius / (radius - 3)) / np.pi if hidden else 0.0
     assert share == pytest.approx(ring, abs=0.01)
     dim = np.where(region > 180, 40.0 + 10 * 2, region)  # contrast of 10 sigma with the background
-    assert covered(View(dim, back, np.zeros(2)), p, noise) == 0.0
+    assert hidden_share(View(dim, back, np.zeros(2)), p, noise) == 0.0
 
 
 def test_a_plain_ball_costs_no_more_than_twice_its_bound() -> None:

@@ -18,7 +18,7 @@ def frames(gain: float, read: float, seed: int = 1, count: int = 6) -> np.ndarra
 @pytest.mark.parametrize(("gain", "read"), [(0.5, 4.0), (0.05, 1.0), (2.0, 30.0)])
 def test_photon_transfer_gives_the_noise(gain: float, read: float) -> None:
     """The variance is right within 5 % from dark to bright pixels, rounding included."""
-    noise = Noise.measured(frames(gain, read), 4095.0)
+    noise = Noise.from_frames(frames(gain, read), 4095.0)
     mean = np.array([50.0, 290.0, 840.0])
     assert noise.variance(mean) == pytest.approx(gain * mean + read + 1 / 12, rel=0.05)
 
@@ -28,7 +28,7 @@ def test_flicker_and_a_passing_ball_are_left_out() -> None:
     taken = frames(0.5, 4.0).astype(float)
     taken[1] += 20
     taken[2, :20, :20] += 200
-    noise = Noise.measured(taken, 4095.0)
+    noise = Noise.from_frames(taken, 4095.0)
     assert noise.variance(290.0) == pytest.approx(0.5 * 290 + 4, rel=0.06)
 
 

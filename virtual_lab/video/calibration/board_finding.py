@@ -53,8 +53,8 @@ def _chessboard(plain: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp
     # the picture itself is tried first: in even light OpenCV finds a board in it more often than in
     # a normalized picture
     for flags in (0, cv2.CALIB_CB_NORMALIZE_IMAGE):
-        found, corners = cv2.findChessboardCornersSB(plain, board.shape, flags=flags)
-        if found:
+        success, corners = cv2.findChessboardCornersSB(plain, board.shape, flags=flags)
+        if success:
             lines = np.asarray(corners, np.float64).reshape(*board.shape[::-1], 2)
             bend = max(np.abs(np.diff(lines, 2, axis=axis)).max() for axis in (0, 1))
             # if the board has one column less, OpenCV adds a column beside it, a quarter of a

@@ -100,18 +100,18 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
     Raises `InputError`: pictures of several sizes, fewer than three with a board, none in the
     plane view, boards all parallel, residuals that no lens leaves, a plane behind the camera.
     """
-    looked, size, plane, blur = _looked_at(pictures, plan)
-    seen = {name: found for name, found in looked.items() if found}
-    if len(seen) < DEMANDS.least_views:
+    looked, size, plane, blur = _find_boards(pictures, plan)
+    views = {name: view for name, view in looked.items() if view}
+    if len(views) < DEMANDS.least_views:
         many = f"{plan.board.columns}x{plan.board.rows} squares, not inner corners"
         allowed = f"at least {DEMANDS.least_views} must show the board (is it {many}?)"
-        raise InputError("", "pictures with a board", len(seen), allowed)
+        raise InputError("", "pictures with a board", len(views), allowed)
     if plane is None:  # no other view replaces the one that was requested
         raise InputError("", "--plane", plan.plane, f"allowed: {', '.join(looked)}")
-    if plane not in seen:
+    if plane not in views:
         allowed = "no board was found in it; name one that shows it flat with --plane"
         raise InputError(plane, "plane view", None, allowed)
-    solved = _solve(plan.board.corners(), [*seen.values()], size, [*seen].index(plane))
+    solved = _solve(plan.board.corners(), [*views.values()], size, [*views].index(plane))
     _require_sound(solved)
     if not plan.height < (far := float(solved.values[-1])):
         allowed = f"the camera itself is {far:.3g} m over the board"
@@ -123,7 +123,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
     u: list[Any] = solved.u.tolist()
     fit = CameraFit(
         board=plan.board.source,
-        views=len(seen),
+        views=len(views),
         corners=len(solved.residuals),
         rms_px=solved.rms,
         focal_u_px=tuple(u[:2]),
@@ -135,7 +135,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
     return Calibrated(
         model=replace(_model(solved.values, size, plan), relative_scale_u=relative, fit=fit),
         solved=solved,
-        views=dict(zip(seen, rms.tolist(), strict=True)),
+        views=dict(zip(views, rms.tolist(), strict=True)),
         plane=plane,
         lens_blur=blur,
         length_u=shares,
@@ -152,7 +152,7 @@ def lengths_of(model: CameraModel) -> Array:
     return np.asarray(np.hypot(*(ends[2:] - ends[:2]).T))
 
 
-def _looked_at(
+def _find_boards(
     pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan
 ) -> tuple[dict[str, BoardView | None], tuple[int, int], str | None, float]:
     """Return the board's corners per picture, the picture size, name and blur of the plane view."""
@@ -160,15 +160,15 @@ def _looked_at(
     plane, blur = None, np.nan
     size: tuple[int, int] | None = None
     for name, picture in pictures:
-        own = (picture.shape[1], picture.shape[0])
-        size = size or own
-        if own != size:
+        picture_size = (picture.shape[1], picture.shape[0])
+        size = size or picture_size
+        if picture_size != size:
             allowed = f"the first is {size[0]} x {size[1]}: all must be one camera's"
-            raise InputError(name, "size", f"{own[0]} x {own[1]}", allowed)
-        found = find_board(picture, plan.board)
+            raise InputError(name, "size", f"{picture_size[0]} x {picture_size[1]}", allowed)
+        view = find_board(picture, plan.board)
         if plane is None and plan.plane in (None, name, Path(name).name):
-            plane, blur = name, lens_blur_of(picture, found, plan.board) if found else np.nan
-        looked[name] = found
+            plane, blur = name, lens_blur_of(picture, view, plan.board) if view else np.nan
+        looked[name] = view
     if size is None:
         raise InputError("", "pictures", 0, f"at least {DEMANDS.least_views} of a board")
     return looked, size, plane, blur
@@ -214,11 +214,11 @@ def _length_u(solved: Solved, size: tuple[int, int], plan: Plan) -> Array:
 def _warnings(
     solved: Solved, looked: dict[str, BoardView | None], size: tuple[int, int], plan: Plan
 ) -> Iterator[str]:
-    if without := [name for name, found in looked.items() if not found]:
+    if without := [name for name, view in looked.items() if not view]:
         yield f"no board was found in {', '.join(without)}"
     if solved.rms > DEMANDS.rough_rms_px:
         yield f"residuals of {solved.rms:.2g} pixels are large: is the board flat?"
-    names = [name for name, found in looked.items() if found]
+    names = [name for name, view in looked.items() if view]
     for name, lost in zip(names, solved.left_out, strict=True):
         if lost:
             yield f"{name}: corners far off were left out, {lost} of them"
@@ -234,18 +234,18 @@ def _warnings(
         yield "the ball's plane is taken as exactly known: see --height-u"
 
 
-def _solve(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: int) -> Solved:
+def _solve(corners: Array, views: list[BoardView], size: tuple[int, int], plane: int) -> Solved:
     """Fit the lens and the poses to the corners (corner, 3) [m] of a board in each view.
 
     `size` is the pictures' width and height, `plane` the number of the plane view. Raises
     `InputError` where OpenCV finds no camera for them.
     """
-    view = np.repeat(np.arange(len(seen)), [len(each.ids) for each in seen])
-    points = corners[np.concatenate([each.ids for each in seen])]
-    places = np.concatenate([each.places for each in seen])
-    kept = np.ones(len(view), bool)
+    view = np.repeat(np.arange(len(views)), [len(each.ids) for each in views])
+    points = corners[np.concatenate([each.ids for each in views])]
+    places = np.concatenate([each.places for each in views])
+    inliers = np.ones(len(view), bool)
     while True:
-        solved = _fit(points[kept], places[kept], view[kept], size, plane)
+        solved = _fit(points[inliers], places[inliers], view[inliers], size, plane)
         off = np.hypot(*solved.residuals.T)
         usual = 1.4826 / 1.177 * float(np.median(off))  # Rayleigh's median
         # one wrong corner distorts the lens for the others, so only the worst are removed in each
@@ -253,8 +253,8 @@ def _solve(corners: Array, seen: list[BoardView], size: tuple[int, int], plane: 
         good = off <= max(6 * usual, 0.5 * float(off.max()))
         if good.all():
             return replace(solved, left_out=np.bincount(view) - np.bincount(solved.view))
-        kept[kept] = good
-        if np.bincount(view[kept], minlength=len(seen)).min() < 6:
+        inliers[inliers] = good
+        if np.bincount(view[inliers], minlength=len(views)).min() < 6:
             why = "one of the pictures fits no lens that fits the others"
             raise InputError("", "camera", None, why)
 
@@ -271,8 +271,8 @@ def _fit(
     views = [view == k for k in range(int(view.max()) + 1)]
     try:
         _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
-            [points[own].astype(np.float32) for own in views],
-            [places[own].astype(np.float32) for own in views],
+            [points[rows].astype(np.float32) for rows in views],
+            [places[rows].astype(np.float32) for rows in views],
             size,
             np.eye(3),
             np.zeros(5),
@@ -286,9 +286,9 @@ def _fit(
     axes = _axes(rotations[plane])
     poses = [cv2.Rodrigues(each @ axes)[0] for each in rotations]
     residuals, lens, bodies = places.copy(), [], []
-    for own, pose, shift in zip(views, poses, shifts, strict=True):
-        drawn, slopes = cv2.projectPoints(points[own] @ axes, pose, shift, matrix, distortion)
-        residuals[own] -= drawn.reshape(-1, 2)
+    for rows, pose, shift in zip(views, poses, shifts, strict=True):
+        drawn, slopes = cv2.projectPoints(points[rows] @ axes, pose, shift, matrix, distortion)
+        residuals[rows] -= drawn.reshape(-1, 2)
         lens.append(slopes[:, 6:])
         bodies.append(slopes[:, :6])
     whole = np.asarray(np.hstack([np.concatenate(lens), block_diag(*bodies)]), np.float64)
@@ -297,7 +297,7 @@ def _fit(
     fitted, inverse = scale > 0, np.zeros(whole.T.shape)
     inverse[fitted] = np.linalg.pinv(whole[:, fitted] / scale[fitted]) / scale[fitted, None]
     free = max(int(residuals.size - fitted.sum()), 1)
-    own = inverse[[*range(9), *range(9 + 6 * plane, 15 + 6 * plane)]]
+    part = inverse[[*range(9), *range(9 + 6 * plane, 15 + 6 * plane)]]
     solved = Solved(
         values=np.concatenate(
             [
@@ -305,7 +305,7 @@ def _fit(
                 *map(np.ravel, (distortion, poses[plane], shifts[plane])),
             ]
         ),
-        covariance=own @ own.T * float((residuals**2).sum()) / free,
+        covariance=part @ part.T * float((residuals**2).sum()) / free,
         view=view,
         places=places,
         residuals=residuals,

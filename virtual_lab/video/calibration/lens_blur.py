@@ -14,25 +14,25 @@ from virtual_lab.units import Array
 from virtual_lab.video.calibration.board_finding import BoardView
 
 
-def lens_blur_of(picture: NDArray[Any], seen: BoardView, board: Board) -> float:
+def lens_blur_of(picture: NDArray[Any], view: BoardView, board: Board) -> float:
     """Measure the standard deviation of the lens's blur in a picture of a board [pixel], 0.1 to 10.
 
     Across an edge, brightness follows a normal distribution function. Its variance is that of the
     lens plus that of a pixel, 1/12. Beyond a strip of paper a marker begins. The width is the
     one that fits the middle halves of all edges best; each edge has two levels of its own.
     """
-    edge, off, value, paper = _beside_edges(picture, seen, board)
+    edge, off, value, paper = _beside_edges(picture, view, board)
     count = np.maximum(np.bincount(edge), 1)
 
-    def centred(values: Array) -> Array:
+    def subtract_mean(values: Array) -> Array:
         return np.asarray(values - (np.bincount(edge, values) / count)[edge])
 
-    value = centred(value)
+    value = subtract_mean(value)
     # distance from the edge, growing toward the paper
     bright = np.sign(np.bincount(edge, off * value))[edge] * off
 
     def misfit(width: float) -> float:
-        share = centred(ndtr(bright / width) - ndtr((bright - paper) / width))
+        share = subtract_mean(ndtr(bright / width) - ndtr((bright - paper) / width))
         slope = np.bincount(edge, share * value) / np.maximum(np.bincount(edge, share**2), 1e-12)
         return float(np.sum((value - slope[edge] * share) ** 2))
 
@@ -41,11 +41,11 @@ def lens_blur_of(picture: NDArray[Any], seen: BoardView, board: Board) -> float:
 
 
 def _beside_edges(
-    picture: NDArray[Any], seen: BoardView, board: Board
+    picture: NDArray[Any], view: BoardView, board: Board
 ) -> tuple[NDArray[np.intp], Array, Array, float]:
     """Return edge, distance and grey value of pixels near edges, and the width of the paper."""
     places = np.full((*board.shape[::-1], 2), np.nan)
-    places.reshape(-1, 2)[seen.ids] = seen.places
+    places.reshape(-1, 2)[view.ids] = view.places
     rows, columns = (places[:, :-1], places[:, 1:]), (places[:-1], places[1:])
     ends = [
         np.concatenate([a.reshape(-1, 2), b.reshape(-1, 2)])

@@ -40,13 +40,13 @@ class Plane(PixelScale):
         return self.places / self.metres_per_pixel * [1, self.sense]
 
 
-def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
+def plane_of(outlines: Located, calibration: ClipCalibration, where: str) -> Plane:
     """Return the positions of a ball in the plane [m].
 
     The scale comes from the calibrated camera if there is one, else from metres_per_pixel if it is
     given, else from the ball's diameter.
     """
-    pixels, camera, diameter = found.places, calibration.camera, calibration.ball_diameter_m
+    pixels, camera, diameter = outlines.places, calibration.camera, calibration.ball_diameter_m
     if camera:
         places = on_plane(pixels, camera, diameter)
         right, down = (
@@ -70,13 +70,13 @@ def plane_of(found: Located, calibration: ClipCalibration, where: str) -> Plane:
             sizes=sizes / np.nanmedian(sizes),
             sense=float(np.sign(middle)),
         )
-    whole = found.flags == 0
+    whole = outlines.flags == 0
     if calibration.metres_per_pixel:
         scale, source = calibration.metres_per_pixel, "given"
         relative = calibration.metres_per_pixel_u / scale
     elif diameter and whole.any():
-        radius, source = float(np.median(found.radius[whole])), "ball"
-        pattern = float(np.median(found.pattern_u[whole]))
+        radius, source = float(np.median(outlines.radius[whole])), "ball"
+        pattern = float(np.median(outlines.pattern_u[whole]))
         # u of the radius from the model of a plain ball's edge: 0.05 pixels
         scale, radius_u = diameter / (2 * radius), np.hypot(0.05, RIM * pattern)
         relative = float(np.hypot(calibration.ball_diameter_m_u / diameter, radius_u / radius))

@@ -113,13 +113,15 @@ def read_calibration(
     length is known though one is needed.
     """
     document = (read_toml(path) if path else {}) | dict(keys or {})
-    found = validate(document, str(path or ""), ClipCalibration)
-    if path and found.timestamps is not None:
-        found = replace(found, timestamps=str(path.parent / found.timestamps))
-    if needs_length and not (found.metres_per_pixel or found.camera or found.ball_diameter_m):
+    calibration = validate(document, str(path or ""), ClipCalibration)
+    if path and calibration.timestamps is not None:
+        calibration = replace(calibration, timestamps=str(path.parent / calibration.timestamps))
+    if needs_length and not (
+        calibration.metres_per_pixel or calibration.camera or calibration.ball_diameter_m
+    ):
         allowed = (
             "give --ball, --scale or --ruler gravity, or metres_per_pixel or [camera] in a "
             "calibration file"
         )
         raise InputError(str(path or ""), "scale", None, f"no length is known: {allowed}")
-    return found
+    return calibration

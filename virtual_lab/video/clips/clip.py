@@ -74,7 +74,7 @@ class Clip:
             if number in numbers:
                 yield number, frame
 
-    def released(self) -> Clip:
+    def trim_memory(self) -> Clip:
         """Return the clip with two samples, and with its frames only if they take little memory."""
         small = sum(each.nbytes for each in self.held) <= MEMORY.most_sampled
         return replace(self, samples=self.samples[:2].copy(), held=self.held if small else ())
@@ -105,30 +105,30 @@ def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
     if not 0 < source.declared <= room:
         most, every = 2 * count, max(1, -(-source.declared // count))
     stamps: list[float] = []
-    kept: dict[int, Frame] = {}
+    by_number: dict[int, Frame] = {}
     brightest = 255
     frames = source.pictures(lambda number: deep or number % every == 0)
     for number, (frame, stamp) in enumerate(frames):
         stamps.append(stamp)
         if number % every == 0:
-            kept[number] = frame
-        while len(kept) > most:  # the file counts too few frames, or none
+            by_number[number] = frame
+        while len(by_number) > most:  # the file counts too few frames, or none
             most, every = 2 * count, 2 * every
-            kept = {k: kept[k] for k in kept if k % every == 0}
+            by_number = {k: by_number[k] for k in by_number if k % every == 0}
         if deep:
             brightest = max(brightest, int(frame.max()))
     counted = len(stamps)
-    if 2 * len(kept) < min(count, counted) and counted < source.declared:
+    if 2 * len(by_number) < min(count, counted) and counted < source.declared:
         return _read(replace(source, declared=counted), first, calibration)
     times, warnings = frame_times(source, np.array(stamps), calibration)
-    sampled = np.array([*kept])[:: -(-counted // count) if every == 1 else 1]
+    sampled = np.array([*by_number])[:: -(-counted // count) if every == 1 else 1]
     return Clip(
         source=source,
-        held=list(kept.values()) if every == 1 else (),
+        held=list(by_number.values()) if every == 1 else (),
         times=times,
         shape=(first.shape[0], first.shape[1]),
         full_scale=float(2 ** brightest.bit_length() - 1),
-        samples=np.stack([kept[k] for k in sampled.tolist()]),
+        samples=np.stack([by_number[k] for k in sampled.tolist()]),
         sampled=sampled,
         warnings=warnings,
     )

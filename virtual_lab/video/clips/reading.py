@@ -59,8 +59,8 @@ def _image_files(folder: Path) -> list[Path]:
     A sign belongs to a number if a separator or nothing is before it (image_-9), or if another
     image has a digit or a plus in its place. Raises `InputError` if there are no images.
     """
-    shown = [each for each in folder.iterdir() if not each.name.startswith(".")]
-    images = [each for each in shown if each.suffix.lower() in IMAGES]
+    entries = [each for each in folder.iterdir() if not each.name.startswith(".")]
+    images = [each for each in entries if each.suffix.lower() in IMAGES]
     names = [each.name.lower() for each in images]
     ends = min(names, default=""), max(names, default="")
     alike = [one == other for one, other in zip(*ends, strict=False)]
@@ -70,10 +70,10 @@ def _image_files(folder: Path) -> list[Path]:
         signs = f"(?:{signs}|(?<=^{re.escape(start)}))"
     number = re.compile(rf"{signs}[-+]\d+|\d+")
 
-    def counted(file: Path) -> str:
-        return number.sub(lambda found: f"{10**19 + int(found[0]):020d}", file.name.lower())
+    def sort_key(file: Path) -> str:
+        return number.sub(lambda digits: f"{10**19 + int(digits[0]):020d}", file.name.lower())
 
-    files = sorted(images, key=counted)
+    files = sorted(images, key=sort_key)
     if not files:
         raise InputError(str(folder), "images", 0, f"a folder holds {', '.join(IMAGES)}")
     return files
@@ -168,12 +168,12 @@ def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture, size: tuple[int, int]
 
     if int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") != b"MJPG":
         return False
-    own = cv2.VideoCapture(str(path), cv2.CAP_OPENCV_MJPEG)
-    if own.get(cv2.CAP_PROP_FRAME_COUNT) != capture.get(cv2.CAP_PROP_FRAME_COUNT):
+    decoder = cv2.VideoCapture(str(path), cv2.CAP_OPENCV_MJPEG)
+    if decoder.get(cv2.CAP_PROP_FRAME_COUNT) != capture.get(cv2.CAP_PROP_FRAME_COUNT):
         return False
-    shown, first = own.read()
+    success, first = decoder.read()
     # the size is compared because this reader returns only one field of an interlaced frame
-    return bool(shown and first.shape[:2] == size and capture.get(cv2.CAP_PROP_FPS) > 0)
+    return bool(success and first.shape[:2] == size and capture.get(cv2.CAP_PROP_FPS) > 0)
 
 
 def _capture(path: Path) -> cv2.VideoCapture:

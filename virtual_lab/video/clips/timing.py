@@ -28,8 +28,8 @@ def frame_times(
     `InputError` where the calibration's time stamps are too few or too many, do not rise or are not
     finite, or where nothing is known of time.
     """
-    count, given = len(stamps), calibration.frames_per_second
-    kind, fastest = source.path.suffix.lower(), max(given or 0.0, source.rate or 0.0)
+    count, nominal = len(stamps), calibration.frames_per_second
+    kind, fastest = source.path.suffix.lower(), max(nominal or 0.0, source.rate or 0.0)
     rounding = MILLISECOND if _are_rounded(stamps) else 0.0
     warnings = []
     if kind == ".avi" and fastest >= 2000:  # as observed
@@ -38,16 +38,16 @@ def frame_times(
         warnings.append("the file rounds time stamps to 1 ms: they do not show lost frames")
     if calibration.timestamps is not None:
         times = _read_stamps(Path(calibration.timestamps), count)
-        if given and abs((rate := 1 / float(np.median(np.diff(times)))) / given - 1) >= 0.01:
+        if nominal and abs((rate := 1 / float(np.median(np.diff(times)))) / nominal - 1) >= 0.01:
             warnings.append(
-                f"the time stamps say {rate:.6g} frames a second, frames_per_second {given:.6g}: "
+                f"the time stamps say {rate:.6g} frames a second, frames_per_second {nominal:.6g}: "
                 "the time stamps were used"
             )
         return times, tuple(warnings)
-    if given:
-        if source.rate and abs(source.rate / given - 1) >= 0.01:
+    if nominal:
+        if source.rate and abs(source.rate / nominal - 1) >= 0.01:
             warnings.append(
-                f"the file says {source.rate:.6g} frames a second, the calibration {given:.6g}: "
+                f"the file says {source.rate:.6g} frames a second, the calibration {nominal:.6g}: "
                 "the calibration's were used"
             )
         steps = np.diff(stamps)
@@ -58,7 +58,7 @@ def frame_times(
                     f"the file's time stamps jump after frame {gaps[0]} ({gaps.size} jumps in "
                     "all): frames may be missing there"
                 )
-        return np.arange(count) / given, tuple(warnings)
+        return np.arange(count) / nominal, tuple(warnings)
     times, more = _own_times(source, stamps, rounding)
     return times, (*warnings, *more)
 

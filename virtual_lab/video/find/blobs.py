@@ -92,18 +92,18 @@ def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still)
         Drift of the picture from the still frame, (4,) as in `find.drift`.
     """
     off, light = still.difference(small, drift)
-    found: list[BlobRow] = []
+    rows: list[BlobRow] = []
     for box in _boxes(off, still.shrink):
-        if any(_inside(box, each, still.origin) for each in found):
+        if any(_inside(box, each, still.origin) for each in rows):
             continue
         blob = _blob(number, picture, drift, light, still, box)
         if blob is None:
             continue
-        rivals = [each for each in found if _same(blob, each)]
+        rivals = [each for each in rows if _same(blob, each)]
         if all(_surer(blob, each) for each in rivals):
-            found = [each for each in found if not any(each is other for other in rivals)]
-            found.append(blob)
-    return np.array(found, BLOB)
+            rows = [each for each in rows if not any(each is other for other in rivals)]
+            rows.append(blob)
+    return np.array(rows, BLOB)
 
 
 def _inside(box: tuple[int, int, int, int], blob: BlobRow, origin: tuple[int, int]) -> bool:
@@ -128,7 +128,7 @@ def _surer(one: BlobRow, other: BlobRow) -> bool:
 
 def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
     """Yield left, top, width and height [full pixels] of what differs, threshold by threshold."""
-    seen: set[tuple[int, int, int, int]] = set()
+    coarse_boxes: set[tuple[int, int, int, int]] = set()
     kernel = np.ones((3, 3), np.uint8)
     largest = _SEARCH.largest * off.size
     for threshold in _SEARCH.thresholds:
@@ -144,8 +144,8 @@ def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
                 continue
             left, top, wide, high = cv2.boundingRect(outlines[k])
             coarse = (left // 2, top // 2, wide // 2, high // 2)
-            if coarse not in seen:
-                seen.add(coarse)
+            if coarse not in coarse_boxes:
+                coarse_boxes.add(coarse)
                 yield shrink * left, shrink * top, shrink * wide, shrink * high
 
 

@@ -76,10 +76,10 @@ class Edges:
         """Return grey values of a drifted picture at the edges minus their own [DN], or NaN."""
         at = cv2.transform(self.places, matrix_of(drift, grey.shape[1::-1])).astype(np.float32)
         real, (x, y) = grey.astype(np.float32), cv2.split(at)
-        seen = cv2.remap(real, x, y, cv2.INTER_LINEAR, borderValue=np.nan).ravel()
-        shown = seen > 0
-        light = upper_median(self.value[shown] / seen[shown]) if shown.any() else 1.0
-        return np.where(shown, light * seen - self.value, np.nan)
+        view = cv2.remap(real, x, y, cv2.INTER_LINEAR, borderValue=np.nan).ravel()
+        visible = view > 0
+        light = upper_median(self.value[visible] / view[visible]) if visible.any() else 1.0
+        return np.where(visible, light * view - self.value, np.nan)
 
     def _settle(self, grey: Image, start: Array) -> Array:
         """Refine the drift of a picture from a start that is near it."""
@@ -87,8 +87,8 @@ class Edges:
         units = np.array([1.0, 1.0, side, side])
         for _ in range(_ALIGN.steps):
             left = self._left(grey, drift)
-            shown = np.isfinite(left)
-            left, design = left[shown], self.design[shown]
+            finite = np.isfinite(left)
+            left, design = left[finite], self.design[finite]
             if not left.size:
                 break
             spread = 1.0 + 1.4826 * upper_median(np.abs(left))

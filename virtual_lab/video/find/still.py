@@ -140,10 +140,10 @@ class Still:
         drift, every = drift / self._full, _STILL.grid
         grid = self.small[::every, ::every]
         here = warp_back(small, drift, corner, grid, every)
-        shown = np.atleast_3d(grid).min(axis=2) > BLACK
+        visible = np.atleast_3d(grid).min(axis=2) > BLACK
         light = np.ones(np.atleast_3d(grid).shape[2])
-        if shown.any():
-            ratio = np.atleast_2d((here[shown] / grid[shown]).T)
+        if visible.any():
+            ratio = np.atleast_2d((here[visible] / grid[visible]).T)
             light = upper_median(ratio)
             light[np.abs(light - 1) < 0.005] = 1.0
         behind = _as_bright(self.small, light)
@@ -237,7 +237,7 @@ def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None
     for turns in (False, True, True, True):
         behind, (left, top) = _panorama(greys, laid)
         first = behind[-top : rows - top, -left : columns - left]
-        few = _shown(first) < _STILL.shown_parts
+        few = _count_parts(first) < _STILL.shown_parts
         edges = edges_of(behind, size, (left, top), turns=turns and not few)
         # one or two pictures in a row may be aligned wrongly
         usual = ndimage.median_filter(laid, (5, 1), mode="nearest")
@@ -259,7 +259,7 @@ def _steep(grey: Image) -> Mask:
     return np.pad((np.hypot(*slopes) > _STILL.coded_still)[2:-2, 2:-2], 2)
 
 
-def _shown(grey: Image) -> int:
+def _count_parts(grey: Image) -> int:
     """Count the picture's parts that have edges.
 
     One thing may move on its own, so the largest group of parts that spans less than half of the
@@ -267,10 +267,10 @@ def _shown(grey: Image) -> int:
     """
     side, steep = _STILL.parts, _steep(grey)
     share = cv2.resize(steep.astype(np.float32), (side, side), interpolation=cv2.INTER_AREA)
-    shown = share * steep.size >= 3 * side**2
-    _, _, stats, _ = cv2.connectedComponentsWithStats(shown.astype(np.uint8))
+    textured = share * steep.size >= 3 * side**2
+    _, _, stats, _ = cv2.connectedComponentsWithStats(textured.astype(np.uint8))
     reach = stats[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1, initial=0)
-    return int(shown.sum() - stats[1:, cv2.CC_STAT_AREA][reach < side / 2].max(initial=0))
+    return int(textured.sum() - stats[1:, cv2.CC_STAT_AREA][reach < side / 2].max(initial=0))
 
 
 def _slope(shifts: Array) -> float:
@@ -365,9 +365,9 @@ def _panorama(
     size = pictures[0].shape[1::-1]
     corners = np.array([[x, y] for x in (0, size[0]) for y in (0, size[1])], float)
     back = [cv2.invertAffineTransform(matrix_of(each, size)) for each in drifts]
-    seen = np.concatenate([corners, *(corners @ each[:, :2].T + each[:, 2] for each in back)])
-    left, top = grid * np.floor(seen.min(axis=0) / grid).astype(int)
-    right, below = grid * np.ceil(seen.max(axis=0) / grid).astype(int)
+    outline = np.concatenate([corners, *(corners @ each[:, :2].T + each[:, 2] for each in back)])
+    left, top = grid * np.floor(outline.min(axis=0) / grid).astype(int)
+    right, below = grid * np.ceil(outline.max(axis=0) / grid).astype(int)
     whole = np.zeros((below - top, right - left, *pictures[0].shape[2:]), np.uint8)
     pairs = list(zip(pictures, drifts, strict=True))
     for row in range(0, len(whole), _STILL.rows):
@@ -382,11 +382,11 @@ def _panorama(
 
 def of_rank(stack: NDArray[np.uint8], rank: int) -> Image:
     """Return the value of a rank among pictures, by bisection (much faster than sorting)."""
-    found = np.zeros(stack.shape[1:], np.uint8)
+    result = np.zeros(stack.shape[1:], np.uint8)
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):
-        below = (stack < found + np.uint8(bit)).sum(axis=0, dtype=np.uint8)
-        found += np.uint8(bit) * (below <= rank)  # much quicker than `where`
-    return found
+        below = (stack < result + np.uint8(bit)).sum(axis=0, dtype=np.uint8)
+        result += np.uint8(bit) * (below <= rank)  # much quicker than `where`
+    return result
 
 
 def _shrunk(picture: Image, shrink: int) -> Image:

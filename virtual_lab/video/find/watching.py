@@ -64,13 +64,13 @@ def watch(
     still = still_of(list(clip.samples), depth, apart, stands=stands)
     first, last = frames or (0, clip.count - 1)
     change = np.full(clip.count, np.nan)
-    found: list[Blobs] = [np.zeros(0, BLOB)]
+    by_frame: list[Blobs] = [np.zeros(0, BLOB)]
     drift, ahead, since = np.zeros(4), np.zeros(4), 1
     before: Image | None = None
     latest = still.shrunk(eight_bits(clip.samples[0], depth)), drift
     leaps: dict[int, float] = {}
     thumbs: dict[int, NDArray[np.uint8]] = {}
-    kept = clip.count <= 4000
+    with_thumbs = clip.count <= 4000
     for number, frame in enumerate(clip.pictures()):
         if number > last:
             break
@@ -95,10 +95,10 @@ def watch(
             changed = cv2.blur(cv2.absdiff(small, before), (5, 5))
             change[number] = float(np.max(changed))
         before = small
-        if kept:
+        if with_thumbs:
             thumbs[number] = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
-        found.append(blobs(number, picture, small, drift, still))
-    whole = in_region(np.concatenate(found), region)
+        by_frame.append(blobs(number, picture, small, drift, still))
+    whole = in_region(np.concatenate(by_frame), region)
     return Watched(
         still=still,
         found=whole,
@@ -109,14 +109,14 @@ def watch(
     )
 
 
-def _has_combs(clip: Clip, found: Blobs) -> bool:
+def _has_combs(clip: Clip, moving: Blobs) -> bool:
     """Return whether alternate rows of moving blobs show two times (interlaced fields).
 
     A row then differs more from its neighbours than from the rows next to those. In a whole frame
     it differs less, or equally if there is only noise.
     """
     combed = []
-    free = found[(found["dirty"] < CLEAN) & ~found["cut"]]
+    free = moving[(moving["dirty"] < CLEAN) & ~moving["cut"]]
     for number, sample in zip(clip.sampled, clip.samples, strict=True):
         for blob in free[free["frame"] == number]:
             reach = blob["length"] + 3
@@ -134,13 +134,13 @@ def _has_combs(clip: Clip, found: Blobs) -> bool:
     return len(combed) >= COMB_BLOBS and float(np.median(combed)) > COMB_RATIO
 
 
-def in_region(found: Blobs, region: tuple[float, float, float, float] | None) -> Blobs:
+def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -> Blobs:
     """Return the blobs in a region: x, y, width, height [pixels]."""
     if region is None:
-        return found
+        return moving
     x, y, wide, high = region
-    inside = (found["x"] > x) & (found["x"] < x + wide)
-    return found[inside & (found["y"] > y) & (found["y"] < y + high)]
+    inside = (moving["x"] > x) & (moving["x"] < x + wide)
+    return moving[inside & (moving["y"] > y) & (moving["y"] < y + high)]
 
 
 def repeats(watched: Watched) -> Mask:
@@ -149,8 +149,8 @@ def repeats(watched: Watched) -> Mask:
     A repeat hardly changes the picture, and at most half of its round objects move. The second
     condition is for a ball at the top of a low hop, which changes the picture very little.
     """
-    found, same = watched.found, lulls(watched.change)
-    clean = found[(found["dirty"] < CLEAN) & ~found["cut"]]
+    moving, same = watched.found, lulls(watched.change)
+    clean = moving[(moving["dirty"] < CLEAN) & ~moving["cut"]]
     for k in np.flatnonzero(same):
         old, moved = clean[clean["frame"] == k - 1], []
         for one in clean[clean["frame"] == k]:
@@ -170,11 +170,11 @@ def lulls(change: Array) -> Mask:
     """
     # number of frames on each side, smallest change there [DN], largest share of it in a repeat
     beside, least, share = 2, 8.0, 0.3
-    known = np.nan_to_num(change)
-    same = np.zeros(len(known), bool)
-    for k in range(1, len(known)):
-        left, right = known[max(0, k - beside) : k], known[k + 1 : k + 1 + beside]
+    changes = np.nan_to_num(change)
+    same = np.zeros(len(changes), bool)
+    for k in range(1, len(changes)):
+        left, right = changes[max(0, k - beside) : k], changes[k + 1 : k + 1 + beside]
         if left.size and right.size:
             most = min(float(left.max()), float(right.max()))
-            same[k] = most > least and known[k] < share * most
+            same[k] = most > least and changes[k] < share * most
     return same & np.isfinite(change)

@@ -76,7 +76,7 @@ FITTED = ("x", "y", "radius", "x_u", "y_u", "chi_square", "pattern_u")
 
 
 def fit_edge(
-    seen: Regions,
+    regions: Regions,
     start: Located,
     *,
     noise: Noise,
@@ -90,7 +90,7 @@ def fit_edge(
 
     Parameters
     ----------
-    seen
+    regions
         Regions with the ball, its blur and some pixels around; the background's level is fitted.
     start
         Place of the ball to about a pixel, its radius, and its blur; the blur is held.
@@ -106,7 +106,7 @@ def fit_edge(
 
     ways, count = np.stack([start.blur_x, start.blur_y], axis=1), len(start.x)
     p = np.zeros((count, len(AT)))
-    p[:, [AT.x, AT.y]] = start.places - seen.corners
+    p[:, [AT.x, AT.y]] = start.places - regions.corners
     p[:, AT.radius] = start.radius
     p[:, [AT.oval_c, AT.oval_s]] = oval
     prior = np.zeros(len(AT))
@@ -124,12 +124,13 @@ def fit_edge(
         sectors = max(3, round(2 * pi * radius / RIM_FIT.cell_px))
         for k in np.flatnonzero(usable):
             here, behind = (
-                np.ascontiguousarray(each[k], float) for each in (seen.pixels, seen.background)
+                np.ascontiguousarray(each[k], float)
+                for each in (regions.pixels, regions.background)
             )
             view = View(here, behind, ways[k])
             with suppress(np.linalg.LinAlgError):
                 table[k], flags[k] = _outline(view, rim, noise, prior, sectors, p[k])
-    table[:, :2] += seen.corners
+    table[:, :2] += regions.corners
     return replace(start, flags=flags, **dict(zip(FITTED, table.T, strict=True)))
 
 
@@ -166,7 +167,7 @@ def _outline(
                 power = np.maximum(power, np.maximum(_before(power), _next(power)))
                 amplitude = np.sqrt(faintest**2 + power).clip(max=RIM_FIT.strongest_pattern)
             spread = amplitude * bright
-            solved = _solved(equations, pattern, spread, rim.stiffness)
+            solved = _solve(equations, pattern, spread, rim.stiffness)
             step, change, covariance, by_pattern = solved
             u = sqrt(covariance[0, 0])
             if np.abs(step[:2] - last).max() < RIM_FIT.strength_step_over_u * u:
@@ -185,8 +186,8 @@ def _outline(
             settling, amplitude = False, np.full(sectors, RIM_FIT.first_pattern)
     shifts = _shifts(by_pattern / (amplitude * bright)[:, None, None], rim.stiffness)
     sway = _sway(pattern, rim.hides, view, p, noise.black + bright)
-    hidden = covered(view, p, noise)
-    return _judged(p, np.diagonal(covariance), shifts, tally, sway, hidden)
+    hidden = hidden_share(view, p, noise)
+    return _assess(p, np.diagonal(covariance), shifts, tally, sway, hidden)
 
 
 class Equations(NamedTuple):
@@ -212,7 +213,7 @@ def _equations(sums: Array, knots: int) -> Equations:
     )
 
 
-def _solved(
+def _solve(
     equations: Equations, pattern: Array, spread: Array, stiffness: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Return the steps of shared parameters and pattern, with their covariances.
@@ -224,13 +225,13 @@ def _solved(
     blocks, links, border, shared = equations
     like = _like(len(pattern))
     here, after = 1 / spread, 1 / _next(spread)
-    own, next_to = (1 + like**2) / (1 - like**2) * here**2, -like / (1 - like**2) * here * after
-    pull = next_to[:, None] * _next(pattern)
-    pull += _before(next_to[:, None] * pattern) + own[:, None] * pattern
+    diagonal, beside = (1 + like**2) / (1 - like**2) * here**2, -like / (1 - like**2) * here * after
+    pull = beside[:, None] * _next(pattern)
+    pull += _before(beside[:, None] * pattern) + diagonal[:, None] * pattern
     right = border.copy()
     right[..., -1] -= pull @ stiffness
-    blocks = blocks + own[:, None, None] * stiffness
-    links = links + next_to[:, None, None] * stiffness
+    blocks = blocks + diagonal[:, None, None] * stiffness
+    links = links + beside[:, None, None] * stiffness
     ring = solve_ring(blocks, links, right)
     left = shared - np.tensordot(border[..., :-1], ring, ((0, 1), (0, 1)))
     covariance = np.linalg.inv(left[:, :-1])
@@ -255,7 +256,7 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
     from scipy.linalg import solveh_banded
 
     count, n = blocks.shape[:2]
-    first, on, beside = _folded(count, n)
+    first, on, beside = _fold(count, n)
     band = np.zeros((3 * n, count * n), order="F")
     band[on] = blocks
     band[beside] = links
@@ -268,7 +269,7 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
 
 
 @lru_cache
-def _folded(count: int, n: int) -> tuple[Places, tuple[Places, Places], tuple[Places, Places]]:
+def _fold(count: int, n: int) -> tuple[Places, tuple[Places, Places], tuple[Places, Places]]:
     """Return the rows of each block of a folded ring, and their positions in the band."""
     step = np.minimum(2 * np.arange(count), 2 * count - 1 - 2 * np.arange(count))
     first = step[:, None] * n + np.arange(n)
@@ -310,7 +311,7 @@ def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> f
     return float(2.0 * abs(turn @ (pattern @ hides)) / (len(pattern) * contrast))
 
 
-def covered(view: View, p: Array, noise: Noise) -> float:
+def hidden_share(view: View, p: Array, noise: Noise) -> float:
     """Return the share of the rim's pixels that show only the background.
 
     A thing in front of the ball is part of the background, because it was there before the ball
@@ -329,7 +330,7 @@ def covered(view: View, p: Array, noise: Noise) -> float:
     return float((np.abs(sigmas) < RIM_FIT.alike_sigmas).mean())
 
 
-def _judged(
+def _assess(
     p: Array, variances: Array, shifts: Array, tally: Array, sway: float, hidden: float
 ) -> tuple[list[float], int]:
     """Return the values of `FITTED`, and flags of those that cannot be trusted.
@@ -345,21 +346,21 @@ def _judged(
     hidden
         Share of the rim that is as bright as what is behind.
     """
-    radius, (pixels, near, around, shown, full, stray) = p[AT.radius], tally
+    radius, (pixels, near, around, visible, full, stray) = p[AT.radius], tally
     misfit = near / max(around - len(AT), 1.0)
     grown = max(misfit, 1.0)  # misfit counts as noise
-    own = np.sqrt(np.maximum(variances - shifts, 0.0) * grown)
+    sigma = np.sqrt(np.maximum(variances - shifts, 0.0) * grown)
     pattern = RIM_FIT.pattern_factor * np.sqrt(np.maximum(shifts, 0.0) * grown)
-    if not np.hypot(own, pattern).max() * RIM_FIT.least_radius_over_u < radius:
+    if not np.hypot(sigma, pattern).max() * RIM_FIT.least_radius_over_u < radius:
         raise np.linalg.LinAlgError("no outline")
-    shown, full = shown / (2 * pi * radius), full / (2 * pi * radius)
+    visible, full = visible / (2 * pi * radius), full / (2 * pi * radius)
     poor = misfit > RIM_FIT.greatest_misfit or stray > RIM_FIT.flagged_share * pixels
     tests = {
         PlaceFlag.SATURATED: full > RIM_FIT.flagged_share,
-        PlaceFlag.CLIPPED: 1 - shown > RIM_FIT.flagged_share,
+        PlaceFlag.CLIPPED: 1 - visible > RIM_FIT.flagged_share,
         PlaceFlag.OVERLAP: hidden > RIM_FIT.covered_share,
         PlaceFlag.POOR_FIT: poor,
     }
     swayed = np.hypot(pattern[:2], RIM_FIT.sway_share * sway)
-    located = [p[AT.x], p[AT.y], radius, own[0], own[1], misfit, np.hypot(*swayed) / sqrt(2)]
+    located = [p[AT.x], p[AT.y], radius, sigma[0], sigma[1], misfit, np.hypot(*swayed) / sqrt(2)]
     return located, sum(flag for flag, raised in tests.items() if raised)

@@ -53,7 +53,7 @@ class Noise:
         return self.gain * light + (self.prnu * light) ** 2 + self.read
 
     @classmethod
-    def measured(cls, frames: NDArray[np.generic], full_scale: float) -> Self:
+    def from_frames(cls, frames: NDArray[np.generic], full_scale: float) -> Self:
         """Return the noise of frames of a still scene, by the photon-transfer method.
 
         `frames` (frame, row, col) are two or more, without the ball; no light is a grey value of
@@ -63,8 +63,8 @@ class Noise:
         first, second = frames[:-1].astype(float), frames[1:].astype(float)
         mean, change = (first + second).ravel() / 2, second - first
         change = (change - np.median(change, axis=(1, 2), keepdims=True)).ravel()
-        kept = mean < 0.97 * full_scale
-        mean, change = mean[kept], change[kept]
+        usable = mean < 0.97 * full_scale
+        mean, change = mean[usable], change[usable]
         count = min(24, max(1, mean.size // 400))
         bins = np.array_split(np.argsort(mean, kind="stable"), count)
         levels = np.array([mean[each].mean() for each in bins])

@@ -34,11 +34,11 @@ SHARP = SharpSettings()
 def noise_of_clip(clip: Clip) -> Noise:
     """Return the temporal noise of a clip's pixels, from the frames sampled for its background."""
     every = max(1, int(np.sqrt(clip.samples.size / SHARP.noise_sample_px)))
-    return Noise.measured(clip.grey_samples(every), clip.full_scale)
+    return Noise.from_frames(clip.grey_samples(every), clip.full_scale)
 
 
 def sharp_places(
-    clip: Clip, seen: Regions, start: Located, *, lens: float, ball_radius: float | None = None
+    clip: Clip, regions: Regions, start: Located, *, lens: float, ball_radius: float | None = None
 ) -> Located:
     """Return the positions of the ball in regions of a clip, in pixels of the full frame.
 
@@ -46,13 +46,13 @@ def sharp_places(
     scale is known [pixel].
     """
     if ball_radius and float(np.median(start.radius)) < SHARP.lit_share * ball_radius:
-        start = on_the_limb(seen, replace(start, radius=np.full(len(start.x), ball_radius)))
+        start = on_the_limb(regions, replace(start, radius=np.full(len(start.x), ball_radius)))
     middle = ((clip.shape[1] - 1) / 2, (clip.shape[0] - 1) / 2)
-    return place(seen, start, noise=noise_of_clip(clip), lens=lens, middle=middle)
+    return place(regions, start, noise=noise_of_clip(clip), lens=lens, middle=middle)
 
 
 def place(
-    seen: Regions,
+    regions: Regions,
     start: Located,
     *,
     noise: Noise,
@@ -70,17 +70,17 @@ def place(
     k, oval_u = oval
     ovals = k * np.stack([x**2 - y**2, 2 * x * y], axis=1)
     left = np.arange(len(x))
-    found = part_of(start, left)  # a copy
+    result = part_of(start, left)  # a copy
     for _ in range(SHARP.rounds):
-        some, begin = part_of(seen, left), part_of(found, left)
+        some, begin = part_of(regions, left), part_of(result, left)
         fitted = fit_edge(some, begin, noise=noise, lens=lens, oval=ovals[left], oval_u=oval_u)
         for each in fields(Located):
-            getattr(found, each.name)[left] = getattr(fitted, each.name)
+            getattr(result, each.name)[left] = getattr(fitted, each.name)
         moved = np.hypot(*(fitted.places - begin.places).T)
         left = left[np.fmax(moved, np.abs(fitted.radius - begin.radius)) > SHARP.refit_shift_px]
         if not left.size:
             break
-    return found
+    return result
 
 
 def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -91,7 +91,7 @@ def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.asarray(cv2.threshold(grey, 0, 1, cv2.THRESH_OTSU)[1], np.uint8)
 
 
-def on_the_limb(seen: Regions, start: Located) -> Located:
+def on_the_limb(regions: Regions, start: Located) -> Located:
     """Return the positions by the lit limb, to a pixel or two; without one, those of `start`.
 
     A lamp from the side lights a part of a ball alone: limb on one side of the light, on the other
@@ -102,8 +102,8 @@ def on_the_limb(seen: Regions, start: Located) -> Located:
     import cv2
 
     x, y = start.x.copy(), start.y.copy()
-    for k, (left, top) in enumerate(seen.corners):
-        off = np.abs(seen.pixels[k].astype(np.float32) - seen.background[k])
+    for k, (left, top) in enumerate(regions.corners):
+        off = np.abs(regions.pixels[k].astype(np.float32) - regions.background[k])
         smooth = cv2.GaussianBlur(off, (0, 0), 1.0)
         contours, _ = cv2.findContours(
             standing_out(smooth), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE

@@ -31,38 +31,38 @@ lens_blur_px = {blur:.3g}  # standard deviation, in the plane view
 """
 
 
-def calibration_toml(found: Calibrated) -> str:
+def calibration_toml(result: Calibrated) -> str:
     """Write the calibration file."""
-    known = asdict(found.model)
-    fit = known.pop("fit")
-    lines = [*map(_entry, known, known.values()), "", "[camera.fit]"]
+    entries = asdict(result.model)
+    fit = entries.pop("fit")
+    lines = [*map(_entry, entries, entries.values()), "", "[camera.fit]"]
     lines += map(_entry, fit, fit.values())
-    return HEAD.format(blur=found.lens_blur) + "\n".join(lines) + "\n"
+    return HEAD.format(blur=result.lens_blur) + "\n".join(lines) + "\n"
 
 
-def calibration_document(found: Calibrated) -> dict[str, Any]:
+def calibration_document(result: Calibrated) -> dict[str, Any]:
     """Write the calibration for JSON."""
-    across, down = lengths_of(found.model) / (np.array(found.model.image_size) / 2)
+    across, down = lengths_of(result.model) / (np.array(result.model.image_size) / 2)
     return {
-        "camera": asdict(found.model),
+        "camera": asdict(result.model),
         "metres_per_pixel": {"across": float(across), "down": float(down)},
-        "lens_blur_px": found.lens_blur,
-        "plane_view": found.plane,
-        "views": found.views,
-        "corners_left_out": int(found.solved.left_out.sum()),
-        "warnings": list(found.warnings),
+        "lens_blur_px": result.lens_blur,
+        "plane_view": result.plane,
+        "views": result.views,
+        "corners_left_out": int(result.solved.left_out.sum()),
+        "warnings": list(result.warnings),
     }
 
 
-def calibration_text(found: Calibrated) -> str:
+def calibration_text(result: Calibrated) -> str:
     """Write the calibration in a few lines."""
-    model, fit = found.model, found.model.fit
+    model, fit = result.model, result.model.fit
     assert fit is not None
     (fx, _, cx), (_, fy, cy), _ = model.matrix
     across, down = 1e3 * lengths_of(model) / (np.array(model.image_size) / 2)
     k1, k2, p1, p2, k3 = map(with_uncertainty, model.distortion, fit.distortion_u)
     far = float(np.linalg.norm(model.translation_m))
-    rms, worst = max((rms, name) for name, rms in found.views.items())
+    rms, worst = max((rms, name) for name, rms in result.views.items())
     lines = [
         f"{fit.board}: {fit.views} pictures, {fit.corners} corners, residuals "
         f"{fit.rms_px:.2g} pixels rms",
@@ -71,15 +71,15 @@ def calibration_text(found: Calibrated) -> str:
         _line("k1, k2", k1, k2),
         _line("p1, p2", p1, p2),
         *([_line("k3", k3)] if fit.distortion_u[4] else []),
-        _line("lens blur, pixels", f"{found.lens_blur:.2g}", "standard deviation"),
+        _line("lens blur, pixels", f"{result.lens_blur:.2g}", "standard deviation"),
         _line("scale across and down, mm a pixel", f"{across:.6f}", f"{down:.6f}"),
         _line("relative u of lengths", f"{relative_u_of(model):.1e}", "the plane's height in it"),
         _line("without it", f"{model.relative_scale_u:.1e}"),
         _line("camera to board, m", with_uncertainty(far, fit.translation_u_m[2])),
-        _line("plane view", Path(found.plane).name),
+        _line("plane view", Path(result.plane).name),
         _line("largest residuals", f"{rms:.2g} pixels rms", Path(worst).name),
     ]
-    return "\n".join([*lines, *(f"  warning: {each}" for each in found.warnings)])
+    return "\n".join([*lines, *(f"  warning: {each}" for each in result.warnings)])
 
 
 def _line(name: str, *values: str) -> str:
@@ -92,19 +92,21 @@ def _entry(key: str, value: Any) -> str:
     return f"{key} = {json.dumps(value)}{note}"
 
 
-def draw_calibration(found: Calibrated, path: Path) -> None:
+def draw_calibration(result: Calibrated, path: Path) -> None:
     """Draw the residual of each corner as PNG."""
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    solved, (wide, high) = found.solved, found.model.image_size
+    solved, (wide, high) = result.solved, result.model.image_size
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=(7.6, 6.6 * high / wide + 0.8), dpi=150, layout="constrained")
         axes = figure.add_subplot()
         arrows = axes.quiver(
             *solved.places.T,
             *solved.residuals.T,
-            color=np.where(solved.view == [*found.views].index(found.plane), "#d55e00", "#0072b2"),
+            color=np.where(
+                solved.view == [*result.views].index(result.plane), "#d55e00", "#0072b2"
+            ),
             angles="xy",
             scale_units="xy",
             # an arrow of the rms has 2 % of the picture's width

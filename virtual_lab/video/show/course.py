@@ -26,13 +26,13 @@ DRAWN = dict.fromkeys(("along_px", "across_px", "reach_px"), float)
 PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 
 
-def course_of(found: FollowedClip) -> Places:
+def course_of(track: FollowedClip) -> Places:
     """Return the course of a ball: its flights, else all its pieces, else some frames."""
-    clip, sharp, ways = found.clip, found.sharp, found.ways or found.pieces
-    known: dict[str, Any]
+    clip, sharp, ways = track.clip, track.sharp, track.ways or track.pieces
+    values: dict[str, Any]
     if sharp:
         at = sharp.located
-        known = {
+        values = {
             "frame": sharp.frames,
             "x_px": at.x,
             "y_px": at.y,
@@ -43,46 +43,50 @@ def course_of(found: FollowedClip) -> Places:
             "chi_square": at.chi_square,
             "x_m": sharp.plane.places[:, 0],
             "y_m": sharp.plane.places[:, 1],
-            "flags": ["|".join(str(e.name) for e in PlaceFlag(int(own))) for own in at.flags],
+            "flags": ["|".join(str(e.name) for e in PlaceFlag(int(each))) for each in at.flags],
         }
     elif ways:
-        blobs = found.watched.found[np.concatenate([way.blobs for way in ways])]
-        unit = found.scale.metres_per_pixel if found.scale else np.nan
-        u = found.fit.spread if found.fit else np.nan
-        known = {
+        blobs = track.watched.found[np.concatenate([way.blobs for way in ways])]
+        unit = track.scale.metres_per_pixel if track.scale else np.nan
+        u = track.fit.spread if track.fit else np.nan
+        values = {
             "frame": np.concatenate([way.frames for way in ways]),
-            "time_s": found.seconds * np.concatenate([way.t for way in ways]),
+            "time_s": track.seconds * np.concatenate([way.t for way in ways]),
             # mean of the half axes, as used for the scale
             "radius_px": (blobs["radius"] + blobs["length"]) / 2,
             "reach_px": blobs["length"],
         }
         for axis in "xy":
-            known |= {f"{axis}_px": blobs[axis], f"{axis}_u_px": u, f"{axis}_m": unit * blobs[axis]}
-            known[f"drift_{axis}_px"] = blobs[f"picture_{axis}"] - blobs[axis]
+            values |= {
+                f"{axis}_px": blobs[axis],
+                f"{axis}_u_px": u,
+                f"{axis}_m": unit * blobs[axis],
+            }
+            values[f"drift_{axis}_px"] = blobs[f"picture_{axis}"] - blobs[axis]
     else:
-        known = {"frame": np.unique(np.linspace(0, clip.count - 1, 12).astype(np.intp))}
-    places = np.zeros(len(known["frame"]), PLACE)
-    known = {"time_s": clip.times[known["frame"]], "drift_x_px": 0.0, "drift_y_px": 0.0} | known
+        values = {"frame": np.unique(np.linspace(0, clip.count - 1, 12).astype(np.intp))}
+    places = np.zeros(len(values["frame"]), PLACE)
+    values = {"time_s": clip.times[values["frame"]], "drift_x_px": 0.0, "drift_y_px": 0.0} | values
     for name, kind in (WRITTEN | DRAWN).items():
-        places[name] = known.get(name, np.nan if kind is float else "")
+        places[name] = values.get(name, np.nan if kind is float else "")
     places = places[np.argsort(places["frame"], kind="stable")]
-    if found.fit and found.scale:
-        for k, way in enumerate(found.ways):
-            own, states = np.isin(places["frame"], way.frames), found.fit.at(k, way.t)
+    if track.fit and track.scale:
+        for k, way in enumerate(track.ways):
+            rows, states = np.isin(places["frame"], way.frames), track.fit.at(k, way.t)
             middle = states[len(way.t) // 2, 2:]
             right, down = middle / max(float(np.hypot(*middle)), 1e-12)
-            speeds = found.scale.metres_per_pixel / found.seconds * states[:, 2:]
-            places["flight"][own] = str(k + 1)
-            places["along_px"][own] = found.fit.residuals[k] @ [right, down]
-            places["across_px"][own] = found.fit.residuals[k] @ [-down, right]
-            places["right_mps"][own], places["up_mps"][own] = speeds.T * [[1], [-1]]
+            speeds = track.scale.metres_per_pixel / track.seconds * states[:, 2:]
+            places["flight"][rows] = str(k + 1)
+            places["along_px"][rows] = track.fit.residuals[k] @ [right, down]
+            places["across_px"][rows] = track.fit.residuals[k] @ [-down, right]
+            places["right_mps"][rows], places["up_mps"][rows] = speeds.T * [[1], [-1]]
     return places
 
 
 def course_rows(places: Places) -> list[dict[str, Any]]:
     """Return the rows of track.csv, one per position that is known or flagged."""
-    shown = places[np.isfinite(places["x_px"]) | (places["flags"] != "")]
-    return [dict(zip(WRITTEN, row, strict=True)) for row in shown[[*WRITTEN]].tolist()]
+    rows = places[np.isfinite(places["x_px"]) | (places["flags"] != "")]
+    return [dict(zip(WRITTEN, row, strict=True)) for row in rows[[*WRITTEN]].tolist()]
 
 
 def spots(places: Places) -> Array:

@@ -21,13 +21,13 @@ from virtual_lab.video.follow.known import BALL, GRAVITY
 Said = dict[str, Any]
 
 
-def said_of(asked: Mapping[str, Any]) -> Said:
+def said_of(options: Mapping[str, Any]) -> Said:
     """Return the quantities that options state; None and False state nothing.
 
     Raises `InputError` for a value of another type or form.
     """
     said: Said = {}
-    for name, value in asked.items():
+    for name, value in options.items():
         allowed, read = OPTIONS[name]
         try:
             said |= {} if value is None or value is False else read(value)
@@ -93,18 +93,18 @@ def _gravity(gravity: float) -> Said:
 
 def _seconds(name: str, text: str) -> Said:
     form = r"\s*([\d.e-]+)\s*(?:/\s*([\d.]+)\s*)?([mu]?s)?\s*"
-    found = re.fullmatch(form, text.replace("µ", "u"))
-    if not found or not (found[2] or found[3]):
+    match = re.fullmatch(form, text.replace("µ", "u"))
+    if not match or not (match[2] or match[3]):
         raise ValueError(text)
-    value = to_si(float(found[1]) / float(found[2] or 1), found[3] or "s", "time")
+    value = to_si(float(match[1]) / float(match[2] or 1), match[3] or "s", "time")
     return {name: _within(value, 0, 1)}
 
 
 def _mass(text: str) -> Said:
-    found = re.fullmatch(r"\s*([\d.e-]+)\s*([a-z]+)\s*", text)
-    if not found:
+    match = re.fullmatch(r"\s*([\d.e-]+)\s*([a-z]+)\s*", text)
+    if not match:
         raise ValueError(text)
-    return {"mass": _within(to_si(float(found[1]), found[2], "mass"), 1e-4, 10)}
+    return {"mass": _within(to_si(float(match[1]), match[2], "mass"), 1e-4, 10)}
 
 
 def _frames(text: str) -> Said:
@@ -140,10 +140,10 @@ def _ruler(text: str) -> Said:
 
 
 def _numbers(text: str, count: int) -> list[float]:
-    found = [_within(float(each), -1e6, 1e6) for each in text.split(",")]
-    if len(found) != count:
+    numbers = [_within(float(each), -1e6, 1e6) for each in text.split(",")]
+    if len(numbers) != count:
         raise ValueError(text)
-    return found
+    return numbers
 
 
 BALLS = names("balls")

@@ -44,30 +44,30 @@ LAYOUT = Layout()
 class Pictures:
     """Pictures of a ball's course through a clip, small ones: sheet, film and plot."""
 
-    def __init__(self, found: FollowedClip, *, film: bool = False) -> None:
+    def __init__(self, track: FollowedClip, *, film: bool = False) -> None:
         """Read the frames that are shown: those that were searched are kept as JPEG."""
-        self.clip, self.contacts, self.places = found.clip, found.contacts, course_of(found)
+        self.clip, self.contacts, self.places = track.clip, track.contacts, course_of(track)
         self.names = names_of(self.places)
         # factor of `y_m` that makes it point up
-        self.up = -found.sharp.plane.sense if found.sharp else -1.0
+        self.up = -track.sharp.plane.sense if track.sharp else -1.0
         self.film = _spread(len(self.places), LAYOUT.frames * film)
-        seen = np.flatnonzero(np.isfinite(self.places["radius_px"]))
-        self.balls = seen[_spread(len(seen), LAYOUT.tiles)]
+        visible = np.flatnonzero(np.isfinite(self.places["radius_px"]))
+        self.balls = visible[_spread(len(visible), LAYOUT.tiles)]
         times, steps = self.places["time_s"], np.array([-1, 0, 1])
         near = [int(np.abs(times - e.time.value).argmin()) + steps for e in self.contacts]
         sheet = np.concatenate([_spread(len(times), LAYOUT.tiles), *near])
         self.sheet = np.unique(np.clip(sheet, 0, len(times) - 1))
         self.scale = (LAYOUT.tile_px / np.prod(self.clip.shape)) ** 0.5
         rows, columns = (max(1, round(self.scale * each)) for each in self.clip.shape)
-        shown = np.concatenate([self.sheet, self.balls, self.film])
-        wanted = np.unique(self.places["frame"][shown])
+        selection = np.concatenate([self.sheet, self.balls, self.film])
+        wanted = np.unique(self.places["frame"][selection])
         # the stored frames have 8 bits
-        kept = found.watched.thumbs if self.clip.samples.dtype == np.uint8 else {}
-        stored = {k: cv2.imdecode(kept[k], cv2.IMREAD_UNCHANGED) for k in wanted if k in kept}
-        left = np.array([each for each in wanted if each not in kept], np.intp)
+        thumbs = track.watched.thumbs if self.clip.samples.dtype == np.uint8 else {}
+        stored = {k: cv2.imdecode(thumbs[k], cv2.IMREAD_UNCHANGED) for k in wanted if k in thumbs}
+        left = np.array([each for each in wanted if each not in thumbs], np.intp)
         light = self._light()
         self.frames = {
-            int(number): _shown(np.asarray(frame), (columns, rows), *light)
+            int(number): _display_image(np.asarray(frame), (columns, rows), *light)
             for number, frame in chain(stored.items(), self.clip.chosen(left))
         }
 
@@ -83,7 +83,7 @@ class Pictures:
         """Write frames side by side as PNG, those about contacts among them."""
         edge = (2, 2, 2, 2, cv2.BORDER_CONSTANT)
         tiles = [
-            cv2.copyMakeBorder(self._marked(k), *edge, value=(255, 255, 255)) for k in self.sheet
+            cv2.copyMakeBorder(self._annotate(k), *edge, value=(255, 255, 255)) for k in self.sheet
         ]
         rows, columns = tiles[0].shape[:2]
         across = int(np.clip(round(np.sqrt(1.4 * len(tiles) * rows / columns)), 1, len(tiles)))
@@ -94,11 +94,11 @@ class Pictures:
     def write_film(self, path: Path) -> None:
         """Write the frames that show the ball as an animated WebP."""
         animation = cv2.Animation()
-        animation.frames = [self._marked(k) for k in self.film]
+        animation.frames = [self._annotate(k) for k in self.film]
         animation.durations = [LAYOUT.frame_ms] * len(self.film)
         cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 75])
 
-    def _marked(self, k: int) -> Image:
+    def _annotate(self, k: int) -> Image:
         """Return a frame with its number and time, the ball's outline and earlier positions."""
         one, fine = self.places[k], 4  # number of bits for fractions of a pixel
         image = self.frames[int(one["frame"])].copy()
@@ -209,10 +209,10 @@ def _spread(places: int, count: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, places - 1, min(count, places)).round()).astype(np.intp)
 
 
-def _shown(frame: Frame, size: tuple[int, int], black: float, white: float) -> Image:
+def _display_image(frame: Frame, size: tuple[int, int], black: float, white: float) -> Image:
     """Return a frame in 8 bits and three colours, with a given width and height."""
     way = cv2.INTER_AREA if size[0] < frame.shape[1] else cv2.INTER_LINEAR
     colours = frame if frame.ndim == 2 else np.ascontiguousarray(frame[..., :3])
     small = cv2.resize(colours, size, interpolation=way)
-    seen = np.interp(small, (black, white), (0, 255)).astype(np.uint8)
-    return np.dstack([seen] * 3) if seen.ndim == 2 else seen
+    picture = np.interp(small, (black, white), (0, 255)).astype(np.uint8)
+    return np.dstack([picture] * 3) if picture.ndim == 2 else picture

@@ -22,9 +22,9 @@ RATIOS = {"floor": "speeds along the vertical", "wall": "speeds along the level"
 Row = dict[str, Any]
 
 
-def flight_rows(found: FollowedClip) -> list[Row]:
+def flight_rows(track: FollowedClip) -> list[Row]:
     """Return the rows of the flights, each with its final contact; values: estimates or None."""
-    contacts = {each.before: each for each in found.contacts}
+    contacts = {each.before: each for each in track.contacts}
     return [
         {
             "flight": k + 1,
@@ -40,16 +40,16 @@ def flight_rows(found: FollowedClip) -> list[Row]:
             "contact_s": met.time if met else None,
             "restitution": met.restitution if met else None,
         }
-        for k, flight in enumerate(found.flights)
+        for k, flight in enumerate(track.flights)
         for met in [contacts.get(k)]
     ]
 
 
-def contact_rows(found: FollowedClip) -> list[Row]:
+def contact_rows(track: FollowedClip) -> list[Row]:
     """Return the rows of the contacts; `frame` is a fractional number."""
     return [
         {"time_s": e.time.value, "frame": e.frame, "kind": e.kind, "restitution": e.restitution}
-        for e in found.contacts
+        for e in track.contacts
     ]
 
 
@@ -78,26 +78,26 @@ def _cell(name: str, value: object) -> object:
     return "" if np.isnan(value) else f"{value:.7g}"
 
 
-def _told(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     """Return a value for JSON."""
     if isinstance(value, Estimate):
         return {"value": value.value, "u": value.u}
     if isinstance(value, Mapping):
-        return {name: _told(each) for name, each in value.items()}
-    return [_told(each) for each in value] if isinstance(value, list | tuple) else value
+        return {name: _json_value(each) for name, each in value.items()}
+    return [_json_value(each) for each in value] if isinstance(value, list | tuple) else value
 
 
-def track_document(found: FollowedClip) -> Row:
+def track_document(track: FollowedClip) -> Row:
     """Write the result for JSON; keys of one contact are None where there is none or several."""
-    before, after = _hit(found)
-    one = found.contacts[0] if len(found.contacts) == 1 else None
-    rate = Estimate(value=found.known.rate, u=found.known.rate * found.known.rate_u)
+    before, after = _hit(track)
+    one = track.contacts[0] if len(track.contacts) == 1 else None
+    rate = Estimate(value=track.known.rate, u=track.known.rate * track.known.rate_u)
     document = {
-        "clip": found.clip.source.path.name,
-        "motion": motion_of(found),
-        "flights": flight_rows(found),
-        "contacts": contact_rows(found),
-        "gravity_mps2": found.gravity,
+        "clip": track.clip.source.path.name,
+        "motion": motion_of(track),
+        "flights": flight_rows(track),
+        "contacts": contact_rows(track),
+        "gravity_mps2": track.gravity,
         "speed_in_mps": before and before.speed_out,
         "speed_out_mps": after and after.speed_in,
         "restitution": one and one.restitution,
@@ -111,24 +111,24 @@ def track_document(found: FollowedClip) -> Row:
             "y_m": float(one.metres[1]),
             "u_m": one.metres_u,
         },
-        "scale": found.scale
+        "scale": track.scale
         and {
-            **_scale(found.scale),
-            "roll_deg": _roll(found),
-            "checks": [_scale(e) | {"off_u": off_u(found.scale, e)} for e in found.checks],
+            **_scale(track.scale),
+            "roll_deg": _roll(track),
+            "checks": [_scale(e) | {"off_u": off_u(track.scale, e)} for e in track.checks],
         },
-        "frames_per_second": _told(rate) | {"from": found.known.rate_of},
-        "exposure_s": found.known.exposure,
-        "drag_per_m": found.drag_per_m,
+        "frames_per_second": _json_value(rate) | {"from": track.known.rate_of},
+        "exposure_s": track.known.exposure,
+        "drag_per_m": track.drag_per_m,
         "counts": {
-            "frames": found.clip.count,
-            "with_ball": _with_ball(found),
-            "lost": sum(found.lost.values()),
+            "frames": track.clip.count,
+            "with_ball": _with_ball(track),
+            "lost": sum(track.lost.values()),
         },
-        "flags": found.flags,
-        "warnings": found.warnings,
+        "flags": track.flags,
+        "warnings": track.warnings,
     }
-    return {name: _told(each) for name, each in document.items()}
+    return {name: _json_value(each) for name, each in document.items()}
 
 
 def _scale(scale: PixelScale) -> Row:
@@ -139,20 +139,20 @@ def _scale(scale: PixelScale) -> Row:
     }
 
 
-def _roll(found: FollowedClip) -> float | None:
+def _roll(track: FollowedClip) -> float | None:
     """Return the angle [deg] of fitted gravity from the picture's down to its right, or None."""
-    rulers = (found.scale, *found.checks)
-    if found.fit is None or not any(each and each.source == GRAVITY for each in rulers):
+    rulers = (track.scale, *track.checks)
+    if track.fit is None or not any(each and each.source == GRAVITY for each in rulers):
         return None
-    right, down = found.fit.pull[0]
+    right, down = track.fit.pull[0]
     return float(np.arctan2(right, down) / DEGREE)
 
 
-def _hit(found: FollowedClip) -> list[Flight | None]:
+def _hit(track: FollowedClip) -> list[Flight | None]:
     """Return the flights before and after one contact, or the only flight."""
-    if len(found.contacts) == 1:
-        return [found.flights[k] for k in (found.contacts[0].before, found.contacts[0].after)]
-    alone = found.flights if found.sharp or len(found.flights) == 1 else []
+    if len(track.contacts) == 1:
+        return [track.flights[k] for k in (track.contacts[0].before, track.contacts[0].after)]
+    alone = track.flights if track.sharp or len(track.flights) == 1 else []
     return [*alone, None, None][:2]
 
 
@@ -160,80 +160,80 @@ def _degrees(angle: Estimate) -> Estimate:
     return replace(angle, value=angle.value / DEGREE, u=angle.u / DEGREE)
 
 
-def motion_of(found: FollowedClip) -> str:
+def motion_of(track: FollowedClip) -> str:
     """Return the motion that a clip shows: flights or none."""
-    return "flights" if found.flights else "none"
+    return "flights" if track.flights else "none"
 
 
-def _with_ball(found: FollowedClip) -> int:
+def _with_ball(track: FollowedClip) -> int:
     """Count of frames that show the ball."""
-    ways = found.ways or found.pieces
-    return len(found.sharp.frames) if found.sharp else sum(len(each.t) for each in ways)
+    ways = track.ways or track.pieces
+    return len(track.sharp.frames) if track.sharp else sum(len(each.t) for each in ways)
 
 
-def track_text(found: FollowedClip) -> str:
+def track_text(track: FollowedClip) -> str:
     """Write the result in a few lines."""
     lines = [
-        f"{found.clip.source.path.name}: {found.clip.count} frames, {motion_of(found)}, "
-        f"the ball in {_with_ball(found)}"
+        f"{track.clip.source.path.name}: {track.clip.count} frames, {motion_of(track)}, "
+        f"the ball in {_with_ball(track)}"
     ]
-    contacts = {each.before: each for each in found.contacts}
-    for k, row in enumerate(flight_rows(found)):
+    contacts = {each.before: each for each in track.contacts}
+    for k, row in enumerate(flight_rows(track)):
         speeds = [row["speed_in_mps"], row["speed_out_mps"]]
         if abs(speeds[0].value - speeds[1].value) < 0.1 * speeds[0].u:  # a hit's, by a calibration
             speeds = speeds[:1]
         mph = " to ".join(f"{miles_per_hour(each.value):.2f}" for each in speeds)
         words = (
             f"  flight {k + 1}: frames {row['first_frame']} to {row['last_frame']}, "
-            f"{row['places']} places, {' to '.join(map(_rounded, speeds))} m/s ({mph} mph)"
+            f"{row['places']} places, {' to '.join(map(_format, speeds))} m/s ({mph} mph)"
         )
         pull = row["acceleration_mps2"]
         if pull and pull.u < pull.value:  # else the flight bends too little to show it
-            words += f", acceleration {_rounded(pull)} m/s²"
+            words += f", acceleration {_format(pull)} m/s²"
         lines.append(words)
         if contact := contacts.get(k):
             value, of = contact.restitution, RATIOS.get(contact.kind, "speeds")
-            turned = found.flights[contact.after].angle_in.value / DEGREE
+            turned = track.flights[contact.after].angle_in.value / DEGREE
             turned -= row["angle_out_deg"].value
             lines.append(
                 f"  {contact.kind} at frame {contact.frame:.2f}, {contact.time.value:.4f} s: "
-                f"restitution {f'{_rounded(value)} (ratio of {of})' if value else 'not stated'}, "
+                f"restitution {f'{_format(value)} (ratio of {of})' if value else 'not stated'}, "
                 f"turned by {turned % 360:.1f} deg"
             )
-    if found.scale and found.flights:
-        lines.append(f"  {_scale_said(found, found.scale)}")
-    lines += [f"  flags: {', '.join(found.flags)}"] if found.flags else []
-    return "\n".join([*lines, *(f"  warning: {each}" for each in found.warnings)])
+    if track.scale and track.flights:
+        lines.append(f"  {_scale_said(track, track.scale)}")
+    lines += [f"  flags: {', '.join(track.flags)}"] if track.flags else []
+    return "\n".join([*lines, *(f"  warning: {each}" for each in track.warnings)])
 
 
-def _scale_said(found: FollowedClip, scale: PixelScale) -> str:
+def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
     """Return a sentence on the ruler of the scale, its u, and the deviation of the others."""
     size = 1e3 * scale.metres_per_pixel
     said = (
         f"scale {with_uncertainty(size, size * scale.relative_u)} mm a pixel "
         f"by {SAID[scale.source]} ({100 * scale.relative_u:.2g} %)"
     )
-    for each in found.checks:
+    for each in track.checks:
         ratio = 100 * (each.metres_per_pixel / scale.metres_per_pixel - 1)
         said += (
             f"; by {SAID[each.source]} {ratio:+.2g} % (u {100 * each.relative_u:.2g} %, "
             f"{abs(off_u(scale, each)):.1f} u off)"
         )
-    roll = _roll(found) or 0.0
+    roll = _roll(track) or 0.0
     if abs(roll) >= 1:
         side = "right" if roll > 0 else "left"
         said += f"; gravity points {abs(roll):.0f} deg to the {side} of the picture's down"
     return said
 
 
-def track_title(found: FollowedClip) -> str:
+def track_title(track: FollowedClip) -> str:
     """Write the result in a line, and the flags; without a flight, why and what to try."""
-    ratios = [_rounded(each.restitution) for each in found.contacts if each.restitution]
-    parts = [motion_of(found), *([f"restitution {', '.join(ratios)}"] if ratios else [])]
-    lines = [f"{found.clip.source.path.name}: {'; '.join(parts)}"]
-    lines += [f"flags: {', '.join(found.flags)}"] if found.flags else []
-    return "\n".join([*lines, *(() if found.flights else found.warnings)])
+    ratios = [_format(each.restitution) for each in track.contacts if each.restitution]
+    parts = [motion_of(track), *([f"restitution {', '.join(ratios)}"] if ratios else [])]
+    lines = [f"{track.clip.source.path.name}: {'; '.join(parts)}"]
+    lines += [f"flags: {', '.join(track.flags)}"] if track.flags else []
+    return "\n".join([*lines, *(() if track.flights else track.warnings)])
 
 
-def _rounded(result: Estimate) -> str:
+def _format(result: Estimate) -> str:
     return with_uncertainty(result.value, result.u)

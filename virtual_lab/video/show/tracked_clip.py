@@ -47,34 +47,36 @@ STANDING = (UNSURE_BALL, UNSURE_RATE)  # beginnings of remarks that apply to mos
 
 def track_clip(
     file: Path | Frame,
-    asked: Mapping[str, Any],
+    options: Mapping[str, Any],
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> FollowedClip:
     """Track the ball through a clip: a file, a folder, or an array of its frames.
 
-    `asked` are options as text, as on the command line, by the names of `OPTIONS`; None: not given.
+    `options` are texts, as on the command line, by the names of `OPTIONS`; None: not given.
     Raises `InputError` if a file cannot be read, an option has another form, or no length is known.
     """
-    said = said_of(asked)
+    said = said_of(options)
     # the file is opened first, because a file that is no clip needs no scale
     source = open_source(file)
-    calibration, notes = _calibration(said, asked)
+    calibration, notes = _calibration(said, options)
     progress(f"reading {source.path}")
     clip = open_clip(file, calibration)
-    known = _knowledge(clip, calibration, said, asked)
+    knowledge = _knowledge(clip, calibration, said, options)
     if "corrected" in said:
         watched, ways = read_track(said["corrected"], clip)
-        found = follow_blobs(clip, watched, known, ways)
+        track = follow_blobs(clip, watched, knowledge, ways)
     else:
-        found = follow(clip, known, progress=progress)
-    told = (*found.notes, *notes)
+        track = follow(clip, knowledge, progress=progress)
+    messages = (*track.notes, *notes)
     if "phone" in said:  # the option implies these notes
-        told = tuple(e for e in told if e[0] != "READOUT_UNKNOWN" and not e[1].startswith(STANDING))
-    return replace(found, notes=told, clip=clip.released())
+        messages = tuple(
+            e for e in messages if e[0] != "READOUT_UNKNOWN" and not e[1].startswith(STANDING)
+        )
+    return replace(track, notes=messages, clip=clip.trim_memory())
 
 
-def _calibration(said: Said, asked: Mapping[str, Any]) -> tuple[ClipCalibration, list[Note]]:
+def _calibration(said: Said, options: Mapping[str, Any]) -> tuple[ClipCalibration, list[Note]]:
     """Read the calibration, with stated values in place of its keys; and notes of assumptions."""
     file, ruler = said.get("file"), said.get("ruler")
     keys = {each.name: said[each.name] for each in fields(ClipCalibration) if each.name in said}
@@ -85,7 +87,9 @@ def _calibration(said: Said, asked: Mapping[str, Any]) -> tuple[ClipCalibration,
     mass = said.get("mass", said.get("ball_mass") if not calibration.drag_per_m else None)
     if mass:
         if not (diameter := calibration.ball_diameter_m):
-            raise InputError("", "--mass", asked["mass"], "drag needs the ball's size too: --ball")
+            raise InputError(
+                "", "--mass", options["mass"], "drag needs the ball's size too: --ball"
+            )
         drag = float(drag_rate(1.2, RULER.drag_coefficient, diameter / 2, mass))
         # seams, roughness and speed move C_d by a fifth, far more than a ball's mass varies
         calibration = replace(calibration, drag_per_m=drag, drag_per_m_u=drag / 5)
@@ -99,17 +103,17 @@ def _calibration(said: Said, asked: Mapping[str, Any]) -> tuple[ClipCalibration,
 
 
 def _knowledge(
-    clip: Clip, calibration: ClipCalibration, said: Said, asked: Mapping[str, Any]
+    clip: Clip, calibration: ClipCalibration, said: Said, options: Mapping[str, Any]
 ) -> ClipKnowledge:
     """Gather what is known of a clip that has been opened; `InputError` where it does not fit."""
     calibrated, rate, turn = "file" in said, clip.source.rate, clip.source.rotation
-    if asked.get("readout") and asked.get("global_shutter"):
-        raise InputError("", "--readout", asked["readout"], "a global shutter has none: give one")
+    if options.get("readout") and options.get("global_shutter"):
+        raise InputError("", "--readout", options["readout"], "a global shutter has none: give one")
     # a faster clip is from a laboratory's camera
     rolls = not calibrated and clip.source.path.is_file() and rate is not None and rate <= 480
     unsure = "phone" not in said and any(UNSURE_RATE in each for each in clip.warnings)
     more = {each.name: said[each.name] for each in fields(ClipKnowledge) if each.name in said}
-    known = replace(
+    knowledge = replace(
         known_of(clip, calibration),
         **{
             "readout": None if rolls else 0.0,
@@ -124,22 +128,22 @@ def _knowledge(
         | more,
     )
     rows, columns = clip.shape
-    first, (left, top, *_) = (known.frames or (0,))[0], known.region or (0, 0)
-    x, y, frame = known.ball_at or (0, 0, 0)
-    seen = 0 <= x < columns and 0 <= y < rows and 0 <= frame < clip.count
+    first, (left, top, *_) = (knowledge.frames or (0,))[0], knowledge.region or (0, 0)
+    x, y, frame = knowledge.ball_at or (0, 0, 0)
+    inside = 0 <= x < columns and 0 <= y < rows and 0 <= frame < clip.count
     for name, fits in (
         ("frames", first < clip.count - 1),
         ("region", left < columns and top < rows),
-        ("ball_at", seen),
+        ("ball_at", inside),
     ):
         if not fits:
             allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
-            raise InputError(str(clip.source.path), key_of(name), asked[name], allowed)
-    return known
+            raise InputError(str(clip.source.path), key_of(name), options[name], allowed)
+    return knowledge
 
 
 def save_track(
-    found: FollowedClip,
+    track: FollowedClip,
     folder: Path,
     progress: Callable[[str], None] = lambda _: None,
     *,
@@ -152,13 +156,13 @@ def save_track(
     from virtual_lab.video.show.pictures import Pictures
 
     progress("drawing")
-    pictures = Pictures(found, film=film)
+    pictures = Pictures(track, film=film)
     with new_folder(folder) as draft:
         write_table(course_rows(pictures.places), draft / "track.csv")
-        write_table(flight_rows(found), draft / "speeds.csv")
-        text = json.dumps(track_document(found), indent=2, allow_nan=False)
+        write_table(flight_rows(track), draft / "speeds.csv")
+        text = json.dumps(track_document(track), indent=2, allow_nan=False)
         (draft / "result.json").write_text(text + "\n", encoding="utf-8")
-        pictures.draw(track_title(found), draft / "track.png")
+        pictures.draw(track_title(track), draft / "track.png")
         pictures.write_sheet(draft / "sheet.png")
         if film:
             pictures.write_film(draft / "track.webp")
