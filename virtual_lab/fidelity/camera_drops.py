@@ -94,6 +94,6 @@ def _follow(places: Array) -> tuple[list[Piece], FlightScene]:
             blobs[name] = values
     blobs["radius"] = blobs["length"] = 15.0
     time = np.arange(len(places), dtype=float)
-    scene = FlightScene(found=blobs, time=time, stamped=time, size=(1280, 800), exposure=0.0)
+    scene = FlightScene(blobs=blobs, time=time, stamped=time, size=(1280, 800), exposure=0.0)
     flights, _ = flights_of(scene, pieces(blobs, time))
     return flights, scene

@@ -277,7 +277,7 @@ def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:
     candidates["frame"], candidates["radius"], candidates["x"] = np.arange(8), 15.0, 100.0
     candidates["y"] = [90, 84, 80, 78.5, 80, 84, 84, 90]
     still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, stands=True)
-    watched = Watched(still=still, found=candidates, change=change)
+    watched = Watched(still=still, blobs=candidates, change=change)
     assert np.flatnonzero(lulls(change)).tolist() == [3, 6]
     assert np.flatnonzero(repeats(watched)).tolist() == [6]
 
@@ -291,7 +291,7 @@ def test_one_blob_of_noise_is_no_motion_in_a_repeat() -> None:
     candidates["y"] = np.array([[90, 300, y] for y in (60, 64, 60, 61.5, 60, 64)])
     candidates = candidates.ravel()
     still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, stands=True)
-    watched = Watched(still=still, found=candidates, change=change)
+    watched = Watched(still=still, blobs=candidates, change=change)
     assert np.flatnonzero(repeats(watched)).tolist() == [3]
 
 

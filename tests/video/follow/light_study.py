@@ -28,15 +28,15 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.follow.following import FollowedClip, follow
-from virtual_lab.video.follow.known import ClipKnowledge
-from virtual_lab.video.follow.known import known_of as known_of_camera
+from virtual_lab.video.follow.knowledge import ClipKnowledge
+from virtual_lab.video.follow.knowledge import knowledge_of as known_of_camera
 
 SURE = 0.005  # largest relative u of gravity's ruler for the median error
 PHONES = ("level", "pitched", "shaken", "calibrated", "turned")
 SIZE = (640, 360)  # size of a phone's picture [pixels]
 
 
-def known_of(throw: Throw, ruler: str | None = None) -> ClipKnowledge:
+def knowledge_of(throw: Throw, ruler: str | None = None) -> ClipKnowledge:
     """Return a person's knowledge: the ball to 0.2 mm, the rate, a stand, no rolling shutter."""
     return ClipKnowledge(
         rate=throw.fps, ball=DIAMETER, ball_u=2e-4, stands=True, readout=0.0, ruler=ruler
@@ -145,7 +145,7 @@ def followed(kind: str, seed: int) -> tuple[FollowedClip, tuple[float, float], f
     if kind in LIGHTS:
         throw = Throw(light=kind, seed=seed)
         lit = film(throw)
-        return follow(clip_of(throw, lit), known_of(throw)), lit.speeds, lit.restitution
+        return follow(clip_of(throw, lit), knowledge_of(throw)), lit.speeds, lit.restitution
     with tempfile.TemporaryDirectory() as folder:
         made = filming.film(thrown(kind, seed), Path(folder))
         result = follow_phone(made)

@@ -22,7 +22,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.units import STANDARD_GRAVITY
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs, measure
-from virtual_lab.video.follow.known import FILE, ClipKnowledge
+from virtual_lab.video.follow.knowledge import FILE, ClipKnowledge
 from virtual_lab.video.follow.searching import FlightsFound
 
 Get = Callable[[str], tuple[Made, FollowedClip]]
@@ -87,12 +87,12 @@ def test_thinned_frames_are_found_by_the_motion(tmp_path: Path) -> None:
     gaps = np.flatnonzero(np.diff(made.exposures) > 1) + 1
     assert missing
     assert missing <= set(gaps.tolist())
-    by_file = replace(result.known, rate=25.0, rate_of=FILE)
+    by_file = replace(result.knowledge, rate=25.0, rate_of=FILE)
     search = FlightsFound(scene=result.scene, pieces=result.pieces, ways=result.ways)
     fitted = measure(result.clip, result.watched, by_file, search)
     assert "RATE_FITTED" in fitted.flags
-    assert fitted.known.rate == pytest.approx(30, rel=2 * fitted.known.rate_u)
-    assert fitted.known.rate_u < 0.04
+    assert fitted.knowledge.rate == pytest.approx(30, rel=2 * fitted.knowledge.rate_u)
+    assert fitted.knowledge.rate_u < 0.04
 
 
 def test_time_stamps_that_show_missing_frames_are_used(tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_a_hand_s_drift_that_a_codec_nearly_hides_is_found(
         replace(scene, codec="H264", crf=crf, seed=scene.seed + 100 * seed), tmp_path
     )
     assert result.watched.still.drifts
-    late = result.watched.found["frame"] >= 70
+    late = result.watched.blobs["frame"] >= 70
     assert np.abs(_drift_off(made, result)[late]).max() < 2.0
     assert result.contacts
     for each in result.contacts:
@@ -250,7 +250,7 @@ def _clip(frames: NDArray[np.uint8]) -> Clip:
 
 def _drift_off(made: Made, result: FollowedClip) -> NDArray[np.float64]:
     """Return the error of each blob's drift, relative to the first picture, (blob, 2) [px]."""
-    blobs = result.watched.found
+    blobs = result.watched.blobs
     drift = np.stack([blobs["picture_x"] - blobs["x"], blobs["picture_y"] - blobs["y"]], axis=1)
     return drift - (made.drift - made.drift[0])[blobs["frame"]]
 
@@ -259,9 +259,9 @@ def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
     _, result = followed("thrown-on-wall")
     none = np.zeros_like(result.watched.still.sampled)
     plain = replace(result.watched.still, sampled=none, stands_to=None)
-    by_hand = follow_blobs(result.clip, replace(result.watched, still=plain), result.known)
+    by_hand = follow_blobs(result.clip, replace(result.watched, still=plain), result.knowledge)
     stands = follow_blobs(
-        result.clip, replace(result.watched, still=plain), replace(result.known, stands=True)
+        result.clip, replace(result.watched, still=plain), replace(result.knowledge, stands=True)
     )
     assert "DRIFT_UNSEEN" in by_hand.flags
     assert "DRIFT_UNSEEN" not in stands.flags
@@ -288,12 +288,12 @@ def test_a_wrong_frame_rate_is_refused_with_the_right_one(followed: Get) -> None
     """A rate four times too high would give sixteen times g."""
     _, result = followed("thrown-on-wall")
     with pytest.raises(InputError, match=r"would fall with 1[4-7]\d.* --fps (29|30|31)"):
-        follow_blobs(result.clip, result.watched, replace(result.known, rate=120.0))
+        follow_blobs(result.clip, result.watched, replace(result.knowledge, rate=120.0))
 
 
 def test_a_clean_parabola_is_a_flight_for_any_stated_ball(followed: Get) -> None:
     _, result = followed("thrown-on-wall")
-    wrong = follow_blobs(result.clip, result.watched, replace(result.known, ball=0.2))
+    wrong = follow_blobs(result.clip, result.watched, replace(result.knowledge, ball=0.2))
     assert [each.places for each in wrong.flights] == [each.places for each in result.flights]
     assert "GRAVITY" in wrong.flags
 
@@ -308,6 +308,6 @@ def test_a_rolling_shutter_is_found(followed: Get) -> None:
 
 def test_an_unknown_readout_increases_the_u_of_speeds(followed: Get) -> None:
     _, result = followed("thrown-on-wall")
-    stated = follow_blobs(result.clip, result.watched, replace(result.known, readout=0.0))
+    stated = follow_blobs(result.clip, result.watched, replace(result.knowledge, readout=0.0))
     assert "READOUT_UNKNOWN" not in stated.flags
     assert stated.flights[0].speed_out.u < 0.6 * result.flights[0].speed_out.u

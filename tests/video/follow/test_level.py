@@ -25,7 +25,7 @@ def hop(yaw: float, seed: int) -> FittedFlights:
     blobs = blobs_of(off + (np.array(SIZE) - 1) / 2, noise=0.0)
     noise = np.random.default_rng(seed).normal(0, 0.3, (2, len(t)))
     blobs["x"], blobs["y"] = blobs["x"] + noise[0], blobs["y"] + noise[1]
-    arrays: dict[str, Any] = {"found": blobs, "time": t - t[0], "stamped": t - t[0]}
+    arrays: dict[str, Any] = {"blobs": blobs, "time": t - t[0], "stamped": t - t[0]}
     scene = FlightScene(**arrays, size=SIZE, exposure=0.5, fall=PULL / RADIUS)
     ways, fit = flights_of(scene, pieces(blobs, t - t[0]))
     assert fit is not None
@@ -48,7 +48,7 @@ def hops(yaw: float, noise: float = 0.0, seed: int = 0) -> FittedFlights:
     blobs = blobs_of(off + (np.array(SIZE) - 1) / 2, noise=0.0)
     late = np.select([t < 0, later < 0], [t / 40, t / next_bounce], later / 57) % 1
     blobs["x"] += 0.8 * np.sin(np.pi * late)
-    arrays: dict[str, Any] = {"found": blobs, "time": t - t[0], "stamped": t - t[0]}
+    arrays: dict[str, Any] = {"blobs": blobs, "time": t - t[0], "stamped": t - t[0]}
     scene = FlightScene(**arrays, size=SIZE, exposure=0.5, fall=PULL / RADIUS)
     ways, fit = flights_of(scene, pieces(blobs, t - t[0]))
     assert fit is not None

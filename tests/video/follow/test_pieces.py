@@ -31,7 +31,7 @@ def flights_in(blobs: Blobs, fall: float = PULL / RADIUS) -> list[Piece]:
     """Return the flights for a global shutter; the first round gives g to the second."""
     time = np.arange(blobs["frame"].max() + 1.0)
     scene = FlightScene(
-        found=blobs,
+        blobs=blobs,
         time=time,
         stamped=time,
         size=(960, 540),

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.video.follow.light_study import clip_of, known_of, speeds_of
+from tests.video.follow.light_study import clip_of, knowledge_of, speeds_of
 from tests.video.follow.lit_ball import LIGHTS, Filmed, Throw, film
 from virtual_lab.errors import InputError
 from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs
@@ -30,14 +30,14 @@ def followed() -> Followed:
     def get(light: str) -> tuple[Filmed, FollowedClip]:
         throw = Throw(light=light, seed=SEED, **SMALL)
         made = film(throw)
-        return made, follow(clip_of(throw, made), known_of(throw))
+        return made, follow(clip_of(throw, made), knowledge_of(throw))
 
     return get
 
 
 def again(result: FollowedClip, **changed: object) -> FollowedClip:
     """Return the clip followed again with other knowledge."""
-    return follow_blobs(result.clip, result.watched, replace(result.known, **changed))
+    return follow_blobs(result.clip, result.watched, replace(result.knowledge, **changed))
 
 
 @pytest.mark.parametrize("light", LIGHTS)
@@ -89,12 +89,12 @@ def test_a_rolled_camera_is_stated_and_changes_no_speed(followed: Followed) -> N
     """All positions are turned by 8 degrees about the middle; gravity's direction is fitted."""
     _, result = followed("flat")
     turn, rows, columns = np.radians(8), *result.clip.shape
-    blobs, straight = result.watched.found.copy(), track_document(result)["scale"]["roll_deg"]
+    blobs, straight = result.watched.blobs.copy(), track_document(result)["scale"]["roll_deg"]
     for x, y in (("x", "y"), ("picture_x", "picture_y")):
         right, down = blobs[x] - columns / 2, blobs[y] - rows / 2
         blobs[x] = columns / 2 + np.cos(turn) * right + np.sin(turn) * down
         blobs[y] = rows / 2 - np.sin(turn) * right + np.cos(turn) * down
-    rolled = follow_blobs(result.clip, replace(result.watched, found=blobs), result.known)
+    rolled = follow_blobs(result.clip, replace(result.watched, blobs=blobs), result.knowledge)
     assert rolled.scale is not None
     assert rolled.scale.source == "gravity"
     for one, other in zip(speeds_of(rolled), speeds_of(result), strict=True):
@@ -128,7 +128,7 @@ def test_g_is_not_measured_by_itself(followed: Followed) -> None:
     # speeds are proportional to g: they have all of its u, and none of the ball's
     moon = again(result, ball=None, ruler="gravity", gravity=1.62, gravity_u=0.0)
     for one, other in zip(speeds_of(moon), speeds_of(alone), strict=True):
-        assert one.value == pytest.approx(other.value * 1.62 / result.known.gravity, rel=1e-6)
+        assert one.value == pytest.approx(other.value * 1.62 / result.knowledge.gravity, rel=1e-6)
 
 
 def test_a_length_in_the_picture_replaces_both_rulers(followed: Followed) -> None:
@@ -157,11 +157,11 @@ def test_a_rate_that_makes_g_absurd_is_refused_with_the_one_that_fits(followed: 
 
 def test_gravity_that_no_flight_shows_is_no_ruler(followed: Followed) -> None:
     _, result = followed("flat")
-    few = result.watched.found["frame"] < result.contacts[0].frame
-    few &= result.watched.found["frame"] > result.contacts[0].frame - 5
-    short = replace(result.watched, found=result.watched.found[few], thumbs={})
+    few = result.watched.blobs["frame"] < result.contacts[0].frame
+    few &= result.watched.blobs["frame"] > result.contacts[0].frame - 5
+    short = replace(result.watched, blobs=result.watched.blobs[few], thumbs={})
     with pytest.raises(InputError, match="no flight shows gravity"):
-        follow_blobs(result.clip, short, replace(result.known, ruler="gravity"))
+        follow_blobs(result.clip, short, replace(result.knowledge, ruler="gravity"))
 
 
 def test_the_u_of_gravity_includes_its_unobservable_parts(followed: Followed) -> None:
@@ -201,7 +201,7 @@ def test_gravity_stays_the_ruler_after_lost_frames_are_corrected(followed: Follo
     assert result.scale.source == "gravity"
     throw = Throw(light="flat", seed=SEED, **SMALL)
     thinner = replace(made, frames=np.delete(made.frames, [8, 9], axis=0))
-    lost = follow(clip_of(throw, thinner), known_of(throw))
+    lost = follow(clip_of(throw, thinner), knowledge_of(throw))
     assert "LOST_FRAMES" in lost.flags
     assert lost.scale is not None
     assert lost.scale.source == "gravity"
@@ -221,7 +221,7 @@ def test_an_unknown_rate_is_fitted_by_gravity(followed: Followed) -> None:
         assert abs(speed.value - true) < 2 * speed.u < 0.1 * true
     assert slow.checks == ()  # checks without gravity, which gave the rate
     right = again(result, rate_of="file")
-    assert right.known.rate == 60.0
+    assert right.knowledge.rate == 60.0
     assert right.scale == result.scale
 
 

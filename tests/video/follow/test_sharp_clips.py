@@ -19,7 +19,7 @@ from virtual_lab.video.clips.calibration_file import (
 )
 from virtual_lab.video.clips.clip import open_clip
 from virtual_lab.video.follow.following import FollowedClip, follow
-from virtual_lab.video.follow.known import known_of
+from virtual_lab.video.follow.knowledge import knowledge_of
 from virtual_lab.video.follow.sharpening import SharpBall
 from virtual_lab.video.show.track_text import track_document, track_text
 
@@ -60,7 +60,7 @@ Flown = Callable[[Film], tuple[SharpBall, Hit]]
 def track_hit(path: Path, calibration: ClipCalibration) -> FollowedClip:
     """Follow a ball through a clip of a calibrated camera that stands still."""
     clip = open_clip(path, calibration)
-    return follow(clip, known_of(clip, calibration))
+    return follow(clip, knowledge_of(clip, calibration))
 
 
 def hit(path: Path, calibration: ClipCalibration) -> tuple[SharpBall, Hit]:

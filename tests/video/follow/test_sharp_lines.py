@@ -23,7 +23,7 @@ def fit(
     count = len(places)
     t = np.arange(float(count))
     scene = FlightScene(
-        found=np.zeros(count, BLOB),
+        blobs=np.zeros(count, BLOB),
         time=t,
         stamped=t,
         size=(1280, 800),

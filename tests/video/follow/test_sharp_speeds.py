@@ -15,7 +15,7 @@ from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.find.blobs import BLOB
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.following import FollowedClip, measure
-from virtual_lab.video.follow.known import known_of
+from virtual_lab.video.follow.knowledge import knowledge_of
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.searching import FlightsFound
@@ -79,7 +79,7 @@ def measured(
         off_plane=np.zeros((2, 2)),
     )
     scene = FlightScene(
-        found=blobs,
+        blobs=blobs,
         time=numbers.astype(float),
         stamped=numbers.astype(float),
         size=SIZE[::-1],
@@ -87,9 +87,9 @@ def measured(
     )
     coarse = Piece.of(blobs, numbers, t * RATE)
     ways = [some for each in (t < 0, t >= 0) if len((some := coarse.part(each)).t)]
-    said = replace(known_of(clip, calibration), exposure=exposure)
+    said = replace(knowledge_of(clip, calibration), exposure=exposure)
     scene, ways, ball = settle(scene, ways, ball, said)
-    watched = Watched(still=cast("Any", None), found=blobs, change=np.full(count, np.nan))
+    watched = Watched(still=cast("Any", None), blobs=blobs, change=np.full(count, np.nan))
     return measure(clip, watched, said, FlightsFound(scene=scene, ways=ways), sharp=ball)
 
 

@@ -12,7 +12,7 @@ from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.following import FollowedClip, follow_blobs
 from virtual_lab.video.follow.joint import estimate_of, fit_flights
-from virtual_lab.video.follow.known import ClipKnowledge
+from virtual_lab.video.follow.knowledge import ClipKnowledge
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 
@@ -32,7 +32,7 @@ def followed(blobs: Blobs, readout: float | None = 0.0) -> FollowedClip:
     )
     watched = Watched(
         still=cast("Any", SimpleNamespace(drifts=False)),
-        found=blobs,
+        blobs=blobs,
         change=np.full(count, np.nan),
     )
     knowledge = ClipKnowledge(
@@ -104,7 +104,7 @@ def test_a_flight_with_more_scatter_has_a_larger_u() -> None:
         noise = np.random.default_rng(seed).normal(0, 2.0, (2, len(stray)))
         blobs["x"][stray], blobs["y"][stray] = (way[stray].T + noise).tolist()
         scene = FlightScene(
-            found=blobs, time=time, stamped=time, size=(960, 540), exposure=0.5, fall=None
+            blobs=blobs, time=time, stamped=time, size=(960, 540), exposure=0.5, fall=None
         )
         flights = [Piece.of(blobs, whole, time[whole]) for whole in wholes]
         fit = fit_flights(scene, flights)

@@ -10,7 +10,7 @@ from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import open_clip
 from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.follow.following import FollowedClip, follow
-from virtual_lab.video.follow.known import ClipKnowledge
+from virtual_lab.video.follow.knowledge import ClipKnowledge
 
 __all__ = ["require_contacts", "require_flights", "run"]
 

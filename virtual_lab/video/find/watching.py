@@ -28,7 +28,7 @@ class Watched:
     """Moving blobs of a clip, and the drift of its picture."""
 
     still: Still
-    found: Blobs  # (blob,) of `find.blobs.BLOB`, frame by frame
+    blobs: Blobs  # (blob,) of `find.blobs.BLOB`, frame by frame
     change: Array  # (frame,) greatest change from the frame before [DN]; NaN: not examined
     # size of each leap of the background [pixels], by the number of the frame after the leap
     leaps: Mapping[int, float] = field(default_factory=dict)
@@ -101,7 +101,7 @@ def watch(
     whole = in_region(np.concatenate(by_frame), region)
     return Watched(
         still=still,
-        found=whole,
+        blobs=whole,
         change=change,
         leaps=leaps,
         thumbs=thumbs,
@@ -149,7 +149,7 @@ def repeats(watched: Watched) -> Mask:
     A repeat hardly changes the picture, and at most half of its round objects move. The second
     condition is for a ball at the top of a low hop, which changes the picture very little.
     """
-    moving, same = watched.found, lulls(watched.change)
+    moving, same = watched.blobs, lulls(watched.change)
     clean = moving[(moving["dirty"] < CLEAN) & ~moving["cut"]]
     for k in np.flatnonzero(same):
         old, moved = clean[clean["frame"] == k - 1], []

@@ -12,7 +12,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 from virtual_lab.video.follow.flights import bends, meetings
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, estimate_of
-from virtual_lab.video.follow.known import Note
+from virtual_lab.video.follow.knowledge import Note
 from virtual_lab.video.follow.models import OFF_NORMAL, FittedFlights
 from virtual_lab.video.follow.pieces import GROWTH, Piece
 from virtual_lab.video.follow.ruler import RULER, Ruler
@@ -59,7 +59,7 @@ def contacts_of(
 ) -> tuple[list[Contact], list[Note]]:
     """Return the contacts, and notes on doubtful ones; `step`: duration of a time step [s]."""
     notes: list[Note] = []
-    found = []
+    contacts = []
     fit, others = model.fit, model.rest
     # without a floor's line, a fitted tilt of a few degrees spoils restitutions
     by = model.level or model
@@ -76,8 +76,8 @@ def contacts_of(
             continue
         normal, kind = _normal(scene, by.fit, out - into, ways)
         frame, ratio = _frame(scene, one, other, t), None
-        shown = min(len(one.t), len(other.t)) >= (3 if sharp else GROWTH.least_places)
-        if shown and kind != "other":
+        long_enough = min(len(one.t), len(other.t)) >= (3 if sharp else GROWTH.least_places)
+        if long_enough and kind != "other":
             ratio, flag, why = _restitution(by.fit, by.rest, k, t, normal, kind, sharp is not None)
             if flag:
                 notes.append((flag, f"contact at frame {frame:.1f}: {why}"))
@@ -89,7 +89,7 @@ def contacts_of(
             metres = scale.metres_per_pixel * place
         ends = [estimate_of(partial(_place, axis, k, t), fit, others).u for axis in (0, 1)]
         place_u = scale.metres_per_pixel * float(np.sqrt(np.mean(np.square(ends))))
-        found.append(
+        contacts.append(
             Contact(
                 before=k,
                 after=k + 1,
@@ -103,10 +103,10 @@ def contacts_of(
                 metres_u=float(np.hypot(place_u, scale.relative_u * np.hypot(*metres))),
             )
         )
-    if sharp and len(ways) > 1 and not found and not notes:
+    if sharp and len(ways) > 1 and not contacts and not notes:
         start = (ways[0].t[-1] + ways[1].t[0]) / 2
         notes.append(_outside(ways, 0, _closest(fit, 0, start, np.inf)[0], step))
-    return found, notes
+    return contacts, notes
 
 
 def _outside(ways: Sequence[Piece], k: int, t: float, step: float) -> Note:

@@ -43,26 +43,28 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     if not (steps := np.diff(frames[order])).all():
         twice = int(frames[order[steps.argmin()]])
         raise InputError(str(path), "frame", twice, "a frame has one place of the ball")
-    found = np.zeros(len(table), BLOB)
-    found["frame"] = frames
+    blobs = np.zeros(len(table), BLOB)
+    blobs["frame"] = frames
     for name in ("x", "y"):
-        found[name] = column(f"{name}_px")
-        found[f"picture_{name}"] = found[name] + column(f"drift_{name}_px", otherwise=0.0)
+        blobs[name] = column(f"{name}_px")
+        blobs[f"picture_{name}"] = blobs[name] + column(f"drift_{name}_px", otherwise=0.0)
     radius = column("radius_px", otherwise=np.nan)
     if np.isnan(radius).all():
         raise InputError(str(path), "radius_px", None, "at least one place needs it")
-    found["radius"] = np.where(np.isnan(radius), np.nanmedian(radius), radius)
-    found["length"], found["edge"] = found["radius"], 0.1 * found["radius"]
+    blobs["radius"] = np.where(np.isnan(radius), np.nanmedian(radius), radius)
+    blobs["length"], blobs["edge"] = blobs["radius"], 0.1 * blobs["radius"]
     times = column("time_s", otherwise=np.nan) / usual_step(clip.times)
-    found, t = found[order], np.where(np.isnan(times), frames, times)[order]
+    blobs, t = blobs[order], np.where(np.isnan(times), frames, times)[order]
     names = table["flight"].iloc[order].reset_index(drop=True)
     flights = map(np.asarray, names.groupby(names).indices.values())  # "" is of none
     watched = Watched(
         still=still_of(list(clip.samples[:1]), max(8, int(clip.full_scale).bit_length())),
-        found=found,
+        blobs=blobs,
         change=np.full(clip.count, np.nan),
     )
-    pieces = [Piece.of(found, own, t[own]) for own in flights if len(own) >= GROWTH.least_places]
+    pieces = [
+        Piece.of(blobs, rows, t[rows]) for rows in flights if len(rows) >= GROWTH.least_places
+    ]
     pieces.sort(key=lambda each: each.frames[0])
     for one, other in pairwise(pieces):
         if other.frames[0] <= one.frames[-1]:

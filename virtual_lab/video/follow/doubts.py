@@ -12,8 +12,8 @@ from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.contacts import Contact
-from virtual_lab.video.follow.flights import beside, explained
-from virtual_lab.video.follow.known import BALL, GIVEN, GRAVITY, ClipKnowledge, Note
+from virtual_lab.video.follow.flights import beside, explained_share
+from virtual_lab.video.follow.knowledge import BALL, GIVEN, GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import FittedFlights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import SAID, Ruler, off_u
@@ -42,47 +42,50 @@ FALLS = DoubtSettings()
 class Falls:
     """Fall of the flights, measured by a ruler other than gravity."""
 
-    known: ClipKnowledge
+    knowledge: ClipKnowledge
     shared: Estimate  # acceleration that all flights share [m/s²]
     scale: Ruler
 
     @property
     def rate(self) -> float:
         """The frame rate at which flights fall with g [1/s]."""
-        return self.known.rate * float(np.sqrt(self.known.gravity / self.shared.value))
+        return self.knowledge.rate * float(np.sqrt(self.knowledge.gravity / self.shared.value))
 
     @property
     def rate_u(self) -> float:
         """Relative u of `rate`: half that of the acceleration, which includes the length's."""
         return self.shared.u / self.shared.value / 2
 
-    def rated(self) -> ClipKnowledge:
+    def with_fitted_rate(self) -> ClipKnowledge:
         """Return the knowledge of the clip with `rate` from gravity, which is then no ruler."""
-        return replace(self.known, rate=self.rate, rate_u=self.rate_u, rate_of=GRAVITY, ruler=BALL)
+        return replace(
+            self.knowledge, rate=self.rate, rate_u=self.rate_u, rate_of=GRAVITY, ruler=BALL
+        )
 
     def of_rate(self) -> Note:
         """Note of a rate that was fitted."""
         words = (
-            f"no frame rate is given: by the file's own, {self.known.rate:.4g} a second, and "
+            f"no frame rate is given: by the file's own, {self.knowledge.rate:.4g} a second, and "
             f"{SAID[self.scale.source]} the ball would fall with {self.shared.value:.3g} m/s²; "
             f"{with_uncertainty(self.rate, self.rate * self.rate_u)} a second make that "
-            f"{self.known.gravity:.3g}, and are taken, if that length is right (--fps says better)"
+            f"{self.knowledge.gravity:.3g}, and are taken, if that length is right "
+            "(--fps says better)"
         )
         return "RATE_FITTED", words
 
     def require_rate(self, where: str) -> None:
         """Raise `InputError` where balls fall so fast that the frame rate must be another."""
         least = self.shared.value - FALLS.apart[0] * self.shared.u
-        if least > FALLS.absurd * self.known.gravity:
+        if least > FALLS.absurd * self.knowledge.gravity:
             allowed = (
                 f"by {SAID[self.scale.source]} the ball would fall with {self.shared.value:.4g} "
-                f"m/s²; --fps {self.rate:.3g} makes that {self.known.gravity:.3g}"
+                f"m/s²; --fps {self.rate:.3g} makes that {self.knowledge.gravity:.3g}"
             )
-            raise InputError(where, "frames per second", f"{self.known.rate:.6g}", allowed)
+            raise InputError(where, "frames per second", f"{self.knowledge.rate:.6g}", allowed)
 
     def against(self) -> list[Note]:
         """Return notes against length and frame rate, if the flights do not fall with g."""
-        g, (coverage, share) = self.known.gravity, FALLS.apart
+        g, (coverage, share) = self.knowledge.gravity, FALLS.apart
         if abs(self.shared.value - g) <= max(coverage * self.shared.u, share * g):
             return []
         words = (
@@ -98,8 +101,8 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
     by = {each.source: each for each in rulers}
     if not {GIVEN, BALL} <= set(by):
         return []
-    given, ball = by[GIVEN], by[BALL]
-    ratio, apart = given.metres_per_pixel / ball.metres_per_pixel, abs(off_u(given, ball))
+    length, ball = by[GIVEN], by[BALL]
+    ratio, apart = length.metres_per_pixel / ball.metres_per_pixel, abs(off_u(length, ball))
     coverage, share = FALLS.apart
     if apart < coverage or abs(ratio - 1) < share:
         return []
@@ -111,20 +114,20 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
 
 
 def against_flights(
-    scene: FlightScene, watched: Watched, found: Sequence[Piece], ways: Sequence[Piece]
+    scene: FlightScene, watched: Watched, pieces: Sequence[Piece], ways: Sequence[Piece]
 ) -> list[Note]:
     """Return notes on a second ball, leaps of the background, and frames left out."""
     if not ways:
         return []
     notes = []
-    if more := beside(scene, ways, found):
+    if more := beside(scene, ways, pieces):
         first = min(int(each.frames[0]) for each in more)
         words = (
             f"another ball flies beside the one followed, from frame {first} on: --ball-at says "
             "which is meant; where they are alike flights may be mixed up"
         )
         notes.append(("SECOND_BALL", words))
-    share = explained(scene, ways, found)
+    share = explained_share(scene, ways, pieces)
     if share < FALLS.explained and ways[0].u is None:  # near a bat sharp places are left out
         words = (
             f"flights explain {100 * share:.0f} % of the frames in which the ball is seen to move: "
@@ -154,14 +157,14 @@ def against_flights(
     return notes
 
 
-def without_flight(found: Sequence[Piece]) -> str:
+def without_flight(pieces: Sequence[Piece]) -> str:
     """Return the reason why there is no flight, and advice."""
-    if not found:
+    if not pieces:
         return (
             "nothing round was seen to move smoothly through five frames: --ball-at X,Y@FRAME "
             "points at the ball, --frames and --region leave out what else moves"
         )
-    places = sum(len(each.t) for each in found)
+    places = sum(len(each.t) for each in pieces)
     return (
         f"nothing falls as gravity lets a ball: what moves ({places} places) is carried, hangs, "
         "rolls, or is no ball; --ball-at X,Y@FRAME points at it, and the rate (--fps) must be true"

@@ -69,8 +69,8 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     u = np.sqrt(np.trace(fit.covariance[:2, :2])) / max(np.hypot(right, down), 1e-12)
     # the acceleration of a pendulum is to the side
     aside = np.arctan2(abs(right), down) - u > FLIGHTS.upright
-    shown = bends(flights, fit, FLIGHTS.shown_sag)
-    return ([], None) if aside and shown else (flights, fit)
+    falls = bends(flights, fit, FLIGHTS.shown_sag)
+    return ([], None) if aside and falls else (flights, fit)
 
 
 def bends(flights: Sequence[Piece], fit: Fit, radii: float = FLIGHTS.sag) -> bool:
@@ -102,8 +102,8 @@ class _Bend:
             pull=2 * solved[2],
             u=2 * rms * float(np.linalg.norm(solver[2])),
             rms=rms,
-            colour=np.median(scene.found["colour"][piece.blobs], axis=0),
-            expected=scene.expected(piece.radius),
+            colour=np.median(scene.blobs["colour"][piece.blobs], axis=0),
+            expected=scene.gravity_of(piece.radius),
         )
 
     @cached_property
@@ -209,15 +209,15 @@ def _adjoins(one: Piece, other: Piece) -> bool:
 
 def _once(flights: list[Piece]) -> list[Piece]:
     """Return flights that share no frames: the longer of two overlapping ones."""
-    kept: list[Piece] = []
+    parts: list[Piece] = []
     for piece in sorted(flights, key=lambda each: -len(each.t)):
         spans = [
-            (each.frames[0] <= piece.frames) & (piece.frames <= each.frames[-1]) for each in kept
+            (each.frames[0] <= piece.frames) & (piece.frames <= each.frames[-1]) for each in parts
         ]
-        rest = piece.part(~np.any(spans, axis=0)) if kept else piece
+        rest = piece.part(~np.any(spans, axis=0)) if parts else piece
         if len(rest.t) >= GROWTH.least_places:
-            kept.append(rest)
-    return sorted(kept, key=lambda each: each.frames[0])
+            parts.append(rest)
+    return sorted(parts, key=lambda each: each.frames[0])
 
 
 def _join(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
@@ -227,7 +227,7 @@ def _join(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
         one = joined[-1]
         blobs = np.concatenate([one.blobs, other.blobs])
         times = [np.concatenate([one.t, other.t + n]) for n in range(GROWTH.lost_frames + 1)]
-        tried = [_Bend.of(scene, Piece.of(scene.found, blobs, t)) for t in times]
+        tried = [_Bend.of(scene, Piece.of(scene.blobs, blobs, t)) for t in times]
         longer = _Bend.of(scene, max(one, other, key=lambda each: len(each.t)))
         good = [each for each in tried if each.rms < each.room and longer.shares(each)[0]]
         best = min(good, key=lambda each: each.rms, default=None)
@@ -270,15 +270,15 @@ def _nearest(
 
 def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
     """Return the meetings of neighbouring flights: number of the first, and time [frames]."""
-    found = []
+    contacts = []
     for k, (one, other) in enumerate(pairwise(flights)):
         start, end = one.t[-1], other.t[0]
         if end - start > FLIGHTS.contact_frames and one.u is None:
             continue
         t, apart, change = _nearest(fit, k, start, end)
         if apart <= FLIGHTS.meeting_radii * one.radius + change / 2 and start - 1 < t < end + 1:
-            found.append((k, t))
-    return found
+            contacts.append((k, t))
+    return contacts
 
 
 def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
@@ -296,24 +296,24 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     Where there is no contact, a flight begins and ends at places that are surely on its path: a
     hand moves on with the ball, and the two together look longer than the ball.
     """
-    found, refilled = scene.found, []
+    moving, refilled = scene.blobs, []
     counted = np.isfinite(scene.time)
-    clean = (found["dirty"] < CLEAN) & ~found["cut"] & counted[found["frame"]]
+    clean = (moving["dirty"] < CLEAN) & ~moving["cut"] & counted[moving["frame"]]
     number = np.cumsum(counted)
     ends = [-np.inf, *(each.frames[-1] for each in flights[:-1])]
     starts = [*(each.frames[0] for each in flights[1:]), np.inf]
     for k, (piece, before, after) in enumerate(zip(flights, ends, starts, strict=True)):
         first, last = piece.frames[[0, -1]]
-        ratio, away = found["radius"] / piece.radius, last - first
+        ratio, away = moving["radius"] / piece.radius, last - first
         some = clean & (ratio < GROWTH.size_ratio) & (ratio > 1 / GROWTH.size_ratio)
-        some &= found["frame"] > max(before, first - away)
-        some &= found["frame"] < min(after, last + away)
+        some &= moving["frame"] > max(before, first - away)
+        some &= moving["frame"] < min(after, last + away)
         blobs = np.flatnonzero(some)
-        frames = found["frame"][blobs].astype(np.intp)
-        own = np.clip(np.searchsorted(piece.frames, frames, "right") - 1, 0, None)
-        t = scene.time[frames] + (piece.t - scene.time[piece.frames])[own]
+        frames = moving["frame"][blobs].astype(np.intp)
+        nearest = np.clip(np.searchsorted(piece.frames, frames, "right") - 1, 0, None)
+        t = scene.time[frames] + (piece.t - scene.time[piece.frames])[nearest]
         expected = fit.in_picture(k, t + fit.readout * scene.late(blobs))
-        off = np.hypot(found["x"][blobs] - expected[:, 0], found["y"][blobs] - expected[:, 1])
+        off = np.hypot(moving["x"][blobs] - expected[:, 0], moving["y"][blobs] - expected[:, 1])
         room = max(FLIGHTS.room * piece.radius, FAR_U * fit.spread)
         near = np.flatnonzero(off < min(room, piece.radius / 2))
         near = near[np.lexsort((off[near], frames[near]))]
@@ -323,7 +323,7 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
         apart = np.diff(number[there]) > GROWTH.gap_frames + 1
         apart &= (there[1:] <= first) | (there[:-1] >= last)
         near = max(np.split(near, np.flatnonzero(apart) + 1), key=len)
-        length = found["length"][blobs[near]]
+        length = moving["length"][blobs[near]]
         sure = (
             length - FLIGHTS.end_length * np.median(length)
             < np.hypot(*fit.at(k, t[near])[:, 2:].T) / 2
@@ -332,7 +332,7 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
         sure |= np.minimum(frames[near] - before, after - frames[near]) <= FLIGHTS.contact_frames
         if near.size >= GROWTH.least_places and sure.any():
             near = near[np.argmax(sure) : len(sure) - np.argmax(sure[::-1])]
-            refilled.append(Piece.of(found, blobs[near], t[near]))
+            refilled.append(Piece.of(moving, blobs[near], t[near]))
     return refilled
 
 
@@ -340,40 +340,40 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     """Return the flights of a second ball: at the time of the first ball, but apart from it."""
     blobs = np.concatenate([each.blobs for each in flights])
     # a shadow on a wall moves like its ball
-    least = FLIGHTS.second_contrast * np.median(scene.found["contrast"][blobs])
+    least = FLIGHTS.second_contrast * np.median(scene.blobs["contrast"][blobs])
     rest = [
         each
         for each in pieces
         if len(each.t) >= FLIGHTS.least_places + 2
         and np.ptp(each.xy, axis=0).max() > each.radius
-        and np.median(scene.found["contrast"][each.blobs]) > least
+        and np.median(scene.blobs["contrast"][each.blobs]) > least
         and not np.isin(each.blobs, blobs).any()
     ]
-    frames, xy = scene.found["frame"][blobs], np.concatenate([each.xy for each in flights])
-    found = []
+    frames, xy = scene.blobs["frame"][blobs], np.concatenate([each.xy for each in flights])
+    rivals = []
     for piece in _of_one_gravity(scene, rest):
         _, here, there = np.intersect1d(piece.frames, frames, return_indices=True)
         apart = np.hypot(*(piece.xy[here] - xy[there]).T) > 2 * flights[0].radius
         if apart.sum() >= FLIGHTS.least_places // 2:
-            found.append(piece)
-    return found
+            rivals.append(piece)
+    return rivals
 
 
-def explained(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
+def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
     """Return the share of the frames with a similar moving ball that the flights span."""
     blobs = np.concatenate([each.blobs for each in flights])
-    radius, colour = (np.median(scene.found[key][blobs], axis=0) for key in ("radius", "colour"))
+    radius, colour = (np.median(scene.blobs[key][blobs], axis=0) for key in ("radius", "colour"))
     spans = [np.arange(each.frames[0], each.frames[-1] + 1) for each in flights]
     flown = np.unique(np.concatenate(spans))
-    seen = [
+    frames = [
         each.frames
         for each in pieces
         if 1 / GROWTH.size_ratio < each.radius / radius < GROWTH.size_ratio
-        and np.abs(np.median(scene.found["colour"][each.blobs], axis=0) - colour).max()
+        and np.abs(np.median(scene.blobs["colour"][each.blobs], axis=0) - colour).max()
         < GROWTH.colour
         and np.ptp(each.xy, axis=0).max() > 2 * each.radius
     ]
-    return len(flown) / len(np.union1d(flown, np.concatenate([*seen, flown])))
+    return len(flown) / len(np.union1d(flown, np.concatenate([*frames, flown])))
 
 
 def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
@@ -381,12 +381,12 @@ def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
     if len(flights) < 2:
         return flights
     half = (1.0 if scene.exposure is None else scene.exposure) / 2
-    kept = list(flights)
+    parts = list(flights)
     for k, t in meetings(flights, fit_flights(scene, flights)):
-        kept[k] = kept[k].part(kept[k].t < t - half)
-        kept[k + 1] = kept[k + 1].part(kept[k + 1].t > t + half)
+        parts[k] = parts[k].part(parts[k].t < t - half)
+        parts[k + 1] = parts[k + 1].part(parts[k + 1].t > t + half)
     # flights that do not meet may overlap in time
-    for k, (one, other) in enumerate(pairwise(kept)):
+    for k, (one, other) in enumerate(pairwise(parts)):
         if len(one.t):
-            kept[k + 1] = other.part(other.frames > one.frames[-1])
-    return kept
+            parts[k + 1] = other.part(other.frames > one.frames[-1])
+    return parts

@@ -24,7 +24,7 @@ from virtual_lab.video.follow.doubts import (
     without_flight,
 )
 from virtual_lab.video.follow.joint import Fit, estimate_of
-from virtual_lab.video.follow.known import FILE, GRAVITY, ClipKnowledge, Note
+from virtual_lab.video.follow.knowledge import FILE, GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import FittedFlights, refit
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import Ruler, rulers_of
@@ -57,7 +57,7 @@ class FollowedClip:
 
     clip: Clip
     watched: Watched
-    known: ClipKnowledge
+    knowledge: ClipKnowledge
     scene: FlightScene
     pieces: list[Piece]
     ways: list[Piece]  # pieces of the flights
@@ -90,7 +90,7 @@ class FollowedClip:
 
 
 def follow(
-    clip: Clip, known: ClipKnowledge, *, progress: Callable[[str], None] = lambda _: None
+    clip: Clip, knowledge: ClipKnowledge, *, progress: Callable[[str], None] = lambda _: None
 ) -> FollowedClip:
     """Follow the ball through a clip.
 
@@ -99,38 +99,44 @@ def follow(
     """
     progress("looking for the ball")
     watched = watch(
-        clip, frames=known.frames, region=known.region, stands=known.stands, progress=progress
+        clip,
+        frames=knowledge.frames,
+        region=knowledge.region,
+        stands=knowledge.stands,
+        progress=progress,
     )
-    return follow_blobs(clip, watched, known, progress=progress)
+    return follow_blobs(clip, watched, knowledge, progress=progress)
 
 
 def follow_blobs(
     clip: Clip,
     watched: Watched,
-    known: ClipKnowledge,
-    given: list[Piece] | None = None,
+    knowledge: ClipKnowledge,
+    flights: list[Piece] | None = None,
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> FollowedClip:
-    """Follow the ball through a clip that was watched; `given`: ways corrected by hand."""
+    """Follow the ball through a clip that was watched; `flights`: ways corrected by hand."""
     same = repeats(watched)
-    if given is not None:
-        scene = clip_scene(clip, watched, known, same, squeezed=False)
-        return measure(clip, watched, known, FlightsFound(scene=scene, pieces=given, ways=given))
-    found, sharp, fault = search(clip, watched, known, same), None, ""
-    if wants_sharp(known, watched, found.ways) and not _while_moving(same, found.ways).any():
+    if flights is not None:
+        scene = clip_scene(clip, watched, knowledge, same, squeezed=False)
+        return measure(
+            clip, watched, knowledge, FlightsFound(scene=scene, pieces=flights, ways=flights)
+        )
+    result, sharp, fault = search(clip, watched, knowledge, same), None, ""
+    if wants_sharp(knowledge, watched, result.ways) and not _while_moving(same, result.ways).any():
         try:
-            scene, ways, sharp = sharpen(clip, watched, known, found, progress)
-            found = replace(found, scene=scene, ways=ways)
+            scene, ways, sharp = sharpen(clip, watched, knowledge, result, progress)
+            result = replace(result, scene=scene, ways=ways)
         except NotSharpError as why:
             fault = str(why)
-    return measure(clip, watched, known, found, sharp=sharp, fault=fault)
+    return measure(clip, watched, knowledge, result, sharp=sharp, fault=fault)
 
 
 def measure(
     clip: Clip,
     watched: Watched,
-    known: ClipKnowledge,
+    knowledge: ClipKnowledge,
     search: FlightsFound,
     *,
     sharp: SharpBall | None = None,
@@ -145,21 +151,21 @@ def measure(
     fault
         Reason why there are no sharp places though the camera is calibrated.
     """
-    scene, found, ways = search.scene, search.pieces, search.ways
+    scene, pieces, ways = search.scene, search.pieces, search.ways
     notes: list[Note] = [("", words) for words in clip.warnings]
     if fault:
         words = f"{fault}: these are places of the ball's hull, as of any clip"
         notes.append(("NOT_SHARP", words))
-    step, where = step_of(known, scene, ways), str(clip.source.path)
-    drift = 0.0 if known.stands else watched.still.unseen_drift(step)
+    step, where = step_of(knowledge, scene, ways), str(clip.source.path)
+    drift = 0.0 if knowledge.stands else watched.still.unseen_drift(step)
     model = FittedFlights.of(scene, ways, drift) if ways else None
     if sharp and model:
-        rulers = [Ruler.of_plane(sharp.plane, known.rate_u)]
+        rulers = [Ruler.of_plane(sharp.plane, knowledge.rate_u)]
         notes += sharp.notes
         model = replace(model, rest=[*model.rest, *sharp.aside(model.fit)])
     else:
-        ball = watched.found[[k for each in ways or found for k in each.blobs]]
-        rulers = rulers_of(known, ball, model, ways, step, where)
+        ball = watched.blobs[[k for each in ways or pieces for k in each.blobs]]
+        rulers = rulers_of(knowledge, ball, model, ways, step, where)
     scale = rulers[0] if rulers else None
     shared, flights = None, []
     contacts: list[Contact] = []
@@ -171,33 +177,33 @@ def measure(
         alone: list[Estimate | None] = [None] * len(ways)
         if size and not sharp and scene.pull is None:
             shared, alone[:] = _falls(scene, ways, model, size, step)
-            falls = Falls(known=known, shared=shared, scale=size)
+            falls = Falls(knowledge=knowledge, shared=shared, scale=size)
             off = falls.against()
-            if off and known.rate_of == FILE:
-                rated = measure(clip, watched, falls.rated(), search)
+            if off and knowledge.rate_of == FILE:
+                rated = measure(clip, watched, falls.with_fitted_rate(), search)
                 return replace(rated, notes=(falls.of_rate(), *rated.notes))
             falls.require_rate(where)
             against += off
         flights = _flights(scene, ways, model, alone, contacts, scale, step)
         notes += against
-        if known.readout is None and not model.fit.readout:
+        if knowledge.readout is None and not model.fit.readout:
             rolled = replace(model, fit=refit(scene, ways, model.fit, readout=0.5), level=None)
             others, _ = contacts_of(scene, ways, rolled, step, scale, None)
             notes.append(of_readout(contacts, others))
     notes += against_size(rulers)
     if not ways:
-        notes.append(("", without_flight(found)))
-    notes += against_flights(scene, watched, found, ways)
-    same = _while_moving(repeats(watched), ways or found)
+        notes.append(("", without_flight(pieces)))
+    notes += against_flights(scene, watched, pieces, ways)
+    same = _while_moving(repeats(watched), ways or pieces)
     if same.any():
         words = f"{same.sum()} frames are stored twice while the ball moves: a repeat is no place"
         notes.append(("REPEATED_FRAMES", words))
     return FollowedClip(
         clip=clip,
         watched=watched,
-        known=known,
+        knowledge=knowledge,
         scene=scene,
-        pieces=found,
+        pieces=pieces,
         ways=ways,
         seconds=step,
         fit=model.fit if model else None,
@@ -238,7 +244,7 @@ def _flights(
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
-    found = []
+    flights = []
     for k, way in enumerate(ways):
         late = float(np.median(scene.late(way.blobs)))
         ends: dict[str, Estimate] = {}
@@ -252,7 +258,7 @@ def _flights(
                 speed = _let_go(speed, unit, off, np.array([right, down]), fit.pull[k])
             angle = Estimate(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)
             ends |= {f"speed_{name}": speed, f"angle_{name}": angle}
-        found.append(
+        flights.append(
             Flight(
                 first_frame=int(way.frames[0]),
                 last_frame=int(way.frames[-1]),
@@ -261,7 +267,7 @@ def _flights(
                 acceleration=alone[k],
             )
         )
-    return found
+    return flights
 
 
 def _falls(
@@ -272,10 +278,10 @@ def _falls(
     step: float,
 ) -> tuple[Estimate, list[Estimate]]:
     """Return the common acceleration of the flights, and that of each, by a ruler [m/s²]."""
-    own = refit(scene, ways, model.fit, shared=False, tilt=np.zeros(2))
-    known = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
-    shared = estimate_of(partial(_pull, 0), model.fit, (), **known)
-    alone = [estimate_of(partial(_pull, k), own, (), **known) for k in range(len(ways))]
+    alike = refit(scene, ways, model.fit, shared=False, tilt=np.zeros(2))
+    scaling = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
+    shared = estimate_of(partial(_pull, 0), model.fit, (), **scaling)
+    alone = [estimate_of(partial(_pull, k), alike, (), **scaling) for k in range(len(ways))]
     return shared, alone
 
 

@@ -130,8 +130,8 @@ def estimate_of(
     """
     value = quantity(fit)
     powers, axes = np.linalg.eigh(fit.covariance)
-    kept = powers > 1e-15 * powers.max()
-    moves = (axes[:, kept] * np.sqrt(powers[kept])).T
+    significant = powers > 1e-15 * powers.max()
+    moves = (axes[:, significant] * np.sqrt(powers[significant])).T
     both = [[quantity(fit.with_vector(fit.vector + s * m)) for s in (1, -1)] for m in moves]
     off = [float(np.abs(np.subtract(each, value)).max()) for each in both]
     off += [share * (value - quantity(other)) for other, share in others]
@@ -167,12 +167,12 @@ def fit_flights(
     of = np.repeat(np.arange(len(flights)), [len(t) for t in times])
     middles = np.array([t.mean() for t in times])
     radius = float(np.median([each.radius for each in flights]))
-    own = [np.ones(len(each.t)) if each.u is None else each.u for each in flights]
+    place_u = [np.ones(len(each.t)) if each.u is None else each.u for each in flights]
     model = _FlightModel(
         dt=np.concatenate(times) - middles[of],
         of=of,
         xy=np.concatenate([each.xy for each in flights]),
-        own=np.concatenate(own),
+        place_u=np.concatenate(place_u),
         sharp=flights[0].u is not None,
         centre=(np.array(scene.size) - 1) / 2,
         radius=radius,
@@ -201,7 +201,7 @@ def fit_flights(
         vector, inverse, room = _solve(model, before, u, k, alike)
         left = model.xy - model.places(vector)
         alike = _alike(left, of)
-    off = np.hypot(*left.T) / model.own
+    off = np.hypot(*left.T) / model.place_u
     clipped = np.minimum(off, room) ** 2
     free = np.flatnonzero(u > 0)
     scatter = float(np.sqrt(clipped.sum() / max(1.0, 2 * len(off) - len(free))))
@@ -228,7 +228,7 @@ def fit_flights(
         covariance=covariance,
         vector=vector,
         residuals=residuals,
-        spread=scatter * float(np.median(model.own)),
+        spread=scatter * float(np.median(model.place_u)),
         cost=float(clipped.sum()),
         readout=readout,
         floor=model.floor,
@@ -256,7 +256,7 @@ def _solve(
     steps = np.tile([0.1, 0.1, 0.1 / reach, 0.1 / reach], model.of[-1] + 1)
     steps = np.concatenate([np.full(k, 0.1 / reach**2), [1e-2, 1e-6, 1e-6], steps])
     for turn in range(FLIGHT_FIT.rounds):
-        left = (model.xy - model.places(vector)) / model.own[:, None]
+        left = (model.xy - model.places(vector)) / model.place_u[:, None]
         off = np.hypot(*left.T)
         spread = max(FLIGHT_FIT.least_spread, float(np.median(off)) / 1.1774)
         if model.sharp:  # the stated u of the places is used
@@ -264,7 +264,7 @@ def _solve(
         else:
             room = FLIGHT_FIT.outlier_radii * model.radius
             room = max(FAR_U * spread, room)
-        jacobian = model.jacobian(vector, steps)[..., free] / model.own[:, None, None]
+        jacobian = model.jacobian(vector, steps)[..., free] / model.place_u[:, None, None]
         weighted = jacobian * (1 / np.sqrt(1 + (off / room) ** 2))[:, None, None]
         power = alike * spread**2
         normal = np.einsum("rci,rcj->ij", weighted, jacobian) / power
@@ -333,7 +333,7 @@ class _FlightModel:
     dt: Array  # (place,) time from the middle of its flight [frames]
     of: Ints  # (place,) number of its flight
     xy: Array  # (place, 2)
-    own: Array  # (place,) u, 1 where it is not known
+    place_u: Array  # (place,) u, 1 where it is not known
     sharp: bool  # True if u is known
     centre: Array
     radius: float

@@ -53,11 +53,11 @@ class FittedFlights:
         flat = refit(scene, ways, fit, tilt=np.zeros(2))
         rest: list[tuple[Fit, float]] = []
         beside: list[tuple[Fit, float]] = []
-        for found, one, other, tilt in ((rest, fit, flat, None), (beside, flat, fit, np.zeros(2))):
-            found += [(one.with_drift(each), 1.0) for each in drift * np.eye(2) if drift]
+        for fits, one, other, tilt in ((rest, fit, flat, None), (beside, flat, fit, np.zeros(2))):
+            fits += [(one.with_drift(each), 1.0) for each in drift * np.eye(2) if drift]
             if scene.drag is None:
-                found.append((refit(scene, ways, fit, drag=False, tilt=tilt), DRAG_SHARE))
-            found.append((other, 1.0))
+                fits.append((refit(scene, ways, fit, drag=False, tilt=tilt), DRAG_SHARE))
+            fits.append((other, 1.0))
         longest = []
         if scene.readout is None:
             longest = [(refit(scene, ways, fit, readout=1.0), EVEN_SHARE)]
@@ -75,15 +75,15 @@ def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -
 
 def _floor(ways: Sequence[Piece], fit: Fit) -> Floor:
     """Return contacts with one floor, far enough apart to show its slope better than .2°."""
-    found: list[tuple[int, float]] = []
+    contacts: list[tuple[int, float]] = []
     u = np.hypot(FLIGHT_FIT.slant_u, np.sqrt(np.trace(fit.covariance[:2, :2])) / fit.size)
     for k, t in meetings(ways, fit):
         change = fit.at(k, t)[0, 2:] - fit.at(k + 1, t)[0, 2:]
         if abs(np.angle(complex(*change) / fit.down)) > OFF_NORMAL:
             continue
-        first = fit.meeting(*(found or [(k, t)])[0])
+        first = fit.meeting(*(contacts or [(k, t)])[0])
         line = complex(*(fit.meeting(k, t) - first)) / fit.down
         far = abs(line) > fit.spread / FLIGHT_FIT.slant_u
-        if not found or (far and abs(line.real / line.imag) < FAR_U * u):
-            found.append((k, t))
-    return found if len(found) > 1 else ()
+        if not contacts or (far and abs(line.real / line.imag) < FAR_U * u):
+            contacts.append((k, t))
+    return contacts if len(contacts) > 1 else ()

@@ -59,9 +59,9 @@ class Piece:
     pattern_u: float = 0.0
 
     @classmethod
-    def of(cls, found: Blobs, blobs: Ints, t: Array) -> Piece:
+    def of(cls, moving: Blobs, blobs: Ints, t: Array) -> Piece:
         """Return the piece of some blobs at times."""
-        some = found[blobs]
+        some = moving[blobs]
         return cls(
             blobs=blobs,
             frames=some["frame"].astype(np.intp),
@@ -92,28 +92,28 @@ def _solver(times: bytes, degree: int) -> tuple[Array, Array]:
     return design, np.asarray(np.linalg.pinv(design), np.float64)
 
 
-def pieces(found: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
+def pieces(blobs: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
     """Return the pieces of smooth motion among blobs, in order of time.
 
     Parameters
     ----------
-    found
+    blobs
         Blobs of all frames in order, an array of `find.blobs.BLOB`.
     time
         Of each frame in steps of a frame, NaN: a repeat that does not count, (frame,).
     pull
         Acceleration that all share, (2,) [pixels/frame²], where it is known.
     """
-    whole = [p for p in _Growth(found, time, pull).all() if len(p.t) >= GROWTH.least_places]
+    whole = [p for p in _Growth(blobs, time, pull).all() if len(p.t) >= GROWTH.least_places]
     return sorted(whole, key=lambda each: each.frames[0])
 
 
 class _Growth:
-    def __init__(self, found: Blobs, time: Array, pull: Array | None) -> None:
-        usable = (found["dirty"] < CLEAN) & ~found["cut"]
-        usable &= np.isfinite(time[found["frame"]])
-        self.found, self.index, self.pull = found, np.flatnonzero(usable), pull
-        some = found[usable]
+    def __init__(self, blobs: Blobs, time: Array, pull: Array | None) -> None:
+        usable = (blobs["dirty"] < CLEAN) & ~blobs["cut"]
+        usable &= np.isfinite(time[blobs["frame"]])
+        self.blobs, self.index, self.pull = blobs, np.flatnonzero(usable), pull
+        some = blobs[usable]
         self.frame = some["frame"].astype(np.intp)
         self.xy = np.stack([some["x"], some["y"]], axis=1)
         self.radius, self.colour = some["radius"], some["colour"]
@@ -122,7 +122,7 @@ class _Growth:
         self.first = np.searchsorted(self.frame, np.arange(len(time) + 1))
 
     def all(self) -> list[Piece]:
-        found = []
+        result = []
         for start in range(len(self.frame)):
             if self.used[start]:
                 continue
@@ -130,12 +130,12 @@ class _Growth:
             places, t = max(grown, key=lambda each: len(each[0]), default=([], []))
             if len(places) < GROWTH.least_places:
                 continue
-            piece = Piece.of(self.found, self.index[places], np.array(t))
+            piece = Piece.of(self.blobs, self.index[places], np.array(t))
             self.used[np.isin(self.index, piece.blobs)] = True
-            found += [self._timed(part) for part in _break_up(piece)]
-        return found
+            result += [self._with_times(part) for part in _break_up(piece)]
+        return result
 
-    def _timed(self, piece: Piece) -> Piece:
+    def _with_times(self, piece: Piece) -> Piece:
         """Return the piece with even times, unless lost frames give a far better fit."""
         even = replace(piece, t=self.time[piece.frames])
         mended = _misfit(piece, slice(None)) < GROWTH.better**2 * _misfit(even, slice(None))

@@ -32,7 +32,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.joint import Fit, estimate_of
-from virtual_lab.video.follow.known import BALL, GIVEN, GRAVITY, ClipKnowledge
+from virtual_lab.video.follow.knowledge import BALL, GIVEN, GRAVITY, ClipKnowledge
 from virtual_lab.video.follow.models import EVEN_SHARE, FittedFlights
 from virtual_lab.video.follow.pieces import Piece
 
@@ -98,7 +98,7 @@ def off_u(one: PixelScale, other: PixelScale) -> float:
 
 
 def rulers_of(
-    known: ClipKnowledge,
+    knowledge: ClipKnowledge,
     blobs: Blobs,
     model: FittedFlights | None,
     ways: Sequence[Piece],
@@ -118,39 +118,39 @@ def rulers_of(
     where
         Name of the clip for an `InputError`, raised if gravity was requested but shows nowhere.
     """
-    found = []
-    if known.ball and len(blobs):
-        ball = _by_ball(blobs, known.ball, known.ball_u, model.fit if model else None)
-        found.append(_with_rate(ball, known))
-    if model and not model.tilted and known.rate_of != GRAVITY:
+    rulers = []
+    if knowledge.ball and len(blobs):
+        ball = _by_ball(blobs, knowledge.ball, knowledge.ball_u, model.fit if model else None)
+        rulers.append(_with_rate(ball, knowledge))
+    if model and not model.tilted and knowledge.rate_of != GRAVITY:
         radius = float(np.median([each.radius for each in ways]))
-        by_gravity = _by_gravity(model, radius, known, step)
-        found += [by_gravity] if by_gravity else []
-    if known.ruler == GRAVITY and not any(each.source == GRAVITY for each in found):
+        by_gravity = _by_gravity(model, radius, knowledge, step)
+        rulers += [by_gravity] if by_gravity else []
+    if knowledge.ruler == GRAVITY and not any(each.source == GRAVITY for each in rulers):
         allowed = (
             "no flight shows gravity to a quarter, or the camera is tilted by 10 degrees and more: "
             "give --ball or --scale"
         )
         raise InputError(where, "--ruler", GRAVITY, allowed)
-    found.sort(key=lambda each: each.relative_u)
-    found.sort(key=lambda each: each.source != known.ruler)
-    if known.metres_per_pixel:
-        relative = known.metres_per_pixel_u / known.metres_per_pixel
-        given = PixelScale(
-            metres_per_pixel=known.metres_per_pixel, relative_u=relative, source=GIVEN
+    rulers.sort(key=lambda each: each.relative_u)
+    rulers.sort(key=lambda each: each.source != knowledge.ruler)
+    if knowledge.metres_per_pixel:
+        relative = knowledge.metres_per_pixel_u / knowledge.metres_per_pixel
+        scale = PixelScale(
+            metres_per_pixel=knowledge.metres_per_pixel, relative_u=relative, source=GIVEN
         )
-        found.insert(0, _with_rate(Ruler.of_plane(given, 0.0), known))
-    return found
+        rulers.insert(0, _with_rate(Ruler.of_plane(scale, 0.0), knowledge))
+    return rulers
 
 
-def _with_rate(ruler: Ruler, known: ClipKnowledge) -> Ruler:
+def _with_rate(ruler: Ruler, knowledge: ClipKnowledge) -> Ruler:
     """Return the ruler with the u of the frame rate in that of speeds.
 
     A rate by gravity goes with 1/√(a length), so that speeds go with its root: the rate's u, half
     of the length's and of the fitted pull's, is all of theirs.
     """
-    whole = known.rate_of == GRAVITY
-    return replace(ruler, rest_u=float(np.hypot(0.0 if whole else ruler.rest_u, known.rate_u)))
+    whole = knowledge.rate_of == GRAVITY
+    return replace(ruler, rest_u=float(np.hypot(0.0 if whole else ruler.rest_u, knowledge.rate_u)))
 
 
 def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) -> Ruler:
@@ -178,28 +178,28 @@ def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) 
 
 
 def _by_gravity(
-    model: FittedFlights, radius: float, known: ClipKnowledge, step: float
+    model: FittedFlights, radius: float, knowledge: ClipKnowledge, step: float
 ) -> Ruler | None:
     """Return the ruler by gravity, None if not fitted or hardly visible; `radius` in pixels."""
     if not model.fit.covariance[0, 0]:
         return None
     # ratio of the air's density to the ball's
     air = 8 / 3 / RULER.drag_coefficient * model.fit.drag * radius
-    tilt = 1 / np.cos(known.level_u) - 1
-    rest = [known.gravity_u / known.gravity, tilt, 1.5 * air * EVEN_SHARE]
+    tilt = 1 / np.cos(knowledge.level_u) - 1
+    rest = [knowledge.gravity_u / knowledge.gravity, tilt, 1.5 * air * EVEN_SHARE]
     rest_u = float(np.linalg.norm(rest))
-    fall = known.gravity * step**2
-    found = estimate_of(
+    fall = knowledge.gravity * step**2
+    length = estimate_of(
         lambda f: fall / f.size,
         model.fit,
         [*model.rest, *model.longest],
         relative_u=rest_u,
     )
-    relative = found.u / found.value
+    relative = length.u / length.value
     if relative > RULER.vague:
         return None
     return Ruler(
-        metres_per_pixel=found.value,
+        metres_per_pixel=length.value,
         relative_u=relative,
         source=GRAVITY,
         fall=fall,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.units import Array
 from virtual_lab.video.find.blobs import Blobs
-from virtual_lab.video.follow.known import LEVEL_U
+from virtual_lab.video.follow.knowledge import LEVEL_U
 from virtual_lab.video.follow.pieces import Piece
 
 FOCAL = 0.8  # focal length of a phone [longer sides of the picture]
@@ -20,7 +20,7 @@ FOCAL = 0.8  # focal length of a phone [longer sides of the picture]
 class FlightScene:
     """Blobs, times, and knowledge of camera and scale."""
 
-    found: Blobs
+    blobs: Blobs
     time: Array  # time of each frame [frames]; NaN: a repeat
     stamped: Array  # time of each frame by the time stamps, repeats counted [frames]
     size: tuple[int, int]  # columns, rows
@@ -39,7 +39,7 @@ class FlightScene:
         """U of the tilt of the perspective [1/px]."""
         return float(np.tan(self.level_u) / FOCAL / max(self.size))
 
-    def expected(self, radius: float) -> float | None:
+    def gravity_of(self, radius: float) -> float | None:
         """Return gravity [px/frame²] for a ball of a radius [pixels], None if it is unknown."""
         return self.fall and self.fall * (radius if self.in_radii else 1.0)
 
@@ -59,6 +59,6 @@ class FlightScene:
     def late(self, blobs: NDArray[np.intp]) -> Array:
         """Return the share of the readout at which blobs were read, (blob,)."""
         axis, sense = self.readout_axis
-        at = self.found["picture_x" if axis == 0 else "picture_y"][blobs]
+        at = self.blobs["picture_x" if axis == 0 else "picture_y"][blobs]
         share = np.clip(at / (self.size[axis] - 1), 0, 1)
         return np.asarray(share if sense > 0 else 1 - share)

@@ -13,7 +13,7 @@ from virtual_lab.video.clips.timing import uneven, usual_step
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import flights_of
 from virtual_lab.video.follow.joint import Fit
-from virtual_lab.video.follow.known import GRAVITY, ClipKnowledge
+from virtual_lab.video.follow.knowledge import GRAVITY, ClipKnowledge
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
@@ -40,7 +40,7 @@ class FlightsFound:
     ways: list[Piece] = field(default_factory=list)  # pieces of the flights
 
 
-def search(clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask) -> FlightsFound:
+def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -> FlightsFound:
     """Return the flights by the time stamps, or by a count without the repeats `same` (frame,).
 
     Where every frame is stored twice a count is all there is: one stored three times takes no time.
@@ -48,52 +48,58 @@ def search(clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask) -> Fl
     readings = [False, True] if same.sum() >= TIME.least_repeats else [False]
     if float(same.mean()) > TIME.every_other:
         readings = [True]
-    scenes = (clip_scene(clip, watched, known, same, squeezed=each) for each in readings)
-    return max((_read(watched, known, each) for each in scenes), key=lambda each: each[0])[1]
+    scenes = (clip_scene(clip, watched, knowledge, same, squeezed=each) for each in readings)
+    return max((_read(watched, knowledge, each) for each in scenes), key=lambda each: each[0])[1]
 
 
 def clip_scene(
-    clip: Clip, watched: Watched, known: ClipKnowledge, same: Mask, *, squeezed: bool
+    clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask, *, squeezed: bool
 ) -> FlightScene:
     """Return the scene before the search; squeezed: a repeat takes no time."""
     stamped = np.arange(clip.count, dtype=float)
     if uneven(clip.times):
         stamped = (clip.times - clip.times[0]) / usual_step(clip.times)
     doubled = float(same.mean()) > TIME.every_other
-    length = known.metres_per_pixel or (known.ball and known.ball / 2)
-    drag, pull = known.drag, None
-    if known.pull and known.metres_per_pixel and known.ruler != GRAVITY:
-        pull = np.array(known.pull) / known.metres_per_pixel / known.rate**2
+    length = knowledge.metres_per_pixel or (knowledge.ball and knowledge.ball / 2)
+    drag, pull = knowledge.drag, None
+    if knowledge.pull and knowledge.metres_per_pixel and knowledge.ruler != GRAVITY:
+        pull = np.array(knowledge.pull) / knowledge.metres_per_pixel / knowledge.rate**2
     # approximate number of pictures per step of time
     step = 1 / (1 - same.mean()) if squeezed else 1.0
     return FlightScene(
-        found=watched.found,
+        blobs=watched.blobs,
         time=np.where(same, np.nan, stamped - np.cumsum(same) if squeezed else stamped),
         stamped=stamped,
         size=(clip.shape[1], clip.shape[0]),
-        exposure=known.exposure and known.exposure * known.rate,
+        exposure=knowledge.exposure and knowledge.exposure * knowledge.rate,
         # if every frame is stored twice, the rate at which the clip was filmed may differ from the
         # rate at which it is played
-        fall=known.gravity / length * (step / known.rate) ** 2 if length and not doubled else None,
+        fall=knowledge.gravity / length * (step / knowledge.rate) ** 2
+        if length and not doubled
+        else None,
         drag=(drag[0] * length, drag[1] * length) if drag and length else None,
-        in_radii=known.metres_per_pixel is None,
+        in_radii=knowledge.metres_per_pixel is None,
         pull=pull,
-        level_u=known.level_u,
-        readout=known.readout and known.readout * known.rate,
-        readout_axis=known.readout_axis,
+        level_u=knowledge.level_u,
+        readout=knowledge.readout and knowledge.readout * knowledge.rate,
+        readout_axis=knowledge.readout_axis,
     )
 
 
-def _read(watched: Watched, known: ClipKnowledge, scene: FlightScene) -> tuple[float, FlightsFound]:
+def _read(
+    watched: Watched, knowledge: ClipKnowledge, scene: FlightScene
+) -> tuple[float, FlightsFound]:
     """Return the flights by one reading of the time, and their support."""
     best, pull = (-1.0, FlightsFound(scene=scene)), None
     for _ in range(2):  # the second round knows gravity and continues pieces across missing frames
-        found = pieces(watched.found, scene.time, pull)
-        found = [p for p in found if not known.ball_at or _passes(watched, p, known.ball_at)]
-        ways, fit = flights_of(scene, found)
+        candidates = pieces(watched.blobs, scene.time, pull)
+        candidates = [
+            p for p in candidates if not knowledge.ball_at or _passes(watched, p, knowledge.ball_at)
+        ]
+        ways, fit = flights_of(scene, candidates)
         support = _support(scene, ways, fit) if fit else 0.0
         if support > best[0]:
-            best = support, FlightsFound(scene=scene, pieces=found, ways=ways)
+            best = support, FlightsFound(scene=scene, pieces=candidates, ways=ways)
         if fit is None:
             break
         pull = fit.pull[0]
@@ -106,11 +112,11 @@ def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> boo
     here = piece.frames == frame
     if here.any():
         return bool(np.hypot(*(piece.xy[here][0] - (x, y))) < 1.5 * piece.radius)
-    some = watched.found[watched.found["frame"] == frame]
+    some = watched.blobs[watched.blobs["frame"] == frame]
     if not len(some):
         return True
     one = some[int(np.argmin(np.hypot(some["x"] - x, some["y"] - y)))]
-    colour = np.median(watched.found["colour"][piece.blobs], axis=0) - one["colour"]
+    colour = np.median(watched.blobs["colour"][piece.blobs], axis=0) - one["colour"]
     return bool(0.6 < piece.radius / one["radius"] < 1.6 and np.abs(colour).max() < 60)
 
 
@@ -121,7 +127,7 @@ def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
     return spare / (0.02 + fit.spread / radius)
 
 
-def step_of(known: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
+def step_of(knowledge: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
     """Return the duration of a time step [s]: longer than a frame's if repeats take no time.
 
     How many pictures are repeats shows where the ball flies; where nothing moves it does not.
@@ -130,7 +136,7 @@ def step_of(known: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> 
     if ways:
         counted = np.sort(np.concatenate([way.frames for way in ways]))
     if len(counted) < 2:
-        return 1 / known.rate
+        return 1 / knowledge.rate
     first, last = counted[0], counted[-1]
     steps = (scene.stamped[last] - scene.stamped[first]) / (scene.time[last] - scene.time[first])
-    return float(steps / known.rate)
+    return float(steps / knowledge.rate)

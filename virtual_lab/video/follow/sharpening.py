@@ -23,7 +23,7 @@ from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import without_contacts
 from virtual_lab.video.follow.joint import Fit, fit_flights
-from virtual_lab.video.follow.known import GRAVITY, ClipKnowledge, Note
+from virtual_lab.video.follow.knowledge import GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.searching import FlightsFound
@@ -73,13 +73,13 @@ class SharpBall:
         moves = [self.off_plane] if self.off_plane.any() else []
         if self.slants is not None:  # each flight by itself
             moves += [*(np.eye(len(self.slants))[..., None] * self.slants)]
-        found = []
+        fits = []
         for move in moves:
             states = fit.states.copy()
             states[:, 2:] -= move
             vector = np.r_[fit.vector[: -states.size], states.ravel()]
-            found.append((fit.with_vector(vector), 1.0))
-        return found
+            fits.append((fit.with_vector(vector), 1.0))
+        return fits
 
     def metres(self, place: Array) -> Array:
         """Convert a place (2,) of the fit [pixels] to a place in the plane [m]."""
@@ -93,12 +93,14 @@ class SharpBall:
         return np.asarray(self.located.places[near] + place - self.plane.flat[near])
 
 
-def wants_sharp(known: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
+def wants_sharp(knowledge: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
     """Return whether a calibrated camera stands still, with whole frames and at most one hit."""
-    given = known.calibration
+    calibration = knowledge.calibration
     # a file that gives rate or scale only replaces options; it asks for no outline fit
-    asked = given is not None and (given.camera or given.lens_blur_px or given.exposure_s)
-    if not asked or watched.still.drifts or watched.interlaced or known.ruler == GRAVITY:
+    has_camera = calibration is not None and (
+        calibration.camera or calibration.lens_blur_px or calibration.exposure_s
+    )
+    if not has_camera or watched.still.drifts or watched.interlaced or knowledge.ruler == GRAVITY:
         return False
     return 0 < len(ways) <= 2
 
@@ -106,8 +108,8 @@ def wants_sharp(known: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -
 def sharpen(
     clip: Clip,
     watched: Watched,
-    known: ClipKnowledge,
-    found: FlightsFound,
+    knowledge: ClipKnowledge,
+    search: FlightsFound,
     progress: Callable[[str], None],
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
     """Return the scene, the flights and the ball from positions by the ball's outline.
@@ -120,9 +122,9 @@ def sharpen(
     InputError
         Nothing sets the scale.
     """
-    calibration, scene, ways = known.calibration, found.scene, found.ways
+    calibration, scene, ways = knowledge.calibration, search.scene, search.ways
     assert calibration is not None
-    lens, exposure = calibration.lens_blur_px, known.exposure
+    lens, exposure = calibration.lens_blur_px, knowledge.exposure
     if lens is None or exposure is None:
         words = "lens_blur_px (virtual-lab calibrate measures it)"
         key = words if lens is None else "exposure_s (the camera's own setting)"
@@ -131,11 +133,11 @@ def sharpen(
         raise NotSharpError(
             f"the ball steps ahead before frame {min(stepped)} by more than its time stamps say"
         )
-    blobs = watched.found[np.concatenate([way.blobs for way in ways])]
+    blobs = watched.blobs[np.concatenate([way.blobs for way in ways])]
     frames, step = blobs["frame"].astype(np.intp), usual_step(clip.times)
     radius, expected = float(np.median(blobs["radius"])), None
-    if known.ball and known.metres_per_pixel:
-        expected = known.ball / 2 / known.metres_per_pixel
+    if knowledge.ball and knowledge.metres_per_pixel:
+        expected = knowledge.ball / 2 / knowledge.metres_per_pixel
         least, most = SHARPNESS.size_ratios
         if not least < radius / expected < most:
             raise NotSharpError(
@@ -147,13 +149,13 @@ def sharpen(
     start = Located.start(places, radius, exposure / step * velocity)
     progress(f"locating the ball in {len(frames)} frames (its loops are compiled at the first use)")
     corners, side = squares(start, clip.shape)
-    shown = zip(corners, clip.chosen(frames), strict=True)
-    seen = Regions(
-        pixels=np.concatenate([cut(grey_of(frame), at[None], side) for at, (_, frame) in shown]),
-        background=cut(_uncovered(clip, watched.found), corners, side),
+    pictures = zip(corners, clip.chosen(frames), strict=True)
+    regions = Regions(
+        pixels=np.concatenate([cut(grey_of(frame), at[None], side) for at, (_, frame) in pictures]),
+        background=cut(_background(clip, watched.blobs), corners, side),
         corners=corners,
     )
-    located = sharp_places(clip, seen, start, lens=lens, ball_radius=expected)
+    located = sharp_places(clip, regions, start, lens=lens, ball_radius=expected)
     ball = SharpBall(
         frames=frames,
         located=located,
@@ -165,54 +167,54 @@ def sharpen(
         replace(way, t=stamped[way.frames] + np.round(way.t - scene.time[way.frames]))
         for way in ways
     ]
-    return settle(scene, ways, ball, known)
+    return settle(scene, ways, ball, knowledge)
 
 
-def _uncovered(clip: Clip, moving: Blobs) -> Array:
+def _background(clip: Clip, moving: Blobs) -> Array:
     """Return the background: the mean of samples if nothing covers them, else their median.
 
     A ball that dwells at a contact stands in the median, too.
     """
     samples = clip.grey_samples()
     free = np.ones(samples.shape, np.uint8)
-    for shown, number in zip(free, clip.sampled, strict=True):
+    for mask, number in zip(free, clip.sampled, strict=True):
         for blob in moving[moving["frame"] == number]:
             middle = round(float(blob["picture_x"])), round(float(blob["picture_y"]))
-            cv2.circle(shown, middle, int(1.15 * blob["length"]) + 10, 0, -1)
+            cv2.circle(mask, middle, int(1.15 * blob["length"]) + 10, 0, -1)
     count = free.sum(axis=0)
     mean = samples.sum(axis=0, where=free > 0) / np.maximum(count, 1)
     return np.where(count > 0, mean, np.median(samples, axis=0))
 
 
 def settle(
-    scene: FlightScene, ways: list[Piece], ball: SharpBall, known: ClipKnowledge
+    scene: FlightScene, ways: list[Piece], ball: SharpBall, knowledge: ClipKnowledge
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
     """Select the places that belong to the flights, and note doubts about them.
 
     The flights' coarse places `ways`, one after another, are those of the ball. Raises
     `NotSharpError`: too few places.
     """
-    calibration, located, plane = known.calibration, ball.located, ball.plane
+    calibration, located, plane = knowledge.calibration, ball.located, ball.plane
     assert calibration is not None
-    assert known.exposure is not None
+    assert knowledge.exposure is not None
     good = located.usable
     parts = np.split(np.arange(len(good)), np.cumsum([len(way.t) for way in ways])[:-1])
     pattern = float(np.median(located.pattern_u[good])) if good.any() else 0.0
     ways = [
-        replace(way, xy=plane.flat[own], u=located.u[own], pattern_u=pattern).part(good[own])
-        for way, own in zip(ways, parts, strict=True)
+        replace(way, xy=plane.flat[rows], u=located.u[rows], pattern_u=pattern).part(good[rows])
+        for way, rows in zip(ways, parts, strict=True)
     ]
-    scale, step = plane.metres_per_pixel, 1 / known.rate
+    scale, step = plane.metres_per_pixel, 1 / knowledge.rate
     scene = replace(
         scene,
         pull=np.array(calibration.gravity_mps2) * [1, plane.sense] * step**2 / scale,
         drag=(calibration.drag_per_m * scale, calibration.drag_per_m_u * scale),
         in_radii=False,
         readout=0.0,
-        exposure=known.exposure / step,
+        exposure=knowledge.exposure / step,
     )
-    agreed = [_agreed(scene, way) for way in ways]
-    flown = [_agreed(scene, way) for way in without_contacts(scene, agreed)]
+    agreed = [_reject_outliers(scene, way) for way in ways]
+    flown = [_reject_outliers(scene, way) for way in without_contacts(scene, agreed)]
     flags = located.flags.copy()
     left_out = ~np.isin(ball.frames, np.concatenate([way.frames for way in flown]))
     flags[good & left_out] |= np.uint16(PlaceFlag.OFF_WAY)
@@ -221,10 +223,10 @@ def settle(
     if calibration.camera:
         fit = fit_flights(scene, flown)
         ball = replace(ball, slants=_slants(calibration.camera, fit, flown, plane))
-    return scene, flown, replace(ball, notes=tuple(_against(scene, flown, ball, known)))
+    return scene, flown, replace(ball, notes=tuple(_against(scene, flown, ball, knowledge)))
 
 
-def _agreed(scene: FlightScene, way: Piece) -> Piece:
+def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
     """Return the flight without outliers, the largest residual removed first.
 
     Raises `NotSharpError`: too few places.
@@ -265,20 +267,20 @@ def _approach(scene: FlightScene, way: Piece, ball: SharpBall) -> Array:
     """Return the apparent velocity (2,) of an approaching ball [px/frame]; 0: it does not."""
     from scipy.stats import linregress
 
-    own = np.isin(ball.frames, way.frames) & (ball.located.flags == 0)
-    if own.sum() < SHARPNESS.least_frames:
+    rows = np.isin(ball.frames, way.frames) & (ball.located.flags == 0)
+    if rows.sum() < SHARPNESS.least_frames:
         return np.zeros(2)
-    radii, t = ball.located.radius[own], way.t[np.isin(way.frames, ball.frames[own])]
-    trend = linregress(t, np.log(radii / ball.plane.sizes[own]))
+    radii, t = ball.located.radius[rows], way.t[np.isin(way.frames, ball.frames[rows])]
+    trend = linregress(t, np.log(radii / ball.plane.sizes[rows]))
     least = max(SHARPNESS.trend, 2 * RIM * way.pattern_u / float(np.median(radii)))
     if abs(trend.slope) * np.ptp(t) < least or trend.pvalue > SHARPNESS.trend_chance:
         return np.zeros(2)
     middle = (np.array(scene.size) - 1) / 2
-    return np.asarray(trend.slope * (ball.located.places[own].mean(axis=0) - middle))
+    return np.asarray(trend.slope * (ball.located.places[rows].mean(axis=0) - middle))
 
 
 def _against(
-    scene: FlightScene, ways: Sequence[Piece], ball: SharpBall, known: ClipKnowledge
+    scene: FlightScene, ways: Sequence[Piece], ball: SharpBall, knowledge: ClipKnowledge
 ) -> Iterator[Note]:
     """Yield notes against sharp flights."""
     fit = fit_flights(scene, ways)
@@ -294,7 +296,7 @@ def _against(
         if off.any():
             velocity = fit.states[k, 2:]
             along = off @ velocity / np.hypot(*velocity)
-            faster = along * ball.plane.metres_per_pixel * known.rate
+            faster = along * ball.plane.metres_per_pixel * knowledge.rate
             yield (
                 "OFF_PLANE",
                 f"the ball changes its size in flight {k + 1}: it leaves the plane, which makes "

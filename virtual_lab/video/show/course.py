@@ -46,7 +46,7 @@ def course_of(track: FollowedClip) -> Places:
             "flags": ["|".join(str(e.name) for e in PlaceFlag(int(each))) for each in at.flags],
         }
     elif ways:
-        blobs = track.watched.found[np.concatenate([way.blobs for way in ways])]
+        blobs = track.watched.blobs[np.concatenate([way.blobs for way in ways])]
         unit = track.scale.metres_per_pixel if track.scale else np.nan
         u = track.fit.spread if track.fit else np.nan
         values = {

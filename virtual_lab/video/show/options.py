@@ -15,7 +15,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.relations.board import length_of
 from virtual_lab.units import DEGREE, to_si
-from virtual_lab.video.follow.known import BALL, GRAVITY
+from virtual_lab.video.follow.knowledge import BALL, GRAVITY
 
 # quantities in SI units, by keys of a calibration file and names of other knowledge of a clip
 Said = dict[str, Any]

@@ -15,7 +15,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, miles_per_hour
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.follow.following import Flight, FollowedClip
-from virtual_lab.video.follow.known import GRAVITY
+from virtual_lab.video.follow.knowledge import GRAVITY
 from virtual_lab.video.follow.ruler import SAID, off_u
 
 RATIOS = {"floor": "speeds along the vertical", "wall": "speeds along the level"}
@@ -91,7 +91,7 @@ def track_document(track: FollowedClip) -> Row:
     """Write the result for JSON; keys of one contact are None where there is none or several."""
     before, after = _hit(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None
-    rate = Estimate(value=track.known.rate, u=track.known.rate * track.known.rate_u)
+    rate = Estimate(value=track.knowledge.rate, u=track.knowledge.rate * track.knowledge.rate_u)
     document = {
         "clip": track.clip.source.path.name,
         "motion": motion_of(track),
@@ -117,8 +117,8 @@ def track_document(track: FollowedClip) -> Row:
             "roll_deg": _roll(track),
             "checks": [_scale(e) | {"off_u": off_u(track.scale, e)} for e in track.checks],
         },
-        "frames_per_second": _json_value(rate) | {"from": track.known.rate_of},
-        "exposure_s": track.known.exposure,
+        "frames_per_second": _json_value(rate) | {"from": track.knowledge.rate_of},
+        "exposure_s": track.knowledge.exposure,
         "drag_per_m": track.drag_per_m,
         "counts": {
             "frames": track.clip.count,

@@ -22,14 +22,14 @@ from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.clips.timing import UNSURE_RATE
 from virtual_lab.video.follow.correction import read_track
 from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs
-from virtual_lab.video.follow.known import (
+from virtual_lab.video.follow.knowledge import (
     BALL,
     FILE,
     GIVEN,
     GRAVITY,
     ClipKnowledge,
     Note,
-    known_of,
+    knowledge_of,
 )
 from virtual_lab.video.follow.ruler import RULER
 from virtual_lab.video.show.course import course_rows
@@ -114,7 +114,7 @@ def _knowledge(
     unsure = "phone" not in said and any(UNSURE_RATE in each for each in clip.warnings)
     more = {each.name: said[each.name] for each in fields(ClipKnowledge) if each.name in said}
     knowledge = replace(
-        known_of(clip, calibration),
+        knowledge_of(clip, calibration),
         **{
             "readout": None if rolls else 0.0,
             "readout_axis": {90: (0, -1), 180: (1, -1), 270: (0, 1)}.get(int(turn or 0), (1, 1)),

@@ -47,7 +47,7 @@ class ClipKnowledge:
     calibration: ClipCalibration | None = None
 
 
-def known_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
+def knowledge_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
     """Return the knowledge of a clip from its calibration file.
 
     Whoever calibrates a camera is taken to have one that opens all its rows at once.
