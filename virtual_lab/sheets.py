@@ -402,13 +402,14 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
 def settings_text(command: str, arguments: Mapping[str, Any], *, sealed: bool) -> str:
     """Return the arguments of a call as a file of settings, which ``--config`` reads.
 
-    A sheet with changed values is only named, in a comment, because no name gives it again. A seed
-    that is sealed with the truth is left out.
+    A sheet with changed values is only named, in a comment, because no name gives it again. If the
+    truth is sealed, its seed and its faults are left out. Nothing is said of the faults, because a
+    remark would show that there are some.
     """
     settings, changed = {}, [f"# virtual-lab {command} --config {SETTINGS}\n"]
     for key, value in arguments.items():
-        if sealed and key == "seed":
-            changed.append("# seed: sealed with the truth\n")
+        if sealed and key in ("seed", "faults"):
+            changed += ["# seed: sealed with the truth\n"] if key == "seed" else []
             continue
         values = [_setting(each) for each in (value if _is_list(value) else [value])]
         if None in values:

@@ -15,6 +15,7 @@ from virtual_lab.measurement.diagnostics.flag import Flag, Raised
 from virtual_lab.measurement.diagnostics.impact import edges
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties, MeasuredBalls
 from virtual_lab.measurement.session_reduction import prepare
+from virtual_lab.records.block import SessionBlock
 from virtual_lab.simulation.rig import Reality
 
 LENGTH, RADIUS = 0.86, 0.0325  # length and radius of the bat [m]
@@ -75,7 +76,7 @@ def test_an_axis_of_another_rig_is_refused(off: float, refused: bool) -> None:
     calibration = dict(session.calibration)
     key = "impact.pivot.from_knob"
     calibration[key] = replace(calibration[key], value=6 * 0.0254 + off)
-    moved = replace(session, calibration=calibration)
+    moved = SessionBlock.of(replace(session, calibration=calibration))
     if refused:
         with pytest.raises(InputError, match="pivot_from_knob"):
             prepare(moved)

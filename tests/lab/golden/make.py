@@ -162,7 +162,7 @@ def _tested(case: Case) -> tuple[Certification, SealedTruth]:
 def _operated(case: Case) -> tuple[Certification, SealedTruth]:
     with TemporaryDirectory() as place:
         kept = StoredDay.begin(Path(place) / "day", load_scenario(SCENARIO), SEED)
-        kept.taken(operator_of(case.what, SEED))
+        kept.run_operator(operator_of(case.what, SEED))
         return kept.desk.certification, kept.apparatus.finish(kept.desk).sealed
 
 
