@@ -1,0 +1,56 @@
+"""Docstrings name a quantity, and comments have a subject: clauses used as nouns stay rare."""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FILES = [path for name in ("virtual_lab", "rigs") for path in sorted((ROOT / name).rglob("*.py"))]
+CLAUSE = re.compile(
+    r"((Return|Yield|Give|Fill in|Say|Tell|Find) )?"
+    r"(how|what|which|where|who|the same|that of|those)\b",
+    re.IGNORECASE,
+)
+NO_SUBJECT = re.compile(
+    r"# (of|that|which|(at|by|in|from|to) which|beyond|what|how|where|who|whose|are|was|by)\b"
+)
+
+
+def clauses(text: str) -> Iterator[str]:
+    """Yield the docstrings that open with a clause in place of a noun."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module):
+            doc = ast.get_docstring(node) or ""
+            if CLAUSE.match(doc):
+                yield doc.splitlines()[0]
+
+
+def without_subject(text: str) -> Iterator[str]:
+    """Yield the comments that begin with a preposition or a relative word."""
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT and NO_SUBJECT.match(token.string):
+            yield token.string
+
+
+@pytest.mark.parametrize(("pattern", "most"), [(clauses, 15), (without_subject, 40)])
+def test_clauses_in_place_of_nouns_are_rare(pattern: object, most: int) -> None:
+    assert callable(pattern)
+    places = [f"{path}: {line}" for path in FILES for line in pattern(path.read_text("utf-8"))]
+    assert len(places) <= most, "\n".join(places)
+
+
+def test_each_pattern_is_recognised() -> None:
+    assert list(clauses('def f():\n    """Return how fast it is."""\n')) == [
+        "Return how fast it is."
+    ]
+    assert list(clauses('def f():\n    """Return the speed [m/s]."""\n')) == []
+    assert list(without_subject("x = 1  # of the ball\ny = 2  # mass of the ball\n")) == [
+        "# of the ball"
+    ]
