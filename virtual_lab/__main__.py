@@ -14,7 +14,7 @@ STOPS = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C, kill, a closed terminal
 def main() -> None:
     """Run the command line; a signal to stop ends it with 128 and the signal's number."""
     for stop in signal.Signals:
-        # who starts a program with nohup, or in a script with &, has some of them ignored
+        # a program that starts with nohup, or with & in a script, ignores some of them
         if stop.name in STOPS and signal.getsignal(stop) is not signal.SIG_IGN:
             signal.signal(stop, _end)
     from virtual_lab.cli import main as run

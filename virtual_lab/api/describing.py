@@ -115,7 +115,7 @@ def described(module: str, name: str) -> Description:
 
 
 def advice(rule: ParameterRule, value: Any) -> str:
-    """Return what is allowed in place of a value, with the names that are nearest to it."""
+    """Return the sentence on allowed values, with the names nearest to `value`."""
     hint = nearest(value, rule.complete()) if isinstance(value, str) else ""
     return f"{hint}allowed: {rule.allowed}"
 

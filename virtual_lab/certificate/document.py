@@ -477,7 +477,7 @@ class UnverifiedValue(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulationStated(Simulated):
-    """How the test was simulated, and the digest of its truth; null: reduced from records alone."""
+    """Simulation of the test, and the digest of its truth; null: reduced from records alone."""
 
     truth_digest: str | None
     """SHA-256 of the sealed truth; null: reduced from the records alone."""

@@ -96,23 +96,23 @@ def _beside_the_clip(values: Mapping[str, Any]) -> Path:
 
 
 def _fitted(bat: Any) -> Answer:
-    """Return what is printed and written of a fitted bat."""
+    """Return the printed and written forms of a fitted bat."""
     return Answer(document=bat.document, text=bat.text, save=bat.write, table=bat.table)
 
 
 def _board(folder: Path) -> Answer:
-    """Return what is printed of the pictures of a board."""
+    """Return the printed form of a board's pictures."""
     document = {"pictures": str(folder / "pictures"), "truth": str(folder / "truth")}
     return Answer(document=document, text="", files=[folder / "pictures"])
 
 
 def _form(path: Path) -> Answer:
-    """Return what is printed of an empty form."""
+    """Return the printed form of an empty form's path."""
     return Answer(document={"folder" if path.is_dir() else "file": str(path)}, text=str(path))
 
 
 def _swept(table: Any) -> Answer:
-    """Return what is printed of the table of a sweep."""
+    """Return the printed and written forms of the table of a sweep."""
     document = json.loads(table.to_json(orient="records"))
     return Answer(document=document, text=table.to_string(index=False), table=table)
 

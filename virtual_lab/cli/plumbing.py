@@ -78,7 +78,7 @@ class Sections(click.Group):
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """What a command does with the result of its function: print it, save it, draw it.
+    """Options of a command for the result of its function: print it, save it, draw it.
 
     Parameters
     ----------

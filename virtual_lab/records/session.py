@@ -53,13 +53,13 @@ class Session:
     calibration: Mapping[str, Estimate]  # "stage.instrument.constant"
     records: Mapping[str, Mapping[str, Record]]  # stage: channel: record
     origin: Origin
-    date: str = ""  # of the test, as the laboratory writes dates
-    bat_sport: str = ""  # what the bat is marked for, as its data sheet says; "": not known
+    date: str = ""  # date of the test, as the laboratory writes it
+    bat_sport: str = ""  # sport of the bat by its data sheet; "": not known
     ball_sport: str = ""
     particulars: Particulars = NOTHING_STATED
-    # of each result, the variance of a hit in the laboratory's earlier tests
+    # variance of a hit in the laboratory's earlier tests, by result
     history: Mapping[str, Estimate] = field(default_factory=dict)
-    uncertainty: UncertaintyMethod = "first-order"  # by which its result is to be evaluated
+    uncertainty: UncertaintyMethod = "first-order"  # method of the evaluation
     # SHA-256 of session.json of the control bat's test; "": none
     control_sha256: str = ""
 
@@ -69,7 +69,7 @@ class PackedSession:
     """A session as the files of its folder, by their paths in it."""
 
     texts: Mapping[str, bytes]
-    arrays: Mapping[str, Array]  # of files in NumPy's format
+    arrays: Mapping[str, Array]  # content of files in NumPy's format
 
     @property
     def digest(self) -> str:
