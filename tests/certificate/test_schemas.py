@@ -7,13 +7,12 @@ import inspect
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
 
 import pytest
 
 from virtual_lab.certificate import document
+from virtual_lab.certificate.schema import document_classes
 from virtual_lab.records import session
 
 KEPT = Path(__file__).with_name("schemas.json")
@@ -23,23 +22,12 @@ FORMS = {
 }
 
 
-def classes(kind: Any, known: dict[str, type]) -> None:
-    """Add the dataclasses of which values of a type are made."""
-    if is_dataclass(kind) and isinstance(kind, type) and kind.__name__ not in known:
-        known[kind.__name__] = kind
-        for each in get_type_hints(kind).values():
-            classes(each, known)
-    for each in get_args(kind):
-        classes(each, known)
-
-
 def described(kind: type) -> Iterator[str]:
     """Yield each field of a document with its type, and its meaning."""
-    known: dict[str, type] = {}
-    classes(kind, known)
-    for name in sorted(known):
+    parts = document_classes(kind)
+    for name in sorted(parts):
         yield name
-        for line in inspect.getsource(known[name]).splitlines():
+        for line in inspect.getsource(parts[name]).splitlines():
             if re.match(r'    (\w+: |""")', line):
                 yield " ".join(line.split())
 

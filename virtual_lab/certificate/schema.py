@@ -15,8 +15,6 @@ from virtual_lab.certificate.document import SCHEMA, CertificateDocument, ShotRo
 from virtual_lab.errors import DISTRIBUTION
 from virtual_lab.records.column_units import PURE, unit_of
 
-NUMBERS = ("number", "integer")
-
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of ``certificate.json``, draft 2020-12.
