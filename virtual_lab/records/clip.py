@@ -35,11 +35,14 @@ class ClipRecord(Record):
         "left": RecordColumn(
             "left_px",
             FRAMES,
-            "column of the window's first pixel in the frame",
+            "column of the window's first pixel in the frame; empty: no more frames",
             may_be_missing=True,
         ),
         "top": RecordColumn(
-            "top_px", FRAMES, "row of the window's first pixel in the frame", may_be_missing=True
+            "top_px",
+            FRAMES,
+            "row of the window's first pixel in the frame; empty: no more frames",
+            may_be_missing=True,
         ),
     }
     attached: ClassVar[Mapping[str, tuple[str, ...]]] = {
@@ -75,19 +78,19 @@ class TrackRecord(Record):
         "x": RecordColumn(
             "x_px",
             FRAMES,
-            "column of the ball's centre in the frame, not corrected for distortion",
+            "column of the ball's centre, not corrected for distortion; empty: no position",
             may_be_missing=True,
         ),
         "y": RecordColumn(
             "y_px",
             FRAMES,
-            "row of the ball's centre in the frame, not corrected for distortion",
+            "row of the ball's centre, not corrected for distortion; empty: no position",
             may_be_missing=True,
         ),
         "u": RecordColumn(
             "u_px",
             FRAMES,
-            "standard uncertainty of each coordinate of the ball's centre",
+            "standard uncertainty of each coordinate of the ball's centre; empty: no position",
             may_be_missing=True,
         ),
     }

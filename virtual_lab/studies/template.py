@@ -136,8 +136,7 @@ def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
         alternatives = [name for name in column_names(column.name) if name != column.name]
         once = f" once for each {', '.join(column.axes)}" if set(column.axes) < set(sizes) else ""
         units = f" (or {', '.join(alternatives)})" if alternatives else ""
-        empty = ", or empty" if column.may_be_missing else ""
-        yield f"# {column.name}{units}{once}{empty}: {column.meaning}"
+        yield f"# {column.name}{units}{once}: {column.meaning}"
     yield f"[channels.{stage}.{channel}]"
     yield f'record = "{record_name(record)}"'
     yield f'file = "{stage}/{channel}.csv"'

@@ -27,7 +27,7 @@ class RadarRecord(BallRecord):
         "speed_out": RecordColumn(
             "speed_out_m_per_s",
             ("shot",),
-            "speed of the returning ball shown by the gun",
+            "speed of the returning ball shown by the gun; empty: none",
             may_be_missing=True,
         ),
         "turned": RecordColumn("time_s", ("shot",), "time at which the echo turned"),
