@@ -103,7 +103,7 @@ class BenchStation(FittedStation):
     stand: Rule
     pendulum: Pendulum
     climate: ClimateLogger
-    air: HallAir  # air of the hall in which the climate logger stands
+    air: HallAir  # air of the hall with the climate logger
     hall: Gravity
     ideal: bool
 

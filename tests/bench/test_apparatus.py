@@ -87,7 +87,7 @@ def test_clamp_left_off(plain: Desk, days: list) -> None:
     lever = known["length"] - 0.1528 - known["z_cm"]
     inertia = known["inertia_cm"] + known["mass"] * lever**2
     much = inertia * 1.1e-3 / (known["mass"] * lever) - 2.15e-4
-    assert bat.inertia_cm - sound.inertia_cm == pytest.approx(much, abs=1e-4)  # of u 3e-5
+    assert bat.inertia_cm - sound.inertia_cm == pytest.approx(much, abs=1e-4)  # u is 3e-5
 
 
 def test_swing_angle_number_and_clock(plain: Desk) -> None:

@@ -244,7 +244,7 @@ def _where_installed(
 
 
 def tolerance() -> Iterator[Row]:
-    """Yield how many of 100 seeds have value, u and both ends within the tolerance.
+    """Yield the number of seeds, of 100, with value, u and both ends within the tolerance.
 
     The oracle is the exact result of a sum of normal numbers.
     """

@@ -479,7 +479,7 @@ def test_a_bat_may_be_its_base_with_nothing_but_a_name_or_a_sport_of_its_own(bas
     ],
 )
 def test_a_bad_modified_bat(old: str, new: str, key: str, allowed: str) -> None:
-    """One line names the remedy, and the file if the fault lies in the change."""
+    """One line names the remedy, and the file if the change is wrong."""
     with pytest.raises(InputError) as caught:
         catalog.read_bat(MODIFIED.replace(old, new), "mine.toml")
     sentence = str(caught.value)

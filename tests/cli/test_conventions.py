@@ -79,8 +79,8 @@ def test_table_and_picture_go_to_the_named_files(run: Run, tmp_path: Path) -> No
         ("coverage --clips 3 --effects", "none of"),
         ("coverage --clips 3 --laboratories 9", "none of"),
         ("coverage --clips 1", "clips"),
-        ("coverage --clips 3 --plot clips.png", "goes not with --plot"),
-        ("coverage --effects --plot effects.png", "goes not with --plot"),
+        ("coverage --clips 3 --plot clips.png", "does not go with --plot"),
+        ("coverage --effects --plot effects.png", "does not go with --plot"),
     ],
 )
 def test_files_that_cannot_be_written_are_named(

@@ -51,7 +51,7 @@ def times(output: RigOutput) -> np.ndarray:
 
 
 def unseen(output: RigOutput) -> np.ndarray:
-    """Return which gates have no time of a passage, (shot, direction, gate)."""
+    """Return a mask of the gates without a time of passage, (shot, direction, gate)."""
     gone = np.isnan(times(output))
     return gone.reshape(*gone.shape[:3], -1).all(axis=-1)
 

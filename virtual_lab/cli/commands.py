@@ -211,7 +211,7 @@ class FunctionCommand(click.Command):
         place = self.place
         for variant in [key for key in self.variants if asked.get(key)][-1:]:
             if values.get("plot"):
-                usage(f"--{variant} goes not with --plot, because its result has no picture")
+                usage(f"--{variant} does not go with --plot, because its result has no picture")
             place = self.variants[variant]
             asked = _for_variant(variant, place, asked, self.parameters)
         how = {key: asked.pop(key) for key in self._saving if key in asked}

@@ -152,7 +152,7 @@ def test_a_record_without_rings_is_fitted() -> None:
 
 @pytest.mark.parametrize("counts", [2_000, 40_000, 1_000_000])
 def test_coarse_and_fine_encoders_give_the_rate(counts: int) -> None:
-    """Where the counts are very fine, the error of the cubic remains, about 1e-5."""
+    """With very fine counts only the error of the cubic remains, about 1e-5."""
     for seed in range(20):
         one = make(seed, counts=counts)
         fit = fit_recoil(one.record, one.contact)
