@@ -17,12 +17,6 @@ from annotated_types import Ge
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
-from virtual_lab.simulation.cannon_station import (
-    BallFlights,
-    RestingBatSpec,
-    RestingBatStation,
-    commission,
-)
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
 from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
@@ -30,7 +24,13 @@ from virtual_lab.simulation.instruments.holder import AxisSpec, Holder
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.physics.beam import RigidBat
 from virtual_lab.simulation.physics.coasting import coasting, ringing
-from virtual_lab.simulation.rig import MotionRung, RigOutput, ShotPlan, Specimen, Stage
+from virtual_lab.simulation.stations.cannon_station import (
+    BallFlights,
+    RestingBatSpec,
+    RestingBatStation,
+    commission,
+)
+from virtual_lab.simulation.stations.rig import MotionRung, RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.units import Array
 

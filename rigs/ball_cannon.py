@@ -13,11 +13,15 @@ from typing import Any
 
 from virtual_lab import catalog
 from virtual_lab.records import AimMarks, BoardRecord, Record, ShotLog
-from virtual_lab.simulation.cannon_station import RestingBatSpec, RestingBatStation, commission
 from virtual_lab.simulation.instruments import InstrumentFactory
 from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
-from virtual_lab.simulation.rig import MotionRung, Stage
+from virtual_lab.simulation.stations.cannon_station import (
+    RestingBatSpec,
+    RestingBatStation,
+    commission,
+)
+from virtual_lab.simulation.stations.rig import MotionRung, Stage
 from virtual_lab.streams import Draws
 
 

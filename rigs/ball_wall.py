@@ -12,7 +12,6 @@ from annotated_types import Ge, Gt, Le
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import GateRecord, Record, ShotLog
-from virtual_lab.simulation.cannon_station import CannonRigSpec, commission
 from virtual_lab.simulation.instruments import (
     FittedStation,
     Instrument,
@@ -25,7 +24,8 @@ from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateS
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.ageing import loss_of_restitution
 from virtual_lab.simulation.physics.ball import wall_contact
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
+from virtual_lab.simulation.stations.cannon_station import CannonRigSpec, commission
+from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.units import Array
 

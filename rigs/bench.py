@@ -35,7 +35,7 @@ from virtual_lab.simulation.instruments.indicator import (
 )
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.simulation.physics.beam import barrel_radius
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
+from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws, in_turn
 
 Repeats = Annotated[int, Gt(1), Dimension("number")]

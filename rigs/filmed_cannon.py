@@ -20,7 +20,6 @@ from rigs.ball_cannon import BallCannon, BallCannonSpec, BallCannonStation, part
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import ClipRecord, Record
-from virtual_lab.simulation.cannon_station import BallFlights
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, calibration_of
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.film import whole_frames, write_films
@@ -28,7 +27,8 @@ from virtual_lab.simulation.instruments.camera.scene import FilmedBat
 from virtual_lab.simulation.instruments.camera.shots import Course
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.physics.beam import beam_of, outer_diameter
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen
+from virtual_lab.simulation.stations.cannon_station import BallFlights
+from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 

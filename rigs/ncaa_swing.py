@@ -18,15 +18,15 @@ from annotated_types import Ge, Gt
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import AimMarks, BoardRecord, EncoderRecord, Record, ShotLog
-from virtual_lab.simulation.cannon_station import CannonRigSpec, CannonStation, commission
-from virtual_lab.simulation.impact import contact_angle, thrown_back
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
 from virtual_lab.simulation.instruments.calibrated import CalibratedSpec
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.passage import Passage
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
+from virtual_lab.simulation.stations.cannon_station import CannonRigSpec, CannonStation, commission
+from virtual_lab.simulation.stations.impact import contact_angle, thrown_back
+from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.units import Array
 

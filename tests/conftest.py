@@ -16,7 +16,7 @@ from hypothesis import settings
 
 if TYPE_CHECKING:  # types only: the process that distributes the tests needs no laboratory
     from virtual_lab import lab
-    from virtual_lab.simulation.rig import Reality
+    from virtual_lab.simulation.stations.rig import Reality
 
 pytest.register_assert_rewrite("tests.rigs.conformance")
 settings.register_profile("fixed", derandomize=True, deadline=None, database=None)

@@ -6,7 +6,7 @@ from typing import Any
 from tests.conftest import PROCEDURE
 from virtual_lab import lab
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 
 __all__ = ["certified", "certify", "opened"]
 

@@ -289,7 +289,7 @@ def _names(*kinds: str) -> list[str]:
 
 def _rigs_at_bats() -> list[str]:
     """Return the names of the installed rigs that fire at bats."""
-    from virtual_lab.simulation.rig import Stage, installed_rigs
+    from virtual_lab.simulation.stations.rig import Stage, installed_rigs
 
     return [name for name, rig in installed_rigs().items() if rig.stage is Stage.IMPACT]
 

@@ -49,10 +49,10 @@ def test_the_import_contracts_are_kept() -> None:
 # module, forbidden import, contract; several lists, because one breach may hide another
 BREACHES = [
     [
-        ("measurement.reduction.gates", "simulation.truth", NEVER_TRUE),
-        ("measurement.diagnostics.bench", "simulation.truth", NEVER_TRUE),
-        ("video.clips.clip", "simulation.truth", NEVER_TRUE),
-        ("records.session", "simulation.truth", NEVER_TRUE),
+        ("measurement.reduction.gates", "simulation.physics.truth", NEVER_TRUE),
+        ("measurement.diagnostics.bench", "simulation.physics.truth", NEVER_TRUE),
+        ("video.clips.clip", "simulation.physics.truth", NEVER_TRUE),
+        ("records.session", "simulation.physics.truth", NEVER_TRUE),
         ("certificate.text", "lab.measurand", NEVER_TRUE),
         ("output.style", "studies.score", NEVER_TRUE),
         ("rigs.bench", "measurement.reduction.gates", NEVER_REDUCED),

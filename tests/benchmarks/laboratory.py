@@ -28,10 +28,10 @@ import numpy as np
 from rigs.astm_pivot import AstmPivotStation
 from virtual_lab.lab import Laboratory, RoundRobin, TestSetup, certify_block
 from virtual_lab.lab.laboratory import collision_of
-from virtual_lab.measurement.refined import refined
+from virtual_lab.measurement.alternatives.refined import refined
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.light_gate import LightGates
-from virtual_lab.simulation.rig import MotionRung
+from virtual_lab.simulation.stations.rig import MotionRung
 from virtual_lab.studies import clips
 
 BAT, PROCEDURE, SEED = "r161", "astm-f1881", 1

@@ -40,7 +40,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
 from virtual_lab.measurement.session_reduction import reduce_block
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import ShotPlan, Stage
+from virtual_lab.simulation.stations.rig import ShotPlan, Stage
 
 BATS = {"asa": "softball-34"}  # softball bat; the other procedures test baseball bats
 BLOCKS = {

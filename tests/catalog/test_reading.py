@@ -30,7 +30,7 @@ from virtual_lab.simulation.instruments.indicator import RuleSpec, ScaleSpec
 from virtual_lab.simulation.instruments.light_board import LightBoardSpec
 from virtual_lab.simulation.instruments.light_gate import LightGateSpec
 from virtual_lab.simulation.instruments.pendulum import PendulumSpec
-from virtual_lab.simulation.rig import installed_rigs
+from virtual_lab.simulation.stations.rig import installed_rigs
 from virtual_lab.streams import Quiet
 from virtual_lab.studies.bats.profile import GameConditions
 

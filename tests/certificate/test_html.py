@@ -31,7 +31,7 @@ from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.records.origin import Supplied
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 
 SVG = "{http://www.w3.org/2000/svg}"
 NAMESPACES = ("http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink")

@@ -9,7 +9,7 @@ import pytest
 from tests.conftest import Play
 from virtual_lab import catalog
 from virtual_lab.certificate.filling import certificate
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 
 SUFFIX = re.compile(r"_(mph|in|kg|m|kg_m2|kg_per_m3|hz|per_s|percent|ms|deg)$")
 RATIOS = {

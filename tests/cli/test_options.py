@@ -17,7 +17,7 @@ from virtual_lab.api import Certificate
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import MotionRung, Reality
+from virtual_lab.simulation.stations.rig import MotionRung, Reality
 from virtual_lab.studies import coverage as coverage_study
 from virtual_lab.uncertainty.estimate import Estimate
 

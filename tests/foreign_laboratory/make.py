@@ -20,7 +20,7 @@ import pandas as pd
 
 from tests.laboratories import certify
 from virtual_lab.measurement.certification import certify_session
-from virtual_lab.measurement.model import QUANTITIES
+from virtual_lab.measurement.procedure.model import QUANTITIES
 from virtual_lab.records import Record
 from virtual_lab.records.session import Session
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE

@@ -157,7 +157,7 @@ class BrokenError(Exception):
 @pytest.mark.parametrize(
     "name",
     [
-        "simulation.cannon_station.blows_of",
+        "simulation.stations.cannon_station.blows_of",
         "lab.test_day.wall_plan",
         "lab.test_day.prepare",
         "measurement.session_reduction.next_shots",

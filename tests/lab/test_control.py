@@ -13,10 +13,10 @@ from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.model import CONTROL
 from virtual_lab.measurement.procedure import CHOICE, Procedure
+from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 
 CYLINDER, STANDARD = "check-cylinder", 0.5
 BBCOR = catalog.load("procedures", "bbcor", Procedure).text

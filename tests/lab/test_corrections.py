@@ -34,10 +34,11 @@ from virtual_lab.records import BallRecord, Record
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, other_sheet
-from virtual_lab.simulation.impact import scenes_of
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
-from virtual_lab.simulation.rig import (
+from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.stations.impact import scenes_of
+from virtual_lab.simulation.stations.rig import (
     Reality,
     ShotPlan,
     Specimen,
@@ -45,7 +46,6 @@ from virtual_lab.simulation.rig import (
     Station,
     installed_rigs,
 )
-from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import Draws, Quiet, Streams
 from virtual_lab.units import INCH, MPH
 

@@ -8,7 +8,7 @@ from tests.laboratories import certify
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.lab.fitting import require_camera
-from virtual_lab.simulation.rig import Reality, Stage, find_rig
+from virtual_lab.simulation.stations.rig import Reality, Stage, find_rig
 
 
 @pytest.mark.parametrize(

@@ -19,15 +19,15 @@ from virtual_lab.certificate.html import certificate_page
 from virtual_lab.errors import InputError
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
 from virtual_lab.measurement.certification import Certification, certify_session
-from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.measurement.procedure import Procedure, Verdict
+from virtual_lab.measurement.procedure.model import QUANTITIES
 from virtual_lab.records import GateRecord, Record
 from virtual_lab.records.session import load_session, save_session
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.instruments.light_gate import LightGates
 from virtual_lab.simulation.physics.beam import Pinned
-from virtual_lab.simulation.rig import Reality, ShotPlan, Specimen, Stage, find_rig
-from virtual_lab.simulation.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.stations.rig import Reality, ShotPlan, Specimen, Stage, find_rig
 from virtual_lab.streams import Streams, commitment
 
 BATS = catalog.names("bats")

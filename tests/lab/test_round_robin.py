@@ -22,7 +22,7 @@ from virtual_lab.lab.round_robin import RoundRobin
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
-from virtual_lab.simulation.rig import ShotPlan, Stage
+from virtual_lab.simulation.stations.rig import ShotPlan, Stage
 
 BATS = {"asa": "softball-34"}  # the other procedures test baseball bats
 PROCEDURES = catalog.names("procedures")

@@ -26,7 +26,7 @@ from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY, _of_continuous, tru
 from virtual_lab.lab.true_metric import TrueCurve
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.rules import BallCorrection
-from virtual_lab.simulation.rig import ImpactStation, Reality, Stage
+from virtual_lab.simulation.stations.rig import ImpactStation, Reality, Stage
 from virtual_lab.studies.bats.profile import profiles
 
 INCH, MPH, OUNCE = 0.0254, 0.44704, 0.028349523125

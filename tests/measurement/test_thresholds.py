@@ -16,7 +16,7 @@ from virtual_lab.measurement.diagnostics.impact import edges
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties, MeasuredBalls
 from virtual_lab.measurement.session_reduction import prepare
 from virtual_lab.records.block import SessionBlock
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 
 LENGTH, RADIUS = 0.86, 0.0325  # length and radius of the bat [m]
 

@@ -6,8 +6,8 @@ The author of a rig runs these checks, whether it is installed or not:
     def test_my_rig(check, tmp_path):
         check(conformance.Bench(my_rig, tmp_path))
 
-No check depends on a particular rig; each tests a requirement that `virtual_lab.simulation.rig`
-documents.
+No check depends on a particular rig; each tests a requirement that
+`virtual_lab.simulation.stations.rig` documents.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import Support
-from virtual_lab.simulation.rig import (
+from virtual_lab.simulation.physics.truth import TrueOutcome, draw_balls, made_bat
+from virtual_lab.simulation.stations.rig import (
     ImpactStation,
     Rig,
     RigOutput,
@@ -39,7 +40,6 @@ from virtual_lab.simulation.rig import (
     Stage,
     Station,
 )
-from virtual_lab.simulation.truth import TrueOutcome, draw_balls, made_bat
 from virtual_lab.streams import Quiet, Streams
 from virtual_lab.uncertainty.estimate import Estimate
 

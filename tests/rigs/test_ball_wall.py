@@ -10,7 +10,8 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallAgeing, BallSpec
 from virtual_lab.simulation.collision.modal import ModalModel
-from virtual_lab.simulation.rig import (
+from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.stations.rig import (
     Reality,
     RigOutput,
     ShotPlan,
@@ -19,7 +20,6 @@ from virtual_lab.simulation.rig import (
     WallStation,
     find_rig,
 )
-from virtual_lab.simulation.truth import draw_balls, made_bat
 
 SPEED = 26.8224  # m/s, 60 mph
 AGEING = BallAgeing(speed=SPEED, loss=0.01, recovering=0.0, recovery_time=1.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.rigs.conformance import Bench
-from virtual_lab.simulation.rig import Stage, find_rig
+from virtual_lab.simulation.stations.rig import Stage, find_rig
 from virtual_lab.streams import Quiet
 
 

@@ -20,8 +20,15 @@ from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.collision.surrogate import Box
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import Pinned
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, find_rig, knows_blocks
-from virtual_lab.simulation.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.stations.rig import (
+    RigOutput,
+    ShotPlan,
+    Specimen,
+    Stage,
+    find_rig,
+    knows_blocks,
+)
 from virtual_lab.streams import Draws, Quiet, Streams
 from virtual_lab.units import INCH, MPH
 

@@ -8,7 +8,7 @@ import pytest
 from tests.rigs import conformance
 from virtual_lab.errors import InputError
 from virtual_lab.records import ShotLog
-from virtual_lab.simulation.rig import RigOutput, Stage, find_rig, installed_rigs
+from virtual_lab.simulation.stations.rig import RigOutput, Stage, find_rig, installed_rigs
 from virtual_lab.streams import Quiet
 
 OURS = {"astm-pivot", "ball-cannon", "ball-wall", "bench", "ncaa-swing"}

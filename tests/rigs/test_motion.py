@@ -10,7 +10,7 @@ from tests.laboratories import certify
 from virtual_lab import api, lab
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 
 DONE = {"astm-pivot": "astm-f1881", "ball-cannon": "bbcor"}
 

@@ -12,7 +12,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest
 from virtual_lab.measurement.reduction.makers import flight_readings
 from virtual_lab.records.session import Session, load_session, save_session
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 
 
 @pytest.fixture(scope="module")

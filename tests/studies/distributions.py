@@ -20,7 +20,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from virtual_lab.lab import RoundRobin
-from virtual_lab.measurement.refined import model_of, too_wide
+from virtual_lab.measurement.alternatives.refined import model_of, too_wide
 
 DRAWS, SEED = 20_000, 1
 SHARE = 20  # tests per procedure before the next procedure

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from virtual_lab.lab import RoundRobin
-from virtual_lab.measurement.model import QUANTITIES
+from virtual_lab.measurement.procedure.model import QUANTITIES
 from virtual_lab.output.result import Rows
 from virtual_lab.records import AimMarks
 from virtual_lab.studies import coverage as study

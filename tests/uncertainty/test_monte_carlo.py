@@ -16,7 +16,7 @@ from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
-from virtual_lab.measurement.refined import refined
+from virtual_lab.measurement.alternatives.refined import refined
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.uncertainty.propagating import propagate_inputs
 
@@ -60,7 +60,7 @@ def by_draws(monkeypatch: pytest.MonkeyPatch, seed: int) -> CertificateDocument:
     """Return a certificate by Monte Carlo with 32 768 draws, which settle one digit of u."""
     monkeypatch.setattr("virtual_lab.uncertainty.monte_carlo.BLOCK", 32_768)
     few = partial(propagate_inputs, digits=1, rule="7.9")
-    monkeypatch.setattr("virtual_lab.measurement.refined.propagate_inputs", few)
+    monkeypatch.setattr("virtual_lab.measurement.alternatives.refined.propagate_inputs", few)
     setup = lab.TestSetup.of("r161", procedure=PROCEDURE, seed=seed, detail=RecordDetail.SUMMED)
     tested = lab.certify_bat(replace(setup, uncertainty="monte-carlo"))
     return certificate(tested.certification)

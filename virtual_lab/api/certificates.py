@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.output.metrics import MetricFormat
     from virtual_lab.records.session import PackedSession, Session
-    from virtual_lab.simulation.truth import SealedTruth
+    from virtual_lab.simulation.physics.truth import SealedTruth
     from virtual_lab.studies.score import QuantityScore
 
 
@@ -436,7 +436,7 @@ def certify(
     from virtual_lab.lab import TestSetup, certify_bat
     from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.records.particulars import read_particulars
-    from virtual_lab.simulation.rig import Reality, member_of
+    from virtual_lab.simulation.stations.rig import Reality, member_of
     from virtual_lab.uncertainty.estimate import Estimates
 
     rules: str | Entry[Procedure] = entry_name(procedure)

@@ -49,11 +49,13 @@ from virtual_lab.certificate.document import (
     risk_of,
     statement_of,
 )
+from virtual_lab.measurement.alternatives.refined import LEAST_FREEDOM, too_wide
+from virtual_lab.measurement.alternatives.swing_range import SwingResult
 from virtual_lab.measurement.camera.comparison import CameraComparison, ComparedQuantity
 from virtual_lab.measurement.certification import Certification
-from virtual_lab.measurement.model import CONTROL, QUANTITIES
 from virtual_lab.measurement.procedure import CHOICE, Procedure, curve_of
 from virtual_lab.measurement.procedure.metric import field_speeds
+from virtual_lab.measurement.procedure.model import CONTROL, QUANTITIES
 from virtual_lab.measurement.procedure.peak_width import Width
 from virtual_lab.measurement.reduction.air import (
     DENSITY,
@@ -65,8 +67,6 @@ from virtual_lab.measurement.reduction.kinematics import batted_speed
 from virtual_lab.measurement.reduction.rate import unwrapped
 from virtual_lab.measurement.reduction.recoil import RECOIL
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
-from virtual_lab.measurement.refined import LEAST_FREEDOM, too_wide
-from virtual_lab.measurement.swing_range import SwingResult
 from virtual_lab.output.metrics import METRICS, REBOUND_SPEED
 from virtual_lab.output.metrics import QUANTITIES as IN_PRINT
 from virtual_lab.records import EncoderRecord

@@ -50,7 +50,7 @@ from virtual_lab.certificate.tables import shot_table
 from virtual_lab.errors import InputError
 from virtual_lab.files import contents, read_bytes, read_json
 from virtual_lab.measurement.certification import Certification, certify_session
-from virtual_lab.measurement.model import CONTROL as RATIO
+from virtual_lab.measurement.procedure.model import CONTROL as RATIO
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import csv_text, table_text
 from virtual_lab.parameters import SETTINGS, File, Folder

@@ -11,12 +11,12 @@ import numpy as np
 
 from virtual_lab.lab.laboratory import Laboratory, constant_name
 from virtual_lab.measurement.certification import Certification, Certifications
-from virtual_lab.measurement.model import CONTROL
+from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.origin import RungTaken
 from virtual_lab.records.session import Session, pack
-from virtual_lab.simulation.rig import MotionRung
-from virtual_lab.simulation.truth import SealedTruth
+from virtual_lab.simulation.physics.truth import SealedTruth
+from virtual_lab.simulation.stations.rig import MotionRung
 from virtual_lab.units import Array
 
 

@@ -10,10 +10,10 @@ from virtual_lab.lab.fitting import require_places
 from virtual_lab.lab.laboratory import Laboratory, collision_of
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.lab.test_day import by_the_book
-from virtual_lab.measurement.model import CONTROL
+from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
-from virtual_lab.simulation.truth import made_bat
+from virtual_lab.simulation.physics.truth import made_bat
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
 
 CONTROL_TEST = 1_000_000  # branch of the control test's random numbers, above any test number

@@ -9,7 +9,7 @@ from pathlib import Path
 from virtual_lab.records.session import Session
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pinhole import looking_down
-from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen
+from virtual_lab.simulation.stations.rig import FilmingStation, ShotPlan, Specimen
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 

@@ -12,7 +12,7 @@ from virtual_lab.measurement.procedure import Procedure, aimed_place
 from virtual_lab.records import BallRecord
 from virtual_lab.records.particulars import InstrumentIdentity
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import MotionRig, MotionRung, Rig, Stage, installed_rigs
+from virtual_lab.simulation.stations.rig import MotionRig, MotionRung, Rig, Stage, installed_rigs
 from virtual_lab.units import INCH, OUNCE
 
 

@@ -28,7 +28,8 @@ from virtual_lab.records.origin import RungTaken, Simulated
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.physics.beam import Pinned
-from virtual_lab.simulation.rig import (
+from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.stations.rig import (
     ImpactStation,
     Reality,
     RigOutput,
@@ -38,7 +39,6 @@ from virtual_lab.simulation.rig import (
     Station,
     find_rig,
 )
-from virtual_lab.simulation.truth import draw_balls, made_bat
 from virtual_lab.streams import SEED_BITS, Draws, Quiet, commitment, salt_of
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
 

@@ -15,7 +15,7 @@ from virtual_lab.lab.true_metric import TrueCurve, Visits, results_of_curves
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.rules import Scan
 from virtual_lab.measurement.session_reduction import Reduction
-from virtual_lab.simulation.rig import ImpactStation, ShotPlan, Specimen
+from virtual_lab.simulation.stations.rig import ImpactStation, ShotPlan, Specimen
 from virtual_lab.streams import Owner
 from virtual_lab.units import Array
 

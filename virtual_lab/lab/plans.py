@@ -14,7 +14,7 @@ from virtual_lab.measurement.procedure import NextShots, Procedure, to_set
 from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import Reality, RigOutput, ShotPlan, Stage
+from virtual_lab.simulation.stations.rig import Reality, RigOutput, ShotPlan, Stage
 from virtual_lab.streams import in_turn
 from virtual_lab.units import Array, Mask
 

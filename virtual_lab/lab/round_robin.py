@@ -33,7 +33,7 @@ from virtual_lab.processes import workers
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.collision.surrogate import Box
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import find_rig, knows_blocks
+from virtual_lab.simulation.stations.rig import find_rig, knows_blocks
 from virtual_lab.uncertainty.scatter import HitVariance
 
 Taken = TypeVar("Taken")

@@ -20,7 +20,7 @@ from virtual_lab.records.session import UncertaintyMethod
 from virtual_lab.simulation.collision.ladder import Ladder
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import MotionRung, Reality, Stage, member_of
+from virtual_lab.simulation.stations.rig import MotionRung, Reality, Stage, member_of
 from virtual_lab.streams import LABORATORIES, Draws, Slots, require_seed
 from virtual_lab.uncertainty.estimate import Estimates
 

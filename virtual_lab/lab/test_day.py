@@ -34,7 +34,7 @@ from virtual_lab.measurement.session_reduction import (
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
-from virtual_lab.simulation.rig import FilmingStation, RigOutput, ShotPlan, Stage
+from virtual_lab.simulation.stations.rig import FilmingStation, RigOutput, ShotPlan, Stage
 from virtual_lab.units import INCH
 
 SWUNG = frozenset({"pendulum"})  # channels of the bench for which the bat swings

@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 
 from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.catalog import Datum
+from virtual_lab.measurement.alternatives.other_support import OtherSupport, other_support
+from virtual_lab.measurement.alternatives.refined import refined, too_wide
+from virtual_lab.measurement.alternatives.swing_range import SwingResult, swing_range
 from virtual_lab.measurement.camera.comparison import CameraComparison, compare_camera
 from virtual_lab.measurement.diagnostics import (
     Checked,
@@ -26,7 +29,6 @@ from virtual_lab.measurement.diagnostics import (
     check,
     overdue,
 )
-from virtual_lab.measurement.other_support import OtherSupport, other_support
 from virtual_lab.measurement.procedure import (
     Finding,
     HitWeights,
@@ -50,12 +52,10 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     ShotResults,
     bat_properties,
 )
-from virtual_lab.measurement.refined import refined, too_wide
 from virtual_lab.measurement.session_reduction import (
     Reduction,
     reduce_block,
 )
-from virtual_lab.measurement.swing_range import SwingResult, swing_range
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import beyond, decimals
 from virtual_lab.records.block import SessionBlock

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from virtual_lab.aligned import AlignedArrays
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.model import CONTROL, MeasurementModel
 from virtual_lab.measurement.procedure import (
     Acceptance,
     Curve,
@@ -30,6 +29,7 @@ from virtual_lab.measurement.procedure import (
     outcomes_of,
     sought_of,
 )
+from virtual_lab.measurement.procedure.model import CONTROL, MeasurementModel
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER, measured_density
 from virtual_lab.measurement.reduction.flights import numbered
 from virtual_lab.measurement.reduction.gates import THICKNESS

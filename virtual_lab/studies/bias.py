@@ -15,13 +15,13 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.lab import TestSetup, certify_bat
-from virtual_lab.measurement.model import QUANTITIES
+from virtual_lab.measurement.procedure.model import QUANTITIES
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import as_drawn, figure_file
 from virtual_lab.output.tables import Column
 from virtual_lab.sheets import AnyProcedure, Instruments, entry_name
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

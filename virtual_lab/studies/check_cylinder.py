@@ -27,7 +27,7 @@ from virtual_lab.measurement.session_reduction import (
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import ShotPlan, Stage
+from virtual_lab.simulation.stations.rig import ShotPlan, Stage
 from virtual_lab.units import Array
 
 

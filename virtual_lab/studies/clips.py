@@ -25,7 +25,7 @@ from virtual_lab.parameters import Seed
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import ShotPlan, Stage
+from virtual_lab.simulation.stations.rig import ShotPlan, Stage
 from virtual_lab.units import INCH, Array
 
 QUANTITIES = {  # names in the camera's u and in the truth

@@ -22,8 +22,8 @@ from scipy.stats import binom, binomtest
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BlockTest, Laboratory, RoundRobin
 from virtual_lab.lab.measurand import true_curve
-from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.measurement.procedure import variances_within
+from virtual_lab.measurement.procedure.model import QUANTITIES
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file

@@ -41,7 +41,7 @@ from virtual_lab.sheets import (
     entry_names,
 )
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.studies.bats.compare import compare
 from virtual_lab.studies.bats.profile import swing_exponents
 from virtual_lab.studies.bats.text import balls_text, swing_text

@@ -30,8 +30,15 @@ from virtual_lab.sheets import AnyBall, Faults, Instruments, entry_name, words_o
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.physics.ageing import lasting_loss
 from virtual_lab.simulation.physics.beam import Free
-from virtual_lab.simulation.rig import Reality, ShotPlan, Specimen, Stage, WallStation, find_rig
-from virtual_lab.simulation.truth import TrueBalls, draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import TrueBalls, draw_balls, made_bat
+from virtual_lab.simulation.stations.rig import (
+    Reality,
+    ShotPlan,
+    Specimen,
+    Stage,
+    WallStation,
+    find_rig,
+)
 from virtual_lab.studies.check_cylinder import check_cylinder
 from virtual_lab.studies.control_charts import RULES, DayCharts, control_chart
 from virtual_lab.studies.daily_chart import draw_control_chart

@@ -10,12 +10,12 @@ from virtual_lab.catalog import load, names
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.lab import Laboratory, TestSetup, certify_bat
 from virtual_lab.measurement.certification import Certification, certify_session
-from virtual_lab.measurement.model import CONTROL
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
 from virtual_lab.records.foreign.laboratory import FORM, load_laboratory, procedure_name
 from virtual_lab.records.session import Session
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 
 
 def our_session(procedure: str) -> Session:

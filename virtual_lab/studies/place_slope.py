@@ -17,7 +17,7 @@ from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
 from virtual_lab.output.tables import column
 from virtual_lab.sheets import AnyBats, AnyProcedure, Instruments, entry_name, entry_names
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.units import INCH
 
 

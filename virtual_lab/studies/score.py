@@ -13,7 +13,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import read_bytes, read_json
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
 from virtual_lab.lab.seal import TRUTH, Alteration, alterations
-from virtual_lab.measurement.model import QUANTITIES
+from virtual_lab.measurement.procedure.model import QUANTITIES
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.parameters import Folder

@@ -12,8 +12,8 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest, BlockTest, RoundRobin
-from virtual_lab.measurement.model import QUANTITIES
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.procedure.model import QUANTITIES
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.uncertainty.budget import interval_95

@@ -28,8 +28,8 @@ from virtual_lab.bench.machines.stored_day import StoredDay
 from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.lab import Laboratory, RoundRobin, TestSetup, by_the_book, certify_bat
 from virtual_lab.measurement.certification import Certification
-from virtual_lab.simulation import flights
-from virtual_lab.simulation.truth import SealedTruth
+from virtual_lab.simulation.physics.truth import SealedTruth
+from virtual_lab.simulation.stations import flights
 
 TABLE = Path(__file__).with_name("table.csv")
 SEED = 1

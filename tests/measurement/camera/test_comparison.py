@@ -13,7 +13,7 @@ from virtual_lab.certificate.text import certificate_text
 from virtual_lab.measurement.camera.comparison import COMPARED, CameraComparison, compare_camera
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.streams import Streams
 from virtual_lab.uncertainty.budget import Budget
 from virtual_lab.uncertainty.estimate import Estimate

@@ -23,7 +23,7 @@ from virtual_lab.measurement.reduction.observations import BallReadings
 from virtual_lab.records import BoardRecord, GateRecord, PendulumRecord, ShotLog
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.uncertainty.budget import types_a
 from virtual_lab.uncertainty.estimate import Estimate
 

@@ -17,7 +17,7 @@ from virtual_lab.measurement.session_reduction import prepare
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import Stage
+from virtual_lab.simulation.stations.rig import Stage
 
 LABORATORIES = 1000
 

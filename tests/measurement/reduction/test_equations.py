@@ -20,7 +20,7 @@ from tests.measurement.reduction.planted import plant, reduce_arrays
 from tests.one_laboratory import reduce_session
 from virtual_lab.measurement.reduction import kinematics, shot_algebra
 from virtual_lab.measurement.session_reduction import Reduction
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 
 ASTM, BESR, PROPOSED = "astm-f1881", "ncaa-besr", "proposed"
 USED: dict[str, tuple[str, ...]] = {  # procedures whose metric depends on the equation

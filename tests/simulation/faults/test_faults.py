@@ -18,7 +18,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.diagnostics import CHECKS
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.faults import CATALOGUE, FaultSet
-from virtual_lab.simulation.rig import Stage, find_rig
+from virtual_lab.simulation.stations.rig import Stage, find_rig
 from virtual_lab.streams import Quiet
 from virtual_lab.units import MPH, OUNCE
 

@@ -18,15 +18,15 @@ from virtual_lab.measurement.reduction.swing import fit_swing
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.faults.fault import other_sheet
-from virtual_lab.simulation.impact import contact_angle
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.board_kernel import fill_gains, gain_memory
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage, find_rig
-from virtual_lab.simulation.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.stations.impact import contact_angle
+from virtual_lab.simulation.stations.rig import ShotPlan, Specimen, Stage, find_rig
 from virtual_lab.streams import Streams
 
 RADIUS, GRAVITY, DRAG = 0.0366, 9.80665, 0.007

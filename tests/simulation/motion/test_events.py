@@ -13,8 +13,15 @@ from tests.laboratories import opened
 from tests.simulation.motion.reference import reference
 from virtual_lab import catalog
 from virtual_lab.relations.flight import drag_rate
-from virtual_lab.simulation.cannon_station import RestingBatStation
-from virtual_lab.simulation.flights import (
+from virtual_lab.simulation.instruments.passage import Passage
+from virtual_lab.simulation.motion import pymunk_scene
+from virtual_lab.simulation.motion.events import play_events
+from virtual_lab.simulation.motion.played import Pieces, Target
+from virtual_lab.simulation.motion.pymunk_scene import play_pymunk
+from virtual_lab.simulation.motion.scene import ShotScene
+from virtual_lab.simulation.physics.beam import beam_of, outer_diameter
+from virtual_lab.simulation.stations.cannon_station import RestingBatStation
+from virtual_lab.simulation.stations.flights import (
     AHEAD,
     RECORD,
     FlownShots,
@@ -23,15 +30,8 @@ from virtual_lab.simulation.flights import (
     fly,
     scene_of,
 )
-from virtual_lab.simulation.impact import thrown_back
-from virtual_lab.simulation.instruments.passage import Passage
-from virtual_lab.simulation.motion import pymunk_scene
-from virtual_lab.simulation.motion.events import play_events
-from virtual_lab.simulation.motion.played import Pieces, Target
-from virtual_lab.simulation.motion.pymunk_scene import play_pymunk
-from virtual_lab.simulation.motion.scene import ShotScene
-from virtual_lab.simulation.physics.beam import beam_of, outer_diameter
-from virtual_lab.simulation.rig import ShotPlan, Stage
+from virtual_lab.simulation.stations.impact import thrown_back
+from virtual_lab.simulation.stations.rig import ShotPlan, Stage
 from virtual_lab.units import INCH
 
 COUNTS = pytest.mark.parametrize("count", [2, pytest.param(17, marks=pytest.mark.long)])

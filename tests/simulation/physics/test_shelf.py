@@ -17,7 +17,7 @@ from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.physics.beam import Free, Pinned, beam_of
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.rig import Reality
+from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
 PIVOT = 6 * INCH

@@ -12,7 +12,7 @@ from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
+from virtual_lab.simulation.stations.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion import PercussionStudy, PlaceReadings, percussion
 
 INCH = 0.0254

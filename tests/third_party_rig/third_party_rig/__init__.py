@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from virtual_lab.records import GateRecord, Record, ShotLog
-from virtual_lab.simulation.impact import error_free, scenes_of
 from virtual_lab.simulation.instruments import FittedStation, Instrument, calibration_of, errors_of
 from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import Pinned
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
-from virtual_lab.simulation.truth import TrueOutcome
+from virtual_lab.simulation.physics.truth import TrueOutcome
+from virtual_lab.simulation.stations.impact import error_free, scenes_of
+from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 

@@ -10,7 +10,6 @@ import numpy as np
 from third_party_rig.radar_gun import RadarGun, RadarGunSpec
 from third_party_rig.radar_record import RadarRecord
 from virtual_lab.records import AimMarks, Record, ShotLog
-from virtual_lab.simulation.impact import contact_angle, error_free, scenes_of, thrown_back
 from virtual_lab.simulation.instruments import (
     FittedStation,
     Instrument,
@@ -22,8 +21,9 @@ from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import Pinned
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage
-from virtual_lab.simulation.truth import TrueOutcome
+from virtual_lab.simulation.physics.truth import TrueOutcome
+from virtual_lab.simulation.stations.impact import contact_angle, error_free, scenes_of, thrown_back
+from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 

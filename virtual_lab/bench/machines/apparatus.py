@@ -37,7 +37,7 @@ from virtual_lab.simulation.faults.fault import instrument_of, other_sheet
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Stage, Station
+from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Stage, Station
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, Array
 

@@ -23,8 +23,8 @@ from virtual_lab.lab.laboratory import collision_of
 from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, Record
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.faults.fault import instrument_of
-from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage
-from virtual_lab.simulation.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.stations.rig import ShotPlan, Specimen, Stage
 from virtual_lab.units import MPH, Array
 
 DAYS = 12  # number of earlier days on the control chart

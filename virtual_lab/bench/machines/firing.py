@@ -15,8 +15,15 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory
 from virtual_lab.records import EncoderRecord, GateRecord
 from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, other_sheet
-from virtual_lab.simulation.rig import FilmingStation, RigOutput, ShotPlan, Specimen, Stage, Station
-from virtual_lab.simulation.truth import TrueBalls
+from virtual_lab.simulation.physics.truth import TrueBalls
+from virtual_lab.simulation.stations.rig import (
+    FilmingStation,
+    RigOutput,
+    ShotPlan,
+    Specimen,
+    Stage,
+    Station,
+)
 
 AGAIN = 2_000_000  # number of the first repeated hit, above the numbers of lot and check ball
 

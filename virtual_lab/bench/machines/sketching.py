@@ -20,17 +20,17 @@ from virtual_lab.bench.day.day import Day, DayEvent
 from virtual_lab.bench.machines.firing import Firing, ShotConditions
 from virtual_lab.bench.pages.slow_motion import FILM, Motion, clear_rebound, contact_words
 from virtual_lab.lab import Laboratory, TestSetup
-from virtual_lab.simulation.cannon_station import RestingBatStation
 from virtual_lab.simulation.collision.ladder import Ladder, StruckBat, probing_scenes
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.flights import scene_of
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.motion.events import play_events
 from virtual_lab.simulation.motion.played import PlayedShots
 from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.simulation.physics.beam import Free, Support, beam_of
-from virtual_lab.simulation.rig import FilmingStation, ShotPlan, Specimen, Stage, find_rig
-from virtual_lab.simulation.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.stations.cannon_station import RestingBatStation
+from virtual_lab.simulation.stations.flights import scene_of
+from virtual_lab.simulation.stations.rig import FilmingStation, ShotPlan, Specimen, Stage, find_rig
 from virtual_lab.streams import Quiet
 from virtual_lab.units import Array
 

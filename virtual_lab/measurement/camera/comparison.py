@@ -13,8 +13,8 @@ import numpy as np
 
 from virtual_lab.measurement.camera.filmed import CameraResults, filmed, frames_u
 from virtual_lab.measurement.camera.windows import Sightings, sight
-from virtual_lab.measurement.model import MeasurementModel
 from virtual_lab.measurement.procedure import HitWeights
+from virtual_lab.measurement.procedure.model import MeasurementModel
 from virtual_lab.measurement.reduction.flights import FlightModel
 from virtual_lab.measurement.reduction.gates import GateReadings, heights_moved
 from virtual_lab.measurement.reduction.observations import ImpactReadings

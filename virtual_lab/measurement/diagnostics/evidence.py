@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.measurement.model import MeasurementModel
 from virtual_lab.measurement.procedure import HitWeights, Procedure, worst_misfit
+from virtual_lab.measurement.procedure.model import MeasurementModel
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls, ShotResults
 from virtual_lab.measurement.session_reduction import Reduction, best_values

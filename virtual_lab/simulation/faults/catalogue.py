@@ -17,7 +17,7 @@ from virtual_lab.simulation.faults.fault import (
     other_sheet,
     sheet_off,
 )
-from virtual_lab.simulation.rig import ShotPlan, Specimen, Stage, Station
+from virtual_lab.simulation.stations.rig import ShotPlan, Specimen, Stage, Station
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE
 

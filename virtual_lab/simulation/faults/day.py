@@ -8,7 +8,14 @@ from dataclasses import dataclass, replace
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
 from virtual_lab.simulation.faults.fault import Fault, FaultContext
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen, Stage, Station, installed_rigs
+from virtual_lab.simulation.stations.rig import (
+    RigOutput,
+    ShotPlan,
+    Specimen,
+    Stage,
+    Station,
+    installed_rigs,
+)
 from virtual_lab.streams import Draws, Quiet
 from virtual_lab.uncertainty.estimate import Estimate
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.simulation.instruments import FittedStation
-from virtual_lab.simulation.rig import Rig, RigOutput, ShotPlan, Specimen, Stage, Station
+from virtual_lab.simulation.stations.rig import Rig, RigOutput, ShotPlan, Specimen, Stage, Station
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 

@@ -31,7 +31,7 @@ from virtual_lab.records.session import Session
 from virtual_lab.sheets import AnyBat, Instruments, entry_name
 from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
-from virtual_lab.simulation.rig import Reality, ShotPlan, Stage
+from virtual_lab.simulation.stations.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion_chart import draw_percussion
 from virtual_lab.uncertainty.budget import HITS, Variants, combined, types_a
 from virtual_lab.uncertainty.scatter import Scatter

@@ -9,11 +9,11 @@ from tests.rigs.conformance import _Modal
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.impact import error_free, thrown_back, wall_restitution
 from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
-from virtual_lab.simulation.rig import ShotPlan, Specimen
-from virtual_lab.simulation.truth import TrueOutcome, draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import TrueOutcome, draw_balls, made_bat
+from virtual_lab.simulation.stations.impact import error_free, thrown_back, wall_restitution
+from virtual_lab.simulation.stations.rig import ShotPlan, Specimen
 from virtual_lab.streams import Quiet
 
 INCH = 0.0254

@@ -12,8 +12,15 @@ from tests.rigs.conformance import _Modal
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.rig import MotionRung, RigOutput, ShotPlan, Specimen, Stage, find_rig
-from virtual_lab.simulation.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.stations.rig import (
+    MotionRung,
+    RigOutput,
+    ShotPlan,
+    Specimen,
+    Stage,
+    find_rig,
+)
 from virtual_lab.streams import Streams
 from virtual_lab.units import INCH
 

@@ -21,8 +21,8 @@ from virtual_lab.simulation.physics.ball import Event, PowerLaw
 from virtual_lab.simulation.physics.beam import Free, Pinned, Support, outer_diameter
 from virtual_lab.simulation.physics.mesh import gauss_points
 from virtual_lab.simulation.physics.modes import Modes, modes_of
-from virtual_lab.simulation.rig import ShotPlan, Specimen
-from virtual_lab.simulation.truth import TrueOutcome, TrueRecoil
+from virtual_lab.simulation.physics.truth import TrueOutcome, TrueRecoil
+from virtual_lab.simulation.stations.rig import ShotPlan, Specimen
 from virtual_lab.units import Array
 
 CONTACT_TIME = 0.7e-3  # duration of a contact if no record is fine enough to show it [s]

@@ -7,7 +7,7 @@ import pytest
 
 from virtual_lab.catalog import load, load_bat
 from virtual_lab.catalog.specs import BallSpec
-from virtual_lab.simulation.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, made_bat
 from virtual_lab.streams import Streams
 
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.records import Record, ShotLog
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.truth import TrueBalls, TrueBat, TrueOutcome
+from virtual_lab.simulation.physics.truth import TrueBalls, TrueBat, TrueOutcome
 from virtual_lab.streams import Draws, Owner, Quiet, Slots, Streams
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array

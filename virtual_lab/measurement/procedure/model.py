@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from virtual_lab.measurement.procedure import Curve, Procedure, metric_of
+from virtual_lab.measurement.procedure.metric import Curve, metric_of
+from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.reduction.flights import FlightModel
 from virtual_lab.measurement.reduction.observations import BallReadings, ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import (

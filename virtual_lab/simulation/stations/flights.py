@@ -25,7 +25,7 @@ from virtual_lab.simulation.motion.scene import (
     StopSpec,
 )
 from virtual_lab.simulation.motion.touch import move
-from virtual_lab.simulation.rig import MotionRung, ShotPlan
+from virtual_lab.simulation.stations.rig import MotionRung, ShotPlan
 from virtual_lab.units import Array
 
 AHEAD = 1.0  # distance before the contact at which a scene begins [m]

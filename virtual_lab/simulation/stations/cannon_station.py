@@ -9,15 +9,6 @@ import numpy as np
 
 from virtual_lab.catalog.specs import Spec
 from virtual_lab.records import Record
-from virtual_lab.simulation.flights import FlownShots, RestingBat, Surroundings, fly
-from virtual_lab.simulation.impact import (
-    Blows,
-    blows_of,
-    contact_angle,
-    error_free,
-    scenes_of,
-    thrown_back,
-)
 from virtual_lab.simulation.instruments import (
     FittedStation,
     Instrument,
@@ -32,8 +23,17 @@ from virtual_lab.simulation.instruments.light_gate import BallGates
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion.scene import FrameSpec, StopSpec
 from virtual_lab.simulation.physics.beam import Pinned
-from virtual_lab.simulation.rig import RigOutput, ShotPlan, Specimen
-from virtual_lab.simulation.truth import TrueOutcome
+from virtual_lab.simulation.physics.truth import TrueOutcome
+from virtual_lab.simulation.stations.flights import FlownShots, RestingBat, Surroundings, fly
+from virtual_lab.simulation.stations.impact import (
+    Blows,
+    blows_of,
+    contact_angle,
+    error_free,
+    scenes_of,
+    thrown_back,
+)
+from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen
 from virtual_lab.streams import Draws
 from virtual_lab.units import Array
 

@@ -1,0 +1,1 @@
+"""The same test evaluated another way: other propagation, other swing laws, other support."""
