@@ -112,8 +112,8 @@ def test_a_college_day_shows_its_rules_and_what_holds_the_scan() -> None:
     )
     assert less
     assert float(less[1]) == pytest.approx(length / 25.4 - mass / 28.349523, abs=0.03)
-    assert "the ring passes 2.610 in" in rules[1]
-    assert "moment of inertia" in rules[2]
+    assert "the ring passes 2.610 in" in rules[2]
+    assert "moment of inertia" in rules[3]
     assert all(html.escape(rule) in day_page(reduced, told.briefing()) for rule in rules)
 
 

@@ -1,4 +1,4 @@
-"""Requirements on a bat before the first hit: weight, ring gauge, moment of inertia."""
+"""Requirements on a bat before the first hit: weight, length, ring gauge, moment of inertia."""
 
 from __future__ import annotations
 
@@ -52,6 +52,18 @@ def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
         yield rule(
             less <= most,
             lambda i: f"length less weight {less[i]:.2f} (in, oz), allowed up to {most:g}",
+        )
+    if rules.greatest_length is not None:
+        longest = rules.greatest_length
+        yield rule(
+            length <= longest,
+            lambda i: beyond(
+                "length {0:.{d}f} in, allowed up to {2:.{d}f} in",
+                float(length[i]) / INCH,
+                -inf,
+                longest / INCH,
+                2,
+            ),
         )
     if rules.barrel_diameter is not None:
         wide, ring = 2 * np.ravel(bat.barrel_radius), rules.barrel_diameter

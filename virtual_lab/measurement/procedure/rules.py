@@ -152,6 +152,7 @@ class Eligibility(Spec):
     """Requirements on a bat before the first hit; a missing requirement is not applied."""
 
     length_less_weight: Annotated[float | None, Dimension("number")] = None  # inches minus ounces
+    greatest_length: Annotated[float | None, Dimension("length")] = None
     barrel_diameter: Annotated[float | None, Dimension("length")] = None  # diameter of a ring gauge
     inertia_lengths: Annotated[tuple[float, ...], Dimension("length")] = ()
     inertia_floors: Annotated[tuple[float, ...], Dimension("inertia")] = ()  # about the pivot
