@@ -131,7 +131,7 @@ def test_the_command_says_it_by_its_code(result: Path, run: Run) -> None:  # noq
     assert run("verify", str(result / "nowhere"))[0] == 2
 
 
-@pytest.mark.parametrize("schema", [2, 5, "4", None])
+@pytest.mark.parametrize("schema", [2, 6, "5", None])
 def test_a_schema_that_cannot_be_read_is_refused(result: Path, schema: object) -> None:
     in_document(schema=schema)(result)
     with pytest.raises(InputError, match="make the certificate again with 'virtual-lab reduce"):

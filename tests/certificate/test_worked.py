@@ -117,7 +117,7 @@ def test_every_number_of_the_document_follows_from_the_records(case: str) -> Non
         name
         for name in expected
         if isinstance(expected[name], dict) and set(expected[name]) == {"value", "u"}
-    } - {"control"}
+    } - {"control", "as_found"}
     wrong = [
         each
         for name in (*plain, *sorted(quantities))
@@ -127,6 +127,23 @@ def test_every_number_of_the_document_follows_from_the_records(case: str) -> Non
     assert quantities <= told.keys()
     assert list(same(told["recoil"]["other"], expected["other"], "other")) == []
     assert [each["ball"] for each in told["ball"]["set_aside"]] == expected["set_aside"]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_corrected_result_is_stated_as_found_too(case: str) -> None:
+    """Only with a correction in force; with its own u, on a line of its own."""
+    expected, correction = by_hand(case)["as_found"], document(case)["ball_correction"]
+    text = certificate_text(read_document(folder(case) / "certificate.json"))
+    lines = [line for line in text.splitlines() if "as found, with these balls" in line]
+    page = (folder(case) / "certificate.html").read_text("utf-8")
+    assert ("as found, with these balls" in page) == bool(lines) == bool(correction)
+    assert bool(correction) == (case in ("proposed", CONTROLLED))
+    if correction:
+        assert list(same(correction["as_found"], expected, "as_found")) == []
+        unit = MPH if case == "proposed" else 1.0
+        value, u = re.findall(r"\d+\.\d+", lines[0])
+        assert agrees(value, expected["value"] / unit)
+        assert agrees(u, expected["u"] / unit)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -453,10 +453,13 @@ class Test:
             "control": x.get("control.restitution_ratio", 1.0),
         }
 
-    def metric(self, found: Row, exponent: float | None = None) -> np.ndarray:
-        """Return the metric of each shot."""
+    def metric(
+        self, found: Row, exponent: float | None = None, *, corrected: bool = True
+    ) -> np.ndarray:
+        """Return the metric of each shot, with or without the correction for the balls."""
         rules, e = self.rules, found["restitution"]
-        way = rules.get("correction", {"method": "none"})
+        way = rules.get("correction", {}) if corrected else {}
+        way = way or {"method": "none"}
         if way["method"] == "control-bat":
             e = e / found["control"]
         elif way["method"] == "trampoline":
@@ -864,6 +867,7 @@ def worked(records: Path) -> Row:
             ),
         },
         "control": control and {"value": control.value, "u": control.u},
+        "as_found": None if plain else _as_found(test, moved, lost, lost_u),
         "nominal_speed_mph": rules["ball_speed"] / MPH,
         "nominal_bat_speed_mph": rules.get("bat_speed", 0.0) / MPH,
         "v_rel_mph": float(best["relative"][used].mean() / MPH),
@@ -895,6 +899,16 @@ def worked(records: Path) -> Row:
         },
         "readings": _readings(test, metric),
     }
+
+
+def _as_found(
+    test: Test, moved: dict[str, tuple[Row, Row]], lost: float, lost_u: float
+) -> dict[str, float]:
+    """Return the metric before the correction for the balls, and its u."""
+    of = test.result(
+        lambda found: test.metric(found, corrected=False), moved, test.weights, test.effects
+    )
+    return {"value": of.value + lost, "u": sqrt(of.u**2 + lost_u**2)}
 
 
 def _swing(test: Test, moved: dict[str, tuple[Row, Row]], exponent: float) -> Row:

@@ -25,6 +25,7 @@ from virtual_lab.lab import by_the_book
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY, _of_continuous, true_curve
 from virtual_lab.lab.true_metric import TrueCurve
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.measurement.procedure.rules import BallCorrection
 from virtual_lab.simulation.stations.rig import ImpactStation, Reality, Stage
 from virtual_lab.studies.bats.profile import profiles
@@ -272,6 +273,51 @@ def test_a_conversion_the_rules_do_not_ask_for_is_assumed() -> None:
     assert asked.certification.metric is not None
     converted = sqrt(1 - (1 - e**2) * 0.75 / (1 - e0**2))
     assert asked.certification.metric.value == pytest.approx(converted, rel=1e-9)
+
+
+def test_the_swing_machine_corrects_for_its_balls_too() -> None:
+    """A standard ball of e0 .49 at every position: the curve of v_f and its maximum by hand."""
+    curve = exact_curve("ea70", "ncaa-besr")
+    tested = certify(
+        "ea70", procedure="ncaa-besr", reality=Reality.IDEAL, correction="trampoline:0.49"
+    )
+    e, e0, r = curve.restitution, curve.ball_restitution, curve.recoil_factor
+    stiffness = (1 - e**2) / (e**2 - e0**2)  # of the shell over that of the ball
+    sprung = np.where(e > e0, np.sqrt((0.49**2 * stiffness + 1) / (stiffness + 1)), e * 0.49 / e0)
+    e_A = CubicSpline(curve.place, (sprung - r) / (1 + r))
+    length = curve.bat.length
+
+    def batted_speed(z: float) -> float:
+        bat_speed = 66 * (length - 6 * INCH - z) / (length - 12 * INCH)
+        return float(e_A(z) * 70 + (1 + e_A(z)) * bat_speed)
+
+    best = minimize_scalar(lambda z: -batted_speed(z), bounds=(4 * INCH, 8 * INCH)).x
+    true, metric = tested.sealed.measurand, tested.certification.metric
+    assert metric is not None
+    assert true[CONTINUOUS] == pytest.approx(float(e_A(best)) + 0.5, abs=2e-5)
+    assert metric.value == pytest.approx(true["metric"], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("procedure", "apart"), [("bbcor", 1e-12), ("ncaa-modified", 3e-4), ("ncaa-besr", 5e-3)]
+)
+def test_a_corrected_test_states_the_plain_one_as_found(
+    procedure: str, apart: float, played: Play
+) -> None:
+    """As found is the metric without the correction, at the position of the result.
+
+    On the swing machine a ball of the same e0 everywhere has its maximum nearer the tip; BESR
+    changes with the position to first order, v_f to second.
+    """
+    tested = certify(
+        "ea70", procedure=procedure, reality=Reality.IDEAL, correction="trampoline:0.49"
+    )
+    plain = played("ea70", Reality.IDEAL, procedure=procedure)
+    found, metric = tested.certification.quantities[AS_FOUND], plain.certification.metric
+    assert metric is not None
+    assert AS_FOUND not in plain.certification.quantities
+    assert found.value == pytest.approx(tested.sealed.measurand[AS_FOUND], rel=1e-9)
+    assert found.value == pytest.approx(metric.value, rel=apart)
 
 
 @pytest.mark.parametrize("asked", ["trampoline", "trampoline:1.2", "none:0.5", "ratio:x", ""])

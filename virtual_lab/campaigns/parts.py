@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -29,6 +30,7 @@ from virtual_lab.errors import VERSION, InputError, of_extra
 from virtual_lab.files import parse_json, whole_file
 from virtual_lab.lab import BlockTest
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
+from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress
 from virtual_lab.uncertainty.budget import coverage_factors
@@ -193,6 +195,7 @@ def _columns(tested: BlockTest) -> Columns:
     """Return the results of the tests of a block of laboratories as columns."""
     certified, true = tested.certified, dict(tested.measurands)
     metric, unit = certified.results["metric"], METRICS[certified.procedure.metric].si_unit or "1"
+    units = defaultdict(lambda: "1", {WIDTH_KEY: "m", CONTINUOUS: unit, AS_FOUND: unit})
     half_width = coverage_factors(metric.dof) * metric.u
     metric_columns = (
         metric.value,
@@ -208,9 +211,10 @@ def _columns(tested: BlockTest) -> Columns:
     columns["dof", "1"] = metric.dof
     for name, budgets in certified.results.items():
         if name != "metric":
-            columns[name, "1"], columns[f"{name}_u", "1"] = budgets.value, budgets.u
+            columns[name, units[name]] = budgets.value
+            columns[f"{name}_u", units[name]] = budgets.u
     for name, values in true.items():
-        columns[f"{name}_true", {WIDTH_KEY: "m", CONTINUOUS: unit}.get(name, "1")] = values
+        columns[f"{name}_true", units[name]] = values
     square, _ = metric.components.lines()
     for name, column in zip(metric.components.line_names, np.sqrt(square).T, strict=True):
         columns[f"{CONTRIBUTION}{name}", unit] = column

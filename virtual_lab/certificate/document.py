@@ -27,7 +27,7 @@ from virtual_lab.records.origin import Simulated
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars
 from virtual_lab.uncertainty.decision import conformity
 
-SCHEMA = 4
+SCHEMA = 5
 READABLE = range(3, SCHEMA + 1)  # schemas that `verify` reads
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
 SUPPLIED = "Computed by this program from records supplied by {}; not verified."
@@ -196,6 +196,8 @@ class CorrectionStated(Spec):
     """Restitution e0 of the standard ball."""
     control: ControlRatio | None
     """Result of the control bat; null: no control bat was tested."""
+    as_found: Stated | None = None
+    """Metric with the balls of this test, not corrected, in SI; null: schema 4 did not state it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -53,9 +53,9 @@ from virtual_lab.measurement.alternatives.refined import LEAST_FREEDOM, too_wide
 from virtual_lab.measurement.alternatives.swing_range import SwingResult
 from virtual_lab.measurement.camera.comparison import CameraComparison, ComparedQuantity
 from virtual_lab.measurement.certification import Certification
-from virtual_lab.measurement.procedure import CHOICE, Procedure, curve_of
+from virtual_lab.measurement.procedure import CHOICE, curve_of
 from virtual_lab.measurement.procedure.metric import field_speeds
-from virtual_lab.measurement.procedure.model import CONTROL, QUANTITIES
+from virtual_lab.measurement.procedure.model import AS_FOUND, CONTROL, QUANTITIES
 from virtual_lab.measurement.procedure.peak_width import Width
 from virtual_lab.measurement.reduction.air import (
     DENSITY,
@@ -102,7 +102,7 @@ def certificate(
     stated = {
         name: _stated(certification.quantities.get(name))
         for name in QUANTITIES
-        if name != procedure.metric or _of_standard_ball(procedure)
+        if name != procedure.metric or procedure.normalized
     }
     origin = session.origin
     supplied = origin if isinstance(origin, Supplied) else None
@@ -495,19 +495,19 @@ def _hall_conditions(hall: SessionBlock) -> Iterator[HallCondition]:
             yield HallCondition(name=name, unit=unit, at_start=start, at_end=end, u=float(u[0, 0]))
 
 
-def _of_standard_ball(procedure: Procedure) -> bool:
-    """Return whether the metric is converted to another ball than those of the lot."""
-    return procedure.correction is not None and procedure.correction.method != "none"
-
-
 def _correction(certification: Certification) -> CorrectionStated | None:
     """Return the correction for balls that differ from the standard ball, None without one."""
     correction = certification.procedure.correction
-    if correction is None or not _of_standard_ball(certification.procedure):
+    if correction is None or not certification.procedure.normalized:
         return None
     ratio = certification.session.calibration.get(CONTROL)
     control = ControlRatio(value=ratio.value, u=ratio.u, source=ratio.source) if ratio else None
-    return CorrectionStated(method=correction.method, standard=correction.standard, control=control)
+    return CorrectionStated(
+        method=correction.method,
+        standard=correction.standard,
+        control=control,
+        as_found=_stated(certification.quantities.get(AS_FOUND)),
+    )
 
 
 def _rebound_check(certification: Certification) -> ReboundCheck | None:

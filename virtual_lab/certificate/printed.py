@@ -93,6 +93,7 @@ def printed_values(document: CertificateDocument) -> dict[str, Any]:
         "bat": _bat(document.bat),
         "width": _width(document.width_m),
         "correction": _correction(document.ball_correction),
+        "as_found": _as_found(document),
         "choice": _choice(document),
         "about_flags": _about_flags(document),
         "not_checked": _not_checked(document),
@@ -378,6 +379,16 @@ def _correction(correction: CorrectionStated | None) -> str:
         f"divided by {ratio['value']} (u = {ratio['u']}), what the control bat gave with this "
         f"lot of balls over the {standard:g} it is known by"
     )
+
+
+def _as_found(document: CertificateDocument) -> dict[str, str] | None:
+    """Return the metric with the balls of this test, with its unit; None without a correction."""
+    correction = document.ball_correction
+    if correction is None or correction.as_found is None or not document.states_result:
+        return None
+    printed = METRICS[document.metric.name]
+    unit = f" {printed.unit}" if printed.unit else ""
+    return {**_with_u(correction.as_found, 1 / printed.unit_si), "unit": unit}
 
 
 def _choice(document: CertificateDocument) -> str:

@@ -50,6 +50,11 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
     value = f"{result['value']} ± {result['expanded']}{result['unit']} (u {result['u']}{first})"
     interval = f"95 % interval {result['low']} to {result['high']}"
     yield f"{result['symbol']:4} {value}   {interval}, {most}"
+    if found := printed["as_found"]:
+        yield (
+            f"{result['symbol']:4} {found['value']}{found['unit']} (u {found['u']})"
+            "   as found, with these balls"
+        )
     for row in printed["quantities"]:
         symbol = row["symbol"].replace("_0", "0")
         which = f"   {document.recoil.which}" if symbol == "r" else ""

@@ -7,12 +7,15 @@ if the procedure requires it, the width of the curve near its maximum.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from virtual_lab.lab.true_metric import TrueCurve, Visits, results_of_curves
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.measurement.procedure.rules import Scan
 from virtual_lab.measurement.session_reduction import Reduction
 from virtual_lab.simulation.stations.rig import ImpactStation, ShotPlan, Specimen
@@ -55,6 +58,10 @@ def measurands(
     visited = Visits(owner, reduced.place, reduced.valid)
     true = curve.sought(control)[back], curve.metric(control)[back]
     true_values["metric"] = results_of_curves(procedure, laboratories, visited, *true)
+    if procedure.normalized:
+        plain = replace(curve, procedure=procedure.as_found)
+        true = true[0], plain.metric()[back]  # at the position of the result
+        true_values[AS_FOUND] = results_of_curves(procedure, laboratories, visited, *true)
     if procedure.scan is not None:
         along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)
         smooth = curve_at(np.tile(along, laboratories), np.arange(laboratories).repeat(POINTS))

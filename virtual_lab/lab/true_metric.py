@@ -58,7 +58,7 @@ class TrueCurve:
         """Return the quantity that a scan maximises: the metric, or v_f [m/s]."""
         scan = self.procedure.scan
         if scan is not None and scan.seeks == "batted_speed":
-            return self._batted(self.collision_efficiency)
+            return self._batted(self._with_standard_ball(control)[1])
         return self.metric(control)
 
     def _batted(self, efficiency: Array) -> Array:

@@ -45,6 +45,7 @@ from virtual_lab.measurement.procedure import (
     verdicts_of,
     with_choice,
 )
+from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
 from virtual_lab.measurement.reduction.flights import numbered
 from virtual_lab.measurement.reduction.observations import ImpactReadings
@@ -68,6 +69,8 @@ from virtual_lab.uncertainty.propagating import FIRST
 from virtual_lab.uncertainty.scatter import HitVariance
 from virtual_lab.units import Array, Mask
 
+# results at the maximum of a scan; the shortfall and the shift of the place are alike in both
+DECIDING = frozenset({"metric", AS_FOUND})
 CACHED = 80_000  # largest number of values of an array that stays in the processor's cache
 
 
@@ -87,7 +90,8 @@ class Certification:
     outcome: HitWeights
     metric: Budget | None  # budget of the metric; None if too few hits were valid
     first_order: Budgets | None  # the metric's components as arrays, a block of one
-    quantities: Mapping[str, Budget]  # budgets by the keys of QUANTITIES; {} without a metric
+    # budgets by the keys of QUANTITIES and, if balls are corrected for, AS_FOUND; {}: no metric
+    quantities: Mapping[str, Budget]
     # variance of one hit in each result, from this test alone; {} if the test is INVALID
     variances: Mapping[str, Estimate]
     refined: Propagated | None  # result of second order or Monte Carlo; None: first order only
@@ -134,7 +138,7 @@ class Certifications:
     readings: ImpactReadings  # readings of all shots, in the order in which they were fired
     outcome: HitWeights
     some: Mask  # mask of the laboratories with a result, (laboratory,)
-    results: Mapping[str, Budgets]  # keys: ``metric``, and those of QUANTITIES
+    results: Mapping[str, Budgets]  # keys: ``metric``, AS_FOUND, and those of QUANTITIES
     checked: Checked
     reason_table: tuple[Reason, ...]  # reasons for the verdicts INVALID and FAIL
     verdicts: tuple[Verdict, ...]
@@ -252,7 +256,9 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
     lost = shortfalls(
         rules, laboratories, owner, reduced.place, reduced.valid & some[owner], reduced.shot_metric
     )
-    results["metric"] = metric = with_choice(results["metric"], lost)
+    for name in DECIDING & results.keys():
+        results[name] = with_choice(results[name], lost)
+    metric = results["metric"]
     checked = check(
         Evidence(
             block=block,
@@ -321,7 +327,7 @@ def _results(
             values,
             weighing.weights,
             weighing.places,
-            weighing.effects if name == "metric" else weighing.weights,
+            weighing.effects if name in DECIDING else weighing.weights,
             known.get(name),
         )
         for name, values in model.quantities(columns, bat, moved).items()

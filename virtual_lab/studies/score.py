@@ -13,7 +13,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import read_bytes, read_json
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
 from virtual_lab.lab.seal import TRUTH, Alteration, alterations
-from virtual_lab.measurement.procedure.model import QUANTITIES
+from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.parameters import Folder
@@ -50,8 +50,9 @@ def score(
     """Return the scores of the metric and the other quantities, by name.
 
     For a scan the metric is compared twice: with the result of the procedure on the exact curve,
-    and with the maximum of this curve. The width of the curve [m], if stated, is last. The result
-    is empty if `measurand`, the true values, is empty, as after a test without a result.
+    and with the maximum of this curve. The metric as found is that before a correction for the
+    balls. The width of the curve [m], if stated, is last. The result is empty if `measurand`, the
+    true values, is empty, as after a test without a result.
     """
     if not measurand:
         return {}
@@ -59,6 +60,8 @@ def score(
     if CONTINUOUS in measurand:
         stated[CONTINUOUS] = certificate["metric"]
     stated |= {name: certificate[name] for name in QUANTITIES if name in certificate}
+    if AS_FOUND in measurand and (correction := certificate["ball_correction"]):
+        stated[AS_FOUND] = correction["as_found"]
     if certificate.get(WIDTH_KEY) and WIDTH_KEY in measurand:
         stated[WIDTH_KEY] = certificate[WIDTH_KEY]
     return {

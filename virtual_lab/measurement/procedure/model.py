@@ -27,6 +27,7 @@ QUANTITIES: Mapping[str, str] = {  # name in a certificate: field of the shots t
     "recoil_factor": "asked_recoil_factor",
     "ball_restitution": "lot_ball_restitution",
 }
+AS_FOUND = "metric_as_found"  # metric with the balls of the lot, if the rules correct for them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +45,7 @@ class MeasurementModel:
     readings: ImpactReadings
 
     def __call__(self, constants: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the quantities of a certificate and ``metric``, each (..., shot)."""
+        """Return the quantities of a certificate, `AS_FOUND` and ``metric``, each (..., shot)."""
         bat = bat_properties(constants)
         return self.quantities(constants, bat, self.shots(constants, bat))
 
@@ -54,8 +55,10 @@ class MeasurementModel:
         """Return the quantities of `__call__` from the bat and the shots for these constants."""
         found = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
         control = constants[CONTROL] if self.rules.controlled else 1.0
-        metric = metric_of(self.rules, control=control)
-        return found | {"metric": metric(Curve.measured(shots), bat)}
+        curve = Curve.measured(shots)
+        if self.rules.normalized:
+            found[AS_FOUND] = metric_of(self.rules.as_found)(curve, bat)
+        return found | {"metric": metric_of(self.rules, control=control)(curve, bat)}
 
     def shots(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -144,7 +144,8 @@ class BallCorrection(Spec):
     """
 
     method: Literal["none", "ratio", "trampoline", "control-bat"]
-    standard: Number  # e0 of the standard ball, or e of the control bat
+    # e0 of the standard ball at the relative speed of every hit, or e of the control bat
+    standard: Number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -235,7 +236,7 @@ class Procedure(Spec):
         scan = self.scan
         if scan is None or scan.seeks == "metric":
             return
-        if self.metric != "besr" or self.game is not None or self.correction is not None:
+        if self.metric != "besr" or self.game is not None:
             raise ValueError("scan.seeks = 'batted_speed' is for the metric besr as tested")
         if scan.final_hits or scan.width_drop:
             raise ValueError("scan.seeks = 'batted_speed' takes the top of the fitted curve")
@@ -249,6 +250,16 @@ class Procedure(Spec):
     def largest_metric_u(self) -> float:
         """Largest standard uncertainty of the metric with which a result decides [SI]."""
         return self.largest_u or self.largest_speed_u or 0.0
+
+    @property
+    def as_found(self) -> Procedure:
+        """The same procedure without the correction for the balls."""
+        return replace(self, correction=None)
+
+    @property
+    def normalized(self) -> bool:
+        """Whether the metric is converted to another ball than those of the lot."""
+        return self.correction is not None and self.correction.method != "none"
 
     @property
     def controlled(self) -> bool:
