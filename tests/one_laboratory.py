@@ -18,12 +18,12 @@ from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.session_reduction import Reduction, reduce_block
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import Budget, Components, Variants, combined
+from virtual_lab.uncertainty.budget import Budget, Components, Variants, combine_components
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
 
 
 def stacked(constants: Mapping[str, Estimate]) -> dict[str, Estimates]:
-    return {name: Estimates.stacked([each]) for name, each in constants.items()}
+    return {name: Estimates.stack([each]) for name, each in constants.items()}
 
 
 def propagate(
@@ -36,7 +36,7 @@ def propagate(
 
 
 def combine(value: float, components: Components) -> Budget:
-    return combined(np.array([value]), components).row(0)
+    return combine_components(np.array([value]), components).row(0)
 
 
 def outcome_of(

@@ -34,16 +34,16 @@ class AlignedArrays:
         missing = rows < 0 if numbers and rows.min(initial=0) < 0 else None
         kind: Any = type(self)
         names, shared = _names(kind)
-        chosen = {name: _selected(getattr(self, name), rows, missing) for name in names}
-        found: Self = kind(**chosen, **{name: getattr(self, name) for name in shared})
-        return found
+        chosen = {name: _select(getattr(self, name), rows, missing) for name in names}
+        selection: Self = kind(**chosen, **{name: getattr(self, name) for name in shared})
+        return selection
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
         """Return the rows of all parts; the other fields are those of the first part."""
         kind: Any = cls
         names, shared = _names(kind)
-        rows = {name: _joined([getattr(each, name) for each in parts]) for name in names}
+        rows = {name: _concatenate([getattr(each, name) for each in parts]) for name in names}
         return cls(**rows, **{name: getattr(parts[0], name) for name in shared})
 
 
@@ -55,20 +55,20 @@ def _names(kind: type[Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return aligned, tuple(name for name in every if name not in aligned)
 
 
-def _selected(values: Any, rows: Any, missing: NDArray[np.bool_] | None) -> Any:
+def _select(values: Any, rows: Any, missing: NDArray[np.bool_] | None) -> Any:
     if isinstance(values, np.ndarray):
-        found = values[rows]
+        selection = values[rows]
         if missing is not None:
-            found[missing] = np.nan if found.dtype.kind == "f" else 0
-        return found
+            selection[missing] = np.nan if selection.dtype.kind == "f" else 0
+        return selection
     if isinstance(values, AlignedArrays):
         return values.select(rows)
     if isinstance(values, Mapping):
-        return {name: _selected(each, rows, missing) for name, each in values.items()}
+        return {name: _select(each, rows, missing) for name, each in values.items()}
     return values.part(rows) if hasattr(values, "part") else values
 
 
-def _joined(values: Sequence[Any]) -> Any:
+def _concatenate(values: Sequence[Any]) -> Any:
     first = values[0]
     if isinstance(first, AlignedArrays):
         return type(first).concatenate(values)

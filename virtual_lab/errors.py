@@ -49,9 +49,9 @@ def without_if_it_fails(form: str, missing: list[str]) -> Iterator[None]:
         missing.append(" ".join(f"{form} ({kind}{fault})".split()))
 
 
-def nearest(name: object, known: Iterable[str]) -> str:
+def nearest(name: object, names: Iterable[str]) -> str:
     """Return a suggestion of known names similar to a mistyped one, or an empty text."""
-    folded = {each.lower(): each for each in known}
+    folded = {each.lower(): each for each in names}
     near = difflib.get_close_matches(str(name).lower(), folded, n=2, cutoff=0.5)
     return f"did you mean {' or '.join(folded[each] for each in near)}? " if near else ""
 

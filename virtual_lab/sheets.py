@@ -123,26 +123,26 @@ class Sheet:
         if self.kind not in NAMED:  # a rig finds its instruments by their names
             changed = Sheet(self.kind, self.name, toml_text(document))
         else:
-            changed = self._renamed(document, every)
+            changed = self._rename(document, every)
         try:
             changed._check(changed.name)
         except InputError as fault:
-            raise self._misnamed(every) or fault from fault
+            raise self._nested_key_error(every) or fault from fault
         return changed
 
-    def _misnamed(self, every: Mapping[str, Any]) -> InputError | None:
+    def _nested_key_error(self, every: Mapping[str, Any]) -> InputError | None:
         """Return the error for a key that stands within a table of this sheet."""
         from virtual_lab import catalog
 
-        known = [datum.key for datum in catalog.datums(self.document)]
+        keys = [datum.key for datum in catalog.datums(self.document)]
         for key in every:
-            within = [each for each in known if each.endswith(f".{key}")]
+            within = [each for each in keys if each.endswith(f".{key}")]
             if within and key not in self.document:
                 allowed = f"unknown key, did you mean {' or '.join(within)}?"
                 return InputError(self.name, key, None, allowed)
         return None
 
-    def _renamed(self, document: dict[str, Any], every: Mapping[str, Any]) -> Sheet:
+    def _rename(self, document: dict[str, Any], every: Mapping[str, Any]) -> Sheet:
         """Return the sheet of a changed document; its name tells the changes, or is given."""
         from virtual_lab import catalog
 
@@ -155,7 +155,7 @@ class Sheet:
                 raise InputError(self.name, "name", name, allowed)
             return Sheet(self.kind, name, toml_text(document))
         origin = self.origin or str(document.get("name", Path(self.name).stem))
-        changes = dict(self.changes) | {key: _in_name(value) for key, value in _dotted(every)}
+        changes = dict(self.changes) | {key: _in_name(value) for key, value in _flatten(every)}
         name = f"{origin} ({', '.join(f'{key}={value}' for key, value in changes.items())})"
         if len(name) > LONGEST_NAME:
             digest = hashlib.sha256(name.encode()).hexdigest()[:8]
@@ -174,14 +174,14 @@ class Sheet:
         for table in tables:
             inner = document.get(table)
             if not isinstance(inner, dict) or _is_number(inner):
-                raise self._unknown(document, table, key)
+                raise self._unknown_key_error(document, table, key)
             document = inner
         old = document.get(last)
         if old is None and self.kind not in NAMED:
-            raise self._unknown(document, last, key)
+            raise self._unknown_key_error(document, last, key)
         if value is None:
             if old is None:
-                raise self._unknown(document, last, key)
+                raise self._unknown_key_error(document, last, key)
             del document[last]
         elif isinstance(value, Mapping):
             inner = document.setdefault(last, {})
@@ -192,13 +192,13 @@ class Sheet:
 
     def _written(self, old: Any, key: str, value: Any) -> Any:
         """Return a value in the form of a file."""
-        known = {"source": "changed", "verified": False}
+        provenance = {"source": "changed", "verified": False}
         if isinstance(value, bool) or (isinstance(value, str) and isinstance(old, str)):
             return value
         number = NUMBER.fullmatch(value) if isinstance(value, str) else None
         if number:
             try:
-                return {"value": float(number[1]), "unit": number[2], **known}
+                return {"value": float(number[1]), "unit": number[2], **provenance}
             except ValueError:
                 pass
         if isinstance(value, str):
@@ -207,11 +207,11 @@ class Sheet:
                 raise InputError(self.name, key, value, allowed)
             return value
         plain = [_plain(each) for each in value] if _is_list(value) else _plain(value)
-        return {"value": plain, "unit": old["unit"] if _is_number(old) else "1", **known}
+        return {"value": plain, "unit": old["unit"] if _is_number(old) else "1", **provenance}
 
-    def _unknown(self, document: Mapping[str, Any], name: str, key: str) -> InputError:
-        known = [each for each in document if each not in ("name", "title", "kind")]
-        allowed = f"unknown key, {nearest(name, known)}known here: {', '.join(known)}"
+    def _unknown_key_error(self, document: Mapping[str, Any], name: str, key: str) -> InputError:
+        keys = [each for each in document if each not in ("name", "title", "kind")]
+        allowed = f"unknown key, {nearest(name, keys)}known here: {', '.join(keys)}"
         return InputError(self.name, key, None, allowed)
 
     def _check(self, where: str) -> None:
@@ -394,9 +394,13 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
         allowed = f"{nearest(stage, rigs)}allowed: {', '.join(rigs)}, a dot, a key of a sheet"
         raise InputError("", "key", key, allowed)
     rig = Sheet.of("rigs", rigs[stage])
-    part, _, own = rest.partition(".")
+    part, _, inner_key = rest.partition(".")
     named = rig.document.get(part)
-    return (Sheet.of("instruments", named), own) if own and isinstance(named, str) else (rig, rest)
+    return (
+        (Sheet.of("instruments", named), inner_key)
+        if inner_key and isinstance(named, str)
+        else (rig, rest)
+    )
 
 
 def settings_text(command: str, arguments: Mapping[str, Any], *, sealed: bool) -> str:
@@ -424,8 +428,8 @@ def _setting(value: Any) -> Any:
     if isinstance(value, Sheet):
         if value.origin.endswith(".toml"):
             return f"{value.name}={value.origin}"
-        own = value.name in _names(value.kind) or value.name.endswith(".toml")
-        return value.name if own and value == Sheet.of(value.kind, value.name) else None
+        has_file = value.name in _names(value.kind) or value.name.endswith(".toml")
+        return value.name if has_file and value == Sheet.of(value.kind, value.name) else None
     return str(value) if isinstance(value, Path) else _plain(value)
 
 
@@ -476,11 +480,11 @@ def _is_table(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
 
 
-def _dotted(changes: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+def _flatten(changes: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the values within tables, each under its key with dots."""
     for key, value in changes.items():
         if isinstance(value, Mapping):
-            yield from _dotted(value, f"{above}{key}.")
+            yield from _flatten(value, f"{above}{key}.")
         else:
             yield f"{above}{key}", value
 

@@ -279,7 +279,7 @@ def memory() -> Iterator[Row]:
     monte_carlo(models.bpf, models.BPF, draws=30 * DRAWS)
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     yield Row(part="memory", what="2e6 to 3e7 draws", value=grown, unit="MB", at_most=5.0)
-    model = Model.tried(models.bpf, read_inputs(models.BPF, {}))
+    model = Model.try_out(models.bpf, read_inputs(models.BPF, {}))
     batches = Batches(model, Drawing(probability=0.95))
     count = 64
     batches.draw_to(4 * count)

@@ -141,8 +141,8 @@ def test_stated_values_replace_those_of_the_kind_of_ball(
 ) -> None:
     (tmp_path / "cal.toml").write_text(file)
     track = vl.track(FRAMES, ball=ball, fps=240, calibration=tmp_path / "cal.toml", **said)
-    assert track.found.knowledge.drag is not None
-    assert track.found.knowledge.drag[0] == pytest.approx(drag, rel=1e-4)
+    assert track.clip.knowledge.drag is not None
+    assert track.clip.knowledge.drag[0] == pytest.approx(drag, rel=1e-4)
 
 
 @pytest.mark.parametrize(

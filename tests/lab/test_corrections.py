@@ -20,7 +20,7 @@ from tests.one_laboratory import reduce_session
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.certificate.filling import certificate
-from virtual_lab.lab import prepared
+from virtual_lab.lab import prepare_day
 from virtual_lab.lab.laboratory import lot_constants
 from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.reduction.observations import ImpactReadings
@@ -694,7 +694,7 @@ def test_a_slanting_bat_is_seen_through(late: float) -> None:
                 drawn[:, 1] = late
             return drawn
 
-    day = prepared(opened("r161", procedure="ncaa-besr", reality=Reality.IDEAL, seed=1))
+    day = prepare_day(opened("r161", procedure="ncaa-besr", reality=Reality.IDEAL, seed=1))
     laboratory = day.laboratory
     station: Any = laboratory.stations[Stage.IMPACT]
     station = replace(station, drive=replace(station.drive, timing_scatter=0.3e-3))

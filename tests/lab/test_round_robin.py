@@ -162,7 +162,7 @@ def test_scenes_of_a_test_lie_in_its_box(procedure: str) -> None:
     box, shots = round_robin.setup.collision.box, 20_000
     assert box is not None
     laboratory, rules = round_robin.laboratory(1), round_robin.setup.rules.spec
-    ready = lab.prepared(laboratory).laboratory
+    ready = lab.prepare_day(laboratory).laboratory
     ends = (rules.scan.low, rules.scan.high) if rules.scan else (np.mean(box.impact_position),) * 2
     slots, watching = np.arange(shots), Watching(round_robin)
     plan = ShotPlan(
@@ -208,7 +208,7 @@ def test_summed_and_full_records_share_their_truth(procedure: str) -> None:
     rules, slots = setup.rules.spec, np.arange(24)
     truths, constants, balls = [], [], []
     for detail in RecordDetail:
-        day = lab.prepared(lab.Laboratory.open(replace(setup, detail=detail)))
+        day = lab.prepare_day(lab.Laboratory.open(replace(setup, detail=detail)))
         ready, bench, wall = day.laboratory, day.bench, day.wall
         assert bench is not None
         assert wall is not None

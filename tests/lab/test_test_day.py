@@ -56,7 +56,7 @@ def test_a_person_may_reject_a_hit() -> None:
         reasons = judge(*given).reasons
         return Judgement(reasons=tuple(REASON if n == 2 else why for n, why in enumerate(reasons)))
 
-    day = lab.prepared(opened("r161", procedure=PROCEDURE, seed=3))
+    day = lab.prepare_day(opened("r161", procedure=PROCEDURE, seed=3))
     while (asked := day.next_shots()).owner.size:
         day = day.fire(asked).judge(wary)
     found, sound = day.finish().of(0).certification, certified(seed=3).certification
@@ -70,7 +70,7 @@ def test_a_person_may_reject_a_hit() -> None:
 
 def test_a_day_is_not_changed_by_what_follows_it() -> None:
     """Each step returns a new day, so an earlier day can be continued differently."""
-    day = lab.prepared(opened("r161", procedure=PROCEDURE, seed=3))
+    day = lab.prepare_day(opened("r161", procedure=PROCEDURE, seed=3))
     before = replace(day)
     fired = day.fire(day.next_shots()).judge()
     assert day == before

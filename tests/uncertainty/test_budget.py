@@ -14,7 +14,7 @@ from virtual_lab.uncertainty.budget import (
     Component,
     Components,
     Variants,
-    combined,
+    combine_components,
     interval_95,
     means_of_hits,
     types_a,
@@ -42,7 +42,7 @@ def scatter(
 ) -> Components:
     """Return the component of a weighted sum of hits by their scatter, `effects` (constant, n)."""
     effects = np.zeros((0, hits.size)) if effects is None else effects
-    whole = Scatter.seen(hits[None], weights[None], groups[None], effects[None])
+    whole = Scatter.of_hits(hits[None], weights[None], groups[None], effects[None])
     return types_a(HITS, np.array([hits @ weights]), whole.u, whole.dof)
 
 
@@ -147,7 +147,7 @@ def test_a_block_without_uncertain_constants_has_its_scatter_alone() -> None:
     variants = Variants.of(constants)
     assert variants.sets == 1
     alone = variants.components(np.ones((3, 1))) + types_a("hits", np.ones(3), np.full(3, 0.1))
-    assert combined(np.ones(3), alone).u == pytest.approx([0.1] * 3)
+    assert combine_components(np.ones(3), alone).u == pytest.approx([0.1] * 3)
 
 
 def test_every_impact_position_has_its_own_scatter() -> None:

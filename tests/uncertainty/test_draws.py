@@ -206,7 +206,7 @@ def test_draws_do_not_depend_on_order_units_or_length_of_run() -> None:
 def test_a_sketch_agrees_with_sorted_numbers_and_adds_up() -> None:
     """A sketch of a million heavy-tailed numbers is right within a bin, 1.3e-4 of its width."""
     x = generator(2, "sketch", 0).standard_t(3, 2**20)
-    whole, half, other = (Sketch.placed(x[:BLOCK], 0.95) for _ in range(3))
+    whole, half, other = (Sketch.empty_like(x[:BLOCK], 0.95) for _ in range(3))
     whole.add(x)
     half.add(x[: 2**19])
     other.add(x[2**19 :])

@@ -101,7 +101,7 @@ TWO = [
 
 def test_a_block_gives_back_each_estimate_of_its_own() -> None:
     """Every field returns, after selection by a mask and by an index."""
-    block = Estimates.stacked(TWO)
+    block = Estimates.stack(TWO)
     assert [block.row(n) for n in range(2)] == TWO
     assert block.select(np.array([False, True])).row(0) == TWO[1]
     assert block.select(np.array([1, 0, 1])).row(1) == TWO[0]
@@ -110,7 +110,7 @@ def test_a_block_gives_back_each_estimate_of_its_own() -> None:
 def test_a_block_holds_estimates_of_one_kind() -> None:
     """Evaluation, source and pool belong to the block, so that they must agree."""
     with pytest.raises(ValueError, match="one kind"):
-        Estimates.stacked([TWO[0], Estimate(value=1.0, u=0.5, dof=4.0)])
+        Estimates.stack([TWO[0], Estimate(value=1.0, u=0.5, dof=4.0)])
 
 
 def test_a_laboratory_without_a_value_has_no_estimate() -> None:

@@ -386,7 +386,7 @@ def test_a_model_that_gives_two_results_is_refused(method: str, row_by_row: bool
             vl.propagate(by_row, GOOD, method=method, draws=1)
     if not row_by_row:
         tried = Changing(since=10**9)
-        Model.tried(tried, read_inputs(GOOD, {}))
+        Model.try_out(tried, read_inputs(GOOD, {}))
         with pytest.raises(vl.InputError, match="the same inputs gave two results, 3 and 1"):
             vl.propagate(Changing(since=tried.calls), GOOD, method=method, draws=1)
 

@@ -13,8 +13,10 @@ from virtual_lab.uncertainty.scatter import HitVariance, Scatter, larger_today
 HITS = 6
 
 
-def variance(left: float, seen: float, dof: float) -> HitVariance:
-    return HitVariance(left=np.array([left]), seen=np.array([seen]), dof=np.array([dof]))
+def variance(unexplained: float, total: float, dof: float) -> HitVariance:
+    return HitVariance(
+        unexplained=np.array([unexplained]), total=np.array([total]), dof=np.array([dof])
+    )
 
 
 def of_six(today: HitVariance, u: float, dof: float) -> Scatter:
@@ -28,16 +30,16 @@ def scatter_of(hits: np.ndarray, effects: np.ndarray | None = None) -> Scatter:
     """Return the scatter of tests (test, 6) at one position, with effects (constant, 6) on hits."""
     effects = np.zeros((0, HITS)) if effects is None else effects
     each = np.broadcast_to(effects, (len(hits), *effects.shape))
-    return Scatter.seen(hits, np.full(hits.shape, 1 / HITS), np.zeros(hits.shape), each)
+    return Scatter.of_hits(hits, np.full(hits.shape, 1 / HITS), np.zeros(hits.shape), each)
 
 
 def numbers(each: HitVariance) -> list[float]:
-    return [float(part[0]) for part in (each.left, each.seen, each.dof)]
+    return [float(part[0]) for part in (each.unexplained, each.total, each.dof)]
 
 
 def test_variances_join_by_degrees_of_freedom() -> None:
     """The variance of a hit is (5 · 2 + 50 · 4) / 55, less the .5 that a constant explains."""
-    joined = of_six(variance(1.5, 2.0, 5.0), 0.5, 5.0).joined(variance(3.5, 4.0, 50.0))
+    joined = of_six(variance(1.5, 2.0, 5.0), 0.5, 5.0).pool_with(variance(3.5, 4.0, 50.0))
     left, all_seen = (5 * 1.5 + 50 * 3.5) / 55, (5 * 2 + 50 * 4) / 55
     assert joined.u**2 == pytest.approx(left / HITS)
     assert joined.dof == pytest.approx(55 * (left / all_seen) ** 2)
@@ -53,9 +55,9 @@ def test_the_variance_of_a_hit_is_that_of_numpy() -> None:
 
 def test_pooled_tests_omit_the_invalid() -> None:
     tests = [variance(v, v, dof) for v, dof in ((1.0, 5.0), (3.0, 15.0), (1e9, 0.0))]
-    pooled = HitVariance.pooled(tests)
+    pooled = HitVariance.pool(tests)
     assert numbers(pooled) == pytest.approx([2.5, 2.5, 20])
-    assert numbers(HitVariance.of(pooled.known("3 tests"))) == pytest.approx(numbers(pooled))
+    assert numbers(HitVariance.of(pooled.as_estimates("3 tests"))) == pytest.approx(numbers(pooled))
 
 
 def test_a_larger_scatter_today_counts_alone() -> None:
@@ -63,7 +65,7 @@ def test_a_larger_scatter_today_counts_alone() -> None:
     assert stats.f.ppf(0.99, 5, 50) == pytest.approx(3.41, abs=5e-3)
     for ratio, alone in ((3.40, False), (3.42, True)):
         six_hits = of_six(variance(ratio, ratio, 5.0), float(np.sqrt(ratio / HITS)), 5.0)
-        assert (float(six_hits.joined(variance(1.0, 1.0, 50.0)).dof[0]) == 5.0) == alone
+        assert (float(six_hits.pool_with(variance(1.0, 1.0, 50.0)).dof[0]) == 5.0) == alone
         today, earlier = (
             Estimate(value=v, u=v * float(np.sqrt(2 / dof)), dof=dof)
             for v, dof in ((ratio, 5.0), (1.0, 50.0))
@@ -79,7 +81,7 @@ def test_the_f_test_compares_observed_variances() -> None:
 
 def test_a_fully_explained_scatter_keeps_its_degrees_of_freedom() -> None:
     """Instead of u = 0 with ν = ∞, the Welch-Satterthwaite term is that of the seen variance."""
-    joined = of_six(variance(-0.5, 1.0, 5.0), 0.0, np.inf).joined(variance(-0.1, 1.0, 50.0))
+    joined = of_six(variance(-0.5, 1.0, 5.0), 0.0, np.inf).pool_with(variance(-0.1, 1.0, 50.0))
     assert 0 < joined.u[0] < 0.02
     assert joined.u[0] ** 4 / joined.dof[0] == pytest.approx((1 / HITS) ** 2 / 55)
 
@@ -93,7 +95,7 @@ def test_a_history_covers_the_tests_with_a_small_u_as_well() -> None:
     """
     rng, count = np.random.default_rng(11), 20_000
     tests = rng.standard_normal((11, count, HITS))
-    earlier = HitVariance.pooled([scatter_of(each).variance for each in tests[1:]])
+    earlier = HitVariance.pool([scatter_of(each).variance for each in tests[1:]])
     today, one = np.repeat(tests[0][:, None], 3, axis=1), np.ones(count)
     constants = Variants.of({"without effect": Estimates(value=one, u=one, dof=one)})
     even, place = np.full((count, HITS), 1 / HITS), np.zeros((count, HITS))

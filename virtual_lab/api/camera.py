@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 class Track:
     """Result of `track`: tables of flights, contacts and positions."""
 
-    found: FollowedClip
+    clip: FollowedClip
     progress: Progress = quiet
     film: bool = False  # whether `save` writes a film
 
@@ -44,14 +44,14 @@ class Track:
         """The result as in ``result.json``."""
         from virtual_lab.video.show.track_text import track_document
 
-        return track_document(self.found)
+        return track_document(self.clip)
 
     @property
     def text(self) -> str:
         """The result for a terminal."""
         from virtual_lab.video.show.track_text import track_text
 
-        return track_text(self.found)
+        return track_text(self.clip)
 
     @property
     def motion(self) -> str:
@@ -63,33 +63,33 @@ class Track:
         """One row per flight, as in ``speeds.csv``, each quantity with its u."""
         from virtual_lab.video.show.track_text import flight_rows
 
-        return _table(flight_rows(self.found))
+        return _table(flight_rows(self.clip))
 
     @cached_property
     def contacts(self) -> pd.DataFrame:
         """One row per contact: time, frame, kind, restitution with its u."""
         from virtual_lab.video.show.track_text import contact_rows
 
-        return _table(contact_rows(self.found))
+        return _table(contact_rows(self.clip))
 
     @cached_property
     def places(self) -> pd.DataFrame:
         """One row per position, as in ``track.csv``."""
         from virtual_lab.video.show.course import course_of, course_rows
 
-        return _table(course_rows(course_of(self.found)))
+        return _table(course_rows(course_of(self.clip)))
 
     def save(self, folder: str | Path) -> Path:
         """Write track, result, plot, contact sheet, and a film on request into a new folder."""
         from virtual_lab.video.show.tracked_clip import save_track
 
-        save_track(self.found, Path(folder), self.progress, film=self.film)
+        save_track(self.clip, Path(folder), self.progress, film=self.film)
         return Path(folder)
 
     def __repr__(self) -> str:
         from virtual_lab.video.show.track_text import track_title
 
-        return f"<Track of {track_title(self.found)}>"
+        return f"<Track of {track_title(self.clip)}>"
 
 
 def track(
@@ -207,8 +207,8 @@ def track(
         "corrected": corrected,
     }
     file = clip if isinstance(clip, np.ndarray) else Path(clip)
-    found = track_clip(file, stated, progress=progress)
-    return Track(found=found, progress=progress, film=film_of_track)
+    result = track_clip(file, stated, progress=progress)
+    return Track(clip=result, progress=progress, film=film_of_track)
 
 
 def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
@@ -224,21 +224,21 @@ def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
 class Calibration:
     """A camera calibrated with pictures of a board."""
 
-    found: Calibrated
+    camera: Calibrated
 
     @property
     def document(self) -> dict[str, Any]:
         """Lens, pose and scale with their uncertainties."""
         from virtual_lab.video.show.calibration import calibration_document
 
-        return calibration_document(self.found)
+        return calibration_document(self.camera)
 
     @property
     def text(self) -> str:
         """The calibration for a terminal."""
         from virtual_lab.video.show.calibration import calibration_text
 
-        return calibration_text(self.found)
+        return calibration_text(self.camera)
 
     def save(self, path: str | Path) -> Path:
         """Write the .toml file that `track` reads, and a picture of the residuals beside it."""
@@ -247,8 +247,8 @@ class Calibration:
 
         target = Path(path)
         with new_files(target.parent) as draft:
-            draw_calibration(self.found, draft / target.with_suffix(".png").name)
-            (draft / target.name).write_text(calibration_toml(self.found), encoding="utf-8")
+            draw_calibration(self.camera, draft / target.with_suffix(".png").name)
+            (draft / target.name).write_text(calibration_toml(self.camera), encoding="utf-8")
         return target
 
     def __repr__(self) -> str:
@@ -295,15 +295,15 @@ def calibrate(
     from virtual_lab.video.calibration.calibrating import calibrate_camera as fit
     from virtual_lab.video.clips.reading import read_pictures
 
-    known = board_of(board)
+    target = board_of(board)
     plan = Plan(
-        board=known,
-        square_u=length_of(square_u or "0m", "--square-u", 0, known.square / 10),
+        board=target,
+        square_u=length_of(square_u or "0m", "--square-u", 0, target.square / 10),
         height=length_of(height or "0m", "--height", -10, 10),
         height_u=length_of(height_u or "0m", "--height-u", 0, 0.1),
         plane=plane,
     )
-    return Calibration(found=fit(read_pictures(paths_of(pictures)), plan))
+    return Calibration(camera=fit(read_pictures(paths_of(pictures)), plan))
 
 
 def board(

@@ -142,10 +142,10 @@ class Certificate:
     @property
     def interval(self) -> tuple[float, float] | None:
         """95 % interval of the metric, in the same unit."""
-        found = self.printed.metric.interval_95
-        if found is None:
+        limits = self.printed.metric.interval_95
+        if limits is None:
             return None
-        low, high = (end / self._print.unit_si for end in found)
+        low, high = (end / self._print.unit_si for end in limits)
         return low, high
 
     @property
@@ -270,8 +270,8 @@ class Certificate:
                 with without_if_it_fails("film", missing), new_folder(draft / "film") as film:
                     self.film(film)
             session = self.certification.session
-            told = descriptors(self.printed, session, self.shots, draft)
-            for name, each in told.items():
+            fields = descriptors(self.printed, session, self.shots, draft)
+            for name, each in fields.items():
                 (draft / name).write_text(text_of_descriptor(each), encoding="utf-8")
             if self.sealed:
                 write_seal(draft)
@@ -300,11 +300,14 @@ class Certificate:
         from virtual_lab.output.metrics import METRICS
         from virtual_lab.output.rounding import with_uncertainty
 
-        found = self.certification
-        words = f"{found.session.bat} by {found.procedure.name}: {self.verdict}"
-        if found.metric:
-            printed = METRICS[found.procedure.metric]
-            numbers = found.metric.value / printed.unit_si, found.metric.u / printed.unit_si
+        certification = self.certification
+        words = f"{certification.session.bat} by {certification.procedure.name}: {self.verdict}"
+        if certification.metric:
+            printed = METRICS[certification.procedure.metric]
+            numbers = (
+                certification.metric.value / printed.unit_si,
+                certification.metric.u / printed.unit_si,
+            )
             words += f", {printed.symbol} {with_uncertainty(*numbers)} {printed.unit}"
         return f"<Certificate of {words.rstrip()}>"
 
@@ -476,16 +479,16 @@ def certify(
             replaced_report(None if replaces is None else Path(replaces), reason),
         ),
     )
-    asked = {
+    session = {
         "bat": setup.bat.spec.name,
         "procedure": setup.rules.text,
         "rig": setup.rig,
         "laboratory": setup.particulars.laboratory.name,
     }
-    scatter = earlier_scatter(paths_of(history), asked)
+    scatter = earlier_scatter(paths_of(history), session)
     setup = replace(
         setup,
-        history={name: Estimates.stacked([each]) for name, each in scatter.items()},
+        history={name: Estimates.stack([each]) for name, each in scatter.items()},
         uncertainty=uncertainty,
     )
     return _certificate(certify_bat(setup, progress), seed)
@@ -560,7 +563,7 @@ def reduce(
     replaced = replaced_report(None if replaces is None else Path(replaces), reason)
     folders = paths_of(history)
 
-    def asked(session: Session) -> Session:
+    def with_options(session: Session) -> Session:
         particulars = session.particulars
         return replace(
             session,
@@ -568,10 +571,10 @@ def reduce(
             history=earlier_scatter(folders, kind_of(session), session) or session.history,
         )
 
-    return Certificate(certification=_reduced(Path(records), asked))
+    return Certificate(certification=_reduce_folder(Path(records), with_options))
 
 
-def _reduced(folder: Path, asked: Callable[[Session], Session]) -> Certification:
+def _reduce_folder(folder: Path, with_options: Callable[[Session], Session]) -> Certification:
     from virtual_lab.measurement.certification import certify_session
     from virtual_lab.records.foreign.laboratory import FORM
     from virtual_lab.records.session import SESSION, load_session
@@ -579,11 +582,11 @@ def _reduced(folder: Path, asked: Callable[[Session], Session]) -> Certification
     if (folder / FORM).exists():
         from virtual_lab.studies.foreign import certify_laboratory
 
-        return certify_laboratory(folder, asked)
+        return certify_laboratory(folder, with_options)
     inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
     if inner and not (folder / SESSION).exists():
         raise InputError("", "records", str(folder), f"they are in {inner[0]}; give that folder")
-    return certify_session(asked(load_session(folder)))
+    return certify_session(with_options(load_session(folder)))
 
 
 def sweep(

@@ -35,8 +35,8 @@ def chart(
     InputError
         Another part.
     """
-    found: SpeedChart = _study(part, "chart")(progress)
-    return found
+    result: SpeedChart = _study(part, "chart")(progress)
+    return result
 
 
 def stability(
@@ -62,8 +62,8 @@ def stability(
     InputError
         Any other part.
     """
-    found: StabilityMap = _study(part, "stability")(progress)
-    return found
+    result: StabilityMap = _study(part, "stability")(progress)
+    return result
 
 
 def _study(part: str, kind: str) -> Any:

@@ -81,7 +81,7 @@ class Description:
 
 
 @cache
-def described(module: str, name: str) -> Description:
+def describe(module: str, name: str) -> Description:
     """Return the description of a function of a module."""
     (function,) = ast.parse(_header(module, name)).body
     assert isinstance(function, ast.FunctionDef)
@@ -177,8 +177,8 @@ def _sentences(doc: str) -> Iterator[tuple[str, str]]:
     section = re.search(
         r"^Parameters\n-+\n(.*?)(?=\n\n\S+\n-+\n|\Z)", doc, re.DOTALL | re.MULTILINE
     )
-    for found in re.finditer(
+    for match in re.finditer(
         r"^(\S.*)\n((?:(?: .*)?\n?)*)", section[1] if section else "", re.MULTILINE
     ):
-        for name in found[1].split(","):
-            yield name.strip(), inspect.cleandoc(found[2])
+        for name in match[1].split(","):
+            yield name.strip(), inspect.cleandoc(match[2])

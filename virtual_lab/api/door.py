@@ -13,7 +13,7 @@ from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
-from virtual_lab.api.describing import Description, advice, described
+from virtual_lab.api.describing import Description, advice, describe
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.output.progress import show_progress
 from virtual_lab.sheets import NAMED, Sheet, settings_text
@@ -30,13 +30,13 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
     `InputError` for an argument that is missing, unknown or not allowed, and for an instrument
     that no rig of the test uses.
     """
-    description = described(*place)
+    description = describe(*place)
 
-    def called(*given: Any, **named: Any) -> Any:
+    def call(*positional: Any, **named: Any) -> Any:
         from virtual_lab import catalog
 
-        bound = _bound(name, description, given, named)
-        asked, store = dict(bound.arguments), Store()
+        bound = _bound(name, description, positional, named)
+        request, store = dict(bound.arguments), Store()
         for key, value in bound.arguments.items():
             if value is not description.parameters[key].default:
                 bound.arguments[key] = _read(name, description, key, value, store)
@@ -50,23 +50,23 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
             result = function(*bound.args, **bound.kwargs, **more)
         for sheet in bound.arguments.get(LABORATORY, ()):
             if (sheet.kind, sheet.name) not in used:
-                known = sorted({each for kind, each in used if kind in ("instruments", "rigs")})
-                allowed = f"no rig of this test uses it; in use: {', '.join(known) or 'none'}"
+                in_use = sorted({each for kind, each in used if kind in ("instruments", "rigs")})
+                allowed = f"no rig of this test uses it; in use: {', '.join(in_use) or 'none'}"
                 raise InputError("", LABORATORY, sheet.name, allowed)
         return (
-            replace(result, settings=settings_text(name, asked, sealed=True))
+            replace(result, settings=settings_text(name, request, sealed=True))
             if name in KEPT
             else result
         )
 
-    called.__name__ = called.__qualname__ = name
-    called.__module__, called.__doc__ = place[0], description.doc
-    called.__signature__ = description.signature  # type: ignore[attr-defined]
-    return called
+    call.__name__ = call.__qualname__ = name
+    call.__module__, call.__doc__ = place[0], description.doc
+    call.__signature__ = description.signature  # type: ignore[attr-defined]
+    return call
 
 
 def _bound(
-    name: str, description: Description, given: Sequence[Any], named: Mapping[str, Any]
+    name: str, description: Description, positional: Sequence[Any], named: Mapping[str, Any]
 ) -> inspect.BoundArguments:
     """Return the arguments of a call by name; `InputError` for those that do not fit."""
     parameters = description.parameters
@@ -77,17 +77,17 @@ def _bound(
             )
             raise InputError(f"vl.{name}", key, None, allowed)
     by_place = [key for key, each in parameters.items() if not each.keyword]
-    if len(given) > len(by_place):
+    if len(positional) > len(by_place):
         others = [f"{key}=…" for key in parameters if key not in by_place]
         allowed = f"write it by name: {', '.join(others)}" if others else "is too many"
         if by_place and parameters[by_place[-1]].rule.several:
             allowed = f"several {by_place[-1]} are one list, [A, B]; or {allowed}"
-        value = given[len(by_place)]
+        value = positional[len(by_place)]
         raise InputError(f"vl.{name}", f"argument {len(by_place) + 1}", value, allowed)
     try:
-        return description.signature.bind(*given, **named)
+        return description.signature.bind(*positional, **named)
     except TypeError as fault:
-        for key in by_place[len(given) :]:
+        for key in by_place[len(positional) :]:
             if parameters[key].default is inspect.Parameter.empty and key not in named:
                 allowed = f"is missing; allowed: {parameters[key].rule.allowed}"
                 raise InputError(f"vl.{name}", key, None, allowed) from fault
@@ -101,7 +101,7 @@ def _read(name: str, description: Description, key: str, value: Any, store: Stor
     if value is None and description.parameters[key].optional:
         return None
     try:
-        found = rule.read(value)
+        parsed = rule.read(value)
     except InputError:
         raise
     except (TypeError, ValueError, OverflowError) as fault:
@@ -110,16 +110,16 @@ def _read(name: str, description: Description, key: str, value: Any, store: Stor
             raise InputError("", key, value, allowed) from fault
         shown_key = key if value is not None else f"{key} = None"
         raise InputError("", shown_key, value, advice(rule, value) + rule.python) from fault
-    placed = _placed(found, store)
-    return found if key == LABORATORY else placed  # `public` checks that each one was used
+    placed = _store_sheets(parsed, store)
+    return parsed if key == LABORATORY else placed  # `public` checks that each one was used
 
 
-def _placed(value: Any, store: Store) -> Any:
+def _store_sheets(value: Any, store: Store) -> Any:
     """Return a value with names in the place of sheets, whose texts are put into the store."""
     if isinstance(value, tuple):
-        return tuple(_placed(each, store) for each in value)
+        return tuple(_store_sheets(each, store) for each in value)
     if isinstance(value, dict):  # a study by its keys
-        return {key: _placed(each, store) for key, each in value.items()}
+        return {key: _store_sheets(each, store) for key, each in value.items()}
     if not isinstance(value, Sheet):
         return value
     kind = value.kind

@@ -175,7 +175,7 @@ def _test_block(block: Block, seed: int) -> dict[tuple[str, str], pa.Array]:
     import pyarrow as pa
 
     case, numbers = block.case, np.arange(block.first, block.first + block.rows)
-    texts, units = case.changed()
+    texts, units = case.apply_changes()
     with catalog.sheets_in_place(texts):
         shared = case.round_robin(seed, block.repeat)
         parts = [_columns(each) for each in shared.blocks(block.rows, seed, block.first)]

@@ -67,7 +67,7 @@ class Study(Spec):
         for number, case in enumerate(self.cases):
             progress("cases", number, len(self.cases))
             with catalog.sheets_in_place({}) as used:
-                with catalog.sheets_in_place(case.changed()[0]):
+                with catalog.sheets_in_place(case.apply_changes()[0]):
                     case.round_robin(self.seed)
                 texts |= {"/".join(key): catalog.source(*key)[0] for key in used}
         return texts
@@ -82,7 +82,7 @@ class StudyCase:
     individual: bool
     change: Mapping[str, Value]
 
-    def changed(self) -> tuple[dict[Key, str], dict[str, str]]:
+    def apply_changes(self) -> tuple[dict[Key, str], dict[str, str]]:
         """Return the texts of the changed sheets, and the unit of each changed key.
 
         Raises `InputError` if no rig of the procedure and no instrument of these rigs has the key.

@@ -45,11 +45,11 @@ class ShotColumn(NamedTuple):
 
 
 def _shots(name: str) -> Getter:
-    return lambda found: getattr(found.shots, name)
+    return lambda certification: getattr(certification.shots, name)
 
 
 def _reading(which: str, name: str) -> Getter:
-    return lambda found: getattr(getattr(found.readings, which), name, None)
+    return lambda certification: getattr(getattr(certification.readings, which), name, None)
 
 
 def _with(which: str, name: str) -> Getter:
@@ -58,26 +58,28 @@ def _with(which: str, name: str) -> Getter:
 
 
 def _gate_time(way: int, first: int, last: int) -> Getter:
-    def between(found: Certification) -> Any:
-        seen = found.readings.flights
-        if not isinstance(seen, GateReadings):
+    def between(certification: Certification) -> Any:
+        flights = certification.readings.flights
+        if not isinstance(flights, GateReadings):
             return None
-        times = seen.passages.times[:, way]
+        times = flights.passages.times[:, way]
         return times[:, last] - times[:, first]
 
     return between
 
 
 def _speed_u(name: str) -> Getter:
-    def known(found: Certification) -> Any:
-        u = getattr(found.readings.flights.raw_u, name)
+    def read_u(certification: Certification) -> Any:
+        u = getattr(certification.readings.flights.raw_u, name)
         return u if np.isfinite(u).any() else None
 
-    return known
+    return read_u
 
 
 def _video(of: Callable[[Any], Any]) -> Getter:
-    return lambda found: None if found.camera is None else np.asarray(of(found.camera))
+    return lambda certification: (
+        None if certification.camera is None else np.asarray(of(certification.camera))
+    )
 
 
 def _video_u(name: str) -> Getter:

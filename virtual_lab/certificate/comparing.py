@@ -89,11 +89,11 @@ def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mi
 def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
     """Yield the first line of a text that differs from `here`."""
     lines = zip_longest(stated.split("\n"), here.split("\n"))
-    for number, (there, own) in enumerate(lines, start=1):
-        if there != own:
-            stated, found = (cut_short((line or "").strip(" ")) for line in (there, own))
+    for number, (there, expected) in enumerate(lines, start=1):
+        if there != expected:
+            stated, found = (cut_short((line or "").strip(" ")) for line in (there, expected))
             if stated == found:  # they differ in blanks only
-                stated, found = repr(there), repr(own)
+                stated, found = repr(there), repr(expected)
             yield Mismatch(file=file, key=f"line {number}", stated=stated, found=found)
             return
 
@@ -110,48 +110,48 @@ def compared_table(path: Path, here: str) -> Iterator[Mismatch]:
         return
     if [len(row) for row in stated] != [len(row) for row in found]:
         shapes = (f"{len(rows) - 2} rows of {len(rows[0])} columns" for rows in (stated, found))
-        there, own = shapes
-        yield Mismatch(file=path.name, key="", stated=there, found=own)
+        there, expected = shapes
+        yield Mismatch(file=path.name, key="", stated=there, found=expected)
         return
     for number, (row, right) in enumerate(zip(stated, found, strict=True)):
-        for cell, own, name in zip(row, right, found[0], strict=False):
-            if not _same_cell(cell, own):
+        for cell, expected, name in zip(row, right, found[0], strict=False):
+            if not _same_cell(cell, expected):
                 key = f"row {number - 1}, {name}" if number else "columns"
                 yield Mismatch(
-                    file=path.name, key=key, stated=cut_short(cell), found=cut_short(own)
+                    file=path.name, key=key, stated=cut_short(cell), found=cut_short(expected)
                 )
 
 
-def _same_cell(stated: str, found: str) -> bool:
-    if stated == found:
+def _same_cell(stated: str, expected: str) -> bool:
+    if stated == expected:
         return True
-    numbers = all(NUMBER.fullmatch(each) for each in (stated, found))
-    return numbers and _same(float(stated), float(found))
+    numbers = all(NUMBER.fullmatch(each) for each in (stated, expected))
+    return numbers and _same(float(stated), float(expected))
 
 
-def differences(stated: Any, found: Any, file: str, key: str = "") -> Iterator[Mismatch]:
-    """Yield the keys of a JSON document whose values differ between `stated` and `found`."""
-    if isinstance(stated, Mapping) and isinstance(found, Mapping):
-        for name in [*found, *(name for name in stated if name not in found)]:
+def differences(stated: Any, expected: Any, file: str, key: str = "") -> Iterator[Mismatch]:
+    """Yield the keys of a JSON document whose values differ between `stated` and `expected`."""
+    if isinstance(stated, Mapping) and isinstance(expected, Mapping):
+        for name in [*expected, *(name for name in stated if name not in expected)]:
             inner = f"{key}.{name}" if key else name
-            if name not in stated or name not in found:
+            if name not in stated or name not in expected:
                 there, here = (
-                    _value(each[name]) if name in each else "" for each in (stated, found)
+                    _value(each[name]) if name in each else "" for each in (stated, expected)
                 )
                 yield Mismatch(file=file, key=inner, stated=there, found=here)
             else:
-                yield from differences(stated[name], found[name], file, inner)
-    elif isinstance(stated, list) and isinstance(found, list) and len(stated) == len(found):
-        for number, (there, here) in enumerate(zip(stated, found, strict=True)):
+                yield from differences(stated[name], expected[name], file, inner)
+    elif isinstance(stated, list) and isinstance(expected, list) and len(stated) == len(expected):
+        for number, (there, here) in enumerate(zip(stated, expected, strict=True)):
             yield from differences(there, here, file, f"{key}[{number}]")
-    elif not _same(stated, found):
-        yield Mismatch(file=file, key=key, stated=_value(stated), found=_value(found))
+    elif not _same(stated, expected):
+        yield Mismatch(file=file, key=key, stated=_value(stated), found=_value(expected))
 
 
-def _same(stated: Any, found: Any) -> bool:
-    if isinstance(stated, float) and isinstance(found, float):
-        return isclose(stated, found, rel_tol=TOLERANCE, abs_tol=1e-15)
-    return type(stated) is type(found) and bool(stated == found)
+def _same(stated: Any, expected: Any) -> bool:
+    if isinstance(stated, float) and isinstance(expected, float):
+        return isclose(stated, expected, rel_tol=TOLERANCE, abs_tol=1e-15)
+    return type(stated) is type(expected) and bool(stated == expected)
 
 
 def _value(value: Any) -> str:

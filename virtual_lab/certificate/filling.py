@@ -74,7 +74,7 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.origin import Simulated, Supplied
 from virtual_lab.records.particulars import Particulars
 from virtual_lab.records.session import Session
-from virtual_lab.uncertainty.budget import HITS, Budget, Budgets, combined
+from virtual_lab.uncertainty.budget import HITS, Budget, Budgets, combine_components
 from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO
 from virtual_lab.uncertainty.scatter import larger_today
 from virtual_lab.units import INCH, MPH, Array
@@ -100,7 +100,7 @@ def certificate(
     recoil, judgement = certification.readings.recoil, certification.judgement
     speed = certification.shots.relative_speed[outcome.used]
     stated = {
-        name: _stated(certification.quantities.get(name))
+        name: _fill_stated(certification.quantities.get(name))
         for name in QUANTITIES
         if name != procedure.metric or procedure.normalized
     }
@@ -122,10 +122,10 @@ def certificate(
         ),
         bat=BatAsMeasured(
             name=session.bat,
-            mass_kg=_stated(certification.bat["mass"]),
-            length_m=_stated(certification.bat["length"]),
-            z_cm_m=_stated(certification.bat["z_cm"]),
-            inertia_cm_kg_m2=_stated(certification.bat["inertia_cm"]),
+            mass_kg=_fill_stated(certification.bat["mass"]),
+            length_m=_fill_stated(certification.bat["length"]),
+            z_cm_m=_fill_stated(certification.bat["z_cm"]),
+            inertia_cm_kg_m2=_fill_stated(certification.bat["inertia_cm"]),
         ),
         ball=BallsUsed(
             name=session.ball,
@@ -158,7 +158,7 @@ def certificate(
         nominal_speed_mph=procedure.ball_speed / MPH,
         nominal_bat_speed_mph=(procedure.bat_speed or 0.0) / MPH,
         v_rel_mph=float(speed.mean() / MPH) if speed.size else None,
-        impact_position_in=_known(outcome.place[0] / INCH),
+        impact_position_in=_finite_or_none(outcome.place[0] / INCH),
         width_m=_width(certification.width),
         swing_range=tuple(_swing(result) for result in certification.swings),
         places=tuple(_places(certification)) if procedure.scan else (),
@@ -180,7 +180,7 @@ def certificate(
         ring=RingStated(
             frequencies_hz=tuple(recoil.ring_frequency.tolist()),
             decays_per_s=tuple(recoil.ring_decay.tolist()),
-            fitted_ms=_known(1e3 * float(np.fmin.reduce(recoil.span, initial=np.nan))),
+            fitted_ms=_finite_or_none(1e3 * float(np.fmin.reduce(recoil.span, initial=np.nan))),
         )
         if recoil
         else None,
@@ -233,7 +233,7 @@ def budget_lines(budget: Budget) -> list[BudgetLine]:
             value=part.value,
             u=part.u,
             type="A" if part.evaluation == "A" else "B",
-            degrees_of_freedom=_known(part.dof),
+            degrees_of_freedom=_finite_or_none(part.dof),
             sensitivity=part.sensitivity,
             contribution=part.contribution,
             share_percent=100 * part.contribution**2 / variance if variance else 0.0,
@@ -249,7 +249,7 @@ def _metric(certification: Certification) -> MetricStated:
         value=metric.value if metric else None,
         u=metric.u if metric else None,
         interval_95=metric.interval_95 if metric else None,
-        degrees_of_freedom=_known(metric.dof) if metric else None,
+        degrees_of_freedom=_finite_or_none(metric.dof) if metric else None,
         u_type_a=metric.u_type_a if metric else None,
         u_type_b=metric.u_type_b if metric else None,
         unit=METRICS[procedure.metric].si_unit,
@@ -265,7 +265,9 @@ def _shots(certification: Certification) -> list[ShotRow]:
     for column in filter(lambda each: each.row, SHOTS):
         values = column.values(certification)
         plain = [None] * count if values is None else np.asarray(values).tolist()
-        columns[column.row] = [_known(each) if isinstance(each, float) else each for each in plain]
+        columns[column.row] = [
+            _finite_or_none(each) if isinstance(each, float) else each for each in plain
+        ]
     rows = zip(*columns.values(), strict=True)
     return [ShotRow(**dict(zip(columns, row, strict=True))) for row in rows]
 
@@ -352,7 +354,7 @@ def _batted_speed(certification: Certification) -> Array:
 def _camera(comparison: CameraComparison | None) -> CameraWord | None:
     if comparison is None:
         return None
-    results = {name: _compared(each) for name, each in comparison.quantities.items()}
+    results = {name: _fill_comparison(each) for name, each in comparison.quantities.items()}
     return CameraWord(
         hits=comparison.hits,
         missed=comparison.missed,
@@ -362,12 +364,12 @@ def _camera(comparison: CameraComparison | None) -> CameraWord | None:
     )
 
 
-def _compared(quantity: ComparedQuantity) -> ComparedResult:
+def _fill_comparison(quantity: ComparedQuantity) -> ComparedResult:
     return ComparedResult(
-        gates=_stated(quantity.gates),
-        video=_stated(quantity.video),
-        joined=_stated(quantity.joined),
-        difference=_stated(quantity.difference),
+        gates=_fill_stated(quantity.gates),
+        video=_fill_stated(quantity.video),
+        joined=_fill_stated(quantity.joined),
+        difference=_fill_stated(quantity.difference),
         share_of_video=quantity.share,
         agree=quantity.agree,
     )
@@ -414,18 +416,18 @@ def _method(certification: Certification, metric: Budget) -> str:
         return FIRST_ORDER
     outcome, printed = next(iter(finer.outcomes.values())), METRICS[certification.procedure.metric]
 
-    def shown(value: float, form: str) -> str:
+    def format_value(value: float, form: str) -> str:
         return f"{value / printed.unit_si:{form}} {printed.unit}".rstrip()
 
-    shift = shown(outcome.shift, "+.2g")
+    shift = format_value(outcome.shift, "+.2g")
     if outcome.convergence is None:
         order = "Propagation of mean and variance to second order (GUM 5.1.2, note): by it the mean"
         return f"{order} lies {shift} off. {FIRST_ORDER}"
     drawn, within = outcome.convergence.draws, outcome.convergence.tolerance or inf
     return (
         f"Propagation of distributions (JCGM 101) by {drawn:,} draws, u and both ends of the "
-        f"interval right within {shown(within, '.1g')} with 95 %; their mean lies {shift} off. "
-        f"{WIDER}"
+        f"interval right within {format_value(within, '.1g')} with 95 %; "
+        f"their mean lies {shift} off. {WIDER}"
     )
 
 
@@ -436,7 +438,7 @@ def _scatter(certification: Certification, linear: Budgets) -> str:
     if earlier is None:
         parts = linear.components
         more = np.where(np.array(parts.names) == HITS, 1 + HISTORY, 1)
-        longer = combined(linear.value, replace(parts, dof=more * parts.dof))
+        longer = combine_components(linear.value, replace(parts, dof=more * parts.dof))
         now, then = (np.ptp(each.row(0).interval_95) for each in (linear, longer))
         less = 1 - then / now if linear.u[0] else 0.0
         return (
@@ -454,7 +456,7 @@ def _choice(metric: Budget | None) -> ChoiceStated | None:
     return ChoiceStated(correction=chosen[0].value, u=chosen[0].u) if chosen else None
 
 
-def _stated(budget: Budget | None) -> Stated:
+def _fill_stated(budget: Budget | None) -> Stated:
     return Stated(value=budget.value if budget else None, u=budget.u if budget else None)
 
 
@@ -482,7 +484,7 @@ def _swing(result: SwingResult) -> SwingRow:
     )
 
 
-def _known(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return float(value) if isfinite(value) else None
 
 
@@ -506,7 +508,7 @@ def _correction(certification: Certification) -> CorrectionStated | None:
         method=correction.method,
         standard=correction.standard,
         control=control,
-        as_found=_stated(certification.quantities.get(AS_FOUND)),
+        as_found=_fill_stated(certification.quantities.get(AS_FOUND)),
     )
 
 

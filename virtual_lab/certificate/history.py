@@ -64,10 +64,10 @@ def earlier_scatter(
             raise InputError(str(folder), "history", None, allowed)
         digests[digest] = str(folder)
         variances = certification.variances.items()
-        tests.append({name: HitVariance.of(Estimates.stacked([each])) for name, each in variances})
+        tests.append({name: HitVariance.of(Estimates.stack([each])) for name, each in variances})
     source = f"{len(tests)} earlier tests"
     return {
-        name: HitVariance.pooled([test[name] for test in tests]).known(source).row(0)
+        name: HitVariance.pool([test[name] for test in tests]).as_estimates(source).row(0)
         for name in tests[0]
     }
 

@@ -77,7 +77,7 @@ def typeset(
     """
     odd: set[str] = set()
     while True:
-        printable = _shown(view, odd)
+        printable = _dump_view(view, odd)
         try:
             pdf: bytes = typst.compile(
                 source,
@@ -121,12 +121,12 @@ def source_of_pdf() -> bytes:
 
 def inputs_of_pdf(document: CertificateDocument, paper: str = "a4") -> dict[str, str]:
     """Return the template's inputs, for a document whose characters all have glyphs."""
-    printable = _shown(_view(document), set())
+    printable = _dump_view(_view(document), set())
     return {"view": printable, "document": document.text, "paper": PAPERS[paper]}
 
 
-def _shown(view: dict[str, Any], odd: set[str]) -> str:
-    return json.dumps({**_spelled(view, odd), "code_points": bool(odd)}, ensure_ascii=False)
+def _dump_view(view: dict[str, Any], odd: set[str]) -> str:
+    return json.dumps({**_spell_out(view, odd), "code_points": bool(odd)}, ensure_ascii=False)
 
 
 def _typst() -> Any:
@@ -168,12 +168,12 @@ def _day(document: CertificateDocument) -> list[int]:
     return [1970, 1, 1]
 
 
-def _spelled(value: Any, odd: set[str]) -> Any:
+def _spell_out(value: Any, odd: set[str]) -> Any:
     """Return texts with the characters that no font has as code points."""
     if isinstance(value, str):
         return "".join(f"[U+{ord(each):04X}]" if each in odd else each for each in value)
     if isinstance(value, dict):
-        return {key: _spelled(each, odd) for key, each in value.items()}
+        return {key: _spell_out(each, odd) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_spelled(each, odd) for each in value]
+        return [_spell_out(each, odd) for each in value]
     return value

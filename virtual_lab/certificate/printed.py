@@ -105,7 +105,7 @@ def printed_values(document: CertificateDocument) -> dict[str, Any]:
         "camera": _camera(document.second_witness),
         "conditions": _conditions(document),
         "identification": _halves(_identification(document)),
-        "unverified": _halves(_unverified(document)),
+        "unverified": _halves(_list_unverified_values(document)),
         "instruments": _instruments(document.particulars.instruments),
         "other_recoil": _other_recoil(document.recoil.other if document.states_result else None),
         "fitted": _number(document.ring.fitted_ms, 0) if document.ring else NONE,
@@ -178,7 +178,7 @@ def _identification(document: CertificateDocument) -> list[list[str]]:
         *([["Air in the hall", air]] if (air := _air(document)) else []),
         ["Computed by", f"Virtual laboratory{'' if simulated else ', from the records supplied'}"],
         *([] if particulars.test.begun else [["Tested", day]]),
-        *map(list, particulars.printed(simulated=simulated)),
+        *map(list, particulars.list_statements(simulated=simulated)),
     ]
 
 
@@ -202,7 +202,7 @@ def _halves(rows: list[list[str]]) -> list[list[list[str]]]:
     return [part for part in (rows[:half], rows[half:]) if part]
 
 
-def _unverified(document: CertificateDocument) -> list[list[str]]:
+def _list_unverified_values(document: CertificateDocument) -> list[list[str]]:
     """Return key, value and source of the procedure's unverified values."""
     return [
         [
@@ -266,7 +266,7 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
         hits += f", the procedure asks for {document.procedure.hits_needed}"
     unit = f" {printed.unit}" if printed.unit else ""
     said = VERDICTS[verdict]
-    stated = _stated(metric, printed.unit_si) if document.states_result else {}
+    stated = _format_result(metric, printed.unit_si) if document.states_result else {}
     limit = "none" if metric.limit is None else printed.limit(metric.limit)
     if verdict == "PASS":
         said = f"{said}: {stated['value']}{unit} is at most {limit}"
@@ -308,7 +308,7 @@ def _risk(risk: RiskStated) -> str:
     )
 
 
-def _stated(metric: MetricStated, unit_si: float) -> dict[str, object]:
+def _format_result(metric: MetricStated, unit_si: float) -> dict[str, object]:
     """Return value, expanded uncertainty and interval as printed; {} without a result."""
     values = (metric.value, metric.u, metric.u_type_a, metric.u_type_b, *(metric.interval_95 or ()))
     numbers = [number / unit_si for number in values if number is not None]

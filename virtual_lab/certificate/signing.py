@@ -49,7 +49,7 @@ def write_sums(folder: Path, key: Path | None = None) -> None:
     `InputError` as `require_key`.
     """
     private = None if key is None else require_key(key, private=True)
-    lines = [f"{_digest(folder / name)}  {name}\n" for name in _listed(folder)]
+    lines = [f"{_digest(folder / name)}  {name}\n" for name in _list_files(folder)]
     text = "".join(lines).encode()
     (folder / SUMS).write_bytes(text)
     if private:
@@ -66,7 +66,7 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
     except InputError as fault:
         yield Mismatch(file=SUMS, key="", stated="", found=fault.allowed)
         return
-    here = {*_listed(folder)}
+    here = {*_list_files(folder)}
     stated = [(name, digest) for digest, _, name in (line.partition("  ") for line in lines[:-1])]
     absent = {top for top in optional if not (folder / top).exists()}
     for name, digest in stated:
@@ -103,7 +103,7 @@ def _text_of_sums(folder: Path) -> bytes:
     return read_bytes(folder / SUMS).replace(b"\r\n", b"\n")
 
 
-def _listed(folder: Path) -> list[str]:
+def _list_files(folder: Path) -> list[str]:
     return [
         name
         for name, kind in contents(folder).items()

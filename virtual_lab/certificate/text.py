@@ -106,7 +106,9 @@ WAYS = ("gates", "video", "joined")
 
 def _particulars_lines(particulars: Particulars, *, simulated: bool) -> list[str]:
     """Return lines on the particulars that are stated and those that are not; none if none is."""
-    lines = [f"  {words}: {value}" for words, value in particulars.printed(simulated=simulated)]
+    lines = [
+        f"  {words}: {value}" for words, value in particulars.list_statements(simulated=simulated)
+    ]
     if lines and particulars.not_stated:
         lines.append(f"  Not stated: {', '.join(particulars.not_stated)}")
     used = [f"{name} {each.identity}" for name, each in particulars.instruments.items()]

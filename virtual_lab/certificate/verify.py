@@ -202,7 +202,7 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
         yield from compared_sums(folder, OPTIONAL)
     yield from _truth(folder, stated)
     elsewhere = made_elsewhere(stated)
-    document, certification = None, (yield from _certified(folder, bool(elsewhere)))
+    document, certification = None, (yield from _certify_records(folder, bool(elsewhere)))
     if certification:
         document = yield from _document(folder, stated, certification, bool(elsewhere))
         yield from _tables(folder, document, certification, bool(elsewhere))
@@ -215,7 +215,7 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
         there = at(stated, "versions", name)
         if name != "virtual-lab" and there != here:
             yield Unchecked(f"versions.{name}: {there} stated, {here} here")
-    yield from _replaced(folder, stated)
+    yield from _check_replaced_reports(folder, stated)
 
 
 def made_elsewhere(stated: Mapping[str, Any]) -> str:
@@ -232,7 +232,7 @@ def made_elsewhere(stated: Mapping[str, Any]) -> str:
     return "" if of_there == of_here else f"made by {there}; this is {ours}"
 
 
-def _certified(
+def _certify_records(
     folder: Path, elsewhere: bool
 ) -> Generator[FolderFinding, None, Certification | None]:
     """Yield findings on records that cannot be reduced; return their certification."""
@@ -246,11 +246,11 @@ def _certified(
         if session and elsewhere:
             yield Unchecked(f"{where}: this program cannot reduce them ({fault})")
         else:
-            yield _refused(where, fault)
+            yield _report_fault(where, fault)
         return None
 
 
-def _refused(file: str, fault: InputError) -> Mismatch:
+def _report_fault(file: str, fault: InputError) -> Mismatch:
     """Return the finding for a file that cannot be read or contradicts itself."""
     value = "" if fault.value is None else str(fault.value)
     return Mismatch(file=file, key=fault.key, stated=value, found=fault.allowed)
@@ -274,7 +274,7 @@ def _document(
             # page and PDF have the last digits of the stated document, which may differ from ours
             return document_of(dict(stated), CERTIFICATE)
         except InputError as fault:  # versions or commit are not texts
-            yield _refused(CERTIFICATE, fault)
+            yield _report_fault(CERTIFICATE, fault)
             return None
     if not elsewhere:
         yield from rows
@@ -356,7 +356,7 @@ def _control(
         yield from within(CONTROL, _findings(there))
         e = at(read_json(there / CERTIFICATE), "restitution")
     except InputError as fault:
-        yield _refused(fault.where.removeprefix(f"{folder}/"), fault)
+        yield _report_fault(fault.where.removeprefix(f"{folder}/"), fault)
         return
     correction = certification.procedure.correction
     if ratio and correction:
@@ -429,7 +429,7 @@ def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
         result = printed_result(document_of({**stated, "schema": SCHEMA}, CERTIFICATE))
     except InputError as fault:
         if stated["schema"] == SCHEMA:
-            yield _refused(CERTIFICATE, fault)
+            yield _report_fault(CERTIFICATE, fault)
         else:
             yield Unchecked(f"{CERTIFICATE}: {fault}")
     else:
@@ -442,7 +442,7 @@ def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
                 yield Mismatch(file=PAGE, key=key, stated="", found=word)
 
 
-def _replaced(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
+def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
     """Yield alterations in the chain of replaced reports, and remarks on it.
 
     The folder of a replaced report is beside the folder of its replacement, which states its name.

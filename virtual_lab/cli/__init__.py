@@ -42,8 +42,8 @@ def main() -> None:
     except IncompleteError as fault:
         _leave(4, str(fault))
     except click.UsageError as fault:
-        asked = fault.ctx.command_path if fault.ctx else PROGRAM
-        _leave(2, f"{fault.format_message()} (try '{asked} --help')")
+        command = fault.ctx.command_path if fault.ctx else PROGRAM
+        _leave(2, f"{fault.format_message()} (try '{command} --help')")
     except click.ClickException as fault:
         _leave(2, fault.format_message())
     except OSError as fault:  # full disk, or no permission to write
@@ -95,7 +95,7 @@ def _beside_the_clip(values: Mapping[str, Any]) -> Path:
     return clip.parent / f"{clip.absolute().stem or 'clip'}-track"
 
 
-def _fitted(bat: Any) -> Answer:
+def _answer_fit(bat: Any) -> Answer:
     """Return the printed and written forms of a fitted bat."""
     return Answer(document=bat.document, text=bat.text, save=bat.write, table=bat.table)
 
@@ -111,7 +111,7 @@ def _form(path: Path) -> Answer:
     return Answer(document={"folder" if path.is_dir() else "file": str(path)}, text=str(path))
 
 
-def _swept(table: Any) -> Answer:
+def _answer_sweep(table: Any) -> Answer:
     """Return the printed and written forms of the table of a sweep."""
     document = json.loads(table.to_json(orient="records"))
     return Answer(document=document, text=table.to_string(index=False), table=table)
@@ -178,7 +178,7 @@ cli = Sections(
             FunctionCommand("profile", output=DRAWN, example="profile r161 ea70 --swing 0.3"),
             FunctionCommand(
                 "fit-bat",
-                output=Output(table=True, file="New bat file, .toml.", answer=_fitted),
+                output=Output(table=True, file="New bat file, .toml.", answer=_answer_fit),
                 example="fit-bat measured.toml --out mine.toml",
             ),
             FunctionCommand("sensitivity", output=DRAWN, example="sensitivity r161"),
@@ -188,7 +188,7 @@ cli = Sections(
         "Studies of laboratories and procedures": (
             FunctionCommand(
                 "sweep",
-                output=Output(table=True, answer=_swept),
+                output=Output(table=True, answer=_answer_sweep),
                 example="sweep r161 ea70 --laboratories 2",
             ),
             FunctionCommand(

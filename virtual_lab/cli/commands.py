@@ -24,7 +24,7 @@ from virtual_lab.api.describing import (
     Description,
     ParameterDescription,
     advice,
-    described,
+    describe,
     first_line,
 )
 from virtual_lab.api.door import LABORATORY, public
@@ -185,7 +185,7 @@ class FunctionCommand(click.Command):
         if not self.saving:
             return {}
         module, _ = api.PLACES[self.saving.split(".")[0]]
-        every = described(module, self.saving).parameters
+        every = describe(module, self.saving).parameters
         return {key: each for key, each in every.items() if key not in ("self", "folder")}
 
     @cached_property
@@ -198,7 +198,7 @@ class FunctionCommand(click.Command):
     def _run(self, **values: Any) -> int:
         """Call the function with what the user gave, and write its result."""
         context = click.get_current_context()
-        asked = {
+        request = {
             key: value
             for key, value in values.items()
             if key in self.parameters and context.get_parameter_source(key) in GIVEN
@@ -207,27 +207,27 @@ class FunctionCommand(click.Command):
         if len(flags) > 1:
             usage(f"{' and '.join(f'--{each}' for each in flags)} exclude each other")
         if flags:
-            asked[self.flags] = flags[0]
+            request[self.flags] = flags[0]
         place = self.place
-        for variant in [key for key in self.variants if asked.get(key)][-1:]:
+        for variant in [key for key in self.variants if request.get(key)][-1:]:
             if values.get("plot"):
                 usage(f"--{variant} does not go with --plot, because its result has no picture")
             place = self.variants[variant]
-            asked = _for_variant(variant, place, asked, self.parameters)
-        how = {key: asked.pop(key) for key in self._saving if key in asked}
+            request = _for_variant(variant, place, request, self.parameters)
+        how = {key: request.pop(key) for key in self._saving if key in request}
         _check_saving(how)
-        settings = settings_text(str(self.name), asked | how, sealed=self.sealed)
+        settings = settings_text(str(self.name), request | how, sealed=self.sealed)
 
         def call(progress: Progress, **more: Any) -> Any:
             function = getattr(api, place) if isinstance(place, str) else public(place[1], place)
             if "progress" in _description(place).parameters:
                 more["progress"] = progress
-            result = function(**self.fixed, **asked, **more)
+            result = function(**self.fixed, **request, **more)
             return replace(result, settings=settings, **how) if self.saving else result
 
         defaults = {key: each.default for key, each in self.parameters.items()}
         shared = {key: value for key, value in values.items() if key in OUTPUT}
-        return self.output.written(call, asked, defaults, settings=settings, **shared)
+        return self.output.written(call, request, defaults, settings=settings, **shared)
 
     def _config(self) -> click.Option:
         """Return the option of a file with values for the others."""
@@ -254,7 +254,7 @@ def _place(place: Place) -> tuple[str, str]:
 
 
 def _description(place: Place) -> Description:
-    return described(*_place(place))
+    return describe(*_place(place))
 
 
 def _parameter(each: ParameterDescription, options: Sequence[str]) -> click.Parameter:
@@ -280,9 +280,11 @@ def _parameter(each: ParameterDescription, options: Sequence[str]) -> click.Para
 
 def _of_variant(name: str, description: Description) -> ParameterDescription:
     """Return the option that calls another function: a flag, or the value of its parameter."""
-    own = description.parameters.get(name)
-    if own is not None:
-        return replace(own, default=None, words=f"{description.words.splitlines()[0]} {own.words}")
+    parameter = description.parameters.get(name)
+    if parameter is not None:
+        return replace(
+            parameter, default=None, words=f"{description.words.splitlines()[0]} {parameter.words}"
+        )
     words = description.words.splitlines()[0]
     return ParameterDescription(
         name=name,
@@ -298,16 +300,16 @@ def _of_variant(name: str, description: Description) -> ParameterDescription:
 def _for_variant(
     variant: str,
     called: str,
-    asked: Mapping[str, Any],
+    request: Mapping[str, Any],
     parameters: Mapping[str, ParameterDescription],
 ) -> dict[str, Any]:
     """Return the arguments of the function of a variant; refuse those that it does not take."""
     takes = _description(called).parameters
     foreign = [key for key in parameters if key not in takes and key != variant]
-    if any(key in asked for key in foreign):
+    if any(key in request for key in foreign):
         forms = ", ".join(f"--{key.replace('_', '-')}" for key in foreign)
         usage(f"--{variant.replace('_', '-')} goes with none of {forms}")
-    return {key: value for key, value in asked.items() if key in takes}
+    return {key: value for key, value in request.items() if key in takes}
 
 
 def _flag(name: str, value: str) -> click.Option:
@@ -365,4 +367,4 @@ def in_help(each: ParameterDescription) -> str:
 
 def for_shell(words: str) -> str:
     """Return a sentence of a docstring as the help shows it."""
-    return re.sub(r"``(.*?)``|`~?(.*?)`", lambda found: found[1] or found[2], words)
+    return re.sub(r"``(.*?)``|`~?(.*?)`", lambda match: match[1] or match[2], words)

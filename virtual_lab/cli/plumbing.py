@@ -62,8 +62,8 @@ class Sections(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a command by its name, also one of another package."""
-        own = self.commands.get(cmd_name)
-        return own or next((each for each in self.others() if each.name == cmd_name), None)
+        command = self.commands.get(cmd_name)
+        return command or next((each for each in self.others() if each.name == cmd_name), None)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write one table of commands per section."""
@@ -137,7 +137,7 @@ class Output:
     def written(
         self,
         function: Callable[..., Any],
-        asked: Mapping[str, Any],
+        request: Mapping[str, Any],
         defaults: Mapping[str, Any],
         *,
         settings: str,
@@ -148,13 +148,13 @@ class Output:
     ) -> int:
         """Call the function, write and print its result, and return the exit code.
 
-        The function takes a `Progress`, and `into` as a keyword. `asked` are the values that the
+        The function takes a `Progress`, and `into` as a keyword. `request` are the values that the
         user gave, `settings` the same as text, and `defaults` those of the other parameters. Files
         and folders are checked before the function is called.
         """
         target = out
         if target is None and self.folder:
-            target = first_free(_usual_folder(self.folder, {**defaults, **asked}, asked))
+            target = first_free(_usual_folder(self.folder, {**defaults, **request}, request))
         if target is not None and self.file:
             check_new_file(target, (".toml",))
             check_new_file(target.with_suffix(".png"), PICTURES)
@@ -198,7 +198,7 @@ class Output:
 def _usual_folder(
     folder: str | Callable[[Mapping[str, Any]], Path],
     values: Mapping[str, Any],
-    asked: Mapping[str, Any],
+    request: Mapping[str, Any],
 ) -> Path:
     """Return the default folder; its name contains seed and number only if the user gave them."""
     if not isinstance(folder, str):
@@ -206,8 +206,8 @@ def _usual_folder(
     parts = {key: _part(value) for key, value in values.items() if isinstance(value, str)}
     name = folder.format_map(parts)
     for key in ("seed", "number"):
-        if key in asked:
-            name += f"-{key}-{asked[key]}"
+        if key in request:
+            name += f"-{key}-{request[key]}"
     return Path("out") / name
 
 
@@ -231,7 +231,7 @@ def check_new_file(path: Path, endings: Sequence[str]) -> None:
 
 
 def _print(
-    found: Any, folder: Path | None, page: str, files: Sequence[Path], *, as_json: bool
+    result: Any, folder: Path | None, page: str, files: Sequence[Path], *, as_json: bool
 ) -> None:
     """Print the result, and the paths of all written files.
 
@@ -239,11 +239,11 @@ def _print(
     """
     written = [*([folder] if folder else []), *files]
     if not as_json:
-        written = [*(getattr(found, "files", ()) or ([folder / page] if folder else ())), *files]
-        parts = [found.text, "\n".join(map(str, written))]
+        written = [*(getattr(result, "files", ()) or ([folder / page] if folder else ())), *files]
+        parts = [result.text, "\n".join(map(str, written))]
         click.echo("\n\n".join(part for part in parts if part))
         return
-    document = found.document
+    document = result.document
     if folder and isinstance(document, dict):
         document, written = document | {"folder": str(folder)}, [*files]
     click.echo(json.dumps(document, indent=2, allow_nan=False))

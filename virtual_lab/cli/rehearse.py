@@ -101,19 +101,21 @@ def day(
     if replay:
         from virtual_lab.bench.entrance.review import played_folder
 
-        return _served(None, played_folder(replay), [], **served)
+        return _serve_page(None, played_folder(replay), [], **served)
     if exam is None:
         names = [f"{n:02}" for n in range(1, trainees + 1)] if trainees > 1 else []
-        return _served(scenario, day, names, seed=seed, **served)
+        return _serve_page(scenario, day, names, seed=seed, **served)
     if trainees > 1:
         usage("--exam names the trainees, --trainees counts them")
     from virtual_lab.bench.day.exam import load_class
 
-    found = load_class(exam)
-    return _served(found.scenario, day, found.trainees, seed=seed, exam=found.title, **served)
+    exam_class = load_class(exam)
+    return _serve_page(
+        exam_class.scenario, day, exam_class.trainees, seed=seed, exam=exam_class.title, **served
+    )
 
 
-def _served(
+def _serve_page(
     scenario: str | None, folder: Path | None, trainees: Sequence[str], **served: Any
 ) -> Answer:
     """Serve the page until it is stopped; without a scenario, to play a day back."""
@@ -188,10 +190,10 @@ DAY = FunctionCommand(
 
 
 @click.pass_context
-def _day_or_more(context: click.Context, /, **asked: object) -> object:
+def _day_or_more(context: click.Context, /, **request: object) -> object:
     """Take a day where no command of the group was named."""
     assert DAY.callback is not None
-    return None if context.invoked_subcommand else DAY.callback(**asked)
+    return None if context.invoked_subcommand else DAY.callback(**request)
 
 
 rehearse = click.Group(

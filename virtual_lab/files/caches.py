@@ -47,11 +47,11 @@ def one_process_at_a_time(compiled: Decorator) -> Decorator:
     waits.
     """
 
-    def decorated(function: Callable[..., None]) -> Any:
+    def decorate(function: Callable[..., None]) -> Any:
         with _lock(Path(function.__code__.co_filename)):
             return compiled(function)
 
-    return decorated
+    return decorate
 
 
 @contextmanager

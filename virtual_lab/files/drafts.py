@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PREFIX, RANDOM_BYTES = ".virtual-lab-draft-", 8
-own: set[Path] = set()  # drafts of this process, removed if it must end at once
+open_drafts: set[Path] = set()  # drafts of this process, removed if it must end at once
 
 
 @contextmanager
@@ -28,21 +28,21 @@ def draft_in(folder: Path) -> Iterator[Path]:
     _sweep(folder)
     draft = folder / f"{PREFIX}{os.urandom(RANDOM_BYTES).hex()}"
     young = draft.with_suffix(".new")  # name that `_sweep` ignores until the draft is locked
-    own.update((young, draft))
+    open_drafts.update((young, draft))
     young.mkdir()
     lock = _lock(young)
     try:
         yield young.rename(draft)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
-        own.difference_update((young, draft))
+        open_drafts.difference_update((young, draft))
         if lock is not None:
             os.close(lock)
 
 
 def remove_drafts() -> None:
     """Remove the drafts of this process before it ends."""
-    for draft in tuple(own):
+    for draft in tuple(open_drafts):
         shutil.rmtree(draft, ignore_errors=True)
 
 

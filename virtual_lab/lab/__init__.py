@@ -5,7 +5,7 @@ from virtual_lab.lab.certify import certify_bat, certify_block
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.round_robin import RoundRobin
 from virtual_lab.lab.setup import TestSetup
-from virtual_lab.lab.test_day import TestDay, by_the_book, prepared
+from virtual_lab.lab.test_day import TestDay, by_the_book, prepare_day
 
 __all__ = [
     "BatTest",
@@ -17,5 +17,5 @@ __all__ = [
     "by_the_book",
     "certify_bat",
     "certify_block",
-    "prepared",
+    "prepare_day",
 ]

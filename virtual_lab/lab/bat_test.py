@@ -47,7 +47,7 @@ class BlockTest:
         """Return the test of one laboratory, ready to print and seal."""
         return BatTest(
             certification=self.certified.row(laboratory, self._session_of),
-            sealed=self._sealed(laboratory),
+            sealed=self._seal_truth(laboratory),
             control=self.control,
             film=self.film,
         )
@@ -61,7 +61,7 @@ class BlockTest:
             return session
         return replace(session, control_sha256=pack(self.control.certification.session).digest)
 
-    def _sealed(self, laboratory: int) -> SealedTruth:
+    def _seal_truth(self, laboratory: int) -> SealedTruth:
         of_all, reduced = self.laboratories, self.certified.reduced
         rows = reduced.owner == laboratory
         setup, balls = of_all.setup, of_all.specimen.balls

@@ -89,4 +89,4 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
 
 
 def _with_ratio(laboratory: Laboratory, ratio: Estimate) -> dict[str, Estimates]:
-    return {**laboratory.calibration, CONTROL: Estimates.stacked([ratio])}
+    return {**laboratory.calibration, CONTROL: Estimates.stack([ratio])}

@@ -116,9 +116,7 @@ class Laboratory:
                 collision=collision,
             ),
             calibration={
-                name: each
-                if isinstance(each, Estimates)
-                else Estimates.stacked([each] * setup.count)
+                name: each if isinstance(each, Estimates) else Estimates.stack([each] * setup.count)
                 for name, each in entered.items()
             },
         )

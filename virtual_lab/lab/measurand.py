@@ -87,7 +87,9 @@ def _of_continuous(
     top = _at(metric, best)
     results = {CONTINUOUS: top}
     if scan.width_drop is not None:
-        low, high = (_reached(metric, metric_at.T, top - scan.width_drop, best, w) for w in (-1, 1))
+        low, high = (
+            _locate_level(metric, metric_at.T, top - scan.width_drop, best, w) for w in (-1, 1)
+        )
         results[WIDTH_KEY] = high - low
     return results
 
@@ -107,7 +109,7 @@ def _tops(curves: CubicSpline) -> Array:
     return np.asarray(np.take_along_axis(places, heights.argmax(axis=0)[None], axis=0)[0])
 
 
-def _reached(curves: CubicSpline, at: Array, level: Array, best: Array, way: int) -> Array:
+def _locate_level(curves: CubicSpline, at: Array, level: Array, best: Array, way: int) -> Array:
     """Return the position at which each curve first falls to `level`, in direction `way` (±1).
 
     The search starts at the maximum `best`. If the curve does not fall to the level, the result is

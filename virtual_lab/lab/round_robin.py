@@ -60,10 +60,10 @@ class RoundRobin:
         """
         detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
         setup = TestSetup.of(bat, procedure=procedure, detail=detail)
-        return cls.shared(replace(setup, made=individual or not summed))
+        return cls.with_common_model(replace(setup, made=individual or not summed))
 
     @classmethod
-    def shared(cls, setup: TestSetup) -> Self:
+    def with_common_model(cls, setup: TestSetup) -> Self:
         """Return the round robin of a setup, with a common collision model for a nominal bat."""
         if setup.made:
             return cls(setup=setup)
@@ -100,12 +100,12 @@ class RoundRobin:
         numbers, setup = np.arange(first, first + laboratories), replace(self.setup, seed=seed)
         if not self.in_blocks:
             for number in numbers.tolist():
-                yield self._tested(replace(setup, number=number))
+                yield self._run_tests(replace(setup, number=number))
             return
         for begin in range(0, laboratories, self._share):
-            yield self._tested(replace(setup, number=numbers[begin : begin + self._share]))
+            yield self._run_tests(replace(setup, number=numbers[begin : begin + self._share]))
 
-    def _tested(self, setup: TestSetup) -> BlockTest:
+    def _run_tests(self, setup: TestSetup) -> BlockTest:
         """Return the tests of a block, after the earlier tests of its laboratories."""
         if not self.history:
             return certify_block(setup)
@@ -115,7 +115,7 @@ class RoundRobin:
             replace(
                 setup,
                 history={
-                    name: HitVariance.pooled([each[name] for each in earlier]).known()
+                    name: HitVariance.pool([each[name] for each in earlier]).as_estimates()
                     for name in earlier[0]
                 },
             )
@@ -140,7 +140,7 @@ class RoundRobin:
         share = self._share
         with workers(processes) as submit:
             made = [
-                submit(_taken, shared, take, min(share, laboratories - first), seed, first)
+                submit(_take_blocks, shared, take, min(share, laboratories - first), seed, first)
                 for first in range(0, laboratories, share)
             ]
             for each in made:
@@ -153,19 +153,19 @@ class RoundRobin:
                 yield block.of(one)
 
 
-def _taken(
+def _take_blocks(
     pickled: bytes, take: Callable[[BlockTest], Taken], laboratories: int, seed: int, first: int
 ) -> list[Taken]:
-    shared, texts = _unpickled(pickled)
+    shared, texts = _unpickle(pickled)
     with catalog.sheets_in_place(texts):
         return [take(block) for block in shared.blocks(laboratories, seed, first)]
 
 
 @lru_cache(maxsize=1)  # a worker makes the blocks of one round robin
-def _unpickled(pickled: bytes) -> tuple[RoundRobin, Mapping[Key, str]]:
+def _unpickle(pickled: bytes) -> tuple[RoundRobin, Mapping[Key, str]]:
     setup, history, texts = pickle.loads(pickled)
     with catalog.sheets_in_place(texts):
-        return replace(RoundRobin.shared(setup), history=history), texts
+        return replace(RoundRobin.with_common_model(setup), history=history), texts
 
 
 def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:

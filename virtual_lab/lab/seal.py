@@ -72,7 +72,7 @@ def alterations(folder: Path) -> list[Alteration]:
         *(
             each
             for name, content in sealed.items()
-            for each in _altered(folder, name, content, present.get(name))
+            for each in _compare_file(folder, name, content, present.get(name))
         ),
         *(
             Alteration(name, "", "added" if kind == "file" else f"added, a {kind},")
@@ -91,7 +91,7 @@ def _content(folder: Path, name: str) -> str | dict[str, str]:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _altered(
+def _compare_file(
     folder: Path, name: str, sealed: str | dict[str, str], kind: str | None
 ) -> Iterator[Alteration]:
     """Yield alterations of a sealed file, of which there is now one of `kind`, or none."""

@@ -81,7 +81,7 @@ class TestDay:
         return replace(
             self,
             laboratory=replace(laboratory, specimen=replace(specimen, balls=balls)),
-            sessions=self._recorded(Stage.BALLS, wall),
+            sessions=self._add_records(Stage.BALLS, wall),
             wall=wall,
         )
 
@@ -123,10 +123,10 @@ class TestDay:
         assert self.preparation is not None, "prepare() comes first"
         done = 0 if self.reduced is None else self.reduced.owner.size
         ends = np.cumsum([plan.slot.size for plan in self.plans])
-        sessions = self.recorded(int(np.searchsorted(ends, done, side="right")))
+        sessions = self.collect_records(int(np.searchsorted(ends, done, side="right")))
         whole = self.reduced is None or acceptance is not None or sessions.counted
         if whole:
-            sessions = self.recorded()
+            sessions = self.collect_records()
         readings = observe_hits(sessions, self.preparation)
         reduced = reduce_shots(sessions, self.preparation, readings)
         if acceptance is not None:
@@ -137,7 +137,7 @@ class TestDay:
             reduced = replace(joined, latest=reduced.owner)
         return replace(self, reduced=reduced, readings=readings if whole else None)
 
-    def recorded(self, first: int = 0) -> SessionBlock:
+    def collect_records(self, first: int = 0) -> SessionBlock:
         """Return all records so far, with the rounds at the bat from number `first` on."""
         if not self.rounds[first:]:
             return self.sessions
@@ -147,13 +147,13 @@ class TestDay:
     @property
     def session(self) -> Session:
         """Return all records of a single laboratory so far."""
-        return self.laboratory.session_of(self.recorded(), {})
+        return self.laboratory.session_of(self.collect_records(), {})
 
     def finish(self) -> BlockTest:
         """Return results, uncertainties and verdicts, with the sealed truth."""
-        return self.finished(self.recorded())
+        return self.finish_with(self.collect_records())
 
-    def finished(self, sessions: SessionBlock) -> BlockTest:
+    def finish_with(self, sessions: SessionBlock) -> BlockTest:
         """Return the result of `finish` for other `sessions`, those that an operator kept."""
         laboratory, reduced = self.laboratory, self.reduced
         assert self.bench is not None
@@ -192,10 +192,10 @@ class TestDay:
         setup = self.laboratory.setup
         bench = self.laboratory.play(Stage.BENCH, bench_plan(setup.rules.spec, setup.shape))
         records = {name: record for name, record in bench.records.items() if wanted(name)}
-        sessions = self._recorded(Stage.BENCH, replace(bench, records=records))
+        sessions = self._add_records(Stage.BENCH, replace(bench, records=records))
         return replace(self, sessions=sessions, bench=bench)
 
-    def _recorded(self, stage: Stage, play: RigOutput) -> SessionBlock:
+    def _add_records(self, stage: Stage, play: RigOutput) -> SessionBlock:
         """Return the sessions with the new records of a stage."""
         before = self.sessions.records.get(stage.value, {})
         records = {**self.sessions.records, stage.value: {**before, **play.records}}
@@ -209,7 +209,7 @@ class TestDay:
 
 def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest:
     """Measure bats and balls, then fire and judge until the procedure requires no more shots."""
-    day = prepared(laboratory, progress)
+    day = prepare_day(laboratory, progress)
     while (shots := day.next_shots()).owner.size:
         if progress is not quiet:
             progress(f"impact rig: round {len(day.rounds) + 1}, {_round_in_words(shots)}")
@@ -217,7 +217,7 @@ def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest
     return day.finish()
 
 
-def prepared(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
+def prepare_day(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
     """Return the day after bat and balls were measured, before the first shot."""
     rules = laboratory.rules.spec
     progress("bench: weighing, balancing and swinging the bat, weighing the balls")

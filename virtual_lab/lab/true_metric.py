@@ -52,16 +52,16 @@ class TrueCurve:
             case "besr":
                 return (1 + 2 * efficiency) / 2
             case "batted_speed":
-                return self._batted(efficiency)
+                return self._batted_speed(efficiency)
 
     def sought(self, control: float = 1.0) -> Array:
         """Return the quantity that a scan maximises: the metric, or v_f [m/s]."""
         scan = self.procedure.scan
         if scan is not None and scan.seeks == "batted_speed":
-            return self._batted(self._with_standard_ball(control)[1])
+            return self._batted_speed(self._with_standard_ball(control)[1])
         return self.metric(control)
 
-    def _batted(self, efficiency: Array) -> Array:
+    def _batted_speed(self, efficiency: Array) -> Array:
         """Return v_f [m/s], computed in the frame of the bat."""
         game, length = self.procedure.game, self.bat.length
         if game is None:

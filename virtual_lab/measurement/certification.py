@@ -185,7 +185,9 @@ class Certifications:
         variances = {}
         if metric and self.verdicts[laboratory] is not Verdict.INVALID:
             scatters = {name: each.scatter for name, each in budgets.items() if each.scatter}
-            variances = {name: each.variance.known().row(0) for name, each in scatters.items()}
+            variances = {
+                name: each.variance.as_estimates().row(0) for name, each in scatters.items()
+            }
         method = session.uncertainty
         drawable = method != MONTE_CARLO or not (metric and too_wide(metric))
         if metric and variances and method != FIRST and drawable:

@@ -54,7 +54,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     shot_results,
 )
 from virtual_lab.records.block import SessionBlock
-from virtual_lab.uncertainty.budget import Budgets, Variants, combined
+from virtual_lab.uncertainty.budget import Budgets, Variants, combine_components
 from virtual_lab.uncertainty.estimate import Estimates
 from virtual_lab.units import Array, Mask
 
@@ -105,7 +105,7 @@ class Preparation(AlignedArrays):
         found = {}
         for name in ("mass", "length", "z_cm", "inertia_cm"):
             values = getattr(measured, name)[..., 0]
-            found[name] = combined(values[:, 0], variants.components(values))
+            found[name] = combine_components(values[:, 0], variants.components(values))
         return found
 
 

@@ -45,8 +45,8 @@ class SessionBlock:
         log = session.records.get("impact", {}).get("log")
         return cls(
             procedure_text=session.procedure_text,
-            calibration=_stacked(session.calibration),
-            history=_stacked(session.history),
+            calibration=_stack(session.calibration),
+            history=_stack(session.history),
             records=session.records,
             owner=np.zeros(log.sizes().get("shot", 0) if log else 0, dtype=np.intp),
             laboratories=1,
@@ -69,15 +69,15 @@ class SessionBlock:
         """Return the block of one of its laboratories."""
         if self.laboratories == 1:
             return self  # including arrays stored beside the tables
-        own = self.owner == laboratory
+        mask = self.owner == laboratory
 
-        def one(known: Mapping[str, Estimates]) -> dict[str, Estimates]:
+        def one(estimates: Mapping[str, Estimates]) -> dict[str, Estimates]:
             first = slice(laboratory, laboratory + 1)
-            return {name: each.select(first) for name, each in known.items()}
+            return {name: each.select(first) for name, each in estimates.items()}
 
-        def kept(stage: str, record: Record) -> Record:
+        def select_laboratory(stage: str, record: Record) -> Record:
             if stage == "impact" and "shot" in record.sizes():
-                return record.select(own)
+                return record.select(mask)
             many = next(iter(record.sizes().values())) // self.laboratories
             return record.select(slice(laboratory * many, (laboratory + 1) * many))
 
@@ -86,10 +86,12 @@ class SessionBlock:
             calibration=one(self.calibration),
             history=one(self.history),
             records={
-                stage: {channel: kept(stage, record) for channel, record in records.items()}
+                stage: {
+                    channel: select_laboratory(stage, record) for channel, record in records.items()
+                }
                 for stage, records in self.records.items()
             },
-            owner=np.zeros(int(own.sum()), dtype=np.intp),
+            owner=np.zeros(int(mask.sum()), dtype=np.intp),
             laboratories=1,
         )
 
@@ -98,8 +100,8 @@ class SessionBlock:
         return _OfOne(self.calibration, laboratory)
 
 
-def _stacked(known: Mapping[str, Estimate]) -> dict[str, Estimates]:
-    return {name: Estimates.stacked([each]) for name, each in known.items()}
+def _stack(estimates: Mapping[str, Estimate]) -> dict[str, Estimates]:
+    return {name: Estimates.stack([each]) for name, each in estimates.items()}
 
 
 @dataclass(frozen=True, slots=True)

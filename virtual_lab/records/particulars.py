@@ -183,7 +183,7 @@ class Particulars(Spec):
         """The stated particulars, as tables of JSON."""
         return _without_empty(asdict(self))
 
-    def printed(self, *, simulated: bool) -> Iterator[tuple[str, str]]:
+    def list_statements(self, *, simulated: bool) -> Iterator[tuple[str, str]]:
         """Yield words and value of what is stated, in the order of a report.
 
         Nobody authorises a simulated test, and the line says so.

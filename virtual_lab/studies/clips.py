@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
-from virtual_lab.lab import Laboratory, TestSetup, prepared
+from virtual_lab.lab import Laboratory, TestSetup, prepare_day
 from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.camera.comparison import compare_camera
 from virtual_lab.measurement.session_reduction import reduce_block
@@ -126,7 +126,7 @@ def _clip(laboratory: Laboratory, detail: RecordDetail) -> Array:
 
     All are NaN if the shot is rejected.
     """
-    day = prepared(laboratory)
+    day = prepare_day(laboratory)
     ready, rules, stage = day.laboratory, laboratory.rules.spec, Stage.IMPACT
     plan = ShotPlan(
         slot=np.zeros(1, dtype=int),

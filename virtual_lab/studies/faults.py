@@ -179,7 +179,9 @@ def faults(
     rows = []
 
     def run_laboratories(label: str, *fault_names: str) -> list[_Detection]:
-        shared = RoundRobin.shared(TestSetup.of(bat, procedure=procedure, faults=fault_names))
+        shared = RoundRobin.with_common_model(
+            TestSetup.of(bat, procedure=procedure, faults=fault_names)
+        )
         outcomes: list[_Detection] = []
         for tested in shared.run(laboratories, seed):
             progress(f"{procedure}, {label}: laboratories", len(outcomes), laboratories)

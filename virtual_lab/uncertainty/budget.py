@@ -145,9 +145,9 @@ class Budgets(AlignedArrays):
 
     def row(self, laboratory: int) -> Budget:
         """Return the budget of one laboratory."""
-        every = _pooled(self.components.row(laboratory))
+        every = _pool_lines(self.components.row(laboratory))
         every.sort(key=lambda part: -part.contribution)
-        value, u, dof = (float(own[laboratory]) for own in (self.value, self.u, self.dof))
+        value, u, dof = (float(array[laboratory]) for array in (self.value, self.u, self.dof))
         return Budget(
             value=value,
             u=u,
@@ -213,7 +213,7 @@ class Variants(AlignedArrays):
 
     def components(self, values: Array) -> Components:
         """Return the contribution of each constant to an output of shape (laboratory, k)."""
-        up, down = self._moved(values[..., None])
+        up, down = self._split_moves(values[..., None])
         estimates = [self.constants[name] for name in self.uncertain]
         return Components(
             names=self.uncertain,
@@ -235,15 +235,15 @@ class Variants(AlignedArrays):
 
         `values` are the outputs of the columns, (..., k, n).
         """
-        up, down = self._moved(values)
+        up, down = self._split_moves(values)
         return np.asarray((up - down) / 2)
 
-    def _moved(self, values: Array) -> tuple[Array, Array]:
+    def _split_moves(self, values: Array) -> tuple[Array, Array]:
         n = len(self.uncertain)
         return values[..., 1 : n + 1, :], values[..., n + 1 :, :]
 
 
-def combined(value: Array, components: Components) -> Budgets:
+def combine_components(value: Array, components: Components) -> Budgets:
     """Return the budgets of results (laboratory,); the components of a pool become one line."""
     from virtual_lab.uncertainty.budget_kernel import welch_satterthwaite
 
@@ -273,15 +273,15 @@ def means_of_hits(
     earlier
         Variance of a hit in the laboratories' earlier tests, which is used as well.
     """
-    value = weighed(hits[:, :1], weights)[:, 0]
-    constants = variants.components(weighed(hits, effects))
-    today = Scatter.seen(hits[:, 0], effects, places, variants.effects(hits))
-    scatter = today if earlier is None else today.joined(earlier)
-    scattered = types_a(HITS, weighed(hits[:, :1], effects)[:, 0], scatter.u, scatter.dof)
-    return replace(combined(value, constants + scattered), scatter=today)
+    value = weighted_sums(hits[:, :1], weights)[:, 0]
+    constants = variants.components(weighted_sums(hits, effects))
+    today = Scatter.of_hits(hits[:, 0], effects, places, variants.effects(hits))
+    scatter = today if earlier is None else today.pool_with(earlier)
+    scattered = types_a(HITS, weighted_sums(hits[:, :1], effects)[:, 0], scatter.u, scatter.dof)
+    return replace(combine_components(value, constants + scattered), scatter=today)
 
 
-def weighed(hits: Array, weights: Array) -> Array:
+def weighted_sums(hits: Array, weights: Array) -> Array:
     """Return the weighted sums of hits (laboratory, k, hit), (laboratory, k)."""
     from virtual_lab.uncertainty.budget_kernel import weigh
 
@@ -290,7 +290,7 @@ def weighed(hits: Array, weights: Array) -> Array:
     return out
 
 
-def _pooled(components: Sequence[Component]) -> list[Component]:
+def _pool_lines(components: Sequence[Component]) -> list[Component]:
     """Return the components, each pool as one line: root sum of squares, dof of the pool.
 
     The u of the line is the root mean square of the parts' u; its sensitivity is positive.

@@ -31,8 +31,8 @@ def weigh(hits: Array, weights: Array, out: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, found: Array) -> None:
-    """Fill `found` with the scatter of weighted sums of hits, (6, laboratory), as in `scatter`.
+def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: Array) -> None:
+    """Fill `out` with the scatter of weighted sums of hits, (6, laboratory), as in `scatter`.
 
     The rows are: u and its degrees of freedom; the sum of squared weights; the mean variance of a
     hit with these weights; that variance minus the part explained by constants, which can be
@@ -44,63 +44,70 @@ def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, found:
         Values, weights and impact positions, (laboratory, hit).
     effects
         Effect of one standard uncertainty of each constant, (laboratory, constant, hit).
-    found
+    out
         Result, (6, laboratory).
     """
     count = hits.shape[1]
     used, begin = np.empty(count, np.int64), np.empty(count + 1, np.int64)
-    seen, explained, squares = np.empty((3, count))
+    observed, explained, squares = np.empty((3, count))
     for laboratory in range(len(hits)):
         weight = weights[laboratory]
-        many = _grouped(weight, places[laboratory], used, begin)
-        seen[:many], explained[:many] = 0.0, 0.0
-        _add_variance(hits[laboratory], used, begin[: many + 1], squares, seen)
+        many = _group_hits(weight, places[laboratory], used, begin)
+        observed[:many], explained[:many] = 0.0, 0.0
+        _add_variance(hits[laboratory], used, begin[: many + 1], squares, observed)
         for constant in range(effects.shape[1]):
             moved = effects[laboratory, constant]
             _add_variance(moved, used, begin[: many + 1], squares, explained)
-        total, uncertain, weighing, all_seen, left, hits_free = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        total, uncertain, weighing, all_variance, unexplained, hits_free = (
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        )
         for at in range(many):
             square = 0.0
             for hit in used[begin[at] : begin[at + 1]]:
                 square += weight[hit] ** 2
-            total += square * max(seen[at] - explained[at], 0.0)
+            total += square * max(observed[at] - explained[at], 0.0)
             weighing += square
-            all_seen += square * seen[at]
-            left += square * (seen[at] - explained[at])
+            all_variance += square * observed[at]
+            unexplained += square * (observed[at] - explained[at])
             # subtraction of a known part does not change the uncertainty of a variance
             freedom = begin[at + 1] - begin[at] - 1
             hits_free += freedom
             if freedom > 0:
-                uncertain += (square * seen[at]) ** 2 / freedom
-        found[0, laboratory] = sqrt(total)
-        found[1, laboratory] = total**2 / uncertain if total > 0 and uncertain > 0 else inf
-        found[2, laboratory] = weighing
-        found[3, laboratory] = all_seen / weighing
-        found[4, laboratory] = left / weighing
-        found[5, laboratory] = all_seen**2 / uncertain if uncertain > 0 else hits_free
+                uncertain += (square * observed[at]) ** 2 / freedom
+        out[0, laboratory] = sqrt(total)
+        out[1, laboratory] = total**2 / uncertain if total > 0 and uncertain > 0 else inf
+        out[2, laboratory] = weighing
+        out[3, laboratory] = all_variance / weighing
+        out[4, laboratory] = unexplained / weighing
+        out[5, laboratory] = all_variance**2 / uncertain if uncertain > 0 else hits_free
 
 
 @njit(cache=True, error_model="numpy")
-def _grouped(weight: Array, places: Array, used: Whole, begin: Whole) -> int:
+def _group_hits(weight: Array, places: Array, used: Whole, begin: Whole) -> int:
     """Fill in the indices of the used hits, sorted by position, and the start of each position.
 
     Return the number of positions.
     """
-    found, hits = 0, 0
+    positions, hits = 0, 0
     for hit in range(weight.size):
-        known = weight[hit] == 0.0
+        done = weight[hit] == 0.0
         for i in range(hits):
-            known |= places[used[i]] == places[hit]
-        if known:
+            done |= places[used[i]] == places[hit]
+        if done:
             continue
-        begin[found] = hits
+        begin[positions] = hits
         for other in range(hit, weight.size):
             if weight[other] != 0.0 and places[other] == places[hit]:
                 used[hits] = other
                 hits += 1
-        found += 1
-    begin[found] = hits
-    return found
+        positions += 1
+    begin[positions] = hits
+    return positions
 
 
 @njit(cache=True, error_model="numpy")
@@ -135,9 +142,9 @@ def add_lines(effect: Array, dof: Array, line: Whole, square: Array, freedom: Ar
     """
     for laboratory in range(len(effect)):
         for source in range(line.size - 1, -1, -1):
-            own = line[source]
-            freedom[laboratory, own] = dof[laboratory, source]
-            square[laboratory, own] += effect[laboratory, source] ** 2
+            row = line[source]
+            freedom[laboratory, row] = dof[laboratory, source]
+            square[laboratory, row] += effect[laboratory, source] ** 2
 
 
 @njit(cache=True, error_model="numpy")

@@ -45,7 +45,7 @@ class Tolerance:
             raise InputError("", "upper", upper, f"allowed: above lower = {lower}")
         return tolerance
 
-    def guarded(self, w: float) -> Tolerance:
+    def guard(self, w: float) -> Tolerance:
         """Return the acceptance limits. Raises `InputError` if nothing remains between them."""
         if not isfinite(w):
             raise InputError("", "guard band", w, "allowed: a finite number")
@@ -143,7 +143,7 @@ def global_risk(
     """
     _require_u(u, dof)
     limits, source = Tolerance.read(lower, upper), source_of("prior", prior)
-    return _risks(source, limits, limits.guarded(guard), u, dof)
+    return _risks(source, limits, limits.guard(guard), u, dof)
 
 
 def guard_band(
@@ -191,7 +191,7 @@ def guard_band(
             allowed = f"allowed: {reached[1]:.2g} to {reached[0]:.2g}, what guard bands can reach"
             raise InputError("", "target", target, allowed)
         w = float(brentq(lambda w: risk(w) - target, -40 * u, most, xtol=1e-12 * u))
-    acceptance = limits.guarded(w)
+    acceptance = limits.guard(w)
     return w, acceptance.lower, acceptance.upper
 
 
@@ -199,7 +199,7 @@ def _risk_with(
     limits: Tolerance, u: float, dof: float, prior: InputSource | None, w: float
 ) -> float:
     """Return the customer's risk with a guard band: of all items, or of the worst accepted."""
-    accepted = limits.guarded(w)
+    accepted = limits.guard(w)
     if prior:
         return _risks(prior, limits, accepted, u, dof).consumer
     # the same at both ends, by symmetry

@@ -54,7 +54,7 @@ class Estimates(AlignedArrays):
     aligned: ClassVar = ("value", "u", "dof")
 
     @classmethod
-    def stacked(cls, estimates: Sequence[Estimate]) -> Self:
+    def stack(cls, estimates: Sequence[Estimate]) -> Self:
         """Return the estimates of some laboratories as a block.
 
         Raises `ValueError` where they are not of one evaluation, source and pool.

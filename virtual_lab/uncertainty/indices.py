@@ -72,7 +72,7 @@ def sobol_indices(
         raise InputError("inputs", "observed together", bound, "allowed: independent inputs")
     if len(read.sources) < 2:
         raise InputError("inputs", "uncertain", len(read.sources), "allowed: two and more")
-    called, names = Model.tried(model, read), list(read.sources)
+    called, names = Model.try_out(model, read), list(read.sources)
     of_A_point = len(names) * (len(names) + 2 + 8 * len(called.outputs))
     most = 1 << int(log2(MOST_NUMBERS / of_A_point))
     if points > most:

@@ -140,14 +140,14 @@ def read_inputs(entries: Mapping[InputName, Any], correlations: Correlations) ->
             continue
         read = _input(key, one)
         if len(read.by):
-            groups[key], parts = _grouped(key, read)
+            groups[key], parts = _group_observations(key, read)
             sources |= parts
         elif isinstance(source := _source(key, read), float):
             certain[key] = source
         else:
             sources[key] = source
     _require_once([*sources, *certain])
-    joints += _correlated(sources, correlations, {each for joint in joints for each in joint.names})
+    joints += _correlate(sources, correlations, {each for joint in joints for each in joint.names})
     return Inputs(sources, tuple(joints), certain, groups)
 
 
@@ -200,12 +200,12 @@ def _source(name: str, entry: Input) -> InputSource | float:
     def number(key: str) -> float:
         value = getattr(entry, key)
         try:
-            found = float(value)
+            converted = float(value)
         except (TypeError, ValueError) as fault:
             raise refuse(key, value, "a number") from fault
-        if not abs(found) < LARGEST:
+        if not abs(converted) < LARGEST:
             raise refuse(key, value, f"a number below {LARGEST:g} in size")
-        return found
+        return converted
 
     if not isinstance(entry.dof, int | float | np.number) or not entry.dof > 0:
         raise refuse("dof", entry.dof, "above 0")
@@ -239,10 +239,10 @@ def _source(name: str, entry: Input) -> InputSource | float:
         if u == 0:
             return value
         half = u / LAWS[kind].u(0.0)
-    return _scaled(value, half, kind, entry, refuse)
+    return _scale_law(value, half, kind, entry, refuse)
 
 
-def _scaled(value: float, half: float, kind: str, entry: Input, refuse: Any) -> InputSource:
+def _scale_law(value: float, half: float, kind: str, entry: Input, refuse: Any) -> InputSource:
     """Return a source by its law and scale; limits of a u that is not well known are inexact."""
     dof, shape = entry.dof, nan
     if kind == "trapezoid":
@@ -260,7 +260,7 @@ def _scaled(value: float, half: float, kind: str, entry: Input, refuse: Any) -> 
     return InputSource(estimate, LAWS[kind], half, shape)
 
 
-def _grouped(
+def _group_observations(
     name: str, entry: Input
 ) -> tuple[tuple[Array, tuple[str, ...], NDArray[np.int_]], dict[str, InputSource]]:
     """Return base, sources and which of them each observation has, and the sources by name."""
@@ -312,7 +312,7 @@ def _together(names: tuple[str, ...], entry: Any) -> tuple[dict[str, InputSource
     return sources, Joint(names, factor, n - 1.0, factor * sqrt((n - 1) / (n - m)), float(n - m))
 
 
-def _correlated(
+def _correlate(
     sources: Mapping[str, InputSource], correlations: Correlations, taken: set[str]
 ) -> list[Joint]:
     """Return blocks of the inputs that correlations bind together."""

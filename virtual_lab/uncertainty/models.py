@@ -34,7 +34,7 @@ class Model:
     trial_outputs: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
-    def tried(cls, function: Callable[..., Any], inputs: Inputs) -> Model:
+    def try_out(cls, function: Callable[..., Any], inputs: Inputs) -> Model:
         """Return the model, called row by row where it does not take rows at once.
 
         Three rows about the estimates are tried at once and each alone: a function that mixes rows
@@ -45,7 +45,7 @@ class Model:
             for name, source in inputs.sources.items()
         }
         try:
-            whole = cls(function, inputs, row_by_row=False)._fixed(columns)
+            whole = cls(function, inputs, row_by_row=False)._fix_outputs(columns)
             whole.require_same()
             one_each = [
                 whole({name: column[k : k + 1] for name, column in columns.items()})
@@ -60,11 +60,11 @@ class Model:
                 for name, values in whole.trial_outputs.items()
             ):
                 return whole
-        alone = cls(function, inputs, row_by_row=True)._fixed(columns)
+        alone = cls(function, inputs, row_by_row=True)._fix_outputs(columns)
         alone.require_same()
         return alone
 
-    def _fixed(self, columns: Mapping[str, Array]) -> Model:
+    def _fix_outputs(self, columns: Mapping[str, Array]) -> Model:
         """Return the model with the names and values of its outputs for some rows."""
         answers = self(columns)
         return replace(self, outputs=tuple(answers), trial=columns, trial_outputs=answers)

@@ -79,7 +79,7 @@ class Batches:
         # ends of the interval from the first block, and dx/dF there, by output
         self.ends: dict[str, tuple[Array, Array]] = {}
         # statistics of each batch: mean, u, low, high of each output, and the outputs' covariance
-        self.found: list[Array] = []
+        self.statistics: list[Array] = []
         self.covariances: list[Array] = []
         self._blocks = self.answers()
         self._rest: list[Outputs] = []
@@ -89,14 +89,14 @@ class Batches:
             yield self.model(drawn_block(self.model.inputs, self.drawing.seed, block))
 
     def __len__(self) -> int:
-        return len(self.found)
+        return len(self.statistics)
 
     def draw_to(self, count: int) -> None:
         """Draw until there are `count` batches."""
         if not self.sketches:
             first = next(self._blocks)
             p = self.drawing.probability
-            self.sketches = {name: Sketch.placed(values, p) for name, values in first.items()}
+            self.sketches = {name: Sketch.empty_like(values, p) for name, values in first.items()}
             self.ends = {name: _ends(values, (1 - p) / 2) for name, values in first.items()}
             self._rest = _parts(first)
         while len(self) < count:
@@ -115,13 +115,13 @@ class Batches:
             # (Bahadur), without sorting
             off = np.array([np.mean(values <= low) - tail, np.mean(values <= high) - 1 + tail])
             rows.append([values.mean(), values.std(ddof=1), *([low, high] - off * slope)])
-        self.found.append(np.array(rows))
+        self.statistics.append(np.array(rows))
         if len(rows) > 1:
             self.covariances.append(np.cov(np.stack(list(answers.values()))))
 
     @property
     def mean(self) -> Array:
-        return np.asarray(np.mean([each[:, 0] for each in self.found], axis=0))
+        return np.asarray(np.mean([each[:, 0] for each in self.statistics], axis=0))
 
     @property
     def u(self) -> Array:
@@ -132,11 +132,11 @@ class Batches:
         """Return the covariance of the outputs, (n, n): the mean of those of the batches."""
         if self.covariances:
             return np.asarray(np.mean(self.covariances, axis=0))
-        return np.diag(np.mean(np.array(self.found)[:, :, 1] ** 2, axis=0))
+        return np.diag(np.mean(np.array(self.statistics)[:, :, 1] ** 2, axis=0))
 
     def standard_errors(self) -> Array:
         """Return standard errors of mean, u, low and high of each output, (output, 4)."""
-        return np.asarray(np.std(self.found, axis=0, ddof=1) / sqrt(len(self)))
+        return np.asarray(np.std(self.statistics, axis=0, ddof=1) / sqrt(len(self)))
 
 
 def tolerance(u: float, digits: int) -> float:
@@ -146,7 +146,7 @@ def tolerance(u: float, digits: int) -> float:
 
 def _goals(batches: Batches, infinite: bool) -> Array:
     """Return the tolerance of each number, (output, 4)."""
-    means = np.mean(batches.found, axis=0)
+    means = np.mean(batches.statistics, axis=0)
     size = (means[:, 3] - means[:, 2]) / 4 if infinite else batches.u
     share = 5 if batches.drawing.validate else 1
     goals = np.array([tolerance(each, batches.drawing.digits) / share for each in size])
@@ -303,7 +303,7 @@ def _region(model: Model, batches: Batches) -> Region:
             np.sqrt(np.einsum("ik,ij,jk->k", away, inverse, away)),
             np.max(np.abs(away) / u[:, None], axis=0),
         )
-        sketches = sketches or [Sketch.placed(each, drawing.probability) for each in both]
+        sketches = sketches or [Sketch.empty_like(each, drawing.probability) for each in both]
         for sketch, each in zip(sketches, both, strict=True):
             sketch.add(each)
         left -= BLOCK // BATCH

@@ -128,11 +128,11 @@ class Propagated:
         """Outputs, method and notes, one per line."""
         lines = []
         for one in self.outcomes.values():
-            value, low, high = (_rounded(each, one.u) for each in (one.value, *one.interval))
+            value, low, high = (_round_to_u(each, one.u) for each in (one.value, *one.interval))
             inside = f"{100 * self.probability:g} % in [{low}, {high}]"
             lines.append(f"{one.name} = {value}, u = {one.u:.2g}, {inside}")
             if one.shortest and one.convergence:
-                low, high = (_rounded(each, one.u) for each in one.shortest)
+                low, high = (_round_to_u(each, one.u) for each in one.shortest)
                 lines.append(f"  shortest [{low}, {high}]; {one.convergence.draws} draws")
                 lines.append(f"  {one.verdict}")
         if self.region:
@@ -156,7 +156,7 @@ def correlation_of(covariance: Array) -> Array:
     return np.asarray(np.divide(covariance, scale, out=np.eye(u.size), where=scale > 0))
 
 
-def _rounded(value: float, u: float) -> str:
+def _round_to_u(value: float, u: float) -> str:
     """Return a value to the second digit of u."""
     place = 1 - floor(log10(u)) if 0 < u < inf else 6
     return f"{value:.{place}f}" if 0 <= place <= 9 else f"{value:.7g}"

@@ -13,7 +13,7 @@ from virtual_lab.parameters import AnyModel, Certain, DrawsRule, Propagation, Se
 from virtual_lab.uncertainty.budget import (
     Components,
     Variants,
-    combined,
+    combine_components,
     coverage_factors,
 )
 from virtual_lab.uncertainty.estimate import Estimates
@@ -90,7 +90,7 @@ def propagate_inputs(
     read = read_inputs(inputs, correlations or {})
     if not read.sources:
         raise InputError("inputs", "u", None, "none has an uncertainty; allowed: at least one")
-    called = Model.tried(model, read)
+    called = Model.try_out(model, read)
     linear = first_order(called, probability)
     drawing = Drawing(
         probability=probability,
@@ -110,14 +110,14 @@ def first_order(model: Model, probability: float) -> Propagated:
     """Return the first order of a model, with the correlation of its outputs."""
     inputs = model.inputs
     variants = Variants.of(
-        {name: Estimates.stacked([each.estimate]) for name, each in inputs.sources.items()}
+        {name: Estimates.stack([each.estimate]) for name, each in inputs.sources.items()}
     )
     answers = model({name: column[0, :, 0] for name, column in variants.columns.items()})
     outcomes, effects = {}, []
     for name, values in answers.items():
         components = variants.components(values[None])
         turned = _independent(components, inputs)
-        budgets = combined(values[:1], turned)
+        budgets = combine_components(values[:1], turned)
         u, dof = beyond_rounding(float(budgets.u[0]), float(values[0])), float(budgets.dof[0])
         outcomes[name] = Outcome(
             name=name,
@@ -126,7 +126,7 @@ def first_order(model: Model, probability: float) -> Propagated:
             dof=dof,
             interval=_interval(float(values[0]), u, dof, probability),
             shift=float(components.shift.sum()),
-            components=combined(values[:1], components).row(0).components,
+            components=combine_components(values[:1], components).row(0).components,
         )
         effects.append(turned.effect[0])
     result = Propagated(

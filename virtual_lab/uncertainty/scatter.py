@@ -18,32 +18,32 @@ from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.units import Array, Mask
 
 LARGER_BY_CHANCE = 0.01  # significance of the one-sided F test against earlier tests
-LEAST_LEFT = 1e-3  # smallest unexplained variance, which keeps the degrees of freedom [variance]
+LEAST_UNEXPLAINED = 1e-3  # smallest unexplained part; keeps ν above 0 [total variance]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HitVariance(AlignedArrays):
     """Variance of a hit within its impact position, (laboratory,)."""
 
-    left: Array  # variance minus the part explained by constants, which can be negative
-    seen: Array
+    unexplained: Array  # total minus the part explained by constants, which can be negative
+    total: Array
     dof: Array  # degrees of freedom, 0 with too few hits
 
     aligned: ClassVar = EVERY_FIELD
 
     @classmethod
-    def of(cls, known: Estimates) -> Self:
+    def of(cls, estimates: Estimates) -> Self:
         """Return the variance from a value with its u, which is √(2/ν) times the variance."""
-        seen = known.u * np.sqrt(known.dof / 2)
-        return cls(left=known.value, seen=seen, dof=known.dof)
+        total = estimates.u * np.sqrt(estimates.dof / 2)
+        return cls(unexplained=estimates.value, total=total, dof=estimates.dof)
 
-    def known(self, source: str = "") -> Estimates:
+    def as_estimates(self, source: str = "") -> Estimates:
         """Return the variance as a value with its u."""
-        u = np.where(self.dof > 0, self.seen * np.sqrt(2 / np.maximum(self.dof, 1e-300)), 0.0)
-        return Estimates(value=self.left, u=u, dof=self.dof, evaluation="A", source=source)
+        u = np.where(self.dof > 0, self.total * np.sqrt(2 / np.maximum(self.dof, 1e-300)), 0.0)
+        return Estimates(value=self.unexplained, u=u, dof=self.dof, evaluation="A", source=source)
 
     @classmethod
-    def pooled(cls, tests: Sequence[HitVariance]) -> Self:
+    def pool(cls, tests: Sequence[HitVariance]) -> Self:
         """Return the mean of several tests by degrees of freedom."""
         dof = np.array([each.dof for each in tests])
 
@@ -52,8 +52,8 @@ class HitVariance(AlignedArrays):
             return np.asarray(parts.sum(axis=0) / np.maximum(dof.sum(axis=0), 1e-300))
 
         return cls(
-            left=mean([each.left for each in tests]),
-            seen=mean([each.seen for each in tests]),
+            unexplained=mean([each.unexplained for each in tests]),
+            total=mean([each.total for each in tests]),
             dof=dof.sum(axis=0),
         )
 
@@ -64,7 +64,7 @@ class HitVariance(AlignedArrays):
         freedoms = np.maximum(self.dof, 1.0), np.maximum(earlier.dof, 1.0)
         most = fdtri(*freedoms, 1 - LARGER_BY_CHANCE)
         some = (self.dof > 0) & (earlier.dof > 0)
-        return np.asarray(some & (self.seen > most * earlier.seen))
+        return np.asarray(some & (self.total > most * earlier.total))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +79,7 @@ class Scatter(AlignedArrays):
     aligned: ClassVar = EVERY_FIELD
 
     @classmethod
-    def seen(cls, hits: Array, weights: Array, groups: Array, effects: Array) -> Self:
+    def of_hits(cls, hits: Array, weights: Array, groups: Array, effects: Array) -> Self:
         """Return the scatter of weighted sums of hits, by their scatter at each impact position.
 
         Each position has its own variance, because stray aim matters more where the bat's response
@@ -96,28 +96,31 @@ class Scatter(AlignedArrays):
         """
         from virtual_lab.uncertainty.budget_kernel import scatter_u
 
-        found = np.empty((6, len(hits)))
-        own = [np.ascontiguousarray(each, float) for each in (hits, weights, groups, effects)]
-        scatter_u(own[0], own[1], own[2], own[3], found)
-        u, dof, weighing, seen, left, freedom = found
-        variance = HitVariance(left=left, seen=seen, dof=freedom)
+        out = np.empty((6, len(hits)))
+        values, shares, at, moves = (
+            np.ascontiguousarray(each, float) for each in (hits, weights, groups, effects)
+        )
+        scatter_u(values, shares, at, moves, out)
+        u, dof, weighing, total, unexplained, freedom = out
+        variance = HitVariance(unexplained=unexplained, total=total, dof=freedom)
         return cls(u=u, dof=dof, weighing=weighing, variance=variance)
 
-    def joined(self, earlier: HitVariance) -> Self:
+    def pool_with(self, earlier: HitVariance) -> Self:
         """Return the scatter pooled with earlier tests, unless today's is significantly larger."""
-        both = HitVariance.pooled([self.variance, earlier])
-        left = np.maximum(both.left, LEAST_LEFT * both.seen)
-        alone = self.variance.larger(earlier) | ~(left > 0)
-        left = np.where(alone, 1.0, left)
+        both = HitVariance.pool([self.variance, earlier])
+        unexplained = np.maximum(both.unexplained, LEAST_UNEXPLAINED * both.total)
+        alone = self.variance.larger(earlier) | ~(unexplained > 0)
+        unexplained = np.where(alone, 1.0, unexplained)
+        share = unexplained / np.where(alone, 1.0, both.total)
         return replace(
             self,
-            u=np.where(alone, self.u, np.sqrt(self.weighing * left)),
+            u=np.where(alone, self.u, np.sqrt(self.weighing * unexplained)),
             # subtraction of a known part does not change the uncertainty of a variance
-            dof=np.where(alone, self.dof, both.dof * (left / np.where(alone, 1.0, both.seen)) ** 2),
+            dof=np.where(alone, self.dof, both.dof * share**2),
         )
 
 
 def larger_today(today: Estimate, earlier: Estimate) -> bool:
     """Whether the variance of one test is larger than that of earlier ones, beyond chance."""
-    own, other = (HitVariance.of(Estimates.stacked([each])) for each in (today, earlier))
-    return bool(own.larger(other)[0])
+    new, old = (HitVariance.of(Estimates.stack([each])) for each in (today, earlier))
+    return bool(new.larger(old)[0])

@@ -28,7 +28,7 @@ class Sketch:
     counts: NDArray[np.int64]
 
     @classmethod
-    def placed(cls, values: Array, probability: float) -> Self:
+    def empty_like(cls, values: Array, probability: float) -> Self:
         """Return an empty sketch for numbers similar to `values`, and their coverage interval."""
         tail = (1 - probability) / 2
         low, middle, high = np.quantile(values, [tail, 0.5, 1 - tail])

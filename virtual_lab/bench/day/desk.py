@@ -163,8 +163,8 @@ class Desk:
     def certification(self) -> Certification:
         from virtual_lab.measurement.certification import evaluate
 
-        found = evaluate(self.block, self.reduced, self.readings)
-        return found.row(0, lambda _: self.session)
+        certifications = evaluate(self.block, self.reduced, self.readings)
+        return certifications.row(0, lambda _: self.session)
 
     @property
     def result(self) -> tuple[float, float] | None:

@@ -136,7 +136,7 @@ class Apparatus:
             reduced=desk.reduced,
             readings=desk.readings,
         )
-        return test_day.finished(desk.block).of(0)
+        return test_day.finish_with(desk.block).of(0)
 
     @property
     def _table(self) -> Consequences:

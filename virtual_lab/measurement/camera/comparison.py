@@ -161,7 +161,7 @@ def _compared(
     own, other = (variants.components((hits @ weights)[None]).effect[0] for hits in (gates, video))
     apart, off = video - gates, other - own
     effects = variants.effects(apart)[None]
-    noise = Scatter.seen(apart[:1], weights[None], places[None], effects).u[0] ** 2
+    noise = Scatter.of_hits(apart[:1], weights[None], places[None], effects).u[0] ** 2
     total = float(off @ off) + noise
     share = float(np.clip((noise / 2 - own @ off) / total, 0.0, 1.0)) if total else 0.5
     return ComparedQuantity(

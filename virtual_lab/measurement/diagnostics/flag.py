@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr
 
-from virtual_lab.uncertainty.budget import Components, combined, types_a
+from virtual_lab.uncertainty.budget import Components, combine_components, types_a
 from virtual_lab.units import Array, Mask
 
 REMARKED = 5e-4  # chance of a difference as large in a sound laboratory, below which it is flagged
@@ -175,7 +175,7 @@ def chances(value: Array, components: Components, *, least: Array | float) -> tu
     The arrays are (laboratory,). `least` is a lower bound of the standard uncertainty.
     """
     floor = types_a("scatter", np.zeros(value.shape), np.broadcast_to(least, value.shape))
-    budget = combined(value, components + floor)
+    budget = combine_components(value, components + floor)
     likely = 2 * stdtr(np.minimum(budget.dof, 1e9), -np.abs(value) / budget.u)
     return budget.u, np.asarray(likely)
 

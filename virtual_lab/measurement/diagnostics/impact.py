@@ -15,7 +15,7 @@ from virtual_lab.measurement.reduction.flights import numbered
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
 from virtual_lab.records import AimMarks
-from virtual_lab.uncertainty.budget import Components, Variants, types_a, weighed
+from virtual_lab.uncertainty.budget import Components, Variants, types_a, weighted_sums
 from virtual_lab.uncertainty.estimate import Estimates
 from virtual_lab.units import Array, Mask
 
@@ -242,7 +242,7 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     hits, moved = _moved_apart(evidence, both)
     used = np.where(hits >= 0, both[hits], False)
     weights = used / np.maximum(used.sum(axis=1, keepdims=True), 1)
-    shared = evidence.variants.components(weighed(moved, weights))
+    shared = evidence.variants.components(weighted_sums(moved, weights))
     square, degrees = _scatter(evidence, apart, both, shared, marks)
     yield pairs(
         "recoil-and-rebound",

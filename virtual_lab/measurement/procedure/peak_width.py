@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.uncertainty.budget import HITS, Budget, combined, types_a
+from virtual_lab.uncertainty.budget import HITS, Budget, combine_components, types_a
 from virtual_lab.units import Array, Mask
 
 
@@ -91,7 +91,7 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
     u = float(np.linalg.norm(half * (high - low) * off / free))
     width, stated = np.array([found.width]), np.array([u if span.whole else 0.0])
     scattered = types_a(HITS, width, stated, place.size - powers.size)
-    return Width(drop=drop, span=found, budget=combined(width, scattered).row(0))
+    return Width(drop=drop, span=found, budget=combine_components(width, scattered).row(0))
 
 
 def _real(curve: Polynomial) -> Array:

@@ -33,7 +33,7 @@ from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.stations.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion_chart import draw_percussion
-from virtual_lab.uncertainty.budget import HITS, Variants, combined, types_a
+from virtual_lab.uncertainty.budget import HITS, Variants, combine_components, types_a
 from virtual_lab.uncertainty.scatter import Scatter
 from virtual_lab.units import INCH, Array
 
@@ -332,9 +332,9 @@ def _u_of_mean(reduced: Reduction, readings: ImpactReadings, field: str, error: 
     shots = reduced.model(readings).shots(columns, bat_properties(columns))
     parts = variants.components(getattr(shots, field)[..., detected].mean(axis=-1))
     hits, weights = error[None, detected], np.full((1, many), 1 / many)
-    scatter = Scatter.seen(hits, weights, np.zeros((1, many)), np.zeros((1, 0, many)))
+    scatter = Scatter.of_hits(hits, weights, np.zeros((1, many)), np.zeros((1, 0, many)))
     mean = hits.mean(axis=1)
-    return float(combined(mean, parts + types_a(HITS, mean, scatter.u, scatter.dof)).u[0])
+    return float(combine_components(mean, parts + types_a(HITS, mean, scatter.u, scatter.dof)).u[0])
 
 
 def _root_mean_square(values: list[float]) -> float | None:

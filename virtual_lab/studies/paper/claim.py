@@ -90,7 +90,7 @@ class Row:
             "claim": claim.says,
             "paper": "" if claim.paper is None else _number(claim.paper),
             "found": _number(self.result),
-            "deviation": "" if deviation is None else _signed(deviation),
+            "deviation": "" if deviation is None else _format_signed(deviation),
             "tolerance": claim.tolerance,
             "unit": claim.unit,
             "holds": "yes" if self.holds else "NO",
@@ -140,7 +140,7 @@ def _number(value: float) -> str:
     return f"{value:.1e}" if 0 < abs(value) < 1e-3 else f"{value:.4g}"
 
 
-def _signed(value: float) -> str:
+def _format_signed(value: float) -> str:
     if abs(value) < 1e-12:  # rounding
         return "0"
     return f"{'-' if value < 0 else '+'}{_number(abs(value))}"
