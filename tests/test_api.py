@@ -177,10 +177,14 @@ def test_a_sweep_states_why_a_bat_fails() -> None:
     rules = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 2.5, "limit": 0.4})
     row = vl.sweep("r161", procedures=rules, laboratories=1, seed=0, progress=quiet).iloc[0]
     weight, limit = row["reason"].split("; ")
-    assert weight.startswith("length less weight 3.0")
+    assert weight.startswith("length in inches minus weight in ounces 3.0")
     assert weight.endswith("allowed up to 2.5 (one-piece wood bats are exempt)")
     assert "above the limit 0.400" in limit
-    assert vl.certify("r161", procedure=rules, seed=0).reasons[0].startswith("length less weight")
+    assert (
+        vl.certify("r161", procedure=rules, seed=0)
+        .reasons[0]
+        .startswith("length in inches minus weight in ounces")
+    )
     rules = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 3.5})
     assert (
         vl.sweep("r161", procedures=rules, laboratories=1, seed=0, progress=quiet)["reason"][0]

@@ -104,7 +104,7 @@ def test_a_college_day_shows_its_rules_and_what_holds_the_scan() -> None:
 
     reduced = accepted.after(do_action(machines, accepted.day, action_of("reduce")))
     rules = [str(value) for what, value, _ in reduced.day.events[-1].shown if "rule" in what]
-    less = re.match(r"length less weight ([\d.]+) \(in, oz\), allowed up to 3", rules[0])
+    less = re.match(r"length in inches minus weight in ounces ([\d.]+), allowed up to 3", rules[0])
     length, mass = (
         np.mean([float(value) for _, value, _ in event.shown])
         for name in ("measure-length", "weigh-bat")
@@ -112,7 +112,7 @@ def test_a_college_day_shows_its_rules_and_what_holds_the_scan() -> None:
     )
     assert less
     assert float(less[1]) == pytest.approx(length / 25.4 - mass / 28.349523, abs=0.03)
-    assert "the ring passes 2.610 in" in rules[2]
+    assert "allowed up to 2.610 in (ring gauge)" in rules[2]
     assert "moment of inertia" in rules[3]
     assert all(html.escape(rule) in day_page(reduced, told.briefing()) for rule in rules)
 

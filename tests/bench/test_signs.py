@@ -245,14 +245,17 @@ def test_a_row_in_print() -> None:
 @pytest.mark.parametrize(
     ("said", "printed"),
     [
-        ("ball at 131.58 mph, allowed 136 ± 2 mph", "ball at 58.82 m/s, allowed 60.80 ± 0.89 m/s"),
         (
-            "set at 2 in, the scan is from 3 to 9 in",
-            "set at 50.8 mm, the scan is from 76.2 to 228.6 mm",
+            "ball speed 131.58 mph, allowed 136 ± 2 mph",
+            "ball speed 58.82 m/s, allowed 60.80 ± 0.89 m/s",
         ),
         (
-            "ball came back at 12.2 deg, allowed 12.0 deg",
-            "ball came back at 12.2 deg, allowed 12.0 deg",
+            "impact position set to 2 in, allowed 3 to 9 in",
+            "impact position set to 50.8 mm, allowed 76.2 to 228.6 mm",
+        ),
+        (
+            "rebound angle 12.2 deg, allowed 12.0 deg",
+            "rebound angle 12.2 deg, allowed 12.0 deg",
         ),
     ],
 )

@@ -384,7 +384,7 @@ def test_axes_say_what_they_show_and_in_which_unit(
     document: CertificateDocument, scan: CertificateDocument, swung: CertificateDocument
 ) -> None:
     """Titles and labels appear as often as expected."""
-    place, shot = "place from the tip, in", "shot"
+    place, shot = "position from the tip, in", "shot"
     for made, name, labels in (
         (document, "hits_figure", ["hit by hit", shot, "BPF", "against the limit"]),
         (scan, "hits_figure", ["along the barrel", place, "BESR", "against the limit"]),
@@ -393,8 +393,8 @@ def test_axes_say_what_they_show_and_in_which_unit(
         (swung, "along_figure", ["eA", "e", "vf, mph", *[place] * 3]),
         (swung, "swings_figure", ["exponent n of the swing law", "vf, mph"]),
         (document, "budget_figure", ["share of the variance, %"]),
-        (document, "rebound_figure", ["eA by the recoil", "eA by the rebound", shot]),
-        (document, "encoder_figure", ["the whole record", *["time after contact, ms"] * 2]),
+        (document, "rebound_figure", ["eA from the recoil", "eA from the rebound", shot]),
+        (document, "encoder_figure", ["whole record", *["time after contact, ms"] * 2]),
     ):
         drawn = certificate_figures(made)[name]
         assert drawn is not None
@@ -416,7 +416,7 @@ def test_a_legend_has_the_sign_of_what_it_names(
         (spoilt, "mean", 'd="M0 0H14" stroke="black" stroke-width="0.9"/>'),
         (spoilt, "valid hit", '<circle r="2.4" fill="black"'),
         (spoilt, "invalid hit", '<path d="M-2.4 -2.4L2.4 2.4M-2.4 2.4L2.4 -2.4"'),
-        (swings, "judged by this n", 'stroke-dasharray="1 1.6"'),
+        (swings, "n of the verdict", 'stroke-dasharray="1 1.6"'),
         (swings, "95 % interval", 'V3H0Z" fill="#d9d9d9"'),
     ):
         before = drawn[: drawn.index(f">{label}</text>")]

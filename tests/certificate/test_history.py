@@ -61,8 +61,8 @@ def test_the_scatter_is_that_of_all_tests(earlier: Path, tmp_path: Path) -> None
     u, dof = hits(test.document)
     assert (u, dof) == pytest.approx((sqrt(left / 6), 20 * (left / seen) ** 2), rel=1e-6)
     assert test.value == alone.value
-    assert "this test and of 3 earlier tests together" in test.text
-    assert "known from this test alone" in alone.text
+    assert "estimated from this test and 3 earlier tests together" in test.text
+    assert "estimated from this test alone" in alone.text
     told = re.search(r"would be (\d+)% shorter", alone.document["evaluation"])
     assert told is not None
     assert 2 <= int(told[1]) <= 30
@@ -97,19 +97,19 @@ def test_a_history_of_other_tests_is_refused(earlier: Path, tmp_path: Path) -> N
     (tmp_path / "daily").mkdir()
     (tmp_path / "daily" / "daily.csv").write_text("day\n")
     for history, said in (
-        ([first, second], r"history = '2 tests'; allowed: 3 earlier tests and more"),
+        ([first, second], r"history = '2 tests'; allowed: 3 or more earlier tests"),
         ([other, first, second], r"ea70: bat; is 'ea70', not 'r161'"),
         ([rules, first, second], r"bbcor: procedure; is another"),
-        ([first, first, second], r"is the test of .*test-1 once more"),
-        ([first, second, third, tmp_path / "daily"], r"daily: .*stands neither here nor below"),
+        ([first, first, second], r"is the same test as .*test-1"),
+        ([first, second, third, tmp_path / "daily"], r"daily: .*not found in this folder"),
         ([first, second, tmp_path / "none"], r"none: result folder; no such folder"),
         ([tmp_path / "none"], r"none: result folder; no such folder"),
-        (first, r"history = '1 test'; allowed: 3 earlier tests and more"),
+        (first, r"history = '1 test'; allowed: 3 or more earlier tests"),
     ):
         with pytest.raises(InputError, match=said) as caught:
             vl.certify("r161", seed=7, test=4, history=history, laboratory=form)
         assert "\n" not in str(caught.value)
-    with pytest.raises(InputError, match="test-2: history; is the test of these records once more"):
+    with pytest.raises(InputError, match="test-2: history; is the same test as these records"):
         vl.reduce(second / "records", history=[first, second, third])
     with pytest.raises(InputError, match="test = 4; allowed with a seed"):
         vl.certify("r161", test=4)

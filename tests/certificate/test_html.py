@@ -171,7 +171,7 @@ def test_a_fail_names_the_rule_that_is_not_met_and_no_other() -> None:
     document = certificate(heavy)
     mass, length = (heavy.bat[name].value for name in ("mass", "length"))
     less = length / 0.0254 - mass / 0.028349523125
-    said = f"length less weight {less:.2f} (in, oz), allowed up to 2"
+    said = f"length in inches minus weight in ounces {less:.2f}, allowed up to 2"
     assert document.verdict == "FAIL"
     assert document.reasons == (said,)
     assert f"FAIL: {said}\n" in certificate_text(document)
@@ -230,7 +230,7 @@ def test_marginal_is_by_the_interval_and_not_by_u(share: float, side: int, margi
 def test_an_invalid_test_states_no_value_and_names_every_reason() -> None:
     text = words(page("no valid hit"))
     assert "No BPF can be stated" in text
-    assert "0 valid hits, the procedure asks for 6" in text
+    assert "0 valid hits, the procedure requires 6" in text
     for reason in case("no valid hit").judgement.reasons:
         assert reason in text
 
@@ -549,7 +549,7 @@ def test_the_cameras_numbers_stand_on_page_and_text_each_in_its_column() -> None
         row = [symbol, gates, "0.0011", video, "0.0014", joined, "0.0017", "−0.0123", "0.0045"]
         assert [*row, agreed] in shown
     text = certificate_text(document)
-    assert "gates and video for 5 hits, 2 more not seen well:" in text
+    assert "gates and video for 5 hits, 2 more not measured by video:" in text
     assert (
         "e    gates 0.5100 (u 0.0011), video 0.5200 (u 0.0014), joined 0.5300 (u 0.0017); "
         "DISAGREE, difference −0.0123 (u 0.0045)"
@@ -585,9 +585,9 @@ def test_the_width_of_a_scan_is_told_where_the_rules_ask_for_it() -> None:
     assert width is not None
     assert width.u is not None
     value, u = (f"{number / 0.0254:.3f}" for number in (width.value, width.u))
-    assert f"for {value} in (u = {u} in), from" in words(page("scan with fresh hits"))
+    assert f"along {value} in (u = {u} in), between" in words(page("scan with fresh hits"))
     text = certificate_text(document)
-    assert f"{value} (u {u}) in of barrel within 0.01 of the curve's maximum" in text
+    assert f"within 0.01 of the curve's maximum along {value} (u {u}) in of barrel" in text
     assert width.to_in - width.from_in == pytest.approx(width.value / 0.0254)
     assert certificate(scanned("ncaa-besr")).width_m is None
     assert "Width" not in words(page("scan and a fitted top"))
@@ -611,13 +611,13 @@ def test_a_result_says_what_it_is_conditional_on(name: str) -> None:
     document = certificate(case(name))
     sentence = document.conditional_on
     number = len(document.unverified)
-    assert "the force law of the ball alone moves the peak e of a bat by 0.045" in sentence
-    assert f"the procedure as it is known here ({number} of its values are unverified)" in sentence
+    assert "force law alone shifts the peak e of a bat by up to 0.045" in sentence
+    assert f"the procedure as implemented here ({number} of its values are unverified)" in sentence
     assert sentence in words(page(name))
     assert sentence in certificate_text(document)
     real = certificate(case("real laboratory")).conditional_on
     assert "force law" not in real
-    assert "the procedure as it is known here" in real
+    assert "the procedure as implemented here" in real
 
 
 def test_a_place_chosen_raises_the_result_and_says_so() -> None:
@@ -667,7 +667,7 @@ def test_the_text_has_every_word_that_a_verdict_hangs_on() -> None:
     for name in ("pass", "fail", "marginal", "no valid hit"):
         document = dataclasses.replace(certificate(case(name)), flags=(flag,))
         text = certificate_text(document)
-        assert ("marginal: the limit lies within" in text) == document.marginal
+        assert ("marginal: the limit is within" in text) == document.marginal
         assert "FLAG balls-mixed: two balls" in text
         for hit in document.rejected_hits:
             assert f"    shot {hit.shot + 1}: {hit.reason}" in text

@@ -155,7 +155,7 @@ def test_characters_without_a_glyph_are_code_points_and_said() -> None:
     shown = text_of(pdf)
     assert "[U+4E2D][U+6587]" in shown
     assert "[U+1F3CF] Ltd" in shown
-    assert "stand as code points" in shown
+    assert "printed as code points" in shown
     (attached,) = PdfReader(io.BytesIO(pdf)).attachments["certificate.json"]
     assert attached == document.text.encode()
     assert "中文" in certificate_text(document)
@@ -187,8 +187,8 @@ def test_a_logo_with_text_costs_no_form(
     pdf = certificate_pdf(shown)
     assert validator.is_pdf_compliant_bytes(pdf, profile="3a")
     text = text_of(pdf)
-    assert ("The logo cannot be set in this form" in text) == (words != "LAB")
-    assert "stand as code points" not in text
+    assert ("The logo cannot be shown in this PDF" in text) == (words != "LAB")
+    assert "printed as code points" not in text
     assert "data:image/svg" in certificate_page(shown)
 
 

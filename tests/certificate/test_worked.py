@@ -327,7 +327,9 @@ def test_the_pages_result_is_the_documents(case: str) -> None:
     value, u = told["value"] / size, told["u"] / size
     low, high = (each / size for each in told["interval_95"])
     (found,) = re.findall(
-        rf"= ([\d.]+) ± ([\d.]+){unit} \(95 %, k = ([\d.]+), ν = ([\d.∞]+)\)", text
+        rf"= ([\d.]+) ± ([\d.]+){unit} 95 % interval [\d.]+ to [\d.]+ "
+        r"\(k = ([\d.]+), ν = ([\d.∞]+)\)",
+        text,
     )
     assert agrees(found[0], value)
     assert agrees(found[1], high - value)
@@ -337,7 +339,9 @@ def test_the_pages_result_is_the_documents(case: str) -> None:
     (found,) = re.findall(r"interval ([\d.]+) to ([\d.]+)", text)
     assert agrees(found[0], low)
     assert agrees(found[1], high)
-    (found,) = re.findall(r"Type A together ([\d.]+), type B together ([\d.]+)\.", text)
+    (found,) = re.findall(
+        r"Combined type A contributions: ([\d.]+); combined type B contributions: ([\d.]+)\.", text
+    )
     assert agrees(found[0], told["u_type_a"] / size)
     assert agrees(found[1], told["u_type_b"] / size)
     (limit,) = re.findall(r"Limit of \w+ (none|[\d.]+)", text)
@@ -354,21 +358,26 @@ def test_the_pages_sentences_have_the_documents_numbers(case: str) -> None:
         return str(found)
 
     speed = told["v_rel_mph"]
-    assert agrees(number(r"Relative speed of ball and bat ([\d.]+) mph"), speed)
     assert agrees(
-        number(r"Relative speed of ball and bat [\d.]+ mph \(([\d.]+) m/s\)"), speed * MPH
+        number(r"Mean relative speed of ball and bat in the valid hits: ([\d.]+) mph"), speed
     )
-    assert agrees(number(r"Nominal speed of the ball ([\d.]+) mph"), told["nominal_speed_mph"])
+    assert agrees(number(r"in the valid hits: [\d.]+ mph \(([\d.]+) m/s\)"), speed * MPH)
+    assert agrees(number(r"Nominal speed of the ball: ([\d.]+) mph"), told["nominal_speed_mph"])
     if told["nominal_bat_speed_mph"]:
-        swung = number(r"of the bat ([\d.]+) mph 6 in from its tip")
+        swung = number(r"of the bat 6 in from its tip: ([\d.]+) mph")
         assert agrees(swung, told["nominal_bat_speed_mph"])
     place = told["impact_position_in"]
-    assert agrees(number(r"(?:struck|is for) ([\d.]+) in \([\d.]+ mm\) from the barrel end"), place)
-    assert agrees(number(r"(?:struck|is for) [\d.]+ in \(([\d.]+) mm\)"), place * 25.4)
+    assert agrees(
+        number(r"mpact position(?: of the result)?: ([\d.]+) in \([\d.]+ mm\) from the barrel end"),
+        place,
+    )
+    assert agrees(
+        number(r"mpact position(?: of the result)?: [\d.]+ in \(([\d.]+) mm\)"), place * 25.4
+    )
     other = told["recoil"]["other"]
     which = {"free": "pivoted", "pivoted": "free"}[told["recoil"]["which"]]
     given = (
-        rf"with that of a {which} bat, r = (\d\S+), the same eA would give e = (\d\S+) "
+        rf"With that of a {which} bat, r = (\d\S+), the same eA would give e = (\d\S+) "
         r"and BPF = ([\d.]+)"
     )
     (found,) = re.findall(given, text)
@@ -385,7 +394,7 @@ def test_the_pages_sentences_have_the_documents_numbers(case: str) -> None:
     if told["width_m"]:
         width = told["width_m"]
         (found,) = re.findall(
-            r"for ([\d.]+) in \(u = ([\d.]+) in\), from ([\d.]+) in to ([\d.]+) in", text
+            r"along ([\d.]+) in \(u = ([\d.]+) in\), between ([\d.]+) in and ([\d.]+) in", text
         )
         shown = (width["value"] / INCH, width["u"] / INCH, width["from_in"], width["to_in"])
         assert all(map(agrees, found, shown))
@@ -509,7 +518,7 @@ def test_the_pages_check_by_the_rebound_is_the_documents() -> None:
     assert told["shots"] > 1
     pattern = (
         r"rebound in (\d+) of (\d+) valid hits\. The rebound gives a mean eA of (\d\S+); the bat's "
-        r"recoil gives (\d\S+) for the same hits\. Difference (\S+?\d+)[,.]"
+        r"recoil gives (\d\S+) for the same hits\. The difference is (\S+?\d+)[,.]"
     )
     ((shots, valid, rebound, recoil, difference),) = re.findall(pattern, text)
     assert (int(shots), int(valid)) == (told["shots"], document(case)["valid_hits"])
@@ -518,7 +527,7 @@ def test_the_pages_check_by_the_rebound_is_the_documents() -> None:
     assert agrees(rebound, np.mean([each["rebound_efficiency"] for each in seen]))
     assert agrees(recoil, np.mean([each["recoil_efficiency"] for each in seen]))
     assert agrees(difference, told["difference"])
-    ((u,),) = [re.findall(r"of its mean from the scatter ([\d.]+)\.", text)]
+    ((u,),) = [re.findall(r"uncertainty from the scatter of ([\d.]+)\.", text)]
     assert agrees(u, told["u"])
 
 
@@ -565,7 +574,7 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
         assert all(map(agrees, shown, numbers))
     width = told["width_m"]
     found = re.findall(
-        r"^  ([\d.]+) \(u ([\d.]+)\) in of barrel .*, ([\d.]+) to ([\d.]+) in from",
+        r"^  within .* along ([\d.]+) \(u ([\d.]+)\) in of barrel, ([\d.]+) to ([\d.]+) in from",
         text,
         re.MULTILINE,
     )

@@ -514,8 +514,8 @@ class Test:
             speed, mass, e0 = s["speed"][n], s["mass"][n], own[self.ball[n]]
             # violated window, and its value
             shown = {
-                "come in": (not np.isfinite(speed), np.nan),
-                "ball at": (
+                "incoming ball": (not np.isfinite(speed), np.nan),
+                "ball speed": (
                     abs(speed - rules["ball_speed"]) > windows["speed_tolerance"],
                     speed / MPH,
                 ),
@@ -523,7 +523,7 @@ class Test:
                     not windows["ball_mass_low"] <= mass <= windows["ball_mass_high"],
                     mass / OUNCE,
                 ),
-                "ball of e0": (
+                "e0 of the ball": (
                     not windows["ball_restitution_low"] <= e0 <= windows["ball_restitution_high"],
                     e0,
                 ),
@@ -531,32 +531,32 @@ class Test:
             place = self.set[n]
             if "scan" in rules:
                 low, high = rules["scan"]["low"] - STEP, rules["scan"]["high"] + STEP
-                shown["set at"] = not low <= place <= high, place / INCH
+                shown["impact position set to"] = not low <= place <= high, place / INCH
             elif "place_tolerance" in windows:
                 off = abs(place - percussion)
-                shown["set at"] = off > windows["place_tolerance"], place / INCH
+                shown["impact position set to"] = off > windows["place_tolerance"], place / INCH
             if "rebound_angle" in windows:
                 angle = abs(atan(s["rise"][n]))
-                shown["came back at"] = angle > windows["rebound_angle"], angle * 180 / pi
+                shown["rebound angle"] = angle > windows["rebound_angle"], angle * 180 / pi
             if self.encoder is not None:
                 counts = self.encoder["counts_per_s"][n]
                 before = abs(self.encoder["counts_per_s_before"][n] * s["rate"][n] / counts)
                 unclear = self.encoder["u_counts_per_s"][n] / abs(counts)
-                shown["before the hit"] = before > windows.get("rate_before", inf), before
-                shown["recoil known"] = unclear > windows.get("recoil_u", inf), 100 * unclear
+                shown["before contact"] = before > windows.get("rate_before", inf), before
+                shown["recoil rate"] = unclear > windows.get("recoil_u", inf), 100 * unclear
             if self.swing is not None:
                 lever = rules["bat_speed"] / asked
                 off = abs(s["turned"][n] - asked) * lever
                 slant = self.swing["counts_at_contact"][n] / self.swing["counts_per_s"][n]
                 slant = abs(slant * s["turned"][n])
-                shown["bat at"] = (
+                shown["bat speed"] = (
                     off > windows["bat_speed_tolerance"],
                     s["turned"][n] * lever / MPH,
                 )
                 shown["from square"] = slant > windows["contact_angle"], slant * 180 / pi
             e = s["e"][n]
             if rules["reads"] == "rebound":
-                shown["come back"] = not np.isfinite(e), np.nan
+                shown["returning ball"] = not np.isfinite(e), np.nan
             shown["restitution"] = not 0 < e <= 1, e
             broken = [(name, float(number)) for name, (bad, number) in shown.items() if bad]
             found.append(broken[0] if broken else ("", np.nan))

@@ -73,7 +73,7 @@ def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: P
     for name, budget in found.quantities.items():
         assert budget.value == pytest.approx(true[name], rel=1e-9), name
     lost = {reason for reason in found.judgement.reasons if reason}
-    assert lost <= {"the gates did not see the ball come back"}
+    assert lost <= {"the gates missed the returning ball"}
     if found.procedure.scan is None:
         assert not lost
 
@@ -280,7 +280,7 @@ def test_attempts_run_out(tmp_path: Path) -> None:
     said: list[str] = []
     result = certify("r161", procedure=rules, seed=1, progress=said.append).certification
     assert len(result.judgement.reasons) == 12
-    assert all(reason.startswith("ball at ") for reason in result.judgement.reasons)
+    assert all(reason.startswith("ball speed ") for reason in result.judgement.reasons)
     assert result.verdict is Verdict.INVALID
     assert result.metric is None
     assert result.quantities == {}
@@ -531,5 +531,5 @@ def test_gates_that_see_no_ball_make_an_invalid_test(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(LightGates, "watch", blind)
     result = certify("r161", procedure=PROCEDURE, seed=1).certification
     assert result.verdict is Verdict.INVALID
-    assert set(result.judgement.reasons) == {"the gates did not see the ball come in"}
+    assert set(result.judgement.reasons) == {"the gates missed the incoming ball"}
     assert "No BPF can be stated" in certificate_page(certificate(result))

@@ -174,8 +174,8 @@ def test_a_calibration_that_was_due_before_the_test_is_a_flag(
     assert found.verdict == certified().certification.verdict
     if flagged:
         assert flags["calibration-due"].sentence == (
-            "the calibration of gates (G-12) was due on 2026-11-23, the test was on 2026-11-24"
+            "the calibration of gates (G-12) was due on 2026-11-23, but the test was on 2026-11-24"
         )
     page = certificate_page(certificate(found))
-    assert ("may have changed since it was calibrated" in page) == flagged
-    assert ("records do not hang together" in page) == bool(flags.keys() - {"calibration-due"})
+    assert ("was overdue for calibration may have drifted" in page) == flagged
+    assert ("records are inconsistent" in page) == bool(flags.keys() - {"calibration-due"})

@@ -99,7 +99,7 @@ def test_a_name_without_glyphs_costs_no_report(results: Path, tmp_path: Path) ->
     (sheet,) = PdfReader(odd.save(tmp_path / "report") / "report.pdf").pages
     text = re.sub(r"\s+", "", sheet.extract_text())
     assert "[U+4E2D][U+6587]1[U+20E3]" in text
-    assert "standascodepoints" in text
+    assert "printedascodepoints" in text
 
 
 def test_repeats_scatter_as_their_values_do(results: Path) -> None:
@@ -200,7 +200,7 @@ def test_the_figure_shows_results_and_limit_to_scale(results: Path) -> None:
 def test_what_is_no_result_is_named(results: Path, tmp_path: Path, run: Run) -> None:  # noqa: F811
     with pytest.raises(InputError, match="allowed: two or more certificates"):
         vl.report(results / "bats" / "ea70")
-    with pytest.raises(InputError, match=r"certificate\.json; stands neither here nor below"):
+    with pytest.raises(InputError, match=r"certificate\.json; not found in this folder"):
         vl.report([results / "bats", tmp_path])
     code, _, err = run("report", str(tmp_path / "nowhere"), str(results / "bats"))
     assert code == 2

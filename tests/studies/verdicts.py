@@ -60,7 +60,7 @@ def row(certification: Certification, truth: float) -> dict[str, object]:
         "verdict": certification.verdict.value,
         "reasons": "; ".join(certification.reasons),
         "flags": " ".join(flag.name for flag in certification.flags),
-        "misfits": sum("no smooth turn" in reason for reason in judged),
+        "misfits": sum("no smooth rotation" in reason for reason in judged),
         "z": f"{(metric.value - truth) / metric.u:.3f}" if metric else "",
         "pairs": " ".join(
             f"{f'{each.name} {each.of}'.strip().replace(' ', '_')}"
@@ -104,7 +104,7 @@ def table(files: list[Path]) -> list[dict[str, object]]:
             for each in csv.DictReader(file):
                 procedure = each["procedure"]
                 laboratories[procedure] += 1
-                invalid[procedure] += "by the flag" in each["reasons"] or int(each["misfits"]) > 0
+                invalid[procedure] += "flag " in each["reasons"] or int(each["misfits"]) > 0
                 for pair in each["pairs"].split():
                     name, _, found = pair.partition("=")
                     likely, harmful = map(float, found.split("/"))

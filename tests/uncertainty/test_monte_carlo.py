@@ -84,7 +84,7 @@ def test_a_certificate_by_draws_also_states_the_combined_u_of_its_lines(
     foot = {row[0].text: ["".join(cell.itertext()) for cell in row] for row in rows}
     assert foot["Combined, first order"][3:] == [f"{first:.4f}", "100"]
     assert foot["Combined, as stated"][3] == f"{document.metric.u:.4f}"
-    assert f"(u {document.metric.u:.4f}, of first order {first:.4f})" in certificate_text(document)
+    assert f"(u {document.metric.u:.4f}, to first order {first:.4f})" in certificate_text(document)
 
 
 def test_draws_of_too_few_degrees_of_freedom_are_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,7 +92,7 @@ def test_draws_of_too_few_degrees_of_freedom_are_not_made(monkeypatch: pytest.Mo
     document = by_draws(monkeypatch, 21)
     u = sqrt(sum(line.contribution**2 for line in document.budget))
     assert document.metric.u == pytest.approx(u, rel=1e-12)
-    assert "Not by Monte Carlo, as asked for: hits has 0.3 degrees" in document.evaluation
+    assert "requested but not used: hits has only 0.3 degrees" in document.evaluation
     page = certificate_page(document)
     assert "Combined, first order" not in page
     assert ", of first order" not in certificate_text(document)

@@ -33,7 +33,7 @@ def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
         return None
     if folder is None or not reason:
         key, value = ("reason", reason) if folder is None else ("replaces", folder)
-        raise InputError("", key, value, "needs both: the folder that is replaced, and the reason")
+        raise InputError("", key, value, "needs both the folder that is replaced and the reason")
     document = read_document(folder / CERTIFICATE)
     return ReplacedReport(
         number=document.number,
@@ -57,7 +57,7 @@ def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification
     for row in differences(there, here, CERTIFICATE):
         if elsewhere and not (row.key.startswith(RESULT) or COPIED.match(row.key)):
             continue
-        allowed = f"its records give {row.found}; 'virtual-lab verify {folder}' says more"
+        allowed = f"its records give {row.found}; for details: virtual-lab verify {folder}"
         raise InputError(str(folder / CERTIFICATE), row.key, row.stated, allowed)
     return stated, certification
 
@@ -70,5 +70,7 @@ def result_folders(folder: Path) -> list[Path]:
         return [folder]
     inner = sorted(path.parent for path in folder.glob(f"*/{CERTIFICATE}"))
     if not inner:
-        raise InputError(str(folder), CERTIFICATE, None, "stands neither here nor below")
+        raise InputError(
+            str(folder), CERTIFICATE, None, "not found in this folder or in its subfolders"
+        )
     return inner

@@ -69,7 +69,7 @@ def along_figure(document: CertificateDocument) -> str:
             x=(places[0] - edge, places[-1] + edge),
             y=_limits([*ends, *(value / size for value in each.curve)]),
             title=f"{symbol}, {unit}" if unit else symbol,
-            x_label="place from the tip, in",
+            x_label="position from the tip, in",
         )
         label = "" if panels else "every hit"  # one label for all: a panel is too narrow for two
         panel.line(along.curve_in, [value / size for value in each.curve], label)
@@ -82,9 +82,10 @@ def along_figure(document: CertificateDocument) -> str:
         panels.append(panel)
     names = ", ".join(printed_size(each.name)[0] for each in along.quantities)
     description = (
-        f"{names} at {len(document.places)} places from {document.places[0].place_in:g} to "
-        f"{document.places[-1].place_in:g} in from the tip: means with their standard uncertainty "
-        f"by scatter, and one polynomial of degree {along.degree} through every valid hit"
+        f"{names} at {len(document.places)} impact positions from "
+        f"{document.places[0].place_in:g} to {document.places[-1].place_in:g} in from the tip: "
+        "means with their standard uncertainty from the scatter, and a polynomial of degree "
+        f"{along.degree} fitted to all valid hits"
     )
     return figure(panels, 150, "along", f"{names} along the barrel", description)
 
@@ -132,8 +133,8 @@ def rebound_figure(document: CertificateDocument) -> str | None:
         bottom=bottom,
         x=ends,
         y=ends,
-        x_label="e_A by the recoil",
-        y_label="e_A by the rebound",
+        x_label="e_A from the recoil",
+        y_label="e_A from the rebound",
     )
     apart = [rebound - recoil for _, recoil, rebound in both]
     u = check.u or 0.0
@@ -160,10 +161,11 @@ def rebound_figure(document: CertificateDocument) -> str | None:
             gaps = [one - other for _, other, one in rows]
             by_shot.dots(shots, gaps, radius=2, cross=not valid)
     description = (
-        f"e_A by the rebound of the ball against e_A by the recoil of the bat, {len(both)} hits; "
-        f"mean difference {check.difference:+.4f}"
+        f"e_A from the rebound of the ball against e_A from the recoil of the bat, {len(both)} "
+        f"hits; mean difference {check.difference:+.4f}"
     )
-    return figure([against, by_shot], 130, "rebound", "e_A by recoil and by rebound", description)
+    title = "e_A from recoil and from rebound"
+    return figure([against, by_shot], 130, "rebound", title, description)
 
 
 def contact_figure(document: CertificateDocument) -> str:
@@ -192,8 +194,8 @@ def contact_figure(document: CertificateDocument) -> str:
         panels.append(panel)
     height = high * ceil(len(sheet) / columns) + 4
     description = (
-        f"Encoder record less the turn, {len(sheet)} shots, the first 20 ms after contact, all "
-        f"from −{most:.2g}° to {most:.2g}°"
+        f"Encoder records minus the fitted rotation, {len(sheet)} shots, the first 20 ms after "
+        f"contact, all on a scale from −{most:.2g}° to {most:.2g}°"
     )
     return figure(panels, height, "contact", "Contact sheet of the shots", description)
 
@@ -222,9 +224,10 @@ def swings_figure(document: CertificateDocument) -> str:
     panel.line(exponents, values)
     panel.dots(exponents, values, printed.symbol, radius=1.6)
     if document.procedure.swing_exponent is not None:
-        panel.upright(document.procedure.swing_exponent, "judged by this n")
+        panel.upright(document.procedure.swing_exponent, "n of the verdict")
     description = f"{printed.symbol} for exponents {exponents[0]:g} to {exponents[-1]:g}"
-    return figure([panel], 122, "swings", f"{printed.symbol} over the swing law", description)
+    title = f"{printed.symbol} against the exponent of the swing law"
+    return figure([panel], 122, "swings", title, description)
 
 
 def encoder_figure(trace: EncoderTrace) -> str:
@@ -238,7 +241,7 @@ def encoder_figure(trace: EncoderTrace) -> str:
         bottom=bottom,
         x=(turn.time_ms[0], turn.time_ms[-1]),
         y=_limits(turn.angle_deg),
-        title="the whole record",
+        title="whole record",
         x_label="time after contact, ms",
         y_label="angle, °",
     )
@@ -247,7 +250,7 @@ def encoder_figure(trace: EncoderTrace) -> str:
     whole.line(
         [turn.time_ms[n] for n in late],
         [turn.fit_deg[n] for n in late],
-        "turn of the joint fit",
+        "fitted rotation",
         dashes="3.3 1.4",
     )
     rest = Panel(
@@ -257,7 +260,7 @@ def encoder_figure(trace: EncoderTrace) -> str:
         bottom=bottom,
         x=(0.0, round(ring.time_ms[-1])),
         y=_limits(ring.angle_deg),
-        title="the record less the turn: the ring",
+        title="record minus fitted rotation",
         x_label="time after contact, ms",
         y_label="angle, °",
     )
@@ -268,8 +271,8 @@ def encoder_figure(trace: EncoderTrace) -> str:
     )
     rest.upright(trace.settled_ms)
     description = (
-        f"Shot {trace.shot + 1}: angle of the bat against time after contact, with the turn of the "
-        "joint fit, and what is left of the record less the turn: a bending ring."
+        f"Shot {trace.shot + 1}: angle of the bat against time after contact, with the fitted "
+        "rotation, and the bending vibration: the record minus the fitted rotation."
     )
     title = f"Encoder record of shot {trace.shot + 1}"
     return figure([whole, rest], 140, "encoder", title, description)
@@ -295,7 +298,7 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
         else (1 - edge, max(len(across), 2) + edge),
         y=_limits([*heights, *interval]),
         title="along the barrel" if scan else "hit by hit",
-        x_label="place from the tip, in" if scan else "shot",
+        x_label="position from the tip, in" if scan else "shot",
         y_label=_axis_label(document),
         x_ticks=None if scan or len(across) > 30 else across,
     )
@@ -322,7 +325,7 @@ def _kinds(
     if scan:
         return [
             ("other valid hit", [(x, row) for x, row in valid if not row.used], "white", False),
-            ("in the result", [(x, row) for x, row in valid if row.used], "black", False),
+            ("hit in the result", [(x, row) for x, row in valid if row.used], "black", False),
         ]
     invalid = [(x, row) for x, row in measured if row.reason]
     return [("valid hit", valid, "black", False), ("invalid hit", invalid, "none", True)]

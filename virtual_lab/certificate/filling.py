@@ -129,7 +129,7 @@ def certificate(
         ),
         ball=BallsUsed(
             name=session.ball,
-            ball_restitution_is="the mean of the lot, every ball measured",
+            ball_restitution_is="mean of all balls of the lot",
             set_aside=tuple(BallSetAside(**asdict(each)) for each in certification.set_aside),
         ),
         rigs=dict(session.rigs),
@@ -147,8 +147,8 @@ def certificate(
             certification.verdict.value,
             eligible=all(each.met for each in certification.findings),
         ),
-        decision_rule="PASS where the value is at most the limit (simple acceptance) and the bat "
-        "meets every other rule; marginal where the limit lies within the 95 % interval",
+        decision_rule="PASS if the value does not exceed the limit (simple acceptance) and the bat "
+        "meets every other rule; marginal if the limit is within the 95 % interval",
         **stated,
         recoil=RecoilStated(
             which=procedure.recoil,
@@ -380,26 +380,27 @@ def _conditional_on(certification: Certification) -> str:
     unverified = len(certification.unverified)
     values = "1 of its values is" if unverified == 1 else f"{unverified} of its values are"
     model = (
-        "the model of the collision (the force law of the ball alone moves the peak e of a bat "
-        "by 0.045) and on "  # value for r161, from `virtual-lab sensitivity r161`
+        "the collision model (the choice of the ball's force law alone shifts the peak e of a bat "
+        "by up to 0.045) and on "  # value for r161, from `virtual-lab sensitivity r161`
         if isinstance(certification.session.origin, Simulated)
         else ""
     )
     return (
-        f"The result and its uncertainty are conditional on {model}the procedure as it is known "
-        f"here ({values} unverified)."
+        f"The result and its uncertainty depend on {model}the procedure as implemented here "
+        f"({values} unverified)."
     )
 
 
 FIRST_ORDER = (
-    "First-order propagation, effective degrees of freedom after Welch and Satterthwaite (GUM), "
-    "Student's t for the interval."
+    "The uncertainty is propagated to first order (GUM); the interval uses Student's t with the "
+    "effective degrees of freedom of Welch and Satterthwaite."
 )
 
 
 WIDER = (
-    "Contributions and their combination are of the first order. The u of the draws is larger, "
-    "because a t distribution of ν degrees of freedom has √(ν/(ν − 2)) times the u of its source."
+    "The contributions in the table and their combination are of first order. The u of the draws "
+    "is larger, because a t distribution with ν degrees of freedom has a standard deviation of "
+    "√(ν/(ν − 2)) times the u of its source."
 )
 
 
@@ -409,8 +410,9 @@ def _method(certification: Certification, metric: Budget) -> str:
     few = too_wide(metric) if certification.session.uncertainty == MONTE_CARLO else None
     if finer is None and few is not None:
         return (
-            f"Not by Monte Carlo, as asked for: {few.name} has {few.dof:.1f} degrees of freedom, "
-            f"and below {LEAST_FREEDOM:g} draws of a t distribution do not settle u. {FIRST_ORDER}"
+            f"The Monte Carlo method was requested but not used: {few.name} has only {few.dof:.1f} "
+            f"degrees of freedom, and with fewer than {LEAST_FREEDOM:g} the u of draws from a t "
+            f"distribution does not converge. {FIRST_ORDER}"
         )
     if finer is None:
         return FIRST_ORDER
@@ -421,20 +423,22 @@ def _method(certification: Certification, metric: Budget) -> str:
 
     shift = format_value(outcome.shift, "+.2g")
     if outcome.convergence is None:
-        order = "Propagation of mean and variance to second order (GUM 5.1.2, note): by it the mean"
-        return f"{order} lies {shift} off. {FIRST_ORDER}"
+        return (
+            "Mean and variance are propagated to second order (GUM 5.1.2, note), which shifts the "
+            f"mean by {shift}. {FIRST_ORDER}"
+        )
     drawn, within = outcome.convergence.draws, outcome.convergence.tolerance or inf
     return (
-        f"Propagation of distributions (JCGM 101) by {drawn:,} draws, u and both ends of the "
-        f"interval right within {format_value(within, '.1g')} with 95 %; "
-        f"their mean lies {shift} off. {WIDER}"
+        f"The distributions are propagated (JCGM 101) with {drawn:,} draws; u and both ends of the "
+        f"interval are accurate to {format_value(within, '.1g')} with 95 % probability. "
+        f"The mean of the draws is shifted by {shift}. {WIDER}"
     )
 
 
 def _scatter(certification: Certification, linear: Budgets) -> str:
     """Return a sentence on the tests that give the scatter, and on the gain by earlier tests."""
     earlier, today = certification.session.history.get("metric"), certification.variances
-    alone = "The scatter of the hits is known from this test alone"
+    alone = "The scatter of the hits is estimated from this test alone"
     if earlier is None:
         parts = linear.components
         more = np.where(np.array(parts.names) == HITS, 1 + HISTORY, 1)
@@ -442,12 +446,15 @@ def _scatter(certification: Certification, linear: Budgets) -> str:
         now, then = (np.ptp(each.row(0).interval_95) for each in (linear, longer))
         less = 1 - then / now if linear.u[0] else 0.0
         return (
-            f"{alone}: with that of {HISTORY} earlier tests, as large, the interval would be "
-            f"{less:.0%} shorter. If the hits of one test agree by chance, it is too short."
+            f"{alone}. If {HISTORY} earlier tests with the same scatter were included, the "
+            f"interval would be {less:.0%} shorter. If the few hits of this test agree by chance, "
+            "the interval is too short."
         )
     if "metric" in today and larger_today(today["metric"], earlier):
-        return f"{alone}: it is larger than in {earlier.source}, beyond chance (F test, 1 %)."
-    return f"The scatter of the hits is that of this test and of {earlier.source} together."
+        return (
+            f"{alone}, because it is significantly larger than in {earlier.source} (F test, 1 %)."
+        )
+    return f"The scatter of the hits is estimated from this test and {earlier.source} together."
 
 
 def _choice(metric: Budget | None) -> ChoiceStated | None:

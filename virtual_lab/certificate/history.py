@@ -44,7 +44,7 @@ def earlier_scatter(
         return {}
     every = [inner for folder in folders for inner in result_folders(folder)]
     if len(every) < FEWEST:
-        allowed = f"allowed: {FEWEST} earlier tests and more; ten serve well"
+        allowed = f"allowed: {FEWEST} or more earlier tests; ten are recommended"
         raise InputError("", "history", _count(len(every)), allowed)
     tests: list[dict[str, HitVariance]] = []
     digests = {_digest(today): "these records"} if today else {}
@@ -56,11 +56,11 @@ def earlier_scatter(
                 allowed = f"{which}; allowed: tests of this bat, procedure, rig and laboratory"
                 raise InputError(str(folder), key, None, allowed)
         if not certification.variances:
-            allowed = "an INVALID test tells nothing; allowed: one with a result"
+            allowed = "this test is INVALID; allowed: tests with a result"
             raise InputError(str(folder), "history", None, allowed)
         digest = _digest(certification.session)
         if digest in digests:
-            allowed = f"is the test of {digests[digest]} once more"
+            allowed = f"is the same test as {digests[digest]}"
             raise InputError(str(folder), "history", None, allowed)
         digests[digest] = str(folder)
         variances = certification.variances.items()

@@ -45,21 +45,21 @@ SYMBOLS = {
 STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
 INPUTS = {  # components of a budget that are no calibration constants: printed words and unit
     "hits": ("Scatter from hit to hit", ""),
-    "choice of the place": ("Choice of the place", ""),
+    "choice of the place": ("Choice of the impact position", ""),
     "bat.mass": ("Bat mass, readings", "g"),
     "bat.length": ("Bat length, readings", "mm"),
     "bat.balance": ("Balance point, readings", "mm"),
     "bat.barrel_radius": ("Barrel radius, readings", "mm"),
     "bat.period": ("Pendulum period, readings", "ms"),
     "balls.repeatability": ("Ball restitution, wall hits of each ball", ""),
-    "balls.slope_repeatability": ("Fall of ball restitution with speed, wall hits", "s/m"),
+    "balls.slope_repeatability": ("Decrease of ball restitution with speed, wall hits", "s/m"),
     "procedure.place_slope_error": ("Slope of e_A along the barrel, at the aim", ""),
     "aim.across_square": ("cannon, mean square aim across the bat", "mm²"),
     "camera.clock": ("camera, clock rate", "ppm"),
     "camera.focal": ("camera, focal length", "px"),
     "camera.plane": ("camera, height of the line of fire", "mm"),
-    "camera.place_x": ("camera, place along the flight", "mm"),
-    "camera.place_y": ("camera, place along the bat", "mm"),
+    "camera.place_x": ("camera, position along the flight", "mm"),
+    "camera.place_y": ("camera, position along the bat", "mm"),
     "camera.place_z": ("camera, height", "mm"),
 }
 IDENTITY = {  # identification of an instrument: printed words
@@ -77,8 +77,8 @@ CONDITIONS = {  # conditions of the hall: printed unit, its number per SI unit, 
 VERDICTS = {
     "PASS": "The bat meets the limit",
     "FAIL": "The bat does not meet the rules",
-    "INVALID": "The test was not valid, and nothing is said of the bat",
-    "MEASURED": "The rules set no limit",
+    "INVALID": "The test is not valid, so there is no verdict on the bat",
+    "MEASURED": "The procedure sets no limit",
 }
 
 
@@ -125,10 +125,15 @@ def _made_by(document: CertificateDocument) -> str:
 def _not_checked(document: CertificateDocument) -> list[str]:
     """Return sentences on the checks for which the records are incomplete."""
     names = [name for name in document.not_checked if name != SCALE_DRIFT]
-    said = [f"Not checked, as recorders summed up: {', '.join(names)}."] if names else []
+    said = (
+        [f"Not checked, because the recorders stored no individual readings: {', '.join(names)}."]
+        if names
+        else []
+    )
     if SCALE_DRIFT in document.not_checked:
         said.append(
-            f"Not checked, as no reference mass was weighed before and after: {SCALE_DRIFT}."
+            "Not checked, because no reference mass was weighed before and after the test: "
+            f"{SCALE_DRIFT}."
         )
     return said
 
@@ -139,15 +144,13 @@ def _about_flags(document: CertificateDocument) -> str:
     said = []
     if names - {CALIBRATION_DUE}:
         said.append(
-            "A flag says that the records do not hang together. Where the test is not invalid by "
-            "it, it leaves the verdict as the rules find it, and is to be looked into before the "
-            "result is used."
+            "A flag means that the records are inconsistent. A flag that does not make the test "
+            "invalid leaves the verdict unchanged; find its cause before you use the result."
         )
     if CALIBRATION_DUE in names:
         said.append(
-            "An instrument whose calibration was due before the test may have changed since it was "
-            "calibrated. This leaves the verdict as the rules find it; have the instrument "
-            "calibrated before the result is used."
+            "An instrument that was overdue for calibration may have drifted. This leaves the "
+            "verdict unchanged; have the instrument calibrated before you use the result."
         )
     return " ".join(said)
 
@@ -263,17 +266,17 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     printed = METRICS[metric.name]
     hits = f"{document.valid_hits} valid hits"
     if verdict == "INVALID":
-        hits += f", the procedure asks for {document.procedure.hits_needed}"
+        hits += f", the procedure requires {document.procedure.hits_needed}"
     unit = f" {printed.unit}" if printed.unit else ""
     said = VERDICTS[verdict]
     stated = _format_result(metric, printed.unit_si) if document.states_result else {}
     limit = "none" if metric.limit is None else printed.limit(metric.limit)
     if verdict == "PASS":
-        said = f"{said}: {stated['value']}{unit} is at most {limit}"
+        said = f"{said}: {stated['value']}{unit} does not exceed {limit}"
     if verdict in ("FAIL", "INVALID"):
         said = ": ".join((said, "; ".join(document.reasons)))
     if document.risk:
-        said = f"{said}, {_risk(document.risk)}"
+        said = f"{said}; {_risk(document.risk)}"
     return {
         "words": printed.words,
         "symbol": printed.symbol,
@@ -300,11 +303,11 @@ def _first_order(document: CertificateDocument) -> str:
 def _risk(risk: RiskStated) -> str:
     """Return the specific risk of a verdict, in words."""
     percent = 100 * risk.probability
-    chance = f"of {percent:.2g} %" if percent >= 0.01 else "below 0.01 %"
+    chance = f"is {percent:.2g} %" if percent >= 0.01 else "is below 0.01 %"
     side = "exceeds" if risk.of == "false acceptance" else "does not exceed"
     return (
-        f"with a risk {chance} that its true value {side} the limit (specific risk of {risk.of}, "
-        "by this result alone, without a prior)"
+        f"the risk that its true value {side} the limit {chance} (specific risk of {risk.of}, "
+        "from this result alone, without a prior)"
     )
 
 
@@ -373,11 +376,11 @@ def _correction(correction: CorrectionStated | None) -> str:
         return ""
     standard, control = correction.standard, correction.control
     if control is None:
-        return f"carried to a ball of e0 {standard:g} by the method {correction.method}"
+        return f"converted to a ball with e0 = {standard:g} by the method {correction.method}"
     ratio = _with_u(control)
     return (
-        f"divided by {ratio['value']} (u = {ratio['u']}), what the control bat gave with this "
-        f"lot of balls over the {standard:g} it is known by"
+        f"divided by {ratio['value']} (u = {ratio['u']}), the ratio of the control bat's e with "
+        f"this lot of balls to its reference value {standard:g}"
     )
 
 

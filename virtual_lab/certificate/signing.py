@@ -39,7 +39,7 @@ def require_key(path: Path, *, private: bool) -> Any:
         raise InputError(str(path), "key", None, allowed) from fault
     kind = ed25519.Ed25519PrivateKey if private else ed25519.Ed25519PublicKey
     if not isinstance(key, kind):
-        raise InputError(str(path), "key", type(key).__name__, "must be of the kind Ed25519")
+        raise InputError(str(path), "key", type(key).__name__, "must be an Ed25519 key")
     return key
 
 
@@ -94,7 +94,7 @@ def signature_fault(folder: Path, key: Path) -> Mismatch | None:
     except InputError as fault:
         return Mismatch(file=SIGNATURE, key="signature", stated="", found=fault.allowed)
     except (InvalidSignature, ValueError):
-        wrong = "is not of this key, or not of this list"
+        wrong = "was made with another key, or for another list"
         return Mismatch(file=SIGNATURE, key="signature", stated="", found=wrong)
     return None
 

@@ -14,7 +14,7 @@ from virtual_lab.records.particulars import Particulars
 def certificate_text(document: CertificateDocument) -> str:
     """Return the certificate as text of about a dozen lines."""
     procedure, printed = document.procedure, printed_values(document)
-    marginal = ", marginal: the limit lies within the 95 % interval" if document.marginal else ""
+    marginal = ", marginal: the limit is within the 95 % interval" if document.marginal else ""
     said = f": {'; '.join(document.reasons)}" if document.verdict == "FAIL" else ""
     lines = [f"{document.bat.name} by {procedure.name} ({procedure.edition})"]
     lines.append(f"  {document.verdict}{said}{marginal}")
@@ -46,7 +46,7 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
     """Yield the result, and all that was measured beside it."""
     result, at = printed["result"], printed["conditions"]
     most = "no limit" if result["limit"] == "none" else f"limit {result['limit']}"
-    first = f", of first order {result['u_first_order']}" if result["u_first_order"] else ""
+    first = f", to first order {result['u_first_order']}" if result["u_first_order"] else ""
     value = f"{result['value']} ± {result['expanded']}{result['unit']} (u {result['u']}{first})"
     interval = f"95 % interval {result['low']} to {result['high']}"
     yield f"{result['symbol']:4} {value}   {interval}, {most}"
@@ -62,11 +62,11 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
     yield f"at {at['relative']} mph, {at['place']} in from the tip"
     if printed["choice"]:
         more = printed["choice"]
-        yield f"raised by {more}: mean shortfall of the chosen place against the best one"
+        yield f"raised by {more} for the mean shortfall of the chosen impact position"
     if width := printed["width"]:
         along = f"{width['value']} (u {width['u']})" if width["u"] else f"at least {width['value']}"
         where = f"{width['low']} to {width['high']} in from the tip"
-        yield f"{along} in of barrel within {width['drop']} of the curve's maximum, {where}"
+        yield f"within {width['drop']} of the curve's maximum along {along} in of barrel, {where}"
     if printed["swings"]:
         yield "for other exponents n of the swing law:"
         title = f"{result['symbol']},{result['unit']}"
@@ -74,7 +74,7 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
             {
                 "n": row["exponent"],
                 title: f"{row['value']} (u {row['u']})",
-                "best place, in": row["place"],
+                "best position, in": row["place"],
             }
             for row in printed["swings"]
         ]
@@ -90,9 +90,9 @@ def _camera(document: CertificateDocument, rows: list[dict[str, str]]) -> Iterat
     if camera is None:
         return
     if not camera.hits:
-        yield "the camera saw no valid hit well enough"
+        yield "the camera measured no valid hit"
         return
-    missed = f", {camera.missed} more not seen well" if camera.missed else ""
+    missed = f", {camera.missed} more not measured by video" if camera.missed else ""
     yield f"gates and video for {camera.hits} hits{missed}:"
     for row in rows:
         by = ", ".join(f"{way} {row[way]} (u {row[f'{way}_u']})" for way in WAYS)

@@ -71,7 +71,7 @@ RESULTS = re.compile(  # keys whose differences from this program are listed sin
     r"|shots(\[\d+\]\.(recoil_efficiency|rebound_efficiency|used|reason))?)(\[\d+\]|\.|$)"
 )
 UNSIGNED = (
-    "without a signature: anybody with the program can make a whole folder of invented records"
+    "no signature was checked: anybody with the program can make a folder of invented records"
 )
 STATES = {"whole": 0, "altered": 3, "differs": 4, "not all checked": 4}  # exit codes
 
@@ -161,9 +161,9 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
     unchecked = [each.text for each in findings if isinstance(each, Unchecked)]
     signed = key is not None and not fault
     if (folder / FILM).is_dir() and not signed:
-        unchecked.append(f"{FILM}: the film of a shot shows what no record holds")
+        unchecked.append(f"{FILM}: the film of a shot cannot be compared with any record")
     if (folder / SIGNATURE).exists() and key is None:
-        unchecked.append(f"{SIGNATURE}: signed, not checked; give --key")
+        unchecked.append(f"{SIGNATURE}: checking the signature needs the public key (--key)")
     return Verification(
         folder=str(folder),
         rows=rows,
@@ -372,7 +372,7 @@ def _forms(
     if not (folder / PAGE).is_file():
         yield Mismatch(file=PAGE, key="", stated="", found=MISSING)
     if document is None:
-        why = "another program made it; only number and result were compared"
+        why = "another version made it; only number and result were compared"
         for name in (PAGE, *pdfs):
             yield Unchecked(f"{name}: {why if elsewhere else 'the records give no certificate'}")
         return
@@ -413,7 +413,9 @@ def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
     theirs, ours = producer.findall(stored), producer.findall(wanted)
     if theirs and theirs != ours:
         raise InputError("", "Typst", theirs[0].decode(), f"here it is {ours[0].decode()}")
-    yield Mismatch(file=path.name, key="", stated="", found="another file than the records give")
+    yield Mismatch(
+        file=path.name, key="", stated="", found="differs from the file made from the records"
+    )
 
 
 def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:

@@ -347,7 +347,7 @@ def _invalidating(
 
     def too_large(i: int) -> str:
         u = float(metric_u[i]) / printed.unit_si
-        text = f"u of {printed.symbol} is {{0:.{{d}}f}}, allowed up to {{2:g}} {printed.unit}"
+        text = f"the u of {printed.symbol} is {{0:.{{d}}f}}, allowed up to {{2:g}} {printed.unit}"
         return beyond(text, u, -inf, most / printed.unit_si, decimals(u)).rstrip()
 
     yield Reason(Verdict.INVALID, some & ~(metric_u <= most), too_large)
@@ -356,4 +356,4 @@ def _invalidating(
 
 
 def _by_flag(name: str, _laboratory: int) -> str:
-    return f"by the flag {name}"
+    return f"flag {name}"

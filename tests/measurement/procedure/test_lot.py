@@ -43,7 +43,7 @@ def test_e0_is_judged_at_the_speed_of_the_rules() -> None:
 def test_a_heavy_ball_is_set_aside() -> None:
     mass = np.array([5.125, 5.125, 5.30]) * OUNCE
     (ball,) = set_aside(RULES, balls(mass=mass))
-    assert (ball.ball, ball.reason) == (2, "5.300 oz, allowed 5.000 to 5.250 oz")
+    assert (ball.ball, ball.reason) == (2, "mass 5.300 oz, allowed 5.000 to 5.250 oz")
 
 
 def test_a_ball_just_outside_a_window_is_printed_with_enough_digits() -> None:
@@ -51,7 +51,7 @@ def test_a_ball_just_outside_a_window_is_printed_with_enough_digits() -> None:
     e0 = np.array([0.474, 0.474, 0.47900002])
     lot = set_aside(RULES, balls(mass=mass, restitution=e0))
     assert [ball.reason for ball in lot] == [
-        "5.25004 oz, allowed 5.00000 to 5.25000 oz",
+        "mass 5.25004 oz, allowed 5.00000 to 5.25000 oz",
         "e0 0.55500002 at 60 mph, allowed 0.525 to 0.555",
     ]
 

@@ -73,7 +73,7 @@ def test_of_ten_fresh_hits_the_last_six_are_the_result() -> None:
     # invalid shot among them: the consecutive hits begin again
     valid[PLACES.size + 5] = False
     again = outcome_of(BBCOR, place, valid, metric)
-    assert again.reasons[0] == "4 of 6 consecutive hits at the best place"
+    assert again.reasons[0] == "only 4 of 6 consecutive hits at the best impact position"
     assert again.weights[PLACES.size :] == pytest.approx([0.0] * 6 + [0.25] * 4)
 
 
@@ -81,7 +81,7 @@ def test_two_positions_are_no_scan() -> None:
     """Two positions, or one hit, give no weights but a reason."""
     two = PLACES < 5.7 * INCH
     outcome = outcome_of(RULES, PLACES[two], ALL[two], parabola(PLACES[two]))
-    assert outcome.reasons[0] == "6 valid hits at 2 places, 3 make a scan"
+    assert outcome.reasons[0] == "only 2 impact positions have 6 valid hits; a scan needs 3"
     assert np.isnan(outcome.weights).all()
     assert not outcome.used.any()
     assert (

@@ -107,7 +107,7 @@ def test_a_drop_of_zero_or_of_a_speed_is_refused() -> None:
     assert RULES.scan is not None
     with pytest.raises(ValueError, match="width_drop is 0; it must be greater"):
         replace(RULES.scan, width_drop=0.0)
-    with pytest.raises(ValueError, match="width_drop is a number"):
+    with pytest.raises(ValueError, match="width_drop has no unit"):
         replace(RULES, metric="batted_speed", limit=None, largest_u=None, largest_speed_u=0.4)
 
 

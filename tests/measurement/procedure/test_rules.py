@@ -97,22 +97,22 @@ def test_a_good_shot_is_valid() -> None:
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"speed": nan}, "the gates did not see the ball come in"),
-        ({"speed": 61.01 * MPH}, "ball at 61.01 mph, allowed 60 ± 1 mph"),
-        ({"speed": 58.99 * MPH}, "ball at 58.99 mph, allowed 60 ± 1 mph"),
-        ({"place": 0.1511}, "set at 5.949 in, allowed 5.906 ± 0.039 in"),
-        ({"place": 0.100}, "set at 3.937 in, allowed 5.906 ± 0.039 in"),
-        ({"restitution": -0.1}, "restitution of -0.100, which no collision has (signs, units or"),
-        ({"restitution": 1.01}, "restitution of 1.010, which no collision has (signs, units or"),
-        ({"ball_mass": 4.999 * OUNCE}, "ball of 4.999 oz, allowed 5.000 to 5.250 oz"),
-        ({"ball_mass": 5.251 * OUNCE}, "ball of 5.251 oz, allowed 5.000 to 5.250 oz"),
-        ({"window_ball_restitution": 0.5249}, "ball of e0 0.5249, allowed 0.525 to 0.555"),
-        ({"window_ball_restitution": 0.5551}, "ball of e0 0.5551, allowed 0.525 to 0.555"),
+        ({"speed": nan}, "the gates missed the incoming ball"),
+        ({"speed": 61.01 * MPH}, "ball speed 61.01 mph, allowed 60 ± 1 mph"),
+        ({"speed": 58.99 * MPH}, "ball speed 58.99 mph, allowed 60 ± 1 mph"),
+        ({"place": 0.1511}, "impact position set to 5.949 in, allowed 5.906 ± 0.039 in"),
+        ({"place": 0.100}, "impact position set to 3.937 in, allowed 5.906 ± 0.039 in"),
+        ({"restitution": -0.1}, "restitution -0.100, which is impossible; check signs,"),
+        ({"restitution": 1.01}, "restitution 1.010, which is impossible; check signs,"),
+        ({"ball_mass": 4.999 * OUNCE}, "ball mass 4.999 oz, allowed 5.000 to 5.250 oz"),
+        ({"ball_mass": 5.251 * OUNCE}, "ball mass 5.251 oz, allowed 5.000 to 5.250 oz"),
+        ({"window_ball_restitution": 0.5249}, "e0 of the ball 0.5249, allowed 0.525 to 0.555"),
+        ({"window_ball_restitution": 0.5551}, "e0 of the ball 0.5551, allowed 0.525 to 0.555"),
         # rate of 79 counts/s at 22 000 counts/s per 14 rad/s: 0.0503 rad/s
-        ({"before": 79.0}, "bat turned at 0.0503 rad/s before the hit, allowed 0.0500"),
-        ({"before": -157.2}, "bat turned at 0.100 rad/s before the hit, allowed 0.050"),
-        ({"rate_u": 88.0}, "recoil known to 0.40%, allowed 0.30%"),
-        ({"rate_u": inf}, "recoil known to inf%, allowed 0.30%"),
+        ({"before": 79.0}, "bat turning at 0.0503 rad/s before contact, allowed 0.0500 rad/s"),
+        ({"before": -157.2}, "bat turning at 0.100 rad/s before contact, allowed 0.050 rad/s"),
+        ({"rate_u": 88.0}, "relative u of the recoil rate 0.40%, allowed 0.30%"),
+        ({"rate_u": inf}, "relative u of the recoil rate inf%, allowed 0.30%"),
     ],
 )
 def test_each_window_rejects_with_its_sentence(change: dict[str, float], sentence: str) -> None:
@@ -146,17 +146,17 @@ def test_the_first_window_missed_is_named() -> None:
     fast_and_heavy = {"speed": 65 * MPH, "ball_mass": 6 * OUNCE}
     reasons = judge(RULES, *shots({}, fast_and_heavy, {"ball_mass": 6 * OUNCE}), AIMED, 0.0).reasons
     assert reasons[0] == ""
-    assert reasons[1].startswith("ball at 65.00 mph")
-    assert reasons[2].startswith("ball of 6.000 oz")
+    assert reasons[1].startswith("ball speed 65.00 mph")
+    assert reasons[2].startswith("ball mass 6.000 oz")
 
 
 def test_a_shot_that_missed_the_bat_is_rejected_without_an_error() -> None:
     """A recoil of 0 counts/s gives a reason, and no warning of a division by zero."""
     missed = reason(rate=0.0, recoil_rate=0.0, rate_u=1.0)
-    assert re.match(r"recoil known to .*, allowed 0\.30%", missed)
+    assert re.match(r"relative u of the recoil rate .*, allowed 0\.30%", missed)
 
 
-LIGHT = "length less weight 3.10 (in, oz), allowed up to 3"
+LIGHT = "length in inches minus weight in ounces 3.10, allowed up to 3"
 ABOVE = "BPF 1.3000 is above the limit 1.200"
 
 
@@ -217,7 +217,7 @@ def test_without_a_limit_a_bat_is_measured_or_fails_by_another_rule() -> None:
     assert verdicts_of(free, unmet_by_bat, 2) == (Verdict.MEASURED, Verdict.FAIL)
 
 
-@pytest.mark.parametrize(("hits", "said"), [(5, "5 valid hits of 6"), (6, ""), (7, "")])
+@pytest.mark.parametrize(("hits", "said"), [(5, "only 5 of 6 valid hits"), (6, ""), (7, "")])
 def test_fewer_valid_hits_than_required_are_no_test(hits: int, said: str) -> None:
     """The shipped procedure requires six; the weights are equal in any case."""
     outcome = outcome_of(RULES, np.full(hits, 0.16), np.ones(hits, dtype=bool), np.ones(hits))
@@ -272,5 +272,5 @@ def test_rules_that_no_test_can_meet_are_refused(old: str, new: str, said: str) 
 def test_a_scan_with_a_place_slope_is_refused() -> None:
     text = catalog.load("procedures", "bbcor", Procedure).text
     slope = 'place_slope = { value = 0.01, unit = "1/in", source = "x", verified = false }\n'
-    with pytest.raises(InputError, match="a test at one place"):
+    with pytest.raises(InputError, match="a test at one impact position"):
         catalog.read(text.replace("[scan]", slope + "\n[scan]", 1), "mine.toml", Procedure)

@@ -66,7 +66,7 @@ def test_a_scan_finds_the_maximum(
     assert test.place.size <= procedure.attempts
     if test.outcome.reasons[0]:
         assert not scan.low + scan.fine_step < top < scan.high - scan.fine_step
-        assert test.outcome.reasons[0].startswith("no maximum between")
+        assert test.outcome.reasons[0].startswith("the scan has no maximum between")
     else:
         # tolerance: a fine step, as the curve is asymmetric, and half a setting
         assert abs(test.outcome.place - top) < scan.fine_step + 2.5e-4
@@ -77,7 +77,7 @@ def test_a_scan_finds_the_maximum(
 @pytest.mark.parametrize("procedure", [BBCOR, BESR], ids=lambda rules: rules.name)
 def test_a_curve_that_only_rises_has_no_maximum(procedure: Procedure, rising: float) -> None:
     test = Test(procedure, lambda z: 0.4 + rising * z)
-    assert test.outcome.reasons[0].startswith("no maximum between 0.0762 and 0.2286 m")
+    assert test.outcome.reasons[0].startswith("the scan has no maximum between 0.0762 and 0.2286 m")
     assert test.place.size <= procedure.attempts
 
 
@@ -169,10 +169,10 @@ SCAN = {name: getattr(BBCOR.scan, name) for name in Scan.__dataclass_fields__}
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"fine_step": 0.9e-3}, "places are set in steps"),
-        ({"fine_step": 0.03}, "above coarse_step"),
-        ({"fit_half_width": 0.01}, "below fine_step"),
-        ({"high": 0.12}, "holds no two steps"),
+        ({"fine_step": 0.9e-3}, "impact positions are set in steps"),
+        ({"fine_step": 0.03}, "larger than coarse_step"),
+        ({"fit_half_width": 0.01}, "smaller than fine_step"),
+        ({"high": 0.12}, "too short for two steps"),
     ],
 )
 def test_impossible_scans_are_refused(change: dict[str, float], said: str) -> None:

@@ -97,30 +97,39 @@ LATE = 0.3e-3 / (70 * MPH)  # time of 0.3 mm of flight in [s]
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"speed": 71.01 * MPH}, "ball at 71.01 mph, allowed 70 ± 1 mph"),
-        ({"speed": 68.99 * MPH}, "ball at 68.99 mph, allowed 70 ± 1 mph"),
-        ({"place": 2.97 * INCH}, "set at 2.970 in, the scan is from 3.000 to 9.000 in"),
-        ({"place": 9.03 * INCH}, "set at 9.030 in, the scan is from 3.000 to 9.000 in"),
-        ({"misfit": (LATE * 1.01, 0.0)}, "edges 0.303 mm off one flight, allowed 0.300 mm"),
-        ({"misfit": (nan, LATE)}, "edges 0.40 mm off one flight, allowed 0.30 mm"),
-        ({"rebound_slope": tan(radians(12.1))}, "ball came back at 12.1 deg, allowed 12.0 deg"),
-        ({"rebound_slope": -tan(radians(12.1))}, "ball came back at 12.1 deg, allowed 12.0 deg"),
-        ({"rebound_slope": tan(radians(12.04))}, "ball came back at 12.04 deg, allowed 12.00 deg"),
-        ({"rebound_slope": tan(radians(12.0006))}, "ball came back at 12.001 deg, allowed 12.000"),
-        ({"speed": 71.0004 * MPH}, "ball at 71.0004 mph, allowed 70 ± 1 mph"),
-        ({"ball_mass": 5.2501 * OUNCE}, "ball of 5.2501 oz, allowed 5.0000 to 5.2500 oz"),
-        ({"window_ball_restitution": 0.52499}, "ball of e0 0.52499, allowed 0.525 to 0.555"),
-        ({"place": 3 * INCH - 0.51e-3}, "set at 2.980 in, the scan is from 3.000 to 9.000 in"),
-        ({"angle": 3.001}, "bat 3.001 deg from square at contact, allowed 3.000 deg"),
-        ({"restitution": -0.0001}, "restitution of -0.0001, which no collision has"),
-        ({"restitution": 1.0001}, "restitution of 1.0001, which no collision has"),
-        ({"swing_rate": nan}, "the encoder shows no turn up to contact"),
-        ({"swing_rate": TURN * 67.01 / 66}, "bat at 67.01 mph, allowed 66 ± 1 mph"),
-        ({"swing_rate": TURN * 64.99 / 66}, "bat at 64.99 mph, allowed 66 ± 1 mph"),
-        ({"angle": 3.1}, "bat 3.1 deg from square at contact, allowed 3.0 deg"),
-        ({"angle": -3.1}, "bat 3.1 deg from square at contact, allowed 3.0 deg"),
-        ({"restitution": nan}, "the gates did not see the ball come back"),
-        ({"restitution": -0.01}, "restitution of -0.010, which no collision has"),
+        ({"speed": 71.01 * MPH}, "ball speed 71.01 mph, allowed 70 ± 1 mph"),
+        ({"speed": 68.99 * MPH}, "ball speed 68.99 mph, allowed 70 ± 1 mph"),
+        (
+            {"place": 2.97 * INCH},
+            "impact position set to 2.970 in, allowed 3.000 to 9.000 in (range of the scan)",
+        ),
+        ({"place": 9.03 * INCH}, "impact position set to 9.030 in, allowed 3.000 to 9.000 in"),
+        (
+            {"misfit": (LATE * 1.01, 0.0)},
+            "beam edges 0.303 mm rms from a single flight, allowed 0.300 mm",
+        ),
+        ({"misfit": (nan, LATE)}, "beam edges 0.40 mm rms from a single flight, allowed 0.30 mm"),
+        ({"rebound_slope": tan(radians(12.1))}, "rebound angle 12.1 deg, allowed 12.0 deg"),
+        ({"rebound_slope": -tan(radians(12.1))}, "rebound angle 12.1 deg, allowed 12.0 deg"),
+        ({"rebound_slope": tan(radians(12.04))}, "rebound angle 12.04 deg, allowed 12.00 deg"),
+        ({"rebound_slope": tan(radians(12.0006))}, "rebound angle 12.001 deg, allowed 12.000"),
+        ({"speed": 71.0004 * MPH}, "ball speed 71.0004 mph, allowed 70 ± 1 mph"),
+        ({"ball_mass": 5.2501 * OUNCE}, "ball mass 5.2501 oz, allowed 5.0000 to 5.2500 oz"),
+        ({"window_ball_restitution": 0.52499}, "e0 of the ball 0.52499, allowed 0.525 to 0.555"),
+        (
+            {"place": 3 * INCH - 0.51e-3},
+            "impact position set to 2.980 in, allowed 3.000 to 9.000 in",
+        ),
+        ({"angle": 3.001}, "angle of the bat at contact 3.001 deg from square, allowed 3.000 deg"),
+        ({"restitution": -0.0001}, "restitution -0.0001, which is impossible"),
+        ({"restitution": 1.0001}, "restitution 1.0001, which is impossible"),
+        ({"swing_rate": nan}, "the encoder shows no rotation before contact"),
+        ({"swing_rate": TURN * 67.01 / 66}, "bat speed 67.01 mph, allowed 66 ± 1 mph"),
+        ({"swing_rate": TURN * 64.99 / 66}, "bat speed 64.99 mph, allowed 66 ± 1 mph"),
+        ({"angle": 3.1}, "angle of the bat at contact 3.1 deg from square, allowed 3.0 deg"),
+        ({"angle": -3.1}, "angle of the bat at contact 3.1 deg from square, allowed 3.0 deg"),
+        ({"restitution": nan}, "the gates missed the returning ball"),
+        ({"restitution": -0.01}, "restitution -0.010, which is impossible"),
     ],
 )
 def test_each_window_rejects_with_its_sentence(change: dict, sentence: str) -> None:
@@ -151,7 +160,7 @@ def test_recoil_and_rebound_must_agree_if_the_rules_require_it() -> None:
     strict = replace(F1881, windows=replace(F1881.windows, agreement=0.01))
     shot = {"place": 0.15, "rebound_speed": 7.0, "recoil_rate": 14.0, "recoil": True}
     said = why(strict, recoil_efficiency=0.2, rebound_efficiency=0.2101, **shot)
-    assert said == "e_A by recoil and by rebound 0.0101 apart, allowed 0.0100"
+    assert said == "e_A from recoil and from rebound differ by 0.0101, allowed 0.0100"
     assert why(strict, recoil_efficiency=0.2, rebound_efficiency=0.2099, **shot) == ""
     assert why(strict, recoil_efficiency=0.2, rebound_efficiency=nan, **shot) == ""
 
@@ -162,11 +171,11 @@ def test_a_shot_whose_encoder_record_does_not_fit_is_not_valid() -> None:
     for shot in ({"procedure": F1881, **struck}, {}):
         said = why(**shot, residual=0.751, rest=0.3)
         assert said == (
-            "no smooth turn fits the encoder: 1.502 times the rms that counting and noise at rest "
-            "leave, allowed 1.5"
+            "no smooth rotation fits the encoder record: the rms misfit is 1.502 times that of "
+            "resolution and noise at rest, allowed 1.5"
         )
         assert why(**shot, residual=0.749, rest=0.3) == ""
-        assert why(**shot, residual=0.61, rest=nan).startswith("no smooth turn fits")
+        assert why(**shot, residual=0.61, rest=nan).startswith("no smooth rotation fits")
         assert why(**shot, residual=0.59, rest=nan) == ""
         assert why(**shot, residual=nan, rest=nan) == ""
 
@@ -210,10 +219,11 @@ def test_each_rule_of_eligibility_includes_its_limit(
 
 def test_findings_are_in_inches_and_ounces() -> None:
     assert [finding.sentence for finding in findings(BBCOR, bat())] == [
-        "length less weight 3.00 (in, oz), allowed up to 3",
+        "length in inches minus weight in ounces 3.00, allowed up to 3",
         "length 34.00 in, allowed up to 36.00 in",
-        "barrel 2.600 in across, the ring passes 2.610 in",
-        "moment of inertia 10000 oz in² about the pivot, at least 9530 for 34.0 in",
+        "barrel diameter 2.600 in, allowed up to 2.610 in (ring gauge)",
+        "moment of inertia about the pivot 10000 oz in², required at least 9530 "
+        "for a length of 34.0 in",
     ]
 
 
@@ -221,8 +231,9 @@ def test_a_barely_unmet_rule_is_printed_with_enough_digits() -> None:
     results = findings(BBCOR, bat(barrel=2.6101, inertia=9529.96))
     said = [finding.sentence.partition(" (")[0] for finding in results if not finding.met]
     assert said == [
-        "barrel 2.6101 in across, the ring passes 2.6100 in",
-        "moment of inertia 9529.96 oz in² about the pivot, at least 9530.00 for 34.0 in",
+        "barrel diameter 2.6101 in, allowed up to 2.6100 in",
+        "moment of inertia about the pivot 9529.96 oz in², required at least 9530.00 "
+        "for a length of 34.0 in",
     ]
 
 
@@ -232,5 +243,5 @@ def test_rules_that_a_procedure_lacks_give_no_finding() -> None:
 
 
 def test_floors_without_lengths_are_refused() -> None:
-    with pytest.raises(ValueError, match="inertia_floors for 0 lengths"):
+    with pytest.raises(ValueError, match="inertia_floors but 0 inertia_lengths"):
         Eligibility(inertia_floors=(1.0,))

@@ -114,7 +114,7 @@ def test_a_ball_that_was_not_seen_has_no_rate() -> None:
 
 
 @pytest.mark.parametrize(
-    ("contact", "said"), [(np.nan, "saw no ball"), (1e-3, "too little before contact")]
+    ("contact", "said"), [(np.nan, "saw no incoming ball"), (1e-3, "too short before contact")]
 )
 def test_a_record_with_nothing_to_fit_is_refused(contact: float, said: str) -> None:
     with pytest.raises(ValueError, match=said):

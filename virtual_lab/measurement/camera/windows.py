@@ -84,7 +84,7 @@ def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightin
         side = pixels.shape[2:]
         last = np.array(background.shape)[::-1] - side[::-1]
         if (wrong := ((corners < 0) | (corners > last)).any(axis=1)).any():
-            allowed = f"windows must lie within the frame: 0 to {last[0]}, 0 to {last[1]}"
+            allowed = f"allowed: windows within the frame, 0 to {last[0]}, 0 to {last[1]}"
             raise InputError("impact/camera", "left_px, top_px", corners[wrong][0], allowed)
         behind = cut(background, corners, side)
         seen = Regions(pixels=pixels[shot, own], background=behind, corners=corners)

@@ -42,11 +42,11 @@ def sports(evidence: Evidence) -> Iterator[Raised]:
     }
     found = {what: sport for what, sport in known.items() if sport and sport != CHECK_STANDARD}
     if len(set(found.values())) > 1:
-        said = ", ".join(f"{what} is of {sport}" for what, sport in found.items())
+        said = ", ".join(f"{what} is for {sport}" for what, sport in found.items())
         yield Raised(
             name="sports",
             where=np.ones(evidence.laboratories, dtype=bool),
-            sentence=lambda _: f"{said}: the result holds for no game",
+            sentence=lambda _: f"{said}: the result applies to neither sport",
         )
 
 
@@ -57,7 +57,8 @@ def check_standard(evidence: Evidence) -> Iterator[Raised]:
             name="check-standard",
             where=np.ones(evidence.laboratories, dtype=bool),
             sentence=lambda _: (
-                f"{evidence.block.bat} is a check standard and no bat: the verdict holds for none"
+                f"{evidence.block.bat} is a check standard, not a bat: the verdict applies to no "
+                "bat"
             ),
         )
 
@@ -72,7 +73,8 @@ def bat_shape(evidence: Evidence) -> Iterator[Raised]:
         name="bat-shape",
         where=~((light <= density) & (density <= heavy)),
         sentence=lambda i: beyond(
-            "mass over length and barrel is {0:.{d}f} kg/m³, possible {1:g} to {2:g}",
+            "the bat's mean density, as a cylinder of its barrel's radius, is {0:.{d}f} kg/m³; "
+            "possible densities are {1:g} to {2:g} kg/m³",
             density[i],
             light,
             heavy,
@@ -92,7 +94,11 @@ def _band(words: str, value: Array, low: float, high: float, unit: str) -> Raise
         name="bat-shape",
         where=~((low <= value) & (value <= high)),
         sentence=lambda i: beyond(
-            f"{words} {{0:.{{d}}f}}{unit}, allowed {{1:g}} to {{2:g}}", value[i], low, high, 3
+            f"the {words} is {{0:.{{d}}f}}{unit}, allowed {{1:g}} to {{2:g}}",
+            value[i],
+            low,
+            high,
+            3,
         ),
     )
 
@@ -115,8 +121,8 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
     yield pairs(
         "pendulum-swing",
         lambda i: (
-            f"periods shorten {found.times[i]:.1f} times as much as the amplitudes read allow, in "
-            f"{found.releases[i]} releases of bench/pendulum"
+            f"in {found.releases[i]} releases of bench/pendulum, the period shortens "
+            f"{found.times[i]:.1f} times as much as the recorded amplitudes predict"
         ),
         found.times - 1,
         types_a("scatter", np.zeros(evidence.laboratories), found.u, found.dof),
@@ -150,8 +156,8 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
         yield pairs(
             "pendulum-even",
             lambda i: (
-                f"the mean swing is {mean[i]:+.2%} longer than the median one, in {number[i]} "
-                "releases of bench/pendulum: was a passage lost, or counted twice?"
+                f"in {number[i]} releases of bench/pendulum, the mean swing time differs from the "
+                f"median by {mean[i]:+.2%}; a passage may have been lost or counted twice"
             ),
             mean,
             types_a("scatter", mean, spread / np.sqrt(number), number - 1.0),
@@ -181,8 +187,8 @@ def _worst_release(apart: Array, moves: Array) -> Pairs:
     return pairs(
         "pendulum-even",
         lambda i: (
-            f"the mean swing of release {worst[i] + 1} of bench/pendulum is {off[i]:.2%} off its "
-            "median one, measured by the other releases"
+            f"in release {worst[i] + 1} of bench/pendulum, the ratio of mean to median swing time "
+            f"differs by {off[i]:.2%} from that of the other releases"
         ),
         off,
         types_a("scatter", off, spread * np.sqrt(1 + 1 / left), left - 1),
@@ -209,11 +215,11 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
         release = int(irregular[i].argmax())
         swing = int(odd[i, release].argmax())
         times, many = swings[i, release, swing] / usual[i], int(irregular[i].sum())
-        left = "too many releases to leave out" if kept[i] else "left out of the period"
+        left = "too many to leave out" if kept[i] else "left out of the period"
         return (
-            f"release {release + 1} of bench/pendulum: after passage {swing + 1} a swing lasts "
-            f"{times:.2f} times the usual one, so that a passage was lost or counted twice; "
-            f"{many} of {irregular.shape[1]} releases are like this: {left}"
+            f"in release {release + 1} of bench/pendulum, the swing after passage {swing + 1} "
+            f"takes {times:.2f} times the usual time, so a passage was lost or counted twice; "
+            f"releases with such a swing: {many} of {irregular.shape[1]}, {left}"
         )
 
     yield Raised(name="pendulum-even", where=out, sentence=said)
@@ -284,8 +290,8 @@ def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
     yield pairs(
         "scale-drift",
         lambda i: (
-            f"the scale shows the reference mass {change[i] * 1e3:+.2f} g heavier after bat and "
-            "balls were weighed than before (bench/reference-mass)"
+            "the scale's reading of the reference mass (bench/reference-mass) changed by "
+            f"{change[i] * 1e3:+.2f} g while bat and balls were weighed"
         ),
         change,
         types_a("scatter", change, scatter, 2.0 * (number - 1)),
@@ -305,8 +311,8 @@ def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
     yield pairs(
         "air-density",
         lambda i: (
-            f"the air's density by bench/climate is {read.value[i]:.3f} kg/m³, by the calibration "
-            f"{stated.value[i]:.3f} kg/m³"
+            f"the air density is {read.value[i]:.3f} kg/m³ according to bench/climate, but "
+            f"{stated.value[i]:.3f} kg/m³ according to the calibration"
         ),
         off,
         types_a("climate", off, read.u, read.dof) + types_a("stated", off, stated.u, stated.dof),
@@ -338,8 +344,8 @@ def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str
     unfit = set_aside(evidence.procedure, evidence.measured_balls.select((laboratory, 0)))
     each = next(one for one in unfit if bad[one.ball])
     if fired[each.ball]:
-        return f"ball {each.ball + 1}, which the rules do not admit, was fired: {each.reason}"
-    return f"ball {each.ball + 1} of the lot has {each.reason}: worn, or of another kind"
+        return f"ball {each.ball + 1} was fired although the rules do not allow it: {each.reason}"
+    return f"ball {each.ball + 1} of the lot has {each.reason}; it is worn or of another type"
 
 
 def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
@@ -365,8 +371,8 @@ def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
     yield pairs(
         "wall-drift",
         lambda i: (
-            f"e0 at the wall changed by {change[i]:+.4f} from first ball to last of "
-            f"{e0.shape[1]} (balls/gates)"
+            f"e0 at the wall changed by {change[i]:+.4f} from the first to the last of "
+            f"{e0.shape[1]} balls (balls/gates)"
         ),
         change,
         types_a("scatter", np.zeros(change.shape), scatter, dof),

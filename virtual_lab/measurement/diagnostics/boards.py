@@ -61,8 +61,9 @@ def _board_said(
     board: int, way: int, mean: Array, used: Mask, evidence: Evidence
 ) -> Callable[[int], str]:
     return lambda i: (
-        f"board {board + 1} stands {mean[i] * 1e3:+.2f} mm off the flight{WAYS[way]} through its "
-        f"neighbours, in {evidence.shots_of(used, i)} of impact/gates"
+        f"on the way {'in' if way == INBOUND else 'back'}, board {board + 1} is "
+        f"{mean[i] * 1e3:+.2f} mm out of line with the first and last boards (impact/gates, "
+        f"{evidence.shots_of(used, i)})"
     )
 
 
@@ -165,7 +166,7 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
         yield pairs(
             "heights",
             _height_said(
-                f"board {board + 1} shows balls", "the flight through its neighbours", mean
+                f"board {board + 1} shows balls", "the line through the first and last boards", mean
             ),
             mean,
             components,
@@ -192,7 +193,7 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
     apart, many = mean - across.mean(axis=1), across.shape[1]
     yield pairs(
         "heights",
-        _height_said("balls strike", "the marks of impact/aim", apart),
+        _height_said("balls strike the bat", "the marks of impact/aim", apart),
         apart,
         components + types_a("marks", apart, across.std(axis=1, ddof=1) / sqrt(many), many - 1.0),
         of="marks",
@@ -203,15 +204,13 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def _height_said(what: str, against: str, mean: Array) -> Callable[[int], str]:
-    return lambda i: (
-        f"{what} {mean[i] * 1e3:+.2f} mm higher than {against}, in the mean of impact/gates"
-    )
+    return lambda i: f"{what} {mean[i] * 1e3:+.2f} mm above {against} on average (impact/gates)"
 
 
 def _growth_said(board: int, slope: Array) -> Callable[[int], str]:
     return lambda i: (
-        f"at board {board + 1} balls that come in higher by 1 mm are higher by "
-        f"{1 + slope[i]:.2f} mm than its neighbours show"
+        f"the height scale of board {board + 1} is {1 + slope[i]:.2f} times that of the first and "
+        "last boards (impact/gates)"
     )
 
 

@@ -67,8 +67,8 @@ def _too_wide(
     def said(one: int) -> str:
         own = longest[owner == one]
         return (
-            f"{bad[one]:.0f} of {own.size} balls at the {where} look up to "
-            f"{own.max() * 1e3:.1f} mm across, they are {nominal[one] * 1e3:.1f} mm"
+            f"in {bad[one]:.0f} of {own.size} shots at the {where}, the gates show a ball diameter "
+            f"of up to {own.max() * 1e3:.1f} mm instead of {nominal[one] * 1e3:.1f} mm"
         )
 
     return Raised(name="chords", where=bad > 0, sentence=said)
@@ -79,8 +79,8 @@ def _too_narrow(where: str, size: Array, nominal: Array) -> Raised:
         name="chords",
         where=size < nominal * (1 - SIZE),
         sentence=lambda one: (
-            f"balls at the {where} look {size[one] * 1e3:.1f} mm across, "
-            f"they are {nominal[one] * 1e3:.1f} mm"
+            f"the gates at the {where} show a ball diameter of {size[one] * 1e3:.1f} mm instead of "
+            f"{nominal[one] * 1e3:.1f} mm"
         ),
     )
 

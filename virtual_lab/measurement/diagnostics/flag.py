@@ -24,7 +24,8 @@ from scipy.special import stdtr
 from virtual_lab.uncertainty.budget import Components, combine_components, types_a
 from virtual_lab.units import Array, Mask
 
-REMARKED = 5e-4  # chance of a difference as large in a sound laboratory, below which it is flagged
+# probability of an equal or larger difference in a sound laboratory, below which it is flagged
+REMARKED = 5e-4
 CONTRADICTS = 1e-5  # the same chance, below which there is no verdict
 HARMLESS = 0.05  # shift of the result that is harmless [standard uncertainty of the result]
 
@@ -68,8 +69,8 @@ class Discrepancy:
     of: str  # name of the pair within the check
     sentence: str
     sigmas: float  # difference in units of its standard uncertainty
-    likely: float  # chance of a difference as large in a sound laboratory
-    # the same chance, if a difference that does not affect the result counts as noise
+    likely: float  # probability of an equal or larger difference in a sound laboratory
+    # the same probability, if a difference that does not affect the result counts as noise
     harmful: float
 
 
@@ -103,7 +104,8 @@ class Pairs:
         return Discrepancy(
             name=self.name,
             of=self.which,
-            sentence=f"{self.said(laboratory)}, {sigmas:.1f} standard uncertainties",
+            sentence=f"{self.said(laboratory)}, a difference of {sigmas:.1f} standard "
+            "uncertainties",
             sigmas=sigmas,
             likely=float(self.likely[laboratory]),
             harmful=float(self.harmful[laboratory]),

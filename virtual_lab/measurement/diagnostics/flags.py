@@ -131,4 +131,4 @@ def overdue(particulars: Particulars, date: str) -> Iterator[Flag]:
     for name, each in particulars.instruments.items():
         if each.due and day and each.due < day:
             said = f"the calibration of {name} ({each.identity}) was due on {each.due}"
-            yield Flag(name=CALIBRATION_DUE, sentence=f"{said}, the test was on {day}")
+            yield Flag(name=CALIBRATION_DUE, sentence=f"{said}, but the test was on {day}")

@@ -31,8 +31,8 @@ def ball_seen(evidence: Evidence) -> Iterator[Raised]:
         name="ball-seen",
         where=lost > 0,
         sentence=lambda i: (
-            f"the gates did not see the ball both ways in {lost[i]} of {hits.shape[1]} hits at the "
-            "wall"
+            f"the gates missed the incoming or the returning ball in {lost[i]} of "
+            f"{hits.shape[1]} hits at the wall"
         ),
     )
     missed = evidence.per_laboratory(~evidence.readings.flights.raw.complete)
@@ -41,7 +41,7 @@ def ball_seen(evidence: Evidence) -> Iterator[Raised]:
         name="ball-seen",
         where=missed > 0,
         sentence=lambda i: (
-            f"a gate did not see the ball come in, in {missed[i]:.0f} of {fired[i]:.0f} shots"
+            f"a gate missed the incoming ball in {missed[i]:.0f} of {fired[i]:.0f} shots"
         ),
     )
 
@@ -54,8 +54,8 @@ def edges(evidence: Evidence) -> Iterator[Raised]:
         name="edges",
         where=off > 0.1 * fired,  # scraps of a sabot do not explain so many
         sentence=lambda i: (
-            f"edges off one flight in {off[i]:.0f} of {fired[i]:.0f} shots: "
-            "more than scraps of sabots explain"
+            f"the beam edges of {off[i]:.0f} of {fired[i]:.0f} shots do not fit a single flight; "
+            "scraps of sabots explain only a few such shots"
         ),
     )
 
@@ -94,7 +94,8 @@ def aim(evidence: Evidence) -> Iterator[Pairs]:
 
 def _aim_said(way: str, number: int, mean: Array) -> Callable[[int], str]:
     return lambda i: (
-        f"{number} marks of impact/aim lie {mean[i] * 1e3:+.1f} mm off the aim {way} the bat"
+        f"the mean of the {number} marks of impact/aim is {mean[i] * 1e3:+.1f} mm from the aim "
+        f"{way} the bat"
     )
 
 
@@ -109,9 +110,9 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
             own = np.flatnonzero(evidence.owner == i)
             worst = int(np.where(rough[own], fit.misfit[own], 0.0).argmax())
             return (
-                f"{int(rough[own].sum())} of {own.size} shots leave more of the encoder's counts "
-                f"than counting and noise at rest, shot {worst + 1} "
-                f"{fit.residual[own[worst]]:.2f} rms"
+                f"the encoder's misfit exceeds its resolution and noise at rest in "
+                f"{int(rough[own].sum())} of {own.size} shots; it is largest in shot {worst + 1}, "
+                f"{fit.residual[own[worst]]:.2f} counts rms"
             )
 
         yield Raised(name="encoder-fit", where=evidence.per_laboratory(rough) > 0, sentence=said)
@@ -159,8 +160,8 @@ def _halves_said(
     evidence: Evidence, channel: str, change: Array, used: Mask
 ) -> Callable[[int], str]:
     return lambda i: (
-        f"half of each record of impact/{channel} moves the result by "
-        f"{change[i]:+.2f} of its u, in {evidence.shots_of(used, i)}"
+        f"the half of each impact/{channel} record nearest contact, used alone, shifts the result "
+        f"by {change[i]:+.2f} of its u ({evidence.shots_of(used, i)})"
     )
 
 
@@ -196,8 +197,8 @@ def _worst_shot(
         shot = shots[worst[i]]
         number = int(np.sum(evidence.owner[:shot] == i))
         return (
-            f"half of the record of shot {number + 1} of impact/{channel} moves the result by "
-            f"{apart[shot] * moves[i]:+.2f} of its u"
+            f"the half of shot {number + 1}'s impact/{channel} record nearest contact, used alone, "
+            f"shifts the result by {apart[shot] * moves[i]:+.2f} of its u"
         )
 
     return Pairs(
@@ -247,8 +248,8 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     yield pairs(
         "recoil-and-rebound",
         lambda i: (
-            f"e_A by recoil (impact/encoder) less e_A by rebound (impact/gates) is "
-            f"{mean[i]:+.4f} in the mean of {evidence.shots_of(both, i)}"
+            f"e_A from the recoil (impact/encoder) minus e_A from the rebound (impact/gates) is "
+            f"{mean[i]:+.4f} on average ({evidence.shots_of(both, i)})"
         ),
         mean,
         shared + types_a("scatter", mean, np.sqrt(square / np.maximum(number, 1)), degrees),

@@ -84,8 +84,8 @@ def _repeated(evidence: Evidence, record: str, first: int, second: int) -> Raise
         name="records-repeated",
         where=np.ones(evidence.laboratories, dtype=bool),  # full records come from one laboratory
         sentence=lambda _: (
-            f"shots {first + 1} and {second + 1} have one and the same record in {record}, "
-            "and other ones elsewhere"
+            f"shots {first + 1} and {second + 1} have identical records in {record}, but different "
+            "records of the other instruments"
         ),
         invalidates=True,
     )

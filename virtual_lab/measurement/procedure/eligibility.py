@@ -51,7 +51,9 @@ def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
         less, most = np.round(length / INCH - mass / OUNCE, 2), rules.length_less_weight
         yield rule(
             less <= most,
-            lambda i: f"length less weight {less[i]:.2f} (in, oz), allowed up to {most:g}",
+            lambda i: (
+                f"length in inches minus weight in ounces {less[i]:.2f}, allowed up to {most:g}"
+            ),
         )
     if rules.greatest_length is not None:
         longest = rules.greatest_length
@@ -70,7 +72,7 @@ def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
         yield rule(
             wide <= ring,
             lambda i: beyond(
-                "barrel {0:.{d}f} in across, the ring passes {2:.{d}f} in",
+                "barrel diameter {0:.{d}f} in, allowed up to {2:.{d}f} in (ring gauge)",
                 float(wide[i]) / INCH,
                 -inf,
                 ring / INCH,
@@ -84,8 +86,8 @@ def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
         yield rule(
             inertia >= floor,
             lambda i: beyond(
-                "moment of inertia {0:.{d}f} oz in² about the pivot, at least {1:.{d}f} for "
-                f"{length[i] / INCH:.1f} in",
+                "moment of inertia about the pivot {0:.{d}f} oz in², required at least {1:.{d}f} "
+                f"for a length of {length[i] / INCH:.1f} in",
                 float(inertia[i]) / OZ_IN2,
                 float(floor[i]) / OZ_IN2,
                 inf,

@@ -111,12 +111,12 @@ def _up_to(text: str, high: float, places: int) -> Callable[[float], str]:
 def _ball(procedure: Procedure, results: ShotResults) -> Iterator[Criterion]:
     windows = procedure.windows
     speed, mass, e0 = results.speed, results.ball_mass, results.window_ball_restitution
-    yield np.isfinite(speed), lambda _: "the gates did not see the ball come in", speed
+    yield np.isfinite(speed), lambda _: "the gates missed the incoming ball", speed
     around = f"{procedure.ball_speed / MPH:.4g} ± {windows.speed_tolerance / MPH:.3g}"
     yield (
         np.abs(speed - procedure.ball_speed) <= windows.speed_tolerance,
         _within(
-            f"ball at {{0:.{{d}}f}} mph, allowed {around} mph",
+            f"ball speed {{0:.{{d}}f}} mph, allowed {around} mph",
             (procedure.ball_speed - windows.speed_tolerance) / MPH,
             (procedure.ball_speed + windows.speed_tolerance) / MPH,
             2,
@@ -127,14 +127,17 @@ def _ball(procedure: Procedure, results: ShotResults) -> Iterator[Criterion]:
     yield (
         (low <= mass) & (mass <= high),
         _within(
-            "ball of {0:.{d}f} oz, allowed {1:.{d}f} to {2:.{d}f} oz", low / OUNCE, high / OUNCE, 3
+            "ball mass {0:.{d}f} oz, allowed {1:.{d}f} to {2:.{d}f} oz",
+            low / OUNCE,
+            high / OUNCE,
+            3,
         ),
         mass / OUNCE,
     )
     dead, lively = windows.ball_restitution_low, windows.ball_restitution_high
     yield (
         (dead <= e0) & (e0 <= lively),
-        _within("ball of e0 {0:.{d}f}, allowed {1:.3f} to {2:.3f}", dead, lively, 4),
+        _within("e0 of the ball {0:.{d}f}, allowed {1:.3f} to {2:.3f}", dead, lively, 4),
         e0,
     )
 
@@ -148,7 +151,8 @@ def _place(
         yield (
             (place >= low - SETTING_STEP) & (place <= high + SETTING_STEP),
             _within(
-                "set at {0:.{d}f} in, the scan is from {1:.{d}f} to {2:.{d}f} in",
+                "impact position set to {0:.{d}f} in, allowed {1:.{d}f} to {2:.{d}f} in (range of "
+                "the scan)",
                 low / INCH,
                 high / INCH,
                 3,
@@ -159,7 +163,7 @@ def _place(
 
         def said(value: float) -> str:
             middle, most = float(percussion) / INCH, nearby / INCH
-            text = f"set at {{0:.{{d}}f}} in, allowed {middle:.3f} ± {most:.3f} in"
+            text = f"impact position set to {{0:.{{d}}f}} in, allowed {middle:.3f} ± {most:.3f} in"
             return beyond(text, value, middle - most, middle + most, 3)
 
         yield np.abs(place - percussion) <= nearby, said, place / INCH
@@ -181,16 +185,18 @@ def _flight(
         worst = worst_misfit(results, readings)
         yield (
             worst <= misfit,
-            _up_to("edges {0:.{d}f} mm off one flight, allowed {2:.{d}f} mm", misfit * 1e3, 2),
+            _up_to(
+                "beam edges {0:.{d}f} mm rms from a single flight, allowed {2:.{d}f} mm",
+                misfit * 1e3,
+                2,
+            ),
             worst * 1e3,
         )
     if angle_most is not None:
         angle = np.abs(np.arctan(results.rebound_slope))
         yield (
             ~(angle > angle_most),
-            _up_to(
-                "ball came back at {0:.{d}f} deg, allowed {2:.{d}f} deg", angle_most / DEGREE, 1
-            ),
+            _up_to("rebound angle {0:.{d}f} deg, allowed {2:.{d}f} deg", angle_most / DEGREE, 1),
             angle / DEGREE,
         )
 
@@ -209,7 +215,7 @@ def _recoil(
         yield (
             ~(before > windows.rate_before),
             _up_to(
-                "bat turned at {0:.{d}f} rad/s before the hit, allowed {2:.{d}f}",
+                "bat turning at {0:.{d}f} rad/s before contact, allowed {2:.{d}f} rad/s",
                 windows.rate_before,
                 3,
             ),
@@ -219,7 +225,11 @@ def _recoil(
     if windows.recoil_u is not None:
         yield (
             unclear <= windows.recoil_u,
-            _up_to("recoil known to {0:.{d}f}%, allowed {2:.{d}f}%", 100 * windows.recoil_u, 2),
+            _up_to(
+                "relative u of the recoil rate {0:.{d}f}%, allowed {2:.{d}f}%",
+                100 * windows.recoil_u,
+                2,
+            ),
             100 * unclear,
         )
     if windows.agreement is not None:
@@ -227,7 +237,7 @@ def _recoil(
         yield (
             ~(apart > windows.agreement),
             _up_to(
-                "e_A by recoil and by rebound {0:.{d}f} apart, allowed {2:.{d}f}",
+                "e_A from recoil and from rebound differ by {0:.{d}f}, allowed {2:.{d}f}",
                 windows.agreement,
                 4,
             ),
@@ -240,8 +250,8 @@ def _fitted(turn: RateFit) -> Criterion:
     return (
         ~(turn.misfit > MOST_MISFIT),
         _up_to(
-            "no smooth turn fits the encoder: {0:.{d}f} times the rms that counting and noise at "
-            "rest leave, allowed {2:g}",
+            "no smooth rotation fits the encoder record: the rms misfit is {0:.{d}f} times that of "
+            "resolution and noise at rest, allowed {2:g}",
             MOST_MISFIT,
             1,
         ),
@@ -256,7 +266,7 @@ def _swing(
     if swing is None:
         return
     turned = results.swing_rate
-    yield np.isfinite(turned), lambda _: "the encoder shows no turn up to contact", turned
+    yield np.isfinite(turned), lambda _: "the encoder shows no rotation before contact", turned
     yield _fitted(swing)
     if windows.bat_speed_tolerance is not None:
         # the bat's speed is named 6 in from the tip, so the window is taken there
@@ -265,7 +275,7 @@ def _swing(
 
         def said(speed: float) -> str:
             middle, most = float(turn_rate) * float(lever) / MPH, tolerance / MPH
-            text = f"bat at {{0:.{{d}}f}} mph, allowed {middle:.4g} ± {most:.3g} mph"
+            text = f"bat speed {{0:.{{d}}f}} mph, allowed {middle:.4g} ± {most:.3g} mph"
             return beyond(text, speed, middle - most, middle + most, 2)
 
         yield (
@@ -279,7 +289,9 @@ def _swing(
         yield (
             angle <= most,
             _up_to(
-                "bat {0:.{d}f} deg from square at contact, allowed {2:.{d}f} deg", most / DEGREE, 1
+                "angle of the bat at contact {0:.{d}f} deg from square, allowed {2:.{d}f} deg",
+                most / DEGREE,
+                1,
             ),
             angle / DEGREE,
         )
@@ -288,11 +300,11 @@ def _swing(
 def _sense(procedure: Procedure, results: ShotResults) -> Iterator[Criterion]:
     e = results.restitution
     if procedure.reads == "rebound":
-        yield np.isfinite(e), lambda _: "the gates did not see the ball come back", e
+        yield np.isfinite(e), lambda _: "the gates missed the returning ball", e
     yield (
         (e > 0) & (e <= 1),
         _within(
-            "restitution of {0:.{d}f}, which no collision has (signs, units or calibration?)",
+            "restitution {0:.{d}f}, which is impossible; check signs, units and calibration",
             0.0,
             1.0,
             3,

@@ -42,7 +42,7 @@ def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...
     for ball in np.flatnonzero(of_mass | of_e0):
         if of_mass[ball]:
             low, high = windows.ball_mass_low / OUNCE, windows.ball_mass_high / OUNCE
-            text = "{0:.{d}f} oz, allowed {1:.{d}f} to {2:.{d}f} oz"
+            text = "mass {0:.{d}f} oz, allowed {1:.{d}f} to {2:.{d}f} oz"
             reason = beyond(text, balls.mass[ball] / OUNCE, low, high, 3)
         else:
             low, high = windows.ball_restitution_low, windows.ball_restitution_high

@@ -106,7 +106,7 @@ def outcomes_of(
             if number < 2
             else ""
             if number >= procedure.valid_hits
-            else f"{number:.0f} valid hits of {procedure.valid_hits}"
+            else f"only {number:.0f} of {procedure.valid_hits} valid hits"
             for number in hits
         ),
     )
@@ -159,12 +159,18 @@ def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanSh
 def _of_scan(procedure: Procedure, scan: Scan, found: Scanned, one: int, some: bool) -> str:
     """Return the reason why a scan gives no result, or no valid one; empty if it gives one."""
     if not some:
-        return f"{procedure.valid_hits} valid hits at {found.complete[one]} places, 3 make a scan"
+        return (
+            f"only {found.complete[one]} impact positions have {procedure.valid_hits} valid hits; "
+            "a scan needs 3"
+        )
     if not (found.below[one] and found.above[one]):
-        return f"no maximum between {scan.low:g} and {scan.high:g} m"
+        return f"the scan has no maximum between {scan.low:g} and {scan.high:g} m"
     if found.result[one] < scan.final_hits:
         in_a_row = "consecutive " if scan.consecutive else ""
-        return f"{found.result[one]} of {scan.final_hits} {in_a_row}hits at the best place"
+        return (
+            f"only {found.result[one]} of {scan.final_hits} {in_a_row}hits at the best impact "
+            "position"
+        )
     return ""
 
 

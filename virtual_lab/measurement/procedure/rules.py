@@ -91,17 +91,18 @@ class Scan(Spec):
         _require_positive(self, "width_drop")
         if self.high - self.low < 2 * self.coarse_step - 1e-9:  # rounding [m]
             raise ValueError(
-                f"a scan from {self.low:g} to {self.high:g} m holds no two steps "
+                f"a scan from {self.low:g} to {self.high:g} m is too short for two steps "
                 f"of {self.coarse_step:g} m"
             )
         if self.fine_step < 2 * SETTING_STEP:
             raise ValueError(
-                f"fine_step is {self.fine_step:g} m; places are set in steps of {SETTING_STEP:g} m"
+                f"fine_step is {self.fine_step:g} m; allowed: {2 * SETTING_STEP:g} m and more, "
+                f"because impact positions are set in steps of {SETTING_STEP:g} m"
             )
         if self.fine_step > self.coarse_step:
-            raise ValueError("fine_step is above coarse_step")
+            raise ValueError("fine_step is larger than coarse_step")
         if self.fit_half_width < self.fine_step:
-            raise ValueError("fit_half_width is below fine_step: no curve to fit")
+            raise ValueError("fit_half_width is smaller than fine_step, so no curve can be fitted")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,9 +127,9 @@ class Game(Spec):
     def __post_init__(self) -> None:
         _require_positive(self, "angular_speed", "bat_speed", "reference_inertia", "reference_mass")
         if (self.angular_speed is None) == (self.bat_speed is None):
-            raise ValueError("a swing has either an angular_speed or a bat_speed")
+            raise ValueError("a swing needs either angular_speed or bat_speed, not both")
         if self.angular_speed is not None and self.axis_from_knob is None:
-            raise ValueError("axis_from_knob is missing: what does the bat turn about?")
+            raise ValueError("axis_from_knob is missing; angular_speed needs the axis of the swing")
         if getattr(self, f"reference_{self.scales_with}") is None:
             raise ValueError(f"reference_{self.scales_with} is missing")
 
@@ -162,7 +163,8 @@ class Eligibility(Spec):
     def __post_init__(self) -> None:
         if len(self.inertia_lengths) != len(self.inertia_floors):
             raise ValueError(
-                f"{len(self.inertia_floors)} inertia_floors for {len(self.inertia_lengths)} lengths"
+                f"{len(self.inertia_floors)} inertia_floors but {len(self.inertia_lengths)} "
+                "inertia_lengths; both lists need the same length"
             )
 
 
@@ -208,38 +210,43 @@ class Procedure(Spec):
         if self.attempts < self.valid_hits:
             raise ValueError(f"{self.attempts} attempts cannot give {self.valid_hits} valid hits")
         if (self.place == "scan") != (self.scan is not None):
-            raise ValueError("place = 'scan' and a table [scan] belong together")
+            raise ValueError("place = 'scan' needs a table [scan], and [scan] needs place = 'scan'")
         if self.scan is not None and (self.place_slope or self.place_slope_u):
-            raise ValueError("a place_slope is for a test at one place, and a scan has many")
+            raise ValueError("place_slope applies to a test at one impact position, not to a scan")
         if self.scan is not None and self.scan.coarse_hits > self.valid_hits:
             raise ValueError(
-                f"{self.scan.coarse_hits} coarse_hits of a scan are more than the "
-                f"{self.valid_hits} valid_hits of a place"
+                f"scan.coarse_hits is {self.scan.coarse_hits}; allowed: up to valid_hits, "
+                f"{self.valid_hits}"
             )
         if self.reads == "recoil" and self.bat_speed is not None:
-            raise ValueError("reads = 'recoil' is for a bat at rest, which has no bat_speed")
+            raise ValueError("reads = 'recoil' needs a bat at rest; leave out bat_speed")
         self._require_keys_of_the_metric()
         self._require_what_is_sought()
         if self.scan is not None and self.scan.width_drop and self.metric == "batted_speed":
-            raise ValueError("scan.width_drop is a number, and a batted_speed is none")
+            raise ValueError(
+                "scan.width_drop has no unit, so it does not apply to the metric batted_speed"
+            )
 
     def _require_keys_of_the_metric(self) -> None:
         numbers, speeds = ("limit", "largest_u"), ("speed_limit", "largest_speed_u")
         own, others = (speeds, numbers) if self.metric == "batted_speed" else (numbers, speeds)
         for right, wrong in zip(own, others, strict=True):
             if getattr(self, wrong) is not None:
-                raise ValueError(f"{wrong} is not for the metric {self.metric}: write {right}")
+                raise ValueError(f"{wrong} does not apply to the metric {self.metric}; use {right}")
         if getattr(self, own[1]) is None:
-            raise ValueError(f"{own[1]} is missing: beyond which u does a result decide nothing?")
+            raise ValueError(f"{own[1]} is missing: the largest u of the metric in a valid test")
 
     def _require_what_is_sought(self) -> None:
         scan = self.scan
         if scan is None or scan.seeks == "metric":
             return
         if self.metric != "besr" or self.game is not None:
-            raise ValueError("scan.seeks = 'batted_speed' is for the metric besr as tested")
+            raise ValueError("scan.seeks = 'batted_speed' needs the metric besr without [game]")
         if scan.final_hits or scan.width_drop:
-            raise ValueError("scan.seeks = 'batted_speed' takes the top of the fitted curve")
+            raise ValueError(
+                "scan.seeks = 'batted_speed' uses the maximum of the fitted curve; set final_hits "
+                "to 0 and leave out width_drop"
+            )
 
     @property
     def metric_limit(self) -> float | None:

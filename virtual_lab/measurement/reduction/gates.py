@@ -116,7 +116,7 @@ class GateReadings:
         )
         seen, surveyed = passages(record, **of_boards), gate_count(known, stage)
         if surveyed != seen.times.shape[2]:
-            allowed = f"the calibration has {surveyed}"
+            allowed = f"the calibration has distances of {surveyed} gates"
             raise InputError(f"{stage}/gates", "gates", seen.times.shape[2], allowed)
         distances = np.array([known[_distance(stage, k)].value for k in range(surveyed)])
         if not distances[0] > distances[-1]:
@@ -124,7 +124,7 @@ class GateReadings:
                 "session.json",
                 f"calibration.{_distance(stage, 0)}",
                 distances[0],
-                f"must be above {distances[-1]:g} m, the nearest gate's",
+                f"must be larger than the distance of the nearest gate, {distances[-1]:g} m",
             )
         tall = f"{stage}.gates.height_0" in known
         return cls(stage=stage, passages=seen, distances=distances, shows_height=tall)

@@ -48,7 +48,8 @@ def flight_readings(block: SessionBlock, stage: str) -> FlightReadings:
     if not found:
         raise InputError(f"{stage}/gates", "record", None, "this record is missing")
     if len(found) > 1:
-        raise InputError(stage, "channels", ", ".join(found), "allowed: one that times the balls")
+        allowed = "allowed: one record of the ball's flight"
+        raise InputError(stage, "channels", ", ".join(found), allowed)
     ((channel, record),) = found.items()
     maker = makers().get(type(record))
     if maker is None:

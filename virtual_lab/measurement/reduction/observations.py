@@ -102,7 +102,10 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
     swings = passages - 1
     if releases < 2 or swings < 1:
         raise InputError(
-            "bench/pendulum", "size", f"{releases} x {passages}", "needs 2 releases of 2 passages"
+            "bench/pendulum",
+            "size",
+            f"{releases} releases of {passages} passages",
+            "needs at least 2 releases of 2 passages",
         )
     for name in ("first_amplitude", "last_amplitude"):
         if not (getattr(pendulum, name) > 0).all():
@@ -160,8 +163,8 @@ def reference_readings(block: SessionBlock) -> Array:
     """
     readings = _table(block, REFERENCE_MASS)
     if readings.shape[1] != 2 or readings.shape[2] < 2:
-        found = f"{readings.shape[1]} x {readings.shape[2]}"
-        allowed = "needs item 0 (before) and 1 (after), each read twice or more"
+        found = f"{readings.shape[1]} items, {readings.shape[2]} readings of each"
+        allowed = "needs items 0 (before) and 1 (after), with at least 2 readings of each"
         raise InputError(f"bench/{REFERENCE_MASS}", "size", found, allowed)
     return np.asarray(readings)
 
@@ -177,7 +180,8 @@ def observe_balls(block: SessionBlock) -> BallReadings:
     hits = (ball[..., None] == np.arange(mass.shape[1])).sum(axis=1)
     if hits.min() < 2:
         worst = int(np.unravel_index(hits.argmin(), hits.shape)[1])
-        raise InputError("balls", "ball", worst, "needs 2 wall hits seen both ways")
+        allowed = "needs at least 2 wall hits in which the gates saw the ball in both directions"
+        raise InputError("balls", "ball", worst, allowed)
     order = np.where(ball >= 0, np.arange(ball.size).reshape(ball.shape), -1)
     return BallReadings(
         mass=mass[:, None],
@@ -316,12 +320,12 @@ def _rates(
     where = f"impact/{channel}"
     shots = len(record.rate) if isinstance(record, RateRecord) else len(record.counts)
     if shots != len(contact):
-        raise InputError(where, "shots", shots, f"the log has {len(contact)}")
+        raise InputError(where, "shots", shots, f"the log has {len(contact)} shots")
     if isinstance(record, RateRecord):
         return summed_up(record)
     ticks = np.diff(record.times)
     if not (ticks.size and ticks.min() > 0 and np.ptp(ticks) < 1e-3 * ticks.min()):
-        raise InputError(where, "times", None, "must rise in even steps")
+        raise InputError(where, "times", None, "must increase in equal steps")
     if not np.isfinite(contact).any():
         return unseen(len(contact))
     # counts come from one laboratory
@@ -337,12 +341,12 @@ def _log_and_flights(block: SessionBlock, stage: str) -> tuple[ShotLog, FlightRe
     balls = _table(block, "ball-mass").shape[1]
     odd = (log.ball != np.floor(log.ball)) | (log.ball < 0) | (log.ball >= balls)
     if odd.any():
-        allowed = f"allowed: 0 to {balls - 1}, those weighed, counted from 0"
+        allowed = f"allowed: 0 to {balls - 1}, the numbers of the weighed balls"
         raise InputError(f"{stage}/log", "ball", log.ball[odd][0], allowed)
     flights = flight_readings(block, stage)
     shots = len(flights.raw.contact)
     if len(log.ball) != shots:
-        raise InputError(stage, "shots", shots, f"the log has {len(log.ball)}")
+        raise InputError(stage, "shots", shots, f"the log has {len(log.ball)} shots")
     return log, flights
 
 
@@ -351,7 +355,7 @@ def _repeated(block: SessionBlock, channel: str) -> Array:
     readings = _table(block, channel)[:, 0]
     if readings.shape[1] < 2:
         raise InputError(
-            f"bench/{channel}", "repeats", readings.shape[1], "needs 2 readings or more"
+            f"bench/{channel}", "repeats", readings.shape[1], "needs at least 2 readings"
         )
     if not readings.min() > 0:
         raise InputError(f"bench/{channel}", "reading", readings.min(), "must be above 0")

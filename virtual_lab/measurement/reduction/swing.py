@@ -39,12 +39,12 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
         The record before contact is too short for a fit.
     """
     if not np.isfinite(contact).any():
-        raise ValueError("the gates saw no ball come in")
+        raise ValueError("the gates saw no incoming ball")
     # a bat three degrees out of phase meets the ball at most 1 ms earlier
     samples = np.searchsorted(record.times, contact - 1e-3)
     enough = np.isfinite(contact) & (samples >= 5 * (DEGREE + 1))
     if not enough.any():
-        raise ValueError("the encoder record holds too little before contact")
+        raise ValueError("the encoder record is too short before contact")
     fitted = np.full((7, contact.size), np.nan)  # rows in the order of the names below
     # shots with the same number of samples before contact share the matrix of the fit
     for number in np.unique(samples[enough]):
