@@ -470,7 +470,7 @@ def _inline(value: Any) -> str:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, dict) and "value" in value
+    return isinstance(value, dict) and {"value", "unit"} <= value.keys()
 
 
 def _is_table(value: Any) -> bool:

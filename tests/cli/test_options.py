@@ -127,6 +127,7 @@ CERTIFY: dict[str, tuple[str, object, object, Effect]] = {
         lambda s: s.particulars.replaces and s.particulars.replaces.reason,
     ),
     "test": ("--seed 7 --test 2", None, 2, lambda s: s.test),
+    "lot": ("--seed 7 --lot 3", None, 3, lambda s: s.lot),
     "history": (
         "--history old --history older",
         [],

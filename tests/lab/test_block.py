@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import virtual_lab as vl
 from tests.lab.golden.make import BASEBALL, SEED, SOFTBALL, Case, Row, differences, table
 from tests.lab.test_round_robin import bits
 from virtual_lab import catalog, lab
@@ -148,6 +149,28 @@ def test_nothing_depends_on_the_neighbours(procedure: str) -> None:
         for name, values in part.measurands.items():
             assert np.array_equal(values, whole.measurands[name][own], equal_nan=True), name
         assert part.certified.verdicts == whole.certified.verdicts[own]
+
+
+def test_lots_of_another_level_and_stiffness_are_those_of_such_a_sheet() -> None:
+    """Three lots side by side, and each alone with a ball whose sheet states its true values."""
+
+    def block(number: int | Array, **changes: float | str) -> lab.BlockTest:
+        sheet = vl.ball("baseball-2003").with_(changes)
+        with catalog.sheets_in_place({("balls", "baseball-2003"): sheet.text}):
+            setup = lab.RoundRobin.of("ea70", "astm-f1881").setup
+            return lab.certify_block(replace(setup, seed=SEED, number=np.atleast_1d(number)))
+
+    many = block(np.arange(3), **{"restitution.value_u": 0.003, "stiffness_spread": "5 %"})
+    lots = many.laboratories.specimen.balls.spec
+    assert np.ptp(lots.stiffness) > 1e5
+    assert many.laboratories.collision.box is None
+    for number, (level, stiffness) in enumerate(
+        zip(lots.restitution.value, lots.stiffness, strict=True)
+    ):
+        sheet = {"restitution.value": float(level), "stiffness": float(stiffness)}
+        alone = block(number, **sheet)
+        for name, values in alone.measurands.items():
+            assert values == pytest.approx(many.measurands[name][[number]], abs=3e-5), name
 
 
 class BrokenError(Exception):

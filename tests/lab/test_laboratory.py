@@ -20,7 +20,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.procedure import Procedure, Verdict
-from virtual_lab.measurement.procedure.model import QUANTITIES
+from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
 from virtual_lab.records import GateRecord, Record
 from virtual_lab.records.session import load_session, save_session
 from virtual_lab.simulation.collision.modal import ModalModel
@@ -69,7 +69,8 @@ def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: P
     assert found.metric is not None
     assert found.metric.value == pytest.approx(true["metric"], rel=1e-9)
     beside = {"metric", CONTINUOUS, WIDTH_KEY}
-    assert found.quantities.keys() == QUANTITIES.keys() == true.keys() - beside
+    known = QUANTITIES.keys() | ({AS_FOUND} if found.procedure.normalized else set())
+    assert found.quantities.keys() == known == true.keys() - beside
     for name, budget in found.quantities.items():
         assert budget.value == pytest.approx(true[name], rel=1e-9), name
     lost = {reason for reason in found.judgement.reasons if reason}
@@ -507,6 +508,34 @@ def test_tests_of_one_laboratory_share_its_rigs_and_nothing_else() -> None:
     elsewhere = certify("r161", procedure=PROCEDURE, seed=5, test=0).sealed
     assert elsewhere.constants != first.constants
     assert elsewhere.bat.body != first.bat.body
+
+
+def test_hits_lot_and_laboratory_are_new_where_they_are_asked_for() -> None:
+    """Three levels: --test, --lot and --number; each alone leaves the other two as they were."""
+
+    def of(**choices: Any) -> tuple[float, float, float]:
+        laboratory = opened("r161", procedure=PROCEDURE, seed=4, **choices)
+        balls, stations = laboratory.specimen.balls, laboratory.stations
+        scale = stations[Stage.BENCH].true_constants["scale.zero"]
+        return balls.spec.restitution.slope, balls.mass[0], scale
+
+    first = of()
+    assert of(lot=0) == first
+    other_lot, other_test, elsewhere = of(lot=1), of(lot=0, test=1), of(number=1)
+    assert [one == two for one, two in zip(first, other_lot, strict=True)] == [False, True, True]
+    assert [one == two for one, two in zip(first, other_test, strict=True)] == [True, False, True]
+    assert not any(one == two for one, two in zip(first, elsewhere, strict=True))
+    assert of(lot=1, test=1)[0] == other_lot[0] != of(lot=2, test=1)[0]
+    # a numbered test has a lot of its own unless a lot is named
+    assert of(test=1)[0] not in (first[0], other_lot[0], of(test=2)[0])
+
+
+@pytest.mark.parametrize(
+    ("choices", "said"), [({"lot": 1}, "with a seed"), ({"seed": 1, "lot": -1}, "0 and more")]
+)
+def test_a_lot_that_cannot_be_drawn_is_refused(choices: dict[str, int], said: str) -> None:
+    with pytest.raises(InputError, match=rf"^lot = .*{said}"):
+        opened("r161", procedure=PROCEDURE, **choices)
 
 
 @pytest.mark.parametrize("bat", ["ea70", "knob-loaded"])

@@ -343,6 +343,7 @@ def certify(
     replaces: Folder | None = None,
     reason: str = "",
     test: int | None = None,
+    lot: int | None = None,
     history: Folders = (),
     uncertainty: Propagation = "first-order",
     progress: Progress = quiet,
@@ -418,6 +419,9 @@ def certify(
     test
         Number of this test in its laboratory, with a seed: the same calibrations, another bat,
         other balls.
+    lot
+        Number of the lot of balls in its laboratory, with a seed. Tests with the same number use
+        balls of one lot. By default lot 0, but another lot in each numbered test.
     history
         Result folder of an earlier test of this bat design by the same procedure in this
         laboratory, or a folder of such; three and more. The scatter of their hits counts, too.
@@ -430,8 +434,8 @@ def certify(
     ------
     InputError
         An unknown name, a file that cannot be used, a seed that is no whole number from 0, a
-        number or test without a seed, one of them where nothing is random, a film at a rig without
-        a camera, a history of other tests.
+        number, test or lot without a seed, one of them where nothing is random, a film at a rig
+        without a camera, a history of other tests.
     """
     from virtual_lab import catalog
     from virtual_lab.certificate.chain import replaced_report
@@ -448,7 +452,8 @@ def certify(
         rules = catalog.read(other.text, other.name, Procedure)
     kind = member_of(Reality, "reality", reality)
     if kind is not Reality.REAL:
-        for key, value in (("seed", seed), ("number", number or None), ("test", test)):
+        numbers = {"seed": seed, "number": number or None, "test": test, "lot": lot}
+        for key, value in numbers.items():
             if value is not None:
                 allowed = f"leave it out: nothing is random where the reality is {reality}"
                 raise InputError("", key, value, allowed)
@@ -466,6 +471,7 @@ def certify(
         correction=correction,
         film=film,
         test=test,
+        lot=lot,
         particulars=read_particulars(
             None if laboratory is None else Path(laboratory),
             {

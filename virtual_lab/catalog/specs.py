@@ -307,9 +307,9 @@ class RestitutionLine(Spec):
     value: Annotated[float, Dimension("number", 0.05, 1)]
     slope: Annotated[float, Le(0), Dimension("slope of speed")]
     floor: Annotated[float, Dimension("number", 0.05, 1)]
-    slope_u: Annotated[float, Ge(0), Dimension("slope of speed")] = (
-        0.0  # standard uncertainty between lots
-    )
+    # standard deviations between lots, which the wall test measures
+    value_u: Annotated[float, Ge(0), Le(0.1), Dimension("number")] = 0.0
+    slope_u: Annotated[float, Ge(0), Dimension("slope of speed")] = 0.0
 
     def at(self, speed: ArrayLike) -> NDArray[np.float64]:
         """Return e0 of the nominal ball at `speed` [m/s], in the shape of `speed`."""
@@ -347,13 +347,15 @@ class BallSpec(Spec):
     exponent: Annotated[float, Dimension("number", 1, 5)]
     restitution: RestitutionLine
     spread: BallSpread
-    radius_u: Annotated[float, Ge(0), Dimension("length")] = (
-        0.0  # standard uncertainty between lots
-    )
+    # standard deviations between lots: of the radius, and of the stiffness, relative to its mean
+    radius_u: Annotated[float, Ge(0), Dimension("length")] = 0.0
+    stiffness_spread: Spread = 0.0
     sport: Sport | None = None  # None: not known
     ageing: BallAgeing | None = None
 
     def __post_init__(self) -> None:
-        force = self.stiffness * 0.01**self.exponent
-        if not 100 <= force <= 1e7:
-            raise ValueError(f"a ball pressed in by 1 cm gives {force:g} N; allowed: 100 to 1e7 N")
+        force = np.ravel(self.stiffness * 0.01**self.exponent)  # of one lot, or of a block of lots
+        if (wrong := force[(force < 100) | (force > 1e7)]).size:
+            raise ValueError(
+                f"a ball pressed in by 1 cm gives {wrong[0]:g} N; allowed: 100 to 1e7 N"
+            )

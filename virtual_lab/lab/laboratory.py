@@ -112,7 +112,7 @@ class Laboratory:
             stations=stations,
             specimen=Specimen(
                 bat=made_bat(bat, bats),
-                balls=draw_balls(ball, rules.balls, test_draws),
+                balls=draw_balls(ball, rules.balls, test_draws, setup.lot_draws(seed)),
                 collision=collision,
             ),
             calibration={

@@ -64,10 +64,13 @@ class RoundRobin:
 
     @classmethod
     def with_common_model(cls, setup: TestSetup) -> Self:
-        """Return the round robin of a setup, with a common collision model for a nominal bat."""
-        if setup.made:
-            return cls(setup=setup)
+        """Return the round robin of a setup, with a common collision model for a nominal bat.
+
+        A surrogate has one stiffness of the ball, so there is none for lots of different stiffness.
+        """
         rules, ball, drawn = setup.rules.spec, setup.ball.spec, setup.bat.spec
+        if setup.made or ball.stiffness_spread:
+            return cls(setup=setup)
         collision = collision_of(drawn, ball, rules).with_box(box_of(rules, drawn, ball))
         return cls(setup=replace(setup, collision=collision))
 
@@ -182,7 +185,8 @@ def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
     bat_speed = procedure.turn_rate(bat.body.length) * (axis - place[::-1])
     speed = procedure.ball_speed + bat_speed + sigmas * 0.2 * either  # m/s
     speed[0] *= 0.99  # a hit six sigma above the bat's axis is oblique
-    scatter = hypot(ball.spread.restitution, ball.spread.hit_restitution)
+    spread, line = ball.spread, ball.restitution
+    scatter = hypot(spread.restitution, spread.hit_restitution, line.value_u)
     e0 = np.asarray(ball.restitution.at(speed[::-1])) + sigmas * scatter * either
     return Box.about(
         Scenes.of(

@@ -25,6 +25,7 @@ from virtual_lab.streams import LABORATORIES, Draws, Slots, require_seed
 from virtual_lab.uncertainty.estimate import Estimates
 
 NO_FAULTS = FaultSet()
+LOT = 2_000_000  # branch of the lots' random numbers, above those of tests and control tests
 METHODS = ("ratio", "trampoline")  # methods that convert a result to a standard ball
 
 
@@ -46,6 +47,8 @@ class TestSetup:
     motion: MotionRung = MotionRung.CLOSED_FORM
     faults: FaultSet = NO_FAULTS
     test: int | None = None
+    # number of the lot in its laboratory; None: the first lot, or in a numbered test another one
+    lot: int | None = None
     control_bat: Entry[BatSpec] | None = None
     detail: RecordDetail = RecordDetail.FULL
     film: bool = False  # whether the first shot is filmed
@@ -71,6 +74,7 @@ class TestSetup:
         motion: str = MotionRung.CLOSED_FORM.value,
         faults: Sequence[str] = (),
         test: int | None = None,
+        lot: int | None = None,
         control_bat: str | Entry[BatSpec] | None = None,
         correction: str | None = None,
         film: bool = False,
@@ -98,6 +102,10 @@ class TestSetup:
             raise InputError("", "number", number, "allowed with a seed: a laboratory of its study")
         if test is not None and seed is None:
             raise InputError("", "test", test, "allowed with a seed: of a laboratory of its study")
+        if lot is not None and seed is None:
+            raise InputError("", "lot", lot, "allowed with a seed: of a laboratory of its study")
+        if lot is not None and lot < 0:
+            raise InputError("", "lot", lot, "allowed: 0 and more")
         rules = (
             catalog.load("procedures", procedure, Procedure)
             if isinstance(procedure, str)
@@ -125,6 +133,7 @@ class TestSetup:
             motion=member_of(MotionRung, "motion", motion),
             faults=FaultSet.of(faults, rig=rig),
             test=test,
+            lot=lot,
             control_bat=control,
             film=film,
             detail=detail,
@@ -144,6 +153,12 @@ class TestSetup:
     def draws(self, seed: int, *branch: int) -> Draws:
         """Return the random numbers of the laboratories, or of a branch, by their seed."""
         return self.reality.draws(seed, *branch, laboratory=self.number)
+
+    def lot_draws(self, seed: int) -> Draws:
+        """Return the random numbers that the properties of the lot of balls are drawn from."""
+        if self.lot is None and self.test is not None:
+            return self.draws(seed, self.test)
+        return self.draws(seed, LOT, self.lot) if self.lot else self.draws(seed)
 
     @property
     def rigs(self) -> dict[Stage, str]:

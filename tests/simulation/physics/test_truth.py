@@ -7,7 +7,7 @@ import pytest
 
 from virtual_lab.catalog import load, load_bat
 from virtual_lab.catalog.specs import BallSpec
-from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, draw_lot, made_bat
 from virtual_lab.streams import Streams
 
 
@@ -40,3 +40,35 @@ def test_mass_and_e0_of_a_ball_are_independent() -> None:
     assert lot.mass.std() == pytest.approx(spec.spread.mass, rel=0.05)
     assert lot.restitution.std() == pytest.approx(spec.spread.restitution, rel=0.05)
     assert abs(np.corrcoef(lot.mass, lot.restitution)[0, 1]) < 0.071
+
+
+def test_lots_scatter_in_level_slope_radius_and_stiffness_as_their_sheet_says() -> None:
+    """2000 lots: standard scores normal within 4.5 standard errors, and |r| < 4.5/√2000."""
+    spec = load("balls", "baseball-2003", BallSpec).spec
+    line = replace(spec.restitution, value_u=0.004)
+    spec = replace(spec, restitution=line, stiffness_spread=0.05)
+    lots = draw_lot(spec, Streams(5, (), np.arange(2000)))
+    z = np.array(
+        [
+            (lots.restitution.value - 0.55) / 0.004,
+            (lots.restitution.slope - line.slope) / line.slope_u,
+            (lots.radius - spec.radius) / spec.radius_u,
+            (lots.stiffness / spec.stiffness - 1) / 0.05,
+        ]
+    )
+    assert np.abs(z.mean(axis=1)).max() < 4.5 / np.sqrt(2000)
+    assert np.abs(z.var(axis=1) - 1).max() < 4.5 * np.sqrt(2 / 2000)
+    assert np.abs(np.corrcoef(z) - np.eye(4)).max() < 4.5 / np.sqrt(2000)
+
+
+def test_balls_scatter_about_the_level_of_their_lot() -> None:
+    """Two draws of balls from one lot of level .56: means within 4.5/√4000 of their spread."""
+    spec = load("balls", "baseball-2003", BallSpec).spec
+    line = replace(spec.restitution, value_u=0.01)
+    (level,) = (0.55 + 0.01 * Streams(8).normal("lot.level", 1)).tolist()
+    for test in (1, 2):
+        balls = draw_balls(
+            replace(spec, restitution=line), 4000, Streams(8, (test,)), lot=Streams(8)
+        )
+        spread = spec.spread.restitution
+        assert balls.restitution.mean() == pytest.approx(level, abs=4.5 * spread / np.sqrt(4000))

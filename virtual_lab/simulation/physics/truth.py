@@ -71,8 +71,8 @@ class TrueBat:
 class TrueBalls:
     """A lot of balls: mass [kg] and e0 at the reference speed of each ball, shape (ball,).
 
-    `spec` holds the true radius of the lot and the true slope of its e0. In a block of laboratories
-    the arrays are (laboratory, ball), and radius and slope are (laboratory,).
+    `spec` holds the true radius and stiffness of the lot, and the true level and slope of its e0.
+    In a block of laboratories the arrays are (laboratory, ball), and these four (laboratory,).
     """
 
     spec: BallSpec
@@ -90,14 +90,17 @@ class TrueBalls:
         return self._of_owners((owner, ball))
 
     def _of_owners(self, index: Any) -> TrueBalls:
-        """Return the balls at `index` of the lots, with radius and slope of their laboratories."""
+        """Return the balls at `index` of the lots, with the properties of their lots."""
         owner = index[0] if isinstance(index, tuple) else index
         line = self.spec.restitution
         return TrueBalls(
             spec=replace(
                 self.spec,
                 radius=of_owners(self.spec.radius, owner),
-                restitution=replace(line, slope=of_owners(line.slope, owner)),
+                stiffness=of_owners(self.spec.stiffness, owner),
+                restitution=replace(
+                    line, value=of_owners(line.value, owner), slope=of_owners(line.slope, owner)
+                ),
             ),
             mass=self.mass[index],
             restitution=self.restitution[index],
@@ -239,17 +242,32 @@ def _made(spec: BatSpec, density: float, modulus: float, tilt: float) -> BatBody
     return replace(body, material=material)
 
 
-def draw_balls(spec: BallSpec, number: int, draws: Draws) -> TrueBalls:
-    """Draw a lot of `number` balls, with the radius and the slope of e0 of the lot."""
-    mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
+def draw_lot(spec: BallSpec, draws: Draws) -> BallSpec:
+    """Draw a lot: its radius and stiffness, and level and slope of its e0.
+
+    In a block each laboratory has a lot, and these four are arrays (laboratory,).
+    """
     wider, steeper = np.moveaxis(draws.normal("lot", 2), -1, 0)
     line = spec.restitution
-    return TrueBalls(
-        spec=replace(
-            spec,
-            radius=spec.radius + spec.radius_u * wider,
-            restitution=replace(line, slope=line.slope + line.slope_u * steeper),
+    return replace(
+        spec,
+        radius=spec.radius + spec.radius_u * wider,
+        stiffness=spec.stiffness * (1 + spec.stiffness_spread * draws.normal("lot.stiffness")),
+        restitution=replace(
+            line,
+            value=line.value + line.value_u * draws.normal("lot.level"),
+            slope=line.slope + line.slope_u * steeper,
         ),
-        mass=spec.mass + spec.spread.mass * mass,
-        restitution=np.minimum(spec.restitution.value + spec.spread.restitution * restitution, 1.0),
+    )
+
+
+def draw_balls(spec: BallSpec, number: int, draws: Draws, lot: Draws | None = None) -> TrueBalls:
+    """Draw `number` balls of a lot, whose properties are drawn by `lot`, by default by `draws`."""
+    mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
+    drawn, spread = draw_lot(spec, lot or draws), spec.spread
+    level = np.asarray(drawn.restitution.value)[..., None]
+    return TrueBalls(
+        spec=drawn,
+        mass=spec.mass + spread.mass * mass,
+        restitution=np.minimum(level + spread.restitution * restitution, 1.0),
     )
