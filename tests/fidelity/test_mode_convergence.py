@@ -7,8 +7,12 @@ import pytest
 from virtual_lab.catalog import names
 from virtual_lab.fidelity.mode_convergence import convergence
 
+# bats with the shape of another one: Russell's bats come from two templates
+TWINS = {f"russell-{number}" for number in (1, 2, 4, 5, 6)}
+BATS = [name for name in names("bats") if name not in TWINS]
 
-@pytest.mark.parametrize("bat", names("bats"))
+
+@pytest.mark.parametrize("bat", BATS)
 def test_the_default_is_converged(bat: str) -> None:
     errors = {(row["contact"], row["residual"]): row for row in convergence([bat])}
     default = errors["patch", "with residual"]

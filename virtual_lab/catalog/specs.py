@@ -280,11 +280,14 @@ class PublishedBat(Spec):
 
     length: PositiveLength
     mass: Annotated[float, Gt(0), Dimension("mass")]
-    z_cm: PositiveLength
-    inertia_cm: Annotated[float, Gt(0), Dimension("inertia")]
-    inertia_knob: Annotated[float, Gt(0), Dimension("inertia")]
-    bending_frequencies: Annotated[tuple[float, ...], Dimension("frequency")]
-    barrel_nodes: Annotated[tuple[float, ...], Dimension("length")]
+    z_cm: Annotated[float | None, Gt(0), Dimension("length")] = None
+    inertia_cm: Annotated[float | None, Gt(0), Dimension("inertia")] = None
+    # about the point 1 in from the knob
+    inertia_knob: Annotated[float | None, Gt(0), Dimension("inertia")] = None
+    # about the axis 6 in from the knob
+    inertia_pivot: Annotated[float | None, Gt(0), Dimension("inertia")] = None
+    bending_frequencies: Annotated[tuple[float, ...], Dimension("frequency")] = ()
+    barrel_nodes: Annotated[tuple[float, ...], Dimension("length")] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -146,6 +146,7 @@ class BatProfile(StudyResult):
             "z_cm_in": beam.z_cm / INCH,
             "i_cm_oz_in2": beam.inertia_cm / OZ_IN2,
             "i_knob_oz_in2": _inertia(beam, -KNOB_OFFSET) / OZ_IN2,
+            "i_pivot_oz_in2": _inertia(beam, -6 * INCH) / OZ_IN2,
             "modal_frequencies_hz": self.frequencies.tolist(),
             "barrel_nodes_in": [node / INCH for node in self.nodes],
             "peaks": {name: {"value": top, "z_in": at} for name, (top, at) in self.peaks.items()},

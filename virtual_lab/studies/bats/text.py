@@ -17,6 +17,7 @@ INERTIAL = {  # key: words, unit
     "z_cm_in": ("balance point from the tip", "in"),
     "i_cm_oz_in2": ("moment of inertia about it", "oz in²"),
     "i_knob_oz_in2": ("moment of inertia, 1 in from the knob", "oz in²"),
+    "i_pivot_oz_in2": ("moment of inertia, 6 in from the knob", "oz in²"),
 }
 CURVE = {
     "z_in": Column("position from the tip", "in", ".2f"),
@@ -88,9 +89,15 @@ def profile_text(
         published_values = _properties(
             [
                 published.mass / OUNCE,
-                published.z_cm / INCH,
-                published.inertia_cm / OZ_IN2,
-                published.inertia_knob / OZ_IN2,
+                published.z_cm and published.z_cm / INCH,
+                *(
+                    inertia and inertia / OZ_IN2
+                    for inertia in (
+                        published.inertia_cm,
+                        published.inertia_knob,
+                        published.inertia_pivot,
+                    )
+                ),
             ],
             published.bending_frequencies,
             [node / INCH for node in published.barrel_nodes],
@@ -112,8 +119,8 @@ def profile_text(
 
 
 def _properties(
-    inertial: Sequence[float], frequencies: Sequence[float], nodes: Sequence[float]
-) -> dict[tuple[str, str], float]:
+    inertial: Sequence[float | None], frequencies: Sequence[float], nodes: Sequence[float]
+) -> dict[tuple[str, str], float | None]:
     """Return inertial properties, frequencies [Hz] and nodes [in], by name and unit."""
     return {
         **dict(zip(INERTIAL.values(), inertial, strict=True)),

@@ -49,17 +49,19 @@ def table_one() -> Iterator[Claim]:
         published = catalog.load_bat(bat).spec.published
         assert published is not None
         printed = {
-            "length": (published.length / INCH, "in"),
-            "mass": (published.mass / OUNCE, "oz"),
-            "z_cm": (published.z_cm / INCH, "in"),
-            "I_cm": (published.inertia_cm / OZ_IN2, "oz in^2"),
-            "I_knob": (published.inertia_knob / OZ_IN2, "oz in^2"),
-            "f_1": (published.bending_frequencies[0], "Hz"),
-            "f_2": (published.bending_frequencies[1], "Hz"),
-            "node 1": (published.barrel_nodes[0] / INCH, "in"),
-            "node 2": (published.barrel_nodes[1] / INCH, "in"),
+            "length": (published.length, INCH, "in"),
+            "mass": (published.mass, OUNCE, "oz"),
+            "z_cm": (published.z_cm, INCH, "in"),
+            "I_cm": (published.inertia_cm, OZ_IN2, "oz in^2"),
+            "I_knob": (published.inertia_knob, OZ_IN2, "oz in^2"),
+            "f_1": (published.bending_frequencies[0], 1.0, "Hz"),
+            "f_2": (published.bending_frequencies[1], 1.0, "Hz"),
+            "node 1": (published.barrel_nodes[0], INCH, "in"),
+            "node 2": (published.barrel_nodes[1], INCH, "in"),
         }
-        for name, (value, unit) in printed.items():
+        for name, (value_si, unit_si, unit) in printed.items():
+            assert value_si is not None
+            value = value_si / unit_si
             yield Claim(
                 section="IV",
                 where="Table I",
