@@ -9,8 +9,8 @@ import numpy as np
 
 from virtual_lab.measurement.procedure import (
     HitWeights,
+    Objective,
     Procedure,
-    Sought,
     next_shots,
     outcomes_of,
 )
@@ -40,19 +40,19 @@ def combine(value: float, components: Components) -> Budget:
 
 
 def outcome_of(
-    procedure: Procedure, place: Any, valid: Any, metric: Any, sought: Sought | None = None
+    procedure: Procedure, place: Any, valid: Any, metric: Any, objective: Objective | None = None
 ) -> HitWeights:
-    """Return the weights of the hits; a scan maximises the metric if nothing else is `sought`."""
-    alone, looked = np.zeros(len(place), int), sought or Sought(metric, np.ones_like(metric))
+    """Return the weights of the hits. A scan without an `objective` maximises the metric."""
+    alone, looked = np.zeros(len(place), int), objective or Objective(metric, np.ones_like(metric))
     return outcomes_of(procedure, 1, alone, place, valid, metric, looked)
 
 
 def next_places(
-    procedure: Procedure, percussion: float, place: Any, valid: Any, sought: Any
+    procedure: Procedure, percussion: float, place: Any, valid: Any, objective: Any
 ) -> Any:
     """Return the impact positions of the next shots [m]."""
     alone = np.zeros(len(place), int)
-    return next_shots(procedure, np.array([percussion]), alone, place, valid, sought).place
+    return next_shots(procedure, np.array([percussion]), alone, place, valid, objective).place
 
 
 def reduce_session(session: Session) -> tuple[Reduction, ImpactReadings]:

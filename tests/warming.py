@@ -41,13 +41,13 @@ def _scans() -> None:
 
     from virtual_lab import catalog
     from virtual_lab.measurement.procedure import Procedure, next_shots, outcomes_of, shortfalls
-    from virtual_lab.measurement.procedure.metric import Sought
+    from virtual_lab.measurement.procedure.metric import Objective
 
     rules = catalog.load("procedures", "bbcor", Procedure).spec
     shot = np.arange(12.0)
     owner, place, valid = shot.astype(np.intp) % 2, 0.15 + 0 * shot, shot >= 0
     next_shots(rules, np.full(2, 0.15), owner, place, valid, shot)
-    outcomes_of(rules, 2, owner, place, valid, shot, Sought(shot, shot))
+    outcomes_of(rules, 2, owner, place, valid, shot, Objective(shot, shot))
     shortfalls(rules, 2, owner, place, valid, shot)
 
 

@@ -28,7 +28,7 @@ import numpy as np
 from rigs.astm_pivot import AstmPivotStation
 from virtual_lab.lab import Laboratory, RoundRobin, TestSetup, certify_block
 from virtual_lab.lab.laboratory import collision_of
-from virtual_lab.measurement.alternatives.refined import refined
+from virtual_lab.measurement.alternatives.refined import propagate_metric
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.light_gate import LightGates
 from virtual_lab.simulation.stations.rig import MotionRung
@@ -155,7 +155,7 @@ def uncertainties(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
         begin, half = time.process_time(), []
         for at, each in zip(sound, linear, strict=True):
             certification, reduced = block.of(at).certification, block.certified.reduced.row(at)
-            result = refined(
+            result = propagate_metric(
                 method, reduced, certification.readings, certification.outcome, each, draws
             )
             half.append(np.ptp(result.interval) / 2)

@@ -164,7 +164,7 @@ def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
         results = shot_results(
             ShotResults, constants, bat, balls, readings, rules.reduction_settings
         )
-        return metric(Curve.measured(results), bat)
+        return metric(Curve.from_shots(results), bat)
 
     return work
 

@@ -79,16 +79,19 @@ def by_the_paper(procedure: str, bat: str, of: dict[str, Line]) -> float:
         e_A = (standard_ball(z) - of["r"](z)) / (1 + of["r"](z))
         return e_A * 90 * MPH + (1 + e_A) * rate * (knob - z)
 
-    sought = {
+    objective = {
         "ncaa-besr": swung,
         "ncaa-modified": swung,
         "proposed": field,
         "bbcor": of["e"],
     }[procedure]
     best = minimize_scalar(
-        lambda z: -sought(z), bounds=(4 * INCH, 8 * INCH), method="bounded", options={"xatol": 1e-9}
+        lambda z: -objective(z),
+        bounds=(4 * INCH, 8 * INCH),
+        method="bounded",
+        options={"xatol": 1e-9},
     ).x
-    return of["e_A"](best) + 0.5 if procedure == "ncaa-besr" else sought(best)
+    return of["e_A"](best) + 0.5 if procedure == "ncaa-besr" else objective(best)
 
 
 CURVES: dict[tuple[str, str], TrueCurve] = {}

@@ -16,7 +16,7 @@ from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.text import certificate_text
-from virtual_lab.measurement.alternatives.refined import refined
+from virtual_lab.measurement.alternatives.refined import propagate_metric
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.uncertainty.propagating import propagate_inputs
 
@@ -38,7 +38,7 @@ def test_draws_have_the_u_of_t_distributions(bat: str, procedure: str) -> None:
     widened = [1 if dof == inf else dof / (dof - 2) for dof in dofs]
     u = sqrt(sum(w * part.contribution**2 for w, part in zip(widened, parts, strict=True)))
     reduced, readings = reduce_session(certification.session)
-    by = partial(refined, reduced=reduced, readings=readings, outcome=reduced.outcome)
+    by = partial(propagate_metric, reduced=reduced, readings=readings, outcome=reduced.outcome)
     drawn = by("monte-carlo", linear=linear, draws=65_536)
     assert drawn.u == pytest.approx(u, rel=0.02)
     assert drawn.value == pytest.approx(linear.value + linear.shift, abs=0.02 * u)

@@ -64,7 +64,7 @@ from virtual_lab.measurement.reduction.air import (
     measured_density,
 )
 from virtual_lab.measurement.reduction.kinematics import batted_speed
-from virtual_lab.measurement.reduction.rate import unwrapped
+from virtual_lab.measurement.reduction.rate import unwrap
 from virtual_lab.measurement.reduction.recoil import RECOIL
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.output.metrics import METRICS, REBOUND_SPEED
@@ -599,7 +599,7 @@ def _counts(certification: Certification) -> EncoderRecord | None:
     if not isinstance(record, EncoderRecord):
         return None
     turn = certification.session.calibration["impact.encoder.counts_per_turn"].value
-    return unwrapped(record, turn, certification.readings.flights.raw.contact)
+    return unwrap(record, turn, certification.readings.flights.raw.contact)
 
 
 def _angle_of(

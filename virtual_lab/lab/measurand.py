@@ -56,7 +56,7 @@ def measurands(
         for name, values in curve.quantities.items()
     }
     visited = Visits(owner, reduced.place, reduced.valid)
-    true = curve.sought(control)[back], curve.metric(control)[back]
+    true = curve.objective(control)[back], curve.metric(control)[back]
     true_values["metric"] = results_of_curves(procedure, laboratories, visited, *true)
     if procedure.normalized:
         plain = replace(curve, procedure=procedure.as_found)
@@ -69,7 +69,7 @@ def measurands(
         true_values |= _of_continuous(
             procedure.scan,
             along,
-            smooth.sought(control).reshape(shape),
+            smooth.objective(control).reshape(shape),
             smooth.metric(control).reshape(shape),
         )
     return {name: np.where(some, values, np.nan) for name, values in true_values.items()}

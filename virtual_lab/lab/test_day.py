@@ -130,7 +130,7 @@ class TestDay:
         readings = observe_hits(sessions, self.preparation)
         reduced = reduce_shots(sessions, self.preparation, readings)
         if acceptance is not None:
-            reduced = reduced.judged(acceptance, readings)
+            reduced = reduced.judge_hits(acceptance, readings)
         if not whole:
             assert self.reduced is not None
             joined = Reduction.concatenate([self.reduced, reduced])

@@ -54,7 +54,7 @@ class TrueCurve:
             case "batted_speed":
                 return self._batted_speed(efficiency)
 
-    def sought(self, control: float = 1.0) -> Array:
+    def objective(self, control: float = 1.0) -> Array:
         """Return the quantity that a scan maximises: the metric, or v_f [m/s]."""
         scan = self.procedure.scan
         if scan is not None and scan.seeks == "batted_speed":
@@ -109,11 +109,11 @@ class Visits(NamedTuple):
 
 
 def results_of_curves(
-    procedure: Procedure, laboratories: int, visits: Visits, sought: Array, metric: Array
+    procedure: Procedure, laboratories: int, visits: Visits, objective: Array, metric: Array
 ) -> Array:
     """Return the procedure's result for exact curves at the positions hit, (laboratory,).
 
-    `sought` and `metric` are the values of the exact curve at the position of each shot, (shot,).
+    `objective` and `metric` are values of the exact curves at the position of each shot, (shot,).
     The result is NaN if no position has all its hits.
     """
     owner, place, valid = visits
@@ -130,7 +130,7 @@ def results_of_curves(
     turn = np.arange(whole.size) - (np.cumsum(many) - many)[whose]
     at, looked, wanted = np.full((3, laboratories, max(many.max(initial=0), 1)), np.nan)
     at[whose, turn] = pairs.imag[whole]
-    looked[whose, turn], wanted[whose, turn] = sought[first[whole]], metric[first[whole]]
+    looked[whose, turn], wanted[whose, turn] = objective[first[whole]], metric[first[whole]]
     best = np.where(np.isnan(looked), -np.inf, looked).argmax(axis=1)[:, None]
     if procedure.scan.final_hits:
         return np.asarray(np.take_along_axis(wanted, best, axis=1)[:, 0])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.catalog import Datum
 from virtual_lab.measurement.alternatives.other_support import OtherSupport, other_support
-from virtual_lab.measurement.alternatives.refined import refined, too_wide
+from virtual_lab.measurement.alternatives.refined import propagate_metric, too_wide
 from virtual_lab.measurement.alternatives.swing_range import SwingResult, swing_range
 from virtual_lab.measurement.camera.comparison import CameraComparison, compare_camera
 from virtual_lab.measurement.diagnostics import (
@@ -47,7 +47,7 @@ from virtual_lab.measurement.procedure import (
 )
 from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
-from virtual_lab.measurement.reduction.flights import numbered
+from virtual_lab.measurement.reduction.flights import number_shots
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import (
     ShotResults,
@@ -156,12 +156,12 @@ class Certifications:
     def variances(self) -> dict[str, HitVariance]:
         """Variance of a hit in each result. An INVALID test has 0 degrees of freedom."""
         sound = self.some & ~self.invalid
-        found = {}
+        by_result = {}
         for name, budgets in self.results.items():
             assert budgets.scatter is not None
-            own = budgets.scatter.variance
-            found[name] = replace(own, dof=np.where(sound, own.dof, 0.0))
-        return found
+            variance = budgets.scatter.variance
+            by_result[name] = replace(variance, dof=np.where(sound, variance.dof, 0.0))
+        return by_result
 
     def reasons(self, laboratory: int) -> tuple[str, ...]:
         """Return why the verdict of one laboratory is INVALID or FAIL."""
@@ -174,8 +174,8 @@ class Certifications:
         """
         block, reduced = self.block.row(laboratory), self.reduced.row(laboratory)
         session, procedure = session_of(block), self.procedure
-        own = self.reduced.owner == laboratory
-        readings, outcome = self.readings.select(own), self.outcome.row(laboratory, own)
+        mask = self.reduced.owner == laboratory
+        readings, outcome = self.readings.select(mask), self.outcome.row(laboratory, mask)
         one = slice(laboratory, laboratory + 1)
         budgets = {
             name: each.select(one) for name, each in self.results.items() if self.some[laboratory]
@@ -191,7 +191,7 @@ class Certifications:
         method = session.uncertainty
         drawable = method != MONTE_CARLO or not (metric and too_wide(metric))
         if metric and variances and method != FIRST and drawable:
-            finer = refined(method, reduced, readings, outcome, metric)
+            finer = propagate_metric(method, reduced, readings, outcome, metric)
             metric = replace(metric, u=finer.u, dof=finer.dof, interval_95=finer.interval)
         shots, hits, preparation = reduced.shots, reduced.shot_metric, reduced.preparation
         bat = preparation.bat.select((0, 0, 0))
@@ -235,13 +235,13 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
     """
     rules, outcome, owner = reduced.procedure, reduced.outcome, reduced.owner
     laboratories, used = block.laboratories, outcome.used
-    hits = numbered(owner, used, laboratories)
+    hits = number_shots(owner, used, laboratories)
 
     def at_hits(values: Array) -> Array:
         return np.where(hits >= 0, values[hits], 0.0)
 
     variants = Variants.of(reduced.constants)
-    earlier = {name: HitVariance.of(known) for name, known in block.history.items()}
+    earlier = {name: HitVariance.of(estimates) for name, estimates in block.history.items()}
     weighing = Weighing(
         hits=hits,
         weights=at_hits(outcome.weights),
@@ -322,7 +322,7 @@ def _results(
     columns = variants.columns
     bat = bat_properties(columns)
     moved = model.shots(columns, bat)
-    known = {name: each.select(some) for name, each in earlier.items()}
+    history = {name: each.select(some) for name, each in earlier.items()}
     results = {
         name: means_of_hits(
             variants,
@@ -330,7 +330,7 @@ def _results(
             weighing.weights,
             weighing.places,
             weighing.effects if name in DECIDING else weighing.weights,
-            known.get(name),
+            history.get(name),
         )
         for name, values in model.quantities(columns, bat, moved).items()
     }

@@ -19,19 +19,19 @@ from virtual_lab.measurement.procedure import (
     HitWeights,
     Judgement,
     NextShots,
+    Objective,
     Procedure,
-    Sought,
-    accepted,
-    admitted,
+    accept_hits,
+    admit_balls,
     judge,
     metric_of,
     next_shots,
+    objective_of,
     outcomes_of,
-    sought_of,
 )
 from virtual_lab.measurement.procedure.model import CONTROL, MeasurementModel
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER, measured_density
-from virtual_lab.measurement.reduction.flights import numbered
+from virtual_lab.measurement.reduction.flights import number_shots
 from virtual_lab.measurement.reduction.gates import THICKNESS
 from virtual_lab.measurement.reduction.kinematics import centre_of_percussion
 from virtual_lab.measurement.reduction.observations import (
@@ -102,11 +102,11 @@ class Preparation(AlignedArrays):
         """Measured mass, length, z_cm and inertia_cm with their uncertainties [SI]."""
         variants = Variants.of(self.constants)
         measured = bat_properties(variants.columns)
-        found = {}
+        budgets = {}
         for name in ("mass", "length", "z_cm", "inertia_cm"):
             values = getattr(measured, name)[..., 0]
-            found[name] = combine_components(values[:, 0], variants.components(values))
-        return found
+            budgets[name] = combine_components(values[:, 0], variants.components(values))
+        return budgets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,13 +119,13 @@ class Reduction(AlignedArrays):
     place: Array  # aimed position, from the barrel tip [m]
     shots: ShotResults
     shot_metric: Array
-    sought: Sought  # quantity that a scan maximises
+    objective: Objective  # quantity that a scan maximises
     valid: Mask
     acceptance: Acceptance = judge  # function that judges which hits are valid
     # owners of the shots of the last round; None: all laboratories still ask
     latest: NDArray[np.intp] | None = None
 
-    aligned: ClassVar = ("owner", "place", "shots", "shot_metric", "sought", "valid")
+    aligned: ClassVar = ("owner", "place", "shots", "shot_metric", "objective", "valid")
 
     @property
     def procedure(self) -> Procedure:
@@ -135,7 +135,7 @@ class Reduction(AlignedArrays):
     def shot_numbers(self) -> NDArray[np.intp]:
         """Numbers of all shots, (laboratory, shot); negative: fewer shots than another."""
         used = np.ones(self.owner.size, dtype=bool)
-        return numbered(self.owner, used, self.preparation.laboratories)
+        return number_shots(self.owner, used, self.preparation.laboratories)
 
     @property
     def outcome(self) -> HitWeights:
@@ -147,36 +147,36 @@ class Reduction(AlignedArrays):
             self.place,
             self.valid,
             self.shot_metric,
-            self.sought,
+            self.objective,
         )
 
     def next_shots(self) -> NextShots:
         """Return the shots that the procedure asks for next; none where a test is complete."""
         asking = np.zeros(self.preparation.laboratories, dtype=bool)
         asking[... if self.latest is None else self.latest] = True
-        own, turn = self.select(asking[self.owner]), np.cumsum(asking) - 1
-        found = next_shots(
+        shots, turn = self.select(asking[self.owner]), np.cumsum(asking) - 1
+        following = next_shots(
             self.procedure,
             self.preparation.percussion[asking],
-            turn[own.owner],
-            own.place,
-            own.valid,
-            own.sought.value,
+            turn[shots.owner],
+            shots.place,
+            shots.valid,
+            shots.objective.value,
         )
-        return NextShots(np.flatnonzero(asking)[found.owner], found.place)
+        return NextShots(np.flatnonzero(asking)[following.owner], following.place)
 
     def judgement(self, readings: ImpactReadings, laboratory: int = 0) -> Judgement:
         """Return why hits of one laboratory are rejected; `readings` are of all shots, (shot,)."""
-        own, preparation = self.owner == laboratory, self.preparation
+        mask, preparation = self.owner == laboratory, self.preparation
         return self.acceptance(
             self.procedure,
-            self.shots.select(own),
-            readings.select(own),
+            self.shots.select(mask),
+            readings.select(mask),
             float(preparation.percussion[laboratory]),
             float(preparation.turn_rate[laboratory]),
         )
 
-    def judged(self, acceptance: Acceptance, readings: ImpactReadings) -> Reduction:
+    def judge_hits(self, acceptance: Acceptance, readings: ImpactReadings) -> Reduction:
         """Return the shots, with the hits valid that `acceptance` accepts.
 
         `readings` are those of all shots, as fired, (shot,).
@@ -188,12 +188,12 @@ class Reduction(AlignedArrays):
 
     def row(self, laboratory: int) -> Reduction:
         """Return the reduction of one laboratory as a block of one."""
-        one, own = np.array([laboratory]), self.select(self.owner == laboratory)
+        one, part = np.array([laboratory]), self.select(self.owner == laboratory)
         return replace(
-            own,
+            part,
             preparation=self.preparation.select(one),
             constants={name: each.select(one) for name, each in self.constants.items()},
-            owner=np.zeros_like(own.owner),
+            owner=np.zeros_like(part.owner),
             latest=None,
         )
 
@@ -261,11 +261,11 @@ def prepare(block: SessionBlock) -> Preparation:
         A record, calibration or procedure that is missing or cannot be used.
     """
     procedure = read(block.procedure_text, "procedure.toml", Procedure)
-    asked = procedure.spec.pivot_from_knob
+    pivot = procedure.spec.pivot_from_knob
     for axis in block.calibration["impact.pivot.from_knob"].value:
-        if abs(axis - asked) > 5e-3:  # tolerance [m]; a larger difference means another rig
+        if abs(axis - pivot) > 5e-3:  # tolerance [m]; a larger difference means another rig
             allowed = f"the rig's axis is at {axis:g} m"
-            raise InputError("procedure.toml", "pivot_from_knob", f"{asked:g} m", allowed)
+            raise InputError("procedure.toml", "pivot_from_knob", f"{pivot:g} m", allowed)
     balls = observe_balls(block)
     constants = _constants(block) | ball_constants(balls)
     constants |= _place_constants(procedure.spec, constants.get(AIM_ALONG))
@@ -276,7 +276,7 @@ def prepare(block: SessionBlock) -> Preparation:
         constants=constants,
         balls=balls,
         lot=lot,
-        used=admitted(procedure.spec, lot),
+        used=admit_balls(procedure.spec, lot),
         bat=bat_properties(best),
     )
 
@@ -300,7 +300,7 @@ def reduce_shots(
     if not readings.flights.shows_height:
         constants["impact.aim.across_square"] = across_constant(block)
     alone = readings.select(np.arange(owner.size)[:, None, None])
-    best = {name: known.value[owner, None, None] for name, known in constants.items()}
+    best = {name: estimates.value[owner, None, None] for name, estimates in constants.items()}
     bat = preparation.bat.select(owner)
     results = shot_results(
         ShotResults,
@@ -311,10 +311,10 @@ def reduce_shots(
         rules.reduction_settings,
         used=preparation.used[owner],
     )
-    metric = metric_of(rules, control=best.get(CONTROL, 1.0))(Curve.measured(results), bat)
-    sought = sought_of(rules, metric, alone.place, bat)
-    asked = (each[owner, None, None] for each in (preparation.percussion, preparation.turn_rate))
-    valid = accepted(rules, results, alone, *asked)
+    metric = metric_of(rules, control=best.get(CONTROL, 1.0))(Curve.from_shots(results), bat)
+    objective = objective_of(rules, metric, alone.place, bat)
+    targets = (each[owner, None, None] for each in (preparation.percussion, preparation.turn_rate))
+    valid = accept_hits(rules, results, alone, *targets)
     return Reduction(
         preparation=preparation,
         constants=constants,
@@ -322,9 +322,9 @@ def reduce_shots(
         place=readings.place,
         shots=results.select((slice(None), 0, 0)),
         shot_metric=metric.reshape(-1),
-        sought=Sought(
-            value=np.broadcast_to(sought.value, metric.shape).reshape(-1),
-            gain=np.broadcast_to(sought.gain, metric.shape).reshape(-1),
+        objective=Objective(
+            value=np.broadcast_to(objective.value, metric.shape).reshape(-1),
+            gain=np.broadcast_to(objective.gain, metric.shape).reshape(-1),
         ),
         valid=valid.reshape(-1),
     )
@@ -332,7 +332,7 @@ def reduce_shots(
 
 def best_values(constants: Mapping[str, Estimates]) -> dict[str, Array]:
     """Return the values of the constants for a model, (laboratory, 1, 1)."""
-    return {name: known.value[:, None, None] for name, known in constants.items()}
+    return {name: estimates.value[:, None, None] for name, estimates in constants.items()}
 
 
 def _require_channels(block: SessionBlock, procedure: Procedure) -> None:
@@ -364,14 +364,14 @@ def _constants(block: SessionBlock) -> dict[str, Estimates]:
     are used only for this density, and the thickness of a beam only for a check: they are left out.
     """
     positive = {"span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch"}
-    for name, known in block.calibration.items():
-        if name.rpartition(".")[2] in positive and not (known.value > 0).all():
+    for name, estimates in block.calibration.items():
+        if name.rpartition(".")[2] in positive and not (estimates.value > 0).all():
             key = f"calibration.{name}"
-            raise InputError("session.json", key, float(known.value.min()), "allowed: above 0")
-    kept = {
-        key: known
-        for key, known in block.calibration.items()
+            raise InputError("session.json", key, float(estimates.value.min()), "allowed: above 0")
+    calibrations = {
+        key: estimates
+        for key, estimates in block.calibration.items()
         if not key.startswith(LOGGER) and not key.endswith(THICKNESS)
     }
     density = measured_density(block)
-    return kept | bench_constants(block) | ({DENSITY: density} if density else {})
+    return calibrations | bench_constants(block) | ({DENSITY: density} if density else {})

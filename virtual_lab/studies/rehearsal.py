@@ -24,13 +24,13 @@ from virtual_lab.lab.plans import shot_numbers
 from virtual_lab.lab.true_metric import Visits, results_of_curves
 from virtual_lab.measurement.procedure import (
     Curve,
+    Objective,
     Procedure,
-    Sought,
     metric_of,
     next_shots,
+    objective_of,
     outcomes_of,
     shortfalls,
-    sought_of,
     to_set,
 )
 from virtual_lab.measurement.reduction.kinematics import restitution_from_efficiency
@@ -154,8 +154,8 @@ class Rehearsal:
             rules, many, Visits(owner, place, valid), exact_target, exact
         )
 
-    def _target_metric(self, place: Array, metric: Array) -> Sought:
-        return sought_of(self.procedure, metric, place, self.bat)
+    def _target_metric(self, place: Array, metric: Array) -> Objective:
+        return objective_of(self.procedure, metric, place, self.bat)
 
     def bias(self, straying: HitScatter, draws: Draws, times: int) -> tuple[float, float]:
         """Return the mean error over `times` simulated tests, and its standard error."""

@@ -8,7 +8,7 @@ from scipy import stats
 
 from tests.simulation.instruments.camera.scenes import SHOTS, bat_of, camera_of, course_of, spec_of
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.camera.filmed import CameraResults, filmed, frames_u
+from virtual_lab.measurement.camera.filmed import CameraResults, frames_u, reduce_film
 from virtual_lab.measurement.camera.windows import Sightings, sight
 from virtual_lab.measurement.reduction.flights import Flights
 from virtual_lab.records import ClipRecord
@@ -46,7 +46,7 @@ def seen_by(camera, course: Course, detail: RecordDetail, draws=None, bat=None) 
 
 def measured(camera, course: Course, sightings: Sightings, **changed: np.ndarray) -> CameraResults:
     x = constants(camera) | {f"{STAGE}.camera.{name}": value for name, value in changed.items()}
-    return filmed(x, STAGE, sightings, course.passage.drag, timed(course))
+    return reduce_film(x, STAGE, sightings, course.passage.drag, timed(course))
 
 
 @pytest.mark.parametrize("name", ["camera-overhead", "camera-backlit"])
@@ -202,7 +202,7 @@ def test_a_rebound_that_the_gates_missed_has_no_speed() -> None:
     camera, course = camera_of(spec, Quiet()), course_of()
     sightings = seen_by(camera, course, RecordDetail.SUMMED)
     gates = replace(timed(course), slope_out=np.array([np.nan, 0.0, 0.0]))
-    got = filmed(constants(camera), STAGE, sightings, course.passage.drag, gates)
+    got = reduce_film(constants(camera), STAGE, sightings, course.passage.drag, gates)
     assert np.isnan(got.flights.speed_out).tolist() == [True, False, False]
     assert np.isfinite(got.flights.speed_in).all()
 

@@ -12,7 +12,7 @@ from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.lab import by_the_book
 from virtual_lab.lab.laboratory import Laboratory
-from virtual_lab.measurement.procedure import Procedure, admitted, set_aside
+from virtual_lab.measurement.procedure import Procedure, admit_balls, set_aside
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls
 
 OUNCE, MPH = 0.028349523125, 0.44704
@@ -34,7 +34,7 @@ def test_e0_is_judged_at_the_speed_of_the_rules() -> None:
     """An e0 of 0.474 at 136 mph is 0.55 at 60 mph, allowed 0.525 to 0.555; 0.48 is 0.556."""
     assert set_aside(RULES, balls()) == ()
     lot = balls(restitution=np.array([0.474, 0.480, 0.474]))
-    assert admitted(RULES, lot).tolist() == [True, False, True]
+    assert admit_balls(RULES, lot).tolist() == [True, False, True]
     (ball,) = set_aside(RULES, lot)
     assert ball.ball == 1
     assert ball.reason == "e0 0.5560 at 60 mph, allowed 0.525 to 0.555"
@@ -58,7 +58,7 @@ def test_a_ball_just_outside_a_window_is_printed_with_enough_digits() -> None:
 
 def test_a_lot_without_an_admissible_ball_is_used_and_its_shots_rejected() -> None:
     lot = balls(restitution=np.full(3, 0.5))
-    assert admitted(RULES, lot).all()
+    assert admit_balls(RULES, lot).all()
     assert len(set_aside(RULES, lot)) == 3
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tests.one_laboratory import outcome_of
 from virtual_lab import catalog
 from virtual_lab.lab.true_metric import Visits, results_of_curves
-from virtual_lab.measurement.procedure import Procedure, Sought
+from virtual_lab.measurement.procedure import Objective, Procedure
 from virtual_lab.streams import Streams
 
 BESR = catalog.load("procedures", "ncaa-besr", Procedure).spec
@@ -112,10 +112,10 @@ def test_noise_raises_a_fitted_peak_by_the_predicted_bias(sigma: float, curvatur
     assert abs(excess.mean() - by_hand) < 4 * error + 0.15 * by_hand  # third order: σ²
 
 
-def speed_of(besr: np.ndarray, place: np.ndarray) -> Sought:
+def speed_of(besr: np.ndarray, place: np.ndarray) -> Objective:
     """Return v_f [mph] of a 70 mph pitch by Eq. (3), with e_A = BESR - 1/2 and its gain."""
     bat = 66 * (28 - place / INCH) / 22
-    return Sought(value=(besr - 0.5) * 70 + (besr + 0.5) * bat, gain=70 + bat)
+    return Objective(value=(besr - 0.5) * 70 + (besr + 0.5) * bat, gain=70 + bat)
 
 
 def test_besr_is_read_where_the_speed_is_greatest() -> None:

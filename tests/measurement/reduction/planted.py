@@ -15,10 +15,10 @@ __all__ = ["plant", "reduce_arrays"]
 def reduce_arrays(
     settings: Any, sets: Any, balls: Any, ball: np.ndarray, shots: Any, results: Any
 ) -> None:
-    """Compute the results of `kinematics.reduce_sets` by `kinematics.reduced` on whole arrays."""
+    """Compute the results of `kinematics.reduce_sets` by `reduce_shot` on whole arrays."""
     of_ball = tuple(np.take_along_axis(each, ball, axis=-1) for each in balls)
     for arrays, values in zip(
-        results, kinematics.reduced(settings, sets, of_ball, shots), strict=True
+        results, kinematics.reduce_shot(settings, sets, of_ball, shots), strict=True
     ):
         for array, value in zip(arrays, values, strict=True):
             if array.size:

@@ -49,7 +49,7 @@ OTHERS = {
     "recoil_factor_free",
     "recoil_factor_pivoted",
     "inverse_effective_mass",
-    "reduced",
+    "reduce_shot",
     "reduce_sets",
 }
 OTHERS |= {"energy_fractions", "batted_speed_gain"}

@@ -12,7 +12,7 @@ from math import tau
 import numpy as np
 import pytest
 
-from virtual_lab.measurement.reduction.rate import RateFit, unwrapped
+from virtual_lab.measurement.reduction.rate import RateFit, unwrap
 from virtual_lab.measurement.reduction.recoil import RECOIL, fit_recoil
 from virtual_lab.records import EncoderRecord
 
@@ -126,7 +126,7 @@ def test_a_counter_overflow_is_unwrapped(period: int, signed: bool) -> None:
     assert counter.max() < top
     record = EncoderRecord(counts=counter, times=one.record.times)
     assert np.ptp(np.diff(counter)) > period - 100
-    unwound = unwrapped(record, COUNTS, one.contact)
+    unwound = unwrap(record, COUNTS, one.contact)
     assert np.array_equal(np.diff(unwound.counts), np.diff(counts))
     at = np.searchsorted(one.record.times, one.contact)
     assert np.abs(unwound.counts[np.arange(SHOTS), at]).max() <= period / 2
@@ -139,7 +139,7 @@ def test_a_jump_that_is_no_overflow_is_kept() -> None:
     assert 300 < np.ptp(jumped) < 512
     record = EncoderRecord(counts=jumped, times=one.record.times)
     for unchanged in (one.record, record):
-        assert unwrapped(unchanged, 300, one.contact) is unchanged
+        assert unwrap(unchanged, 300, one.contact) is unchanged
 
 
 def test_a_record_without_rings_is_fitted() -> None:

@@ -37,9 +37,9 @@ class RadarReadings:
 
     @property
     def raw_u(self) -> RawFlightsU:
-        return RawFlightsU.unknown(self.raw.speed_in)
+        return RawFlightsU.nan_like(self.raw.speed_in)
 
-    def corrected(self, x: Constants, drag: Array) -> Flights:
+    def correct(self, x: Constants, drag: Array) -> Flights:
         """Return speeds at the target, v exp(∓κ d) with the gun's distance d, from dv/dx = -κ v."""
         scale, distance = (x[f"{self.stage}.radar.{name}"] for name in ("scale", "distance"))
         speed_in = self.raw.speed_in / scale * np.exp(-drag * distance)

@@ -157,7 +157,7 @@ class Desk:
         Raises `InputError` with the name of a missing record.
         """
         judgement = self._chosen(self.by_rules.shots)
-        return self.by_rules.judged(lambda *_: judgement, self.readings)
+        return self.by_rules.judge_hits(lambda *_: judgement, self.readings)
 
     @cached_property
     def certification(self) -> Certification:

@@ -28,7 +28,7 @@ ROWS = 1024  # number of sets of constants per call of the model
 LEAST_FREEDOM = 3.0
 
 
-def refined(
+def propagate_metric(
     method: Propagation,
     reduced: Reduction,
     readings: ImpactReadings,
@@ -58,18 +58,18 @@ def model_of(
     """Return the metric of a test as a function of rows of inputs, (k,), and these inputs."""
     used = np.flatnonzero(outcome.used)
     model, effects = reduced.model(readings, used[None]), outcome.effects[used]
-    known: dict[str, Any] = {name: each.row(0) for name, each in reduced.constants.items()}
+    inputs: dict[str, Any] = {name: each.row(0) for name, each in reduced.constants.items()}
     added = {
         part.name: Input(0.0, part.u, part.dof, evaluation="A")
         for part in linear.components
-        if not part.parts and part.name not in known
+        if not part.parts and part.name not in inputs
     }
 
     def hits(constants: Mapping[str, Array]) -> Array:
-        columns = {name: constants[name][None, :, None] for name in known}
+        columns = {name: constants[name][None, :, None] for name in inputs}
         return np.asarray(model(columns)["metric"][0] @ effects)
 
-    best = hits({name: np.array([each.value]) for name, each in known.items()})
+    best = hits({name: np.array([each.value]) for name, each in inputs.items()})
 
     def metric(**drawn: Array) -> Array:
         rows = next(iter(drawn.values())).size
@@ -79,4 +79,4 @@ def model_of(
         ]
         return linear.value - best + np.concatenate(parts) + sum(drawn[name] for name in added)
 
-    return metric, dict[InputName, Any]((known | added).items())
+    return metric, dict[InputName, Any]((inputs | added).items())

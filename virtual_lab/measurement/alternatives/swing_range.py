@@ -9,8 +9,8 @@ import numpy as np
 from virtual_lab.measurement.procedure import (
     Curve,
     HitWeights,
+    Objective,
     Procedure,
-    Sought,
     metric_of,
     outcomes_of,
 )
@@ -38,13 +38,15 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
     rules = reduced.procedure
     if rules.game is None or not rules.game.exponents:
         return ()
-    curve, measured = Curve.measured(reduced.shots), reduced.preparation.bat.select((0, 0, 0))
+    curve, measured = Curve.from_shots(reduced.shots), reduced.preparation.bat.select((0, 0, 0))
     others: dict[float, tuple[Procedure, HitWeights]] = {}
     for exponent in rules.game.exponents:
         other = replace(rules, game=replace(rules.game, exponent=exponent))
         hits = metric_of(other)(curve, measured)
-        sought = Sought(hits, np.ones_like(hits))
-        outcome = outcomes_of(other, 1, reduced.owner, reduced.place, reduced.valid, hits, sought)
+        objective = Objective(hits, np.ones_like(hits))
+        outcome = outcomes_of(
+            other, 1, reduced.owner, reduced.place, reduced.valid, hits, objective
+        )
         others[exponent] = other, outcome
     if not all(np.isfinite(outcome.weights).all() for _, outcome in others.values()):
         return ()
@@ -52,12 +54,12 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
     variants = Variants.of(reduced.constants)
     columns = variants.columns
     bat = bat_properties(columns)
-    moved = Curve.measured(reduced.model(readings).shots(columns, bat))
-    found = []
+    moved = Curve.from_shots(reduced.model(readings).shots(columns, bat))
+    results = []
     for exponent, (other, outcome) in others.items():
         used = outcome.used
         hits, places = metric_of(other)(moved, bat)[..., used], np.round(reduced.place[used], 6)
         weights = outcome.weights[None, used]
         budget = means_of_hits(variants, hits, weights, places[None], weights).row(0)
-        found.append(SwingResult(exponent=exponent, place=float(outcome.place[0]), budget=budget))
-    return tuple(found)
+        results.append(SwingResult(exponent=exponent, place=float(outcome.place[0]), budget=budget))
+    return tuple(results)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from virtual_lab.measurement.camera.filmed import CameraResults, filmed, frames_u
+from virtual_lab.measurement.camera.filmed import CameraResults, frames_u, reduce_film
 from virtual_lab.measurement.camera.windows import Sightings, sight
 from virtual_lab.measurement.procedure import HitWeights
 from virtual_lab.measurement.procedure.model import MeasurementModel
@@ -88,10 +88,10 @@ def compare_camera(
     variants, model = Variants.of(reduced.constants), reduced.single_model(readings)
     best = {name: values[0, 0, 0] for name, values in best_values(reduced.constants).items()}
     columns = {name: values[0] for name, values in variants.columns.items()}
-    seen = sight(record, best, "impact")
-    by_gates, by_video, camera = _by_both(model, seen, best, gates.corrected)
-    moved = _by_both(model, seen, columns, gates.corrected)
-    risen = _by_both(model, seen, best, heights_moved(gates))
+    sightings = sight(record, best, "impact")
+    by_gates, by_video, camera = _by_both(model, sightings, best, gates.correct)
+    moved = _by_both(model, sightings, columns, gates.correct)
+    risen = _by_both(model, sightings, best, heights_moved(gates))
     both = np.isfinite(by_video.rebound_efficiency) & np.isfinite(by_gates.rebound_efficiency)
     used, weights = outcome.used & both, outcome.weights
     compared: dict[str, ComparedQuantity] = {}
@@ -100,9 +100,9 @@ def compare_camera(
         place = np.round(readings.place, 6)[used]
         for name, field in COMPARED.items():
             of_gates, of_video = (getattr(each, field)[:, used] for each in moved[:2])
-            compared[name] = _compared(variants, of_gates, of_video, share, place)
+            compared[name] = _compare_quantity(variants, of_gates, of_video, share, place)
     moved_by, risen_by = _per_shot(*moved[1:]), _per_shot(*risen[1:])
-    frames = frames_u(best, "impact", seen, camera)
+    frames = frames_u(best, "impact", sightings, camera)
     u = {
         name: np.sqrt(
             variants.u(moved_by[name]) ** 2
@@ -122,14 +122,14 @@ def compare_camera(
 
 
 def _by_both(
-    model: MeasurementModel, seen: Sightings, x: Mapping[str, Array], by_gates: FlightModel
+    model: MeasurementModel, sightings: Sightings, x: Mapping[str, Array], by_gates: FlightModel
 ) -> tuple[SetResults, SetResults, CameraResults]:
     """Return the results of the shots by gates, by video, and by the camera alone, (..., shot)."""
     bat = bat_properties(x)
     gates = model.shots(x, bat, by_gates)
     drag = drag_of(x, of_ball(ball_masses(x, model.balls), model.readings.ball))
-    found = filmed(x, "impact", seen, drag, by_gates(x, drag))
-    return gates, model.shots(x, bat, lambda *_: found.flights), found
+    results = reduce_film(x, "impact", sightings, drag, by_gates(x, drag))
+    return gates, model.shots(x, bat, lambda *_: results.flights), results
 
 
 def _per_shot(video: SetResults, camera: CameraResults) -> dict[str, Array]:
@@ -143,7 +143,7 @@ def _per_shot(video: SetResults, camera: CameraResults) -> dict[str, Array]:
     }
 
 
-def _compared(
+def _compare_quantity(
     variants: Variants, gates: Array, video: Array, weights: Array, places: Array
 ) -> ComparedQuantity:
     """Return a quantity of hits (variant, hit) from gates, from video, and combined.
@@ -153,21 +153,23 @@ def _compared(
     of the hits is common to both.
     """
 
-    def mixed(of_gates: float, of_video: float) -> Budget:
+    def mix(of_gates: float, of_video: float) -> Budget:
         # noise that differs from shot to shot (frames, heights) is part of the scatter of the hits
         hits, share = (of_gates * gates + of_video * video)[None], weights[None]
         return means_of_hits(variants, hits, share, places[None], share).row(0)
 
-    own, other = (variants.components((hits @ weights)[None]).effect[0] for hits in (gates, video))
-    apart, off = video - gates, other - own
+    gate_effects, video_effects = (
+        variants.components((hits @ weights)[None]).effect[0] for hits in (gates, video)
+    )
+    apart, off = video - gates, video_effects - gate_effects
     effects = variants.effects(apart)[None]
     noise = Scatter.of_hits(apart[:1], weights[None], places[None], effects).u[0] ** 2
     total = float(off @ off) + noise
-    share = float(np.clip((noise / 2 - own @ off) / total, 0.0, 1.0)) if total else 0.5
+    share = float(np.clip((noise / 2 - gate_effects @ off) / total, 0.0, 1.0)) if total else 0.5
     return ComparedQuantity(
-        gates=mixed(1.0, 0.0),
-        video=mixed(0.0, 1.0),
-        joined=mixed(1 - share, share),
-        difference=mixed(-1.0, 1.0),
+        gates=mix(1.0, 0.0),
+        video=mix(0.0, 1.0),
+        joined=mix(1 - share, share),
+        difference=mix(-1.0, 1.0),
         share=share,
     )

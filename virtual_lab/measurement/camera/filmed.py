@@ -31,14 +31,16 @@ class CameraResults:
     met: Array  # time of contact after the first frame that counts, by the camera's clock [s]
 
 
-def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flights) -> CameraResults:
+def reduce_film(
+    x: Constants, stage: str, sightings: Sightings, drag: Array, timed: Flights
+) -> CameraResults:
     """Return the flights of the balls of a stage from its camera.
 
     Parameters
     ----------
     x
         Constants, numbers or columns (k, 1).
-    seen
+    sightings
         Positions of the ball, (shot, frame).
     drag
         κ of each ball, (..., shot) [1/m].
@@ -49,20 +51,20 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
     # computed with the first set of constants
     used = {name for name in x if name.startswith(f"{stage}.camera.")} | {"ball.radius"}
     first = {name: np.ravel(x[name])[:1, None] for name in used}
-    level = np.asarray(timed.offset).reshape(-1, len(seen.times))[:1, :, None]
-    ahead = -_places(first, stage, seen, level)[0][0]
-    slope = np.where(seen.out, timed.slope_out[..., None], timed.slope_in[..., None])
-    speed = np.where(seen.out, timed.speed_out[..., None], timed.speed_in[..., None])
+    level = np.asarray(timed.offset).reshape(-1, len(sightings.times))[:1, :, None]
+    ahead = -_places(first, stage, sightings, level)[0][0]
+    slope = np.where(sightings.out, timed.slope_out[..., None], timed.slope_in[..., None])
+    speed = np.where(sightings.out, timed.speed_out[..., None], timed.speed_in[..., None])
     fallen = x["hall.gravity"][..., None] / 2 * (ahead / speed) ** 2
     height = np.asarray(timed.offset)[..., None] + slope * ahead - fallen
-    beyond, along = _places(x, stage, seen, height)
+    beyond, along = _places(x, stage, sightings, height)
     ahead = -beyond
     kappa = np.asarray(drag)[..., None]
-    way = time_before(ahead, 1.0, np.where(seen.out, -kappa, kappa))
+    way = time_before(ahead, 1.0, np.where(sightings.out, -kappa, kappa))
     clock = x[f"{stage}.camera.clock"]
-    speed_in, met = _line(seen, ~seen.out, way)
-    speed_out, _ = _line(seen, seen.out, way)
-    drift, aside = _line(seen, ~seen.out, along, at=met)
+    speed_in, met = _line(sightings, ~sightings.out, way)
+    speed_out, _ = _line(sightings, sightings.out, way)
+    drift, aside = _line(sightings, ~sightings.out, along, at=met)
     return CameraResults(
         flights=Flights(
             speed_in=-speed_in * clock,
@@ -77,18 +79,22 @@ def filmed(x: Constants, stage: str, seen: Sightings, drag: Array, timed: Flight
     )
 
 
-def frames_u(x: Constants, stage: str, seen: Sightings, found: CameraResults) -> dict[str, Array]:
-    """Return standard uncertainties of the results `found`, from the frames alone, (shot,).
+def frames_u(
+    x: Constants, stage: str, sightings: Sightings, results: CameraResults
+) -> dict[str, Array]:
+    """Return standard uncertainties of the results `results`, from the frames alone, (shot,).
 
     Noise is independent in every frame. The seam pattern causes similar errors in neighbouring
     frames: the spin is unknown, so the least favourable spin is assumed.
     """
-    flights = found.flights
+    flights = results.flights
     scale = (x[f"{stage}.camera.place_z"] - x[f"{stage}.camera.plane"]) / x[f"{stage}.camera.focal"]
-    slope_in, middle, moment = _line_weights(seen, ~seen.out)
-    slope_out, _, _ = _line_weights(seen, seen.out)
-    at_contact = middle + slope_in * (found.met - moment)[:, None]
-    u_in, u_out, at = (float(scale) * _u(seen, part) for part in (slope_in, slope_out, at_contact))
+    slope_in, middle, moment = _line_weights(sightings, ~sightings.out)
+    slope_out, _, _ = _line_weights(sightings, sightings.out)
+    at_contact = middle + slope_in * (results.met - moment)[:, None]
+    u_in, u_out, at = (
+        float(scale) * _u(sightings, part) for part in (slope_in, slope_out, at_contact)
+    )
     ratio = np.hypot(u_in / flights.speed_in, u_out / flights.speed_out)
     return {
         "speed_in": u_in,
@@ -99,14 +105,14 @@ def frames_u(x: Constants, stage: str, seen: Sightings, found: CameraResults) ->
     }
 
 
-def _u(seen: Sightings, parts: Array) -> Array:
+def _u(sightings: Sightings, parts: Array) -> Array:
     """Return the standard uncertainty of a sum of frames' places by parts, (shot,) [px]."""
     used = parts != 0
-    noise = np.sum(np.where(used, parts * seen.u, 0.0) ** 2, axis=1)
-    shifted = np.where(used, parts * seen.pattern_u, 0.0)
+    noise = np.sum(np.where(used, parts * sightings.u, 0.0) ** 2, axis=1)
+    shifted = np.where(used, parts * sightings.pattern_u, 0.0)
     if not np.any(shifted):
         return np.asarray(np.sqrt(noise))
-    times = _from_first(seen)
+    times = _from_first(sightings)
     apart = times[:, :, None] - times[:, None, :]
     span = np.ptp(np.where(used, times, times.mean(axis=1)[:, None]), axis=1)
     worst = np.zeros(len(times))
@@ -117,7 +123,7 @@ def _u(seen: Sightings, parts: Array) -> Array:
     return np.asarray(np.sqrt(noise + worst))
 
 
-def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[Array, Array]:
+def _places(x: Constants, stage: str, sightings: Sightings, height: Array) -> tuple[Array, Array]:
     """Return X and Y of the ball's centre in the rig's axes, (..., shot, frame) [m]."""
 
     def of(names: str) -> list[Array]:
@@ -127,7 +133,7 @@ def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[A
     columns = np.broadcast_arrays(*of("focal centre_x centre_y k1 k2 p1 p2 k3"))
     lenses, which = np.unique(np.reshape(columns, (8, -1)), axis=1, return_inverse=True)
     focal, centre_x, centre_y, *bend = lenses[..., None, None]
-    flat = np.stack([(seen.x - centre_x) / focal, (seen.y - centre_y) / focal], axis=-1)
+    flat = np.stack([(sightings.x - centre_x) / focal, (sightings.y - centre_y) / focal], axis=-1)
     u, v = np.moveaxis(undistort(flat, bend), -1, 0)
     # factor of the shift of a disc's middle from its centre by lens distortion
     bent = 1 + 3 * bend[0] + 9 * bend[1] * (u**2 + v**2)
@@ -142,19 +148,22 @@ def _places(x: Constants, stage: str, seen: Sightings, height: Array) -> tuple[A
     return place_x - below / away * right, place_y - below / away * up
 
 
-def _from_first(seen: Sightings) -> Array:
+def _from_first(sightings: Sightings) -> Array:
     """Return the times from the first frame used, 0 for frames not used, (shot, frame)."""
-    times = np.where(np.isfinite(seen.x), seen.times, np.nan)
+    times = np.where(np.isfinite(sightings.x), sightings.times, np.nan)
     first = np.nanmin(times, axis=1, initial=np.inf)[:, None]
     return np.asarray(np.nan_to_num(times - np.where(np.isfinite(first), first, 0.0)))
 
 
-def _line_weights(seen: Sightings, way: Mask) -> tuple[Array, Array, Array]:
+def _line_weights(sightings: Sightings, way: Mask) -> tuple[Array, Array, Array]:
     """Return the weights of frames in slope and middle of a line, and their mean time.
 
     The shapes are (shot, frame), (shot, frame) and (shot,). NaN: no frame.
     """
-    weights, times = np.where(way & np.isfinite(seen.x), 1 / seen.u**2, 0.0), _from_first(seen)
+    weights, times = (
+        np.where(way & np.isfinite(sightings.x), 1 / sightings.u**2, 0.0),
+        _from_first(sightings),
+    )
     total = weights.sum(axis=1)[:, None]
     middle = weights / np.where(total > 0, total, np.nan)
     moment = np.sum(middle * times, axis=1)
@@ -163,10 +172,10 @@ def _line_weights(seen: Sightings, way: Mask) -> tuple[Array, Array, Array]:
 
 
 def _line(
-    seen: Sightings, way: Mask, values: Array, at: Array | None = None
+    sightings: Sightings, way: Mask, values: Array, at: Array | None = None
 ) -> tuple[Array, Array]:
     """Return the slope of a weighted line, and the time of its zero or its value `at` a time."""
-    slopes, middles, moment = _line_weights(seen, way)
+    slopes, middles, moment = _line_weights(sightings, way)
     used = np.where(middles > 0, values, 0.0)
     slope, middle = np.sum(slopes * used, axis=-1), np.sum(middles * used, axis=-1)
     if at is None:

@@ -77,35 +77,35 @@ def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightin
         raise InputError("impact/camera", name, None, "this array is missing")
     table = np.full((4, *record.times.shape), np.nan)
     for shot, times in enumerate(record.times):
-        own = np.flatnonzero(np.isfinite(times))
-        if own.size < SEARCH.least:
+        frames = np.flatnonzero(np.isfinite(times))
+        if frames.size < SEARCH.least:
             continue
-        corners = np.stack([record.left[shot, own], record.top[shot, own]], axis=1)
+        corners = np.stack([record.left[shot, frames], record.top[shot, frames]], axis=1)
         side = pixels.shape[2:]
         last = np.array(background.shape)[::-1] - side[::-1]
         if (wrong := ((corners < 0) | (corners > last)).any(axis=1)).any():
             allowed = f"allowed: windows within the frame, 0 to {last[0]}, 0 to {last[1]}"
             raise InputError("impact/camera", "left_px, top_px", corners[wrong][0], allowed)
         behind = cut(background, corners, side)
-        seen = Regions(pixels=pixels[shot, own], background=behind, corners=corners)
-        began = _start(seen, size * radius)
-        free, out = (each[0] for each in _free(times[None, own], began[None, :, 0], size))
-        kept = np.concatenate([_spread(free & ~out), _spread(free & out)])
-        blurs = _blurs(times[own], began, out, of["exposure"])
-        if not kept.size:
+        regions = Regions(pixels=pixels[shot, frames], background=behind, corners=corners)
+        began = _start(regions, size * radius)
+        free, out = (each[0] for each in _free(times[None, frames], began[None, :, 0], size))
+        used = np.concatenate([_spread(free & ~out), _spread(free & out)])
+        blurs = _blurs(times[frames], began, out, of["exposure"])
+        if not used.size:
             continue
-        found = place(
-            part_of(seen, kept),
-            Located.start(began[kept], size * radius, blurs[kept]),
+        positions = place(
+            part_of(regions, used),
+            Located.start(began[used], size * radius, blurs[used]),
             noise=_noise(of),
             lens=of["blur"],
             middle=(of["centre_x"], of["centre_y"]),
             # the image of a sphere at the angle b from the axis is longer by the factor 1 / cos b
             oval=(1 / (2 * of["focal"]) ** 2, SEARCH.oval_u),
         )
-        useful = found.usable & ((found.flags & PlaceFlag.SATURATED) == 0)
-        places = found.x, found.y, found.u, found.pattern_u
-        table[:, shot, own[kept]] = np.where(useful, places, np.nan)
+        useful = positions.usable & ((positions.flags & PlaceFlag.SATURATED) == 0)
+        places = positions.x, positions.y, positions.u, positions.pattern_u
+        table[:, shot, frames[used]] = np.where(useful, places, np.nan)
     return _ways(record.times, table, size)
 
 
@@ -122,18 +122,18 @@ def _noise(of: Mapping[str, float]) -> Noise:
     )
 
 
-def _start(seen: Regions, radius: float) -> Array:
+def _start(regions: Regions, radius: float) -> Array:
     """Return the approximate position of the ball in each window, frame pixels (window, 2)."""
     import cv2
 
-    rows, columns = seen.pixels.shape[1:]
-    off = seen.pixels.astype(np.float32) - seen.background
+    rows, columns = regions.pixels.shape[1:]
+    off = regions.pixels.astype(np.float32) - regions.background
     middle = np.hypot(*np.ogrid[-rows / 2 : rows / 2, -columns / 2 : columns / 2]) < radius / 2
-    found = []
+    centres = []
     for one in off:
         ball = cv2.moments(standing_out(one if np.median(one[middle]) > 0 else -one), True)
-        found.append(np.array([ball["m10"], ball["m01"]]) / max(ball["m00"], 1.0))
-    return np.asarray(seen.corners + found)
+        centres.append(np.array([ball["m10"], ball["m01"]]) / max(ball["m00"], 1.0))
+    return np.asarray(regions.corners + centres)
 
 
 def _blurs(times: Array, places: Array, out: Mask, exposure: float) -> Array:
@@ -148,10 +148,10 @@ def _blurs(times: Array, places: Array, out: Mask, exposure: float) -> Array:
 
 def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
     """Return masks of the frames without contact with the bat, and of those after it."""
-    seen = np.isfinite(times + x)
-    forth = np.where(seen, x, -np.inf)
+    finite = np.isfinite(times + x)
+    forth = np.where(finite, x, -np.inf)
     out = np.arange(times.shape[1]) > forth.argmax(axis=1)[:, None]
-    return seen & (x < forth.max(axis=1)[:, None] - SEARCH.near_bat * size), out
+    return finite & (x < forth.max(axis=1)[:, None] - SEARCH.near_bat * size), out
 
 
 def _spread(free: Mask) -> NDArray[np.intp]:

@@ -35,18 +35,18 @@ DECAY_U = 0.4
 
 def sports(evidence: Evidence) -> Iterator[Raised]:
     """Compare the sports of bat, balls and procedure, as far as known."""
-    known = {
+    entries = {
         "the bat": evidence.block.bat_sport,
         "the ball": evidence.block.ball_sport,
         "the procedure": evidence.procedure.sport,
     }
-    found = {what: sport for what, sport in known.items() if sport and sport != CHECK_STANDARD}
-    if len(set(found.values())) > 1:
-        said = ", ".join(f"{what} is for {sport}" for what, sport in found.items())
+    stated = {what: sport for what, sport in entries.items() if sport and sport != CHECK_STANDARD}
+    if len(set(stated.values())) > 1:
+        words = ", ".join(f"{what} is for {sport}" for what, sport in stated.items())
         yield Raised(
             name="sports",
             where=np.ones(evidence.laboratories, dtype=bool),
-            sentence=lambda _: f"{said}: the result applies to neither sport",
+            sentence=lambda _: f"{words}: the result applies to neither sport",
         )
 
 
@@ -107,8 +107,8 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
     """Compare the change of the pendulum period with the amplitudes that were read."""
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
-    found = swing_slowing(record, evidence.laboratories)
-    if found is None:
+    slowing = swing_slowing(record, evidence.laboratories)
+    if slowing is None:
         return
     # the period is that of small swings times 1 + θ²/16; `times` is the factor by which θ² is
     # larger than read
@@ -121,14 +121,14 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
     yield pairs(
         "pendulum-swing",
         lambda i: (
-            f"in {found.releases[i]} releases of bench/pendulum, the period shortens "
-            f"{found.times[i]:.1f} times as much as the recorded amplitudes predict"
+            f"in {slowing.releases[i]} releases of bench/pendulum, the period shortens "
+            f"{slowing.times[i]:.1f} times as much as the recorded amplitudes predict"
         ),
-        found.times - 1,
-        types_a("scatter", np.zeros(evidence.laboratories), found.u, found.dof),
+        slowing.times - 1,
+        types_a("scatter", np.zeros(evidence.laboratories), slowing.u, slowing.dof),
         least=DECAY_U,
         moves=np.where(np.isfinite(moves), moves, np.inf),
-        compared=np.isfinite(found.times),
+        compared=np.isfinite(slowing.times),
     )
 
 
@@ -208,22 +208,22 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
     usual = np.median(swings, axis=(1, 2))
     irregular: Mask = np.asarray(odd.any(axis=2))
     # odd releases are used if too few others remain
-    kept: Mask = np.asarray((irregular & counted).any(axis=1))
+    used: Mask = np.asarray((irregular & counted).any(axis=1))
     out: Mask = np.asarray((irregular & ~counted).any(axis=1))
 
-    def said(i: int) -> str:
+    def describe(i: int) -> str:
         release = int(irregular[i].argmax())
         swing = int(odd[i, release].argmax())
         times, many = swings[i, release, swing] / usual[i], int(irregular[i].sum())
-        left = "too many to leave out" if kept[i] else "left out of the period"
+        left = "too many to leave out" if used[i] else "left out of the period"
         return (
             f"in release {release + 1} of bench/pendulum, the swing after passage {swing + 1} "
             f"takes {times:.2f} times the usual time, so a passage was lost or counted twice; "
             f"releases with such a swing: {many} of {irregular.shape[1]}, {left}"
         )
 
-    yield Raised(name="pendulum-even", where=out, sentence=said)
-    yield Raised(name="pendulum-even", where=kept, sentence=said, invalidates=True)
+    yield Raised(name="pendulum-even", where=out, sentence=describe)
+    yield Raised(name="pendulum-even", where=used, sentence=describe, invalidates=True)
 
 
 class Slowing(NamedTuple):
@@ -285,8 +285,8 @@ def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
     change = np.diff(readings.mean(axis=2), axis=1)[:, 0]
     scatter = np.sqrt(readings.var(axis=2, ddof=1).sum(axis=1) / number)
     step = evidence.block.calibration["bench.scale.resolution"].value / sqrt(12)
-    known = evidence.sensitivities
-    moves = np.abs(known.get("bench.scale.zero", np.full(change.shape, np.inf)))
+    effects = evidence.sensitivities
+    moves = np.abs(effects.get("bench.scale.zero", np.full(change.shape, np.inf)))
     yield pairs(
         "scale-drift",
         lambda i: (
@@ -363,9 +363,9 @@ def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
     change = slope * length
     scatter = np.sqrt(np.sum(rest**2, axis=1) / dof / width) * length
     # whether the trend continues or began at the wall, the mean e0 is off by half the change
-    known = evidence.sensitivities
+    effects = evidence.sensitivities
     shared = sum(
-        (known[name] for name in restitution_names(e0.shape[1]) if name in known),
+        (effects[name] for name in restitution_names(e0.shape[1]) if name in effects),
         np.where(evidence.some & (evidence.metric.u > 0), 0.0, np.nan),
     )
     yield pairs(

@@ -27,24 +27,24 @@ SCALE_U = 0.01  # harmless relative difference between the height scales of two 
 
 def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
     """Compare each inner board with the flight through the first and the last, in and back."""
-    known, best, gates = evidence.reduced.constants, evidence.best, evidence.readings.flights
+    constants, best, gates = evidence.reduced.constants, evidence.best, evidence.readings.flights
     if not isinstance(gates, GateReadings):
         return
     last = _boards(gates)[-1]
     if last < 2:
         return
-    own = {name: value[evidence.owner, 0, 0] for name, value in best.items()}
-    drag = drag_of(own, evidence.shots.ball_mass)
+    of_shots = {name: value[evidence.owner, 0, 0] for name, value in best.items()}
+    drag = drag_of(of_shots, evidence.shots.ball_mass)
     for way, board in product((INBOUND, OUTBOUND), range(1, last)):
         along = drag if way == INBOUND else -drag
-        reach = [time_before(own[_distance(k)], 1.0, along) for k in range(last + 1)]
+        reach = [time_before(of_shots[_distance(k)], 1.0, along) for k in range(last + 1)]
         times = gates.passages.times[:, way]
         part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
         off = reach[board] - reach[0] - part * (reach[last] - reach[0])
         used = evidence.reduced.valid & np.isfinite(off)
         mean, u, number = evidence.mean_of(off, used)
         share, _, _ = evidence.mean_of(part, used)
-        survey = _between(known, board, last, np.where(number > 0, share, 0.5))
+        survey = _between(constants, board, last, np.where(number > 0, share, 0.5))
         yield pairs(
             "boards-in-line",
             _board_said(board, way, mean, used, evidence),
@@ -67,9 +67,9 @@ def _board_said(
     )
 
 
-def _between(known: Mapping[str, Estimates], board: int, last: int, part: Array) -> Components:
+def _between(constants: Mapping[str, Estimates], board: int, last: int, part: Array) -> Components:
     """Return the components of a board's deviation from its position caused by the survey."""
-    variants = Variants.of({_distance(k): known[_distance(k)] for k in (0, board, last)})
+    variants = Variants.of({_distance(k): constants[_distance(k)] for k in (0, board, last)})
     first, here, end = (column[..., 0] for column in variants.columns.values())
     return variants.components(here - first - part[:, None] * (end - first))
 
@@ -130,9 +130,9 @@ class Heights:
 
     def mean(self, weights: Array) -> tuple[Array, Components, Array]:
         """Return means of weighted sums, their uncertainty, and numbers of shots."""
-        evidence, own = self.evidence, weights[self.evidence.owner]
+        evidence, of_shots = self.evidence, weights[self.evidence.owner]
         mean, u, number = evidence.mean_of(self.each(weights), self.used)
-        square, _, _ = evidence.mean_of(np.sum((own * self.level_u) ** 2, axis=1), self.used)
+        square, _, _ = evidence.mean_of(np.sum((of_shots * self.level_u) ** 2, axis=1), self.used)
         names = [_height(board) for board in range(weights.shape[1])]
         variants = Variants.of({name: evidence.reduced.constants[name] for name in names})
         columns = np.concatenate([*variants.columns.values()], axis=2)
@@ -159,10 +159,10 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
     gates = evidence.readings.flights
     if not isinstance(gates, GateReadings) or not gates.shows_height:
         return
-    found = Heights.of(evidence, gates)
+    heights_of_balls = Heights.of(evidence, gates)
     for board in _boards(gates)[1:-1]:
-        weights = found.off_neighbours(board)
-        mean, components, number = found.mean(weights)
+        weights = heights_of_balls.off_neighbours(board)
+        mean, components, number = heights_of_balls.mean(weights)
         yield pairs(
             "heights",
             _height_said(
@@ -175,7 +175,7 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
             moves=evidence.moves(components),
             compared=number >= FEWEST_SHOTS,
         )
-        slope, u, dof = found.growth(found.each(weights))
+        slope, u, dof = heights_of_balls.growth(heights_of_balls.each(weights))
         yield pairs(
             "heights",
             _growth_said(board, slope),
@@ -188,7 +188,7 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
     marks = evidence.block.impact.get("aim")
     if not isinstance(marks, AimMarks) or marks.across.size < FEWEST_SHOTS * evidence.laboratories:
         return
-    mean, components, number = found.mean(found.at_target)
+    mean, components, number = heights_of_balls.mean(heights_of_balls.at_target)
     across = marks.across.reshape(evidence.laboratories, -1)
     apart, many = mean - across.mean(axis=1), across.shape[1]
     yield pairs(

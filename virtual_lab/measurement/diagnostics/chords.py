@@ -30,7 +30,7 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
     wall, bat = (evidence.block.records[stage].get("gates") for stage in ("balls", "impact"))
     by_hit = np.arange(evidence.laboratories).repeat(hits.ball.shape[-1])
     shots = evidence.readings
-    found = {
+    diameters_at = {
         "wall": (by_hit, _diameters(evidence, "balls", wall, hits.flights, hits.ball)),
         "bat": (
             evidence.owner,
@@ -39,23 +39,23 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
     }
     if isinstance(bat, BoardRecord):
         # the window on the edges has already excluded shots spoilt by scraps of the sabot
-        owner, diameters = found["bat"]
-        found["bat"] = owner[~evidence.off_flight], diameters[~evidence.off_flight]
+        owner, diameters = diameters_at["bat"]
+        diameters_at["bat"] = owner[~evidence.off_flight], diameters[~evidence.off_flight]
     nominal = 2 * evidence.best["ball.radius"][:, 0, 0]
-    for where, (owner, diameters) in found.items():
+    for where, (owner, diameters) in diameters_at.items():
         flat = diameters.reshape(len(diameters), diameters[:1].size)
-        known = np.isfinite(flat)
-        if not known.any():
+        finite = np.isfinite(flat)
+        if not finite.any():
             continue
-        longest = np.where(known, flat, 0.0).max(axis=1, initial=0.0)
+        longest = np.where(finite, flat, 0.0).max(axis=1, initial=0.0)
         wide = longest > nominal[owner] * (1 + SIZE)
         yield _too_wide(evidence, where, owner, longest, wide, nominal)
         # a single beam meets most balls off their centre and shows less than the diameter
         size = nominal.copy()
         for one in range(evidence.laboratories):
-            own = flat[owner == one]
-            if np.isfinite(own).any():
-                size[one] = np.quantile(own[np.isfinite(own)], 0.9)
+            of_one = flat[owner == one]
+            if np.isfinite(of_one).any():
+                size[one] = np.quantile(of_one[np.isfinite(of_one)], 0.9)
         yield _too_narrow(where, size, nominal)
 
 
@@ -64,14 +64,14 @@ def _too_wide(
 ) -> Raised:
     bad = np.bincount(owner, wide, evidence.laboratories)
 
-    def said(one: int) -> str:
-        own = longest[owner == one]
+    def describe(one: int) -> str:
+        of_one = longest[owner == one]
         return (
-            f"in {bad[one]:.0f} of {own.size} shots at the {where}, the gates show a ball diameter "
-            f"of up to {own.max() * 1e3:.1f} mm instead of {nominal[one] * 1e3:.1f} mm"
+            f"in {bad[one]:.0f} of {of_one.size} shots at the {where}, the gates show a ball "
+            f"diameter of up to {of_one.max() * 1e3:.1f} mm instead of {nominal[one] * 1e3:.1f} mm"
         )
 
-    return Raised(name="chords", where=bad > 0, sentence=said)
+    return Raised(name="chords", where=bad > 0, sentence=describe)
 
 
 def _too_narrow(where: str, size: Array, nominal: Array) -> Raised:
@@ -97,7 +97,7 @@ def _diameters(
         mass, ball = mass[evidence.owner], ball[:, None, None]
         readings = readings.part(np.arange(ball.size)[:, None, None])
     drag = drag_of(x, of_ball(mass, np.maximum(ball, 0)))
-    flown, shots = readings.corrected(x, drag), ball.size
+    flown, shots = readings.correct(x, drag), ball.size
     distances = readings.distances
     grows = np.exp(drag.reshape(shots, 1) * distances)
     into, back = (each.reshape(shots, 1) for each in (flown.speed_in, flown.speed_out))

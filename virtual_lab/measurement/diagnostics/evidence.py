@@ -75,8 +75,8 @@ class Evidence:
 
         NaN without a result.
         """
-        known = self.some & (self.metric.u > 0)
-        u = np.where(known, self.metric.u, np.nan)
+        certain = self.some & (self.metric.u > 0)
+        u = np.where(certain, self.metric.u, np.nan)
         parts = self.metric.components
         return dict(zip(parts.names, parts.sensitivity.T / u, strict=True))
 
@@ -87,11 +87,11 @@ class Evidence:
         (laboratory,), and infinite if the effect of no such constant on the result is known.
         """
         worst = np.full(self.laboratories, np.nan)
-        for name, own in zip(components.names, components.sensitivity.T, strict=True):
+        for name, effect in zip(components.names, components.sensitivity.T, strict=True):
             if name in self.sensitivities:
                 with np.errstate(divide="ignore", invalid="ignore"):
-                    ratio = np.abs(self.sensitivities[name] / own)
-                worst = np.fmax(worst, np.where(own != 0, ratio, np.nan))
+                    ratio = np.abs(self.sensitivities[name] / effect)
+                worst = np.fmax(worst, np.where(effect != 0, ratio, np.nan))
         return np.where(np.isfinite(worst), worst, np.inf)
 
     def per_laboratory(self, values: Array | Mask) -> Array:

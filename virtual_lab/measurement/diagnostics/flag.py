@@ -57,8 +57,8 @@ class Raised:
         """Return the flag of one laboratory."""
         if not self.where[laboratory]:
             return None
-        said = self.sentence(laboratory)
-        return Flag(name=self.name, sentence=said, invalidates=self.invalidates)
+        statement = self.sentence(laboratory)
+        return Flag(name=self.name, sentence=statement, invalidates=self.invalidates)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class Pairs:
 
     name: str
     which: str
-    said: Callable[[int], str]  # sentence without the size in standard uncertainties
+    statement: Callable[[int], str]  # sentence without the size in standard uncertainties
     compared: Mask  # mask of the laboratories with both measurements
     sigmas: Array
     likely: Array
@@ -104,7 +104,7 @@ class Pairs:
         return Discrepancy(
             name=self.name,
             of=self.which,
-            sentence=f"{self.said(laboratory)}, a difference of {sigmas:.1f} standard "
+            sentence=f"{self.statement(laboratory)}, a difference of {sigmas:.1f} standard "
             "uncertainties",
             sigmas=sigmas,
             likely=float(self.likely[laboratory]),
@@ -115,10 +115,10 @@ class Pairs:
         """Return the flag it raises in one laboratory."""
         if not self.where[laboratory]:
             return None
-        found = self.difference(laboratory)
-        assert found is not None
+        difference = self.difference(laboratory)
+        assert difference is not None
         voids = bool(self.voids[laboratory])
-        return Flag(name=self.name, sentence=found.sentence, invalidates=voids)
+        return Flag(name=self.name, sentence=difference.sentence, invalidates=voids)
 
 
 Answer = Raised | Pairs
@@ -126,7 +126,7 @@ Answer = Raised | Pairs
 
 def pairs(
     name: str,
-    said: Callable[[int], str],
+    statement: Callable[[int], str],
     value: Array,
     components: Components,
     *,
@@ -140,7 +140,7 @@ def pairs(
 
     Parameters
     ----------
-    said
+    statement
         Gives the sentence of a laboratory, without the size in standard uncertainties.
     components
         Components of the uncertainty of `value`, of which `least` is a lower bound.
@@ -163,7 +163,7 @@ def pairs(
     return Pairs(
         name=name,
         which=of,
-        said=said,
+        statement=statement,
         compared=everywhere if compared is None else compared,
         sigmas=np.abs(value) / u,
         likely=_of_any(likely, among),

@@ -77,33 +77,33 @@ class Checked:
 
     def flags(self, laboratory: int) -> Iterator[Flag]:
         """Yield the flags in one laboratory, at most one per check: the most serious one."""
-        for own in self.answers:
-            raised = [flag for each in own if (flag := each.row(laboratory))]
+        for answers in self.answers:
+            raised = [flag for each in answers if (flag := each.row(laboratory))]
             if raised:
                 yield max(raised, key=lambda flag: flag.invalidates)
 
     def pairs(self, laboratory: int) -> Iterator[Discrepancy]:
         """Yield the differences in one laboratory that were compared with their uncertainties."""
-        for each in (one for own in self.answers for one in own if isinstance(one, Pairs)):
-            if found := each.difference(laboratory):
-                yield found
+        for each in (one for answers in self.answers for one in answers if isinstance(one, Pairs)):
+            if difference := each.difference(laboratory):
+                yield difference
 
     @property
     def voids(self) -> Mapping[str, Mask]:
         """True where a check leaves no verdict, (laboratory,), by the check's name."""
         return {
-            name: np.logical_or.reduce([each.voids for each in own])
-            for name, own in zip(CHECKS, self.answers, strict=True)
-            if own
+            name: np.logical_or.reduce([each.voids for each in answers])
+            for name, answers in zip(CHECKS, self.answers, strict=True)
+            if answers
         }
 
     @property
     def flagged(self) -> Mapping[str, Mask]:
         """True where a check raises a flag, (laboratory,), by the check's name."""
         return {
-            name: np.logical_or.reduce([each.where for each in own])
-            for name, own in zip(CHECKS, self.answers, strict=True)
-            if own
+            name: np.logical_or.reduce([each.where for each in answers])
+            for name, answers in zip(CHECKS, self.answers, strict=True)
+            if answers
         }
 
 
@@ -130,5 +130,5 @@ def overdue(particulars: Particulars, date: str) -> Iterator[Flag]:
     day = particulars.test.begun or date
     for name, each in particulars.instruments.items():
         if each.due and day and each.due < day:
-            said = f"the calibration of {name} ({each.identity}) was due on {each.due}"
-            yield Flag(name=CALIBRATION_DUE, sentence=f"{said}, but the test was on {day}")
+            sentence = f"the calibration of {name} ({each.identity}) was due on {each.due}"
+            yield Flag(name=CALIBRATION_DUE, sentence=f"{sentence}, but the test was on {day}")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.measurement.diagnostics.evidence import FEWEST_SHOTS, Evidence
 from virtual_lab.measurement.diagnostics.flag import Pairs, Raised, pairs
-from virtual_lab.measurement.reduction.flights import numbered
+from virtual_lab.measurement.reduction.flights import number_shots
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
 from virtual_lab.records import AimMarks
@@ -106,16 +106,18 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
             continue
         rough = fit.misfit > MOST_MISFIT
 
-        def said(i: int, fit: RateFit = fit, rough: Mask = rough) -> str:
-            own = np.flatnonzero(evidence.owner == i)
-            worst = int(np.where(rough[own], fit.misfit[own], 0.0).argmax())
+        def describe(i: int, fit: RateFit = fit, rough: Mask = rough) -> str:
+            shots = np.flatnonzero(evidence.owner == i)
+            worst = int(np.where(rough[shots], fit.misfit[shots], 0.0).argmax())
             return (
                 f"the encoder's misfit exceeds its resolution and noise at rest in "
-                f"{int(rough[own].sum())} of {own.size} shots; it is largest in shot {worst + 1}, "
-                f"{fit.residual[own[worst]]:.2f} counts rms"
+                f"{int(rough[shots].sum())} of {shots.size} shots; it is largest in shot "
+                f"{worst + 1}, {fit.residual[shots[worst]]:.2f} counts rms"
             )
 
-        yield Raised(name="encoder-fit", where=evidence.per_laboratory(rough) > 0, sentence=said)
+        yield Raised(
+            name="encoder-fit", where=evidence.per_laboratory(rough) > 0, sentence=describe
+        )
 
 
 def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
@@ -132,11 +134,11 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
             evidence, which
         )  # 0 if the result uses the ball alone
         used = (lever != 0) & np.isfinite(lever) & np.isfinite(fit.by_half)
-        known = evidence.some & (evidence.metric.u > 0) & (evidence.per_laboratory(used) > 0)
-        if not known.any():
+        compared = evidence.some & (evidence.metric.u > 0) & (evidence.per_laboratory(used) > 0)
+        if not compared.any():
             continue
         with np.errstate(divide="ignore"):
-            moves = np.where(known, 1 / evidence.metric.u, 0.0)
+            moves = np.where(compared, 1 / evidence.metric.u, 0.0)
         apart = np.where(used, lever * (fit.by_half - fit.rate), 0.0)
         u = np.where(used, np.abs(lever) * fit.by_half_u, 0.0)
         rounding = np.where(used, RATE_ROUNDING * lever * fit.rate, 0.0)
@@ -149,10 +151,10 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
             of="mean",
             least=np.abs(evidence.per_laboratory(rounding)),
             moves=moves,
-            compared=known,
+            compared=compared,
         )
         yield _worst_shot(
-            evidence, channel, used & known[evidence.owner], apart, u, rounding, moves
+            evidence, channel, used & compared[evidence.owner], apart, u, rounding, moves
         )
 
 
@@ -193,7 +195,7 @@ def _worst_shot(
     worst = np.zeros(evidence.laboratories, dtype=np.intp)
     worst[compared] = first
 
-    def said(i: int) -> str:
+    def describe(i: int) -> str:
         shot = shots[worst[i]]
         number = int(np.sum(evidence.owner[:shot] == i))
         return (
@@ -204,7 +206,7 @@ def _worst_shot(
     return Pairs(
         name="encoder-halves",
         which="worst shot",
-        said=said,
+        statement=describe,
         compared=compared,
         sigmas=every.sigmas[worst],
         likely=every.likely[worst],
@@ -222,10 +224,10 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
         return moved(evidence.best)["metric"]
 
     shots = evidence.reduced.shot_numbers
-    found = np.empty(evidence.owner.size)
+    changes = np.empty(evidence.owner.size)
     change = (metric(1 + step) - metric(1 - step)) / (2 * step * fit.rate)
-    found[shots[shots >= 0]] = change[:, 0][shots >= 0]
-    return found
+    changes[shots[shots >= 0]] = change[:, 0][shots >= 0]
+    return changes
 
 
 def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
@@ -260,13 +262,13 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
 
 def _moved_apart(evidence: Evidence, both: Mask) -> tuple[NDArray[np.intp], Array]:
     """Return numbers of shots, including those in `both`, and e_A differences of the variants."""
-    hits = numbered(evidence.owner, both, evidence.laboratories)
+    hits = number_shots(evidence.owner, both, evidence.laboratories)
     if np.isin(hits[hits >= 0], evidence.hits).all():
         return evidence.hits, evidence.apart
     model = evidence.reduced.model(evidence.readings, hits)
     columns = evidence.variants.columns
-    found = model.shots(columns, bat_properties(columns))
-    return hits, found.recoil_efficiency - found.rebound_efficiency
+    results = model.shots(columns, bat_properties(columns))
+    return hits, results.recoil_efficiency - results.rebound_efficiency
 
 
 def _marks_along(evidence: Evidence) -> Array | None:

@@ -30,15 +30,15 @@ def records_repeated(evidence: Evidence) -> Iterator[Raised]:
         return
     for stage in ("balls", "impact"):
         channels = evidence.block.records[stage]
-        told = ((name, _rows(record)) for name, record in channels.items())
-        rows = {name: own for name, own in told if own is not None}
-        for channel, own in rows.items():
+        tables = ((name, _rows(record)) for name, record in channels.items())
+        rows = {name: table for name, table in tables if table is not None}
+        for channel, table in rows.items():
             whole, some = _traces(channels[channel])
             others = [each for name, each in rows.items() if name != channel]
-            twice = _filed_twice(own, some, others)
+            twice = _filed_twice(table, some, others)
             # one part may repeat by chance
             if sum(2 if whole[shot] else 1 for _, shot in twice) > 1:
-                yield _repeated(evidence, f"{stage}/{channel}", *twice[0])
+                yield _flag_repeat(evidence, f"{stage}/{channel}", *twice[0])
 
 
 def _rows(record: Record) -> Array | None:
@@ -61,25 +61,25 @@ def _traces(record: Record) -> tuple[Mask, Mask]:
         return turned, turned
     if isinstance(record, GateRecord | BoardRecord):
         shots, ways = record.times.shape[:2]
-        shown = np.isfinite(record.times).reshape(*record.times.shape[:3], -1).any(axis=3)
-        passed = np.asarray(shown.reshape(shots, ways, -1).all(axis=2))
+        detected = np.isfinite(record.times).reshape(*record.times.shape[:3], -1).any(axis=3)
+        passed = np.asarray(detected.reshape(shots, ways, -1).all(axis=2))
         return np.asarray(passed.all(axis=1)), passed[:, 0]
     none = np.zeros(0, dtype=bool)
     return none, none
 
 
-def _filed_twice(own: Array, some: Mask, others: list[Array]) -> list[tuple[int, int]]:
+def _filed_twice(rows: Array, some: Mask, others: list[Array]) -> list[tuple[int, int]]:
     """Return shots with the same record as an earlier one, and the earlier one."""
     first: dict[bytes, int] = {}
-    found = []
+    repeats = []
     for shot in map(int, np.flatnonzero(some)):
-        same = first.setdefault(own[shot].tobytes(), shot)
+        same = first.setdefault(rows[shot].tobytes(), shot)
         if not all(np.array_equal(each[same], each[shot], equal_nan=True) for each in others):
-            found.append((same, shot))
-    return found
+            repeats.append((same, shot))
+    return repeats
 
 
-def _repeated(evidence: Evidence, record: str, first: int, second: int) -> Raised:
+def _flag_repeat(evidence: Evidence, record: str, first: int, second: int) -> Raised:
     return Raised(
         name="records-repeated",
         where=np.ones(evidence.laboratories, dtype=bool),  # full records come from one laboratory

@@ -11,12 +11,12 @@ from virtual_lab.measurement.procedure.eligibility import Finding, findings
 from virtual_lab.measurement.procedure.judge import (
     Acceptance,
     Judgement,
-    accepted,
+    accept_hits,
     judge,
     worst_misfit,
 )
-from virtual_lab.measurement.procedure.lot import SetAside, admitted, set_aside
-from virtual_lab.measurement.procedure.metric import Curve, Sought, metric_of, sought_of
+from virtual_lab.measurement.procedure.lot import SetAside, admit_balls, set_aside
+from virtual_lab.measurement.procedure.metric import Curve, Objective, metric_of, objective_of
 from virtual_lab.measurement.procedure.outcome import (
     HitWeights,
     Reason,
@@ -43,26 +43,26 @@ __all__ = [
     "HitWeights",
     "Judgement",
     "NextShots",
+    "Objective",
     "Procedure",
     "Reason",
     "SetAside",
     "Shortfalls",
-    "Sought",
     "Verdict",
     "Windows",
-    "accepted",
-    "admitted",
+    "accept_hits",
+    "admit_balls",
     "aimed_place",
     "curve_of",
     "findings",
     "judge",
     "metric_of",
     "next_shots",
+    "objective_of",
     "outcomes_of",
     "sentences_of",
     "set_aside",
     "shortfalls",
-    "sought_of",
     "to_set",
     "unmet_rules",
     "variances_within",

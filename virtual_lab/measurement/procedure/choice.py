@@ -53,8 +53,8 @@ def shortfalls(
         from virtual_lab.measurement.procedure.scan_kernel import shortfalls_of_block
 
         order, starts = in_turn_of(owner, laboratories)
-        own = place[order], valid[order], metric[order]
-        shortfalls_of_block(starts, *own, scan_rules(procedure, scan), mean, square)
+        columns = place[order], valid[order], metric[order]
+        shortfalls_of_block(starts, *columns, scan_rules(procedure, scan), mean, square)
     return Shortfalls(mean, np.sqrt(square))
 
 

@@ -68,7 +68,7 @@ def judge(
     return Judgement(reasons=tuple(reasons))
 
 
-def accepted(
+def accept_hits(
     procedure: Procedure,
     results: ShotResults,
     readings: ImpactReadings,
@@ -161,12 +161,12 @@ def _place(
         )
     elif nearby is not None:
 
-        def said(value: float) -> str:
+        def describe(value: float) -> str:
             middle, most = float(percussion) / INCH, nearby / INCH
             text = f"impact position set to {{0:.{{d}}f}} in, allowed {middle:.3f} ± {most:.3f} in"
             return beyond(text, value, middle - most, middle + most, 3)
 
-        yield np.abs(place - percussion) <= nearby, said, place / INCH
+        yield np.abs(place - percussion) <= nearby, describe, place / INCH
 
 
 def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:
@@ -221,7 +221,7 @@ def _recoil(
             ),
             before,
         )
-    yield _fitted(recoil)
+    yield _fit_criterion(recoil)
     if windows.recoil_u is not None:
         yield (
             unclear <= windows.recoil_u,
@@ -245,7 +245,7 @@ def _recoil(
         )
 
 
-def _fitted(turn: RateFit) -> Criterion:
+def _fit_criterion(turn: RateFit) -> Criterion:
     """Return the criterion that the fitted rotation agrees with the encoder's record."""
     return (
         ~(turn.misfit > MOST_MISFIT),
@@ -267,20 +267,20 @@ def _swing(
         return
     turned = results.swing_rate
     yield np.isfinite(turned), lambda _: "the encoder shows no rotation before contact", turned
-    yield _fitted(swing)
+    yield _fit_criterion(swing)
     if windows.bat_speed_tolerance is not None:
         # the bat's speed is named 6 in from the tip, so the window is taken there
         lever = (procedure.bat_speed or 0.0) / turn_rate
         tolerance = windows.bat_speed_tolerance
 
-        def said(speed: float) -> str:
+        def describe(speed: float) -> str:
             middle, most = float(turn_rate) * float(lever) / MPH, tolerance / MPH
             text = f"bat speed {{0:.{{d}}f}} mph, allowed {middle:.4g} ± {most:.3g} mph"
             return beyond(text, speed, middle - most, middle + most, 2)
 
         yield (
             np.abs(turned - turn_rate) * lever <= tolerance,
-            said,
+            describe,
             turned * lever / MPH,
         )
     most = windows.contact_angle

@@ -20,7 +20,7 @@ class SetAside:
     reason: str
 
 
-def admitted(procedure: Procedure, balls: MeasuredBalls) -> Mask:
+def admit_balls(procedure: Procedure, balls: MeasuredBalls) -> Mask:
     """Return a mask of the balls that define the lot, (..., ball).
 
     If none is admissible, all define it, and every shot is then rejected.
@@ -38,7 +38,7 @@ def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...
     windows = procedure.windows
     of_mass, of_e0 = _misfits(procedure, balls)
     e0 = _restitution(procedure, balls)
-    found = []
+    excluded = []
     for ball in np.flatnonzero(of_mass | of_e0):
         if of_mass[ball]:
             low, high = windows.ball_mass_low / OUNCE, windows.ball_mass_high / OUNCE
@@ -49,8 +49,8 @@ def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...
             at = f"at {windows.ball_restitution_speed / MPH:.4g} mph"
             text = f"e0 {{0:.{{d}}f}} {at}, allowed {{1:.3f}} to {{2:.3f}}"
             reason = beyond(text, e0[ball], low, high, 4)
-        found.append(SetAside(int(ball), reason))
-    return tuple(found)
+        excluded.append(SetAside(int(ball), reason))
+    return tuple(excluded)
 
 
 def _restitution(procedure: Procedure, balls: MeasuredBalls) -> Array:

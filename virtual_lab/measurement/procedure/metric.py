@@ -33,7 +33,7 @@ class Curve:
     ball_restitution: Array
 
     @classmethod
-    def measured(cls, shots: SetResults) -> Curve:
+    def from_shots(cls, shots: SetResults) -> Curve:
         """Return the curve from shots, one place per shot."""
         return cls(
             place=shots.place,
@@ -59,7 +59,7 @@ def metric_of(
     """
 
     def metric(curve: Curve, bat: BatProperties) -> Array:
-        e = _corrected(procedure.correction, curve, control)
+        e = _convert_to_standard_ball(procedure.correction, curve, control)
         if procedure.metric == "restitution":
             return np.asarray(e)
         if procedure.metric == "bat_performance_factor":
@@ -74,7 +74,7 @@ def metric_of(
 
 
 @dataclass(frozen=True, slots=True)
-class Sought(AlignedArrays):
+class Objective(AlignedArrays):
     """The quantity that a scan maximises, and its derivative with respect to the metric."""
 
     value: Array
@@ -83,13 +83,15 @@ class Sought(AlignedArrays):
     aligned: ClassVar = EVERY_FIELD
 
 
-def sought_of(procedure: Procedure, metric: Array, place: Array, bat: BatProperties) -> Sought:
+def objective_of(
+    procedure: Procedure, metric: Array, place: Array, bat: BatProperties
+) -> Objective:
     """Return the quantity that the scan maximises, for each shot, (..., shot); `place` [m]."""
     if procedure.scan is None or procedure.scan.seeks == "metric":
-        return Sought(metric, np.ones_like(metric))
+        return Objective(metric, np.ones_like(metric))
     pitch, bat_speed = field_speeds(procedure, place, bat)
     efficiency = metric - besr(0.0)
-    return Sought(np.asarray(batted_speed(efficiency, pitch, bat_speed)), pitch + bat_speed)
+    return Objective(np.asarray(batted_speed(efficiency, pitch, bat_speed)), pitch + bat_speed)
 
 
 def field_speeds(procedure: Procedure, place: Array, bat: BatProperties) -> tuple[float, Array]:
@@ -108,7 +110,7 @@ def _swung(game: Game, place: Array, bat: BatProperties) -> Array:
         axis = bat.length - game.axis_from_knob
         lever = axis - bat.z_cm
         reach, inertia = axis - place, np.asarray(parallel_axis(bat.inertia_cm, bat.mass, lever))
-    own, reference = (
+    actual, reference = (
         (bat.mass, game.reference_mass)
         if game.scales_with == "mass"
         else (inertia, game.reference_inertia)
@@ -116,10 +118,12 @@ def _swung(game: Game, place: Array, bat: BatProperties) -> Array:
     speed = game.bat_speed if game.angular_speed is None else game.angular_speed
     assert speed is not None  # checked by Game
     assert reference is not None
-    return np.asarray(speed * reach * (reference / own) ** game.exponent)
+    return np.asarray(speed * reach * (reference / actual) ** game.exponent)
 
 
-def _corrected(correction: BallCorrection | None, curve: Curve, control: Array | float) -> Array:
+def _convert_to_standard_ball(
+    correction: BallCorrection | None, curve: Curve, control: Array | float
+) -> Array:
     """Return e converted to the standard ball."""
     e, e0 = curve.restitution, curve.ball_restitution
     if correction is None or correction.method == "none":

@@ -53,12 +53,12 @@ class MeasurementModel:
         self, constants: Mapping[str, Array], bat: BatProperties, shots: SetResults
     ) -> dict[str, Array]:
         """Return the quantities of `__call__` from the bat and the shots for these constants."""
-        found = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
+        values = {name: getattr(shots, field) for name, field in QUANTITIES.items()}
         control = constants[CONTROL] if self.rules.controlled else 1.0
-        curve = Curve.measured(shots)
+        curve = Curve.from_shots(shots)
         if self.rules.normalized:
-            found[AS_FOUND] = metric_of(self.rules.as_found)(curve, bat)
-        return found | {"metric": metric_of(self.rules, control=control)(curve, bat)}
+            values[AS_FOUND] = metric_of(self.rules.as_found)(curve, bat)
+        return values | {"metric": metric_of(self.rules, control=control)(curve, bat)}
 
     def shots(
         self,

@@ -18,10 +18,10 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.eligibility import bat_rules
-from virtual_lab.measurement.procedure.metric import Sought
+from virtual_lab.measurement.procedure.metric import Objective
 from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Scan
 from virtual_lab.measurement.procedure.schedule import in_turn_of, scan_rules
-from virtual_lab.measurement.reduction.flights import numbered
+from virtual_lab.measurement.reduction.flights import number_shots
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.units import Array, Mask
@@ -75,7 +75,7 @@ def outcomes_of(
     place: Array,
     valid: Mask,
     metric: Array,
-    sought: Sought,
+    objective: Objective,
 ) -> HitWeights:
     """Return the weights of the hits of a block.
 
@@ -87,11 +87,11 @@ def outcomes_of(
         Number of laboratories.
     owner, place, valid, metric
         Laboratory and values of each shot, those of a laboratory as they were fired, (shot,).
-    sought
+    objective
         The quantity that a scan maximises, for the same shots.
     """
     if procedure.scan is not None:
-        shots = ScanShots(owner, place, valid, metric, sought)
+        shots = ScanShots(owner, place, valid, metric, objective)
         return _of_scans(procedure, procedure.scan, laboratories, shots)
     hits = np.bincount(owner, valid, laboratories)
     enough = hits >= 2
@@ -119,13 +119,13 @@ class ScanShots(NamedTuple):
     place: Array
     valid: Mask
     metric: Array
-    sought: Sought
+    objective: Objective
 
 
 def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanShots) -> HitWeights:
     from virtual_lab.measurement.procedure.scan_kernel import Scanned, scans_of_block
 
-    found = Scanned(
+    scans = Scanned(
         complete=np.empty(laboratories, np.int64),
         best=np.empty(laboratories),
         below=np.empty(laboratories, bool),
@@ -133,22 +133,22 @@ def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanSh
         result=np.empty(laboratories, np.int64),
     )
     order, starts = in_turn_of(shots.owner, laboratories)
-    own = shots.place[order], shots.valid[order], shots.sought.value[order]
+    columns = shots.place[order], shots.valid[order], shots.objective.value[order]
     chosen, used = np.empty((2, order.size), dtype=bool)
-    scans_of_block(starts, *own, scan_rules(procedure, scan), found, chosen)
+    scans_of_block(starts, *columns, scan_rules(procedure, scan), scans, chosen)
     used[order] = chosen
     hits = np.bincount(shots.owner, shots.valid, laboratories)
     step = scan.fine_step - SETTING_STEP
-    at_an_end = (found.best - step < scan.low) | (found.best + step > scan.high)
-    some = (hits >= 2) & ((found.complete >= 3) | ((found.complete > 0) & at_an_end))
+    at_an_end = (scans.best - step < scan.low) | (scans.best + step > scan.high)
+    some = (hits >= 2) & ((scans.complete >= 3) | ((scans.complete > 0) & at_an_end))
     reasons = tuple(
-        TOO_FEW if hits[one] < 2 else _of_scan(procedure, scan, found, one, bool(some[one]))
+        TOO_FEW if hits[one] < 2 else _of_scan(procedure, scan, scans, one, bool(some[one]))
         for one in range(laboratories)
     )
-    some &= found.result > 0
+    some &= scans.result > 0
     used &= some[shots.owner]
     if scan.final_hits:
-        many = np.where(some, found.result, np.nan)
+        many = np.where(some, scans.result, np.nan)
         weights = np.where(some[shots.owner], used / many[shots.owner], np.nan)
         place = np.bincount(shots.owner, np.where(used, shots.place, 0.0), laboratories) / many
         return HitWeights(weights=weights, effects=weights, place=place, reasons=reasons)
@@ -156,19 +156,19 @@ def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanSh
     return HitWeights(weights=weights, effects=effects, place=place, reasons=reasons)
 
 
-def _of_scan(procedure: Procedure, scan: Scan, found: Scanned, one: int, some: bool) -> str:
+def _of_scan(procedure: Procedure, scan: Scan, scans: Scanned, one: int, some: bool) -> str:
     """Return the reason why a scan gives no result, or no valid one; empty if it gives one."""
     if not some:
         return (
-            f"only {found.complete[one]} impact positions have {procedure.valid_hits} valid hits; "
+            f"only {scans.complete[one]} impact positions have {procedure.valid_hits} valid hits; "
             "a scan needs 3"
         )
-    if not (found.below[one] and found.above[one]):
+    if not (scans.below[one] and scans.above[one]):
         return f"the scan has no maximum between {scan.low:g} and {scan.high:g} m"
-    if found.result[one] < scan.final_hits:
+    if scans.result[one] < scan.final_hits:
         in_a_row = "consecutive " if scan.consecutive else ""
         return (
-            f"only {found.result[one]} of {scan.final_hits} {in_a_row}hits at the best impact "
+            f"only {scans.result[one]} of {scan.final_hits} {in_a_row}hits at the best impact "
             "position"
         )
     return ""
@@ -183,7 +183,7 @@ def _tops_of_curves(
     at the maximum z of f. A hit shifts z by ``-b'(z) / f''(z)``, where b is its contribution to the
     fit. The results of a laboratory without used hits are NaN.
     """
-    hits = numbered(shots.owner, used, laboratories)
+    hits = number_shots(shots.owner, used, laboratories)
     some = hits >= 0
     many = some.sum(axis=1)
     with np.errstate(invalid="ignore"):
@@ -193,9 +193,9 @@ def _tops_of_curves(
     powers = np.arange(4)
     rows = unit[..., None] ** powers * some[..., None]
     solved = np.linalg.pinv(rows * (powers <= _degrees(place, some)[:, None])[:, None])
-    sought = shots.sought
+    objective = shots.objective
     value, gain, metric = (
-        np.where(some, each[hits], 0.0) for each in (sought.value, sought.gain, shots.metric)
+        np.where(some, each[hits], 0.0) for each in (objective.value, objective.gain, shots.metric)
     )
     fitted = np.einsum("lph,lh->lp", solved, value)
     low = np.min(unit, axis=1, where=some, initial=np.inf)
@@ -217,10 +217,10 @@ def _tops_of_curves(
         moved = np.einsum("lh,lh->l", slopes, metric) / np.where(turned, -bend, np.inf)
         effects += moved[:, None] * slopes * gain
     spread = np.where((many > 0)[shots.owner], 0.0, np.nan)
-    found = [spread.copy(), spread.copy()]
-    for own, each in zip(found, (weights, effects), strict=True):
-        own[hits[some]] = each[some]
-    return found[0], found[1], middle + top[:, 0] * scan.fit_half_width
+    by_shot = [spread.copy(), spread.copy()]
+    for column, each in zip(by_shot, (weights, effects), strict=True):
+        column[hits[some]] = each[some]
+    return by_shot[0], by_shot[1], middle + top[:, 0] * scan.fit_half_width
 
 
 def _degrees(place: Array, some: Mask) -> NDArray[np.intp]:
@@ -285,10 +285,10 @@ def verdicts_of(
 ) -> tuple[Verdict, ...]:
     """Return the verdicts: INVALID or FAIL where there is a reason, INVALID before FAIL."""
     sound = Verdict.MEASURED if procedure.metric_limit is None else Verdict.PASS
-    found = np.full(laboratories, sound, dtype=object)
+    verdicts = np.full(laboratories, sound, dtype=object)
     for reason in sorted(reasons, key=lambda each: each.verdict is Verdict.INVALID):
-        found[reason.where] = reason.verdict
-    return tuple(found)
+        verdicts[reason.where] = reason.verdict
+    return tuple(verdicts)
 
 
 def sentences_of(reasons: Iterable[Reason], verdict: Verdict, laboratory: int) -> tuple[str, ...]:

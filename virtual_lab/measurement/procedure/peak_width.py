@@ -40,7 +40,7 @@ class Span(NamedTuple):
         """Whether both ends were found."""
         return not (self.low_cut_off or self.high_cut_off)
 
-    def scaled(self, middle: float, unit: float) -> Span:
+    def scale(self, middle: float, unit: float) -> Span:
         """Return the interval for positions ``middle + unit * place``."""
         return self._replace(low=middle + unit * self.low, high=middle + unit * self.high)
 
@@ -85,13 +85,13 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
     low, high = (
         (end**powers - top**powers) @ solved / -curve.deriv()(end) for end in (span.low, span.high)
     )
-    found = span.scaled(middle, half)
+    peak = span.scale(middle, half)
     off = metric - design @ solved @ metric
     free = 1 - np.sum(design * solved.T, axis=1)
     u = float(np.linalg.norm(half * (high - low) * off / free))
-    width, stated = np.array([found.width]), np.array([u if span.whole else 0.0])
+    width, stated = np.array([peak.width]), np.array([u if span.whole else 0.0])
     scattered = types_a(HITS, width, stated, place.size - powers.size)
-    return Width(drop=drop, span=found, budget=combine_components(width, scattered).row(0))
+    return Width(drop=drop, span=peak, budget=combine_components(width, scattered).row(0))
 
 
 def _real(curve: Polynomial) -> Array:

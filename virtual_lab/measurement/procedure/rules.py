@@ -229,12 +229,14 @@ class Procedure(Spec):
 
     def _require_keys_of_the_metric(self) -> None:
         numbers, speeds = ("limit", "largest_u"), ("speed_limit", "largest_speed_u")
-        own, others = (speeds, numbers) if self.metric == "batted_speed" else (numbers, speeds)
-        for right, wrong in zip(own, others, strict=True):
+        required, others = (speeds, numbers) if self.metric == "batted_speed" else (numbers, speeds)
+        for right, wrong in zip(required, others, strict=True):
             if getattr(self, wrong) is not None:
                 raise ValueError(f"{wrong} does not apply to the metric {self.metric}; use {right}")
-        if getattr(self, own[1]) is None:
-            raise ValueError(f"{own[1]} is missing: the largest u of the metric in a valid test")
+        if getattr(self, required[1]) is None:
+            raise ValueError(
+                f"{required[1]} is missing: the largest u of the metric in a valid test"
+            )
 
     def _require_what_is_sought(self) -> None:
         scan = self.scan
@@ -276,9 +278,9 @@ class Procedure(Spec):
     @property
     def needs(self) -> frozenset[str]:
         """Channels that a rig must write for this procedure, besides one that times the balls."""
-        own = {"encoder"} if self.reads == "recoil" else set()
+        recoil = {"encoder"} if self.reads == "recoil" else set()
         moving = {"swing"} if self.bat_speed is not None else set()
-        return frozenset({"log"} | own | moving)
+        return frozenset({"log"} | recoil | moving)
 
     def turn_rate(self, length: ArrayLike) -> NDArray[np.float64]:
         """Return the nominal angular speed [rad/s] of a bat of this length [m], 0 at rest."""

@@ -64,25 +64,25 @@ def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) 
 
 @njit(cache=True)
 def mean_at(
-    at: float, most: int, place: Array, valid: Mask, sought: Array, reach: float
+    at: float, most: int, place: Array, valid: Mask, objective: Array, reach: float
 ) -> tuple[int, float]:
-    """Return the number of the first valid hits at `at`, up to `most`, and their mean `sought`."""
+    """Return the number of the first valid hits at `at`, up to `most`, and the mean objective."""
     many, total = 0, 0.0
     for shot in range(place.size):
         if many < most and valid[shot] and is_at(place[shot], at, reach):
             many += 1
-            total += sought[shot]
+            total += objective[shot]
     return many, total / max(many, 1)
 
 
 @njit(cache=True)
 def best_of(
-    among: Array, most: int, place: Array, valid: Mask, sought: Array, rules: ScanRules
+    among: Array, most: int, place: Array, valid: Mask, objective: Array, rules: ScanRules
 ) -> int:
     """Return the index of the position in `among` with the largest mean of its first hits."""
     best, top = 0, -np.inf
     for k in range(among.size):
-        _, mean = mean_at(among[k], most, place, valid, sought, rules.reach)
+        _, mean = mean_at(among[k], most, place, valid, objective, rules.reach)
         if mean > top:
             best, top = k, mean
     return best
@@ -112,18 +112,18 @@ def fresh_hits(
 
 
 @njit(cache=True)
-def next_hits(place: Array, valid: Mask, sought: Array, rules: ScanRules, out: Array) -> int:
+def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out: Array) -> int:
     """Fill `out` with the positions of the next shots. Return their number, 0 if complete."""
     coarse = np.arange(rules.low, rules.high + LEAST, rules.coarse_step)
-    coarse = _hopeful(coarse, rules.coarse_hits, place, sought, rules.reach)
+    coarse = _hopeful(coarse, rules.coarse_hits, place, objective, rules.reach)
     lacking = _lacking(coarse, rules.coarse_hits, place, valid, rules.reach, out)
     if lacking or not coarse.size:
         return lacking
-    middle = coarse[best_of(coarse, rules.coarse_hits, place, valid, sought, rules)]
+    middle = coarse[best_of(coarse, rules.coarse_hits, place, valid, objective, rules)]
     below = int((middle - rules.low + LEAST) / rules.fine_step)
     above = int((rules.high - middle + LEAST) / rules.fine_step)
     fine = middle + rules.fine_step * np.arange(-below, above + 1)
-    fine = _hopeful(fine, rules.valid_hits, place, sought, rules.reach)
+    fine = _hopeful(fine, rules.valid_hits, place, objective, rules.reach)
     # the fit of a curve needs more positions than the neighbours
     rings = 1 if rules.final_hits else 2
     settled = False
@@ -138,7 +138,7 @@ def next_hits(place: Array, valid: Mask, sought: Array, rules: ScanRules, out: A
             complete = _complete(fine, place, valid, rules)
             if not complete.size:
                 return 0
-            best = complete[best_of(complete, rules.valid_hits, place, valid, sought, rules)]
+            best = complete[best_of(complete, rules.valid_hits, place, valid, objective, rules)]
             settled = best == middle
             if not settled:
                 middle = best
@@ -154,7 +154,7 @@ def next_hits_of_block(
     starts: NDArray[np.int64],
     place: Array,
     valid: Mask,
-    sought: Array,
+    objective: Array,
     rules: ScanRules,
     number: NDArray[np.int64],
     out: Array,
@@ -165,10 +165,10 @@ def next_hits_of_block(
     """
     room = np.empty(most_asked(rules))
     for one in range(number.size):
-        own = slice(starts[one], starts[one + 1])
-        asked = next_hits(place[own], valid[own], sought[own], rules, room)
+        rows = slice(starts[one], starts[one + 1])
+        request = next_hits(place[rows], valid[rows], objective[rows], rules, room)
         left = max(rules.attempts - (starts[one + 1] - starts[one]), 0)
-        number[one] = min(asked, left)
+        number[one] = min(request, left)
         out[one, : number[one]] = room[: number[one]]
 
 
@@ -187,35 +187,35 @@ def scans_of_block(
     starts: NDArray[np.int64],
     place: Array,
     valid: Mask,
-    sought: Array,
+    objective: Array,
     rules: ScanRules,
-    found: Scanned,
+    scans: Scanned,
     used: Mask,
 ) -> None:
     """Fill in the results of the scans of a block, and the mask of the hits in them, (shot,).
 
     These hits are the last final hits at the best position, or the hits of the scan around it.
     """
-    for one in range(found.best.size):
-        own = slice(starts[one], starts[one + 1])
-        at, good, looked, mine = place[own], valid[own], sought[own], used[own]
-        complete, counted = _completed(at, good, rules)
+    for one in range(scans.best.size):
+        rows = slice(starts[one], starts[one + 1])
+        at, good, looked, mine = place[rows], valid[rows], objective[rows], used[rows]
+        complete, counted = _select_complete(at, good, rules)
         mine[:] = False
-        found.complete[one], found.result[one] = complete.size, 0
-        found.best[one], found.below[one], found.above[one] = np.nan, False, False
+        scans.complete[one], scans.result[one] = complete.size, 0
+        scans.best[one], scans.below[one], scans.above[one] = np.nan, False, False
         if not complete.size:
             continue
         best = complete[best_of(complete, rules.valid_hits, at, good, looked, rules)]
-        found.best[one] = best
+        scans.best[one] = best
         beside = complete[_next_to(best, complete, rules)]
-        found.below[one], found.above[one] = (beside < best).any(), (beside > best).any()
+        scans.below[one], scans.above[one] = (beside < best).any(), (beside > best).any()
         if rules.final_hits:
             fresh = np.empty(at.size, np.int64)
             many = fresh_hits(best, at, good, rules, fresh)
             mine[fresh[max(many - rules.final_hits, 0) : many]] = True
         else:
             mine[:] = counted & (np.abs(at - best) < rules.fit_half_width + 4 * rules.reach)
-        found.result[one] = mine.sum()
+        scans.result[one] = mine.sum()
 
 
 @njit(cache=True)
@@ -230,15 +230,15 @@ def shortfalls_of_block(
 ) -> None:
     """Fill in mean and mean square of the shortfall of the position chosen by each scan."""
     for one in range(mean.size):
-        own = slice(starts[one], starts[one + 1])
-        at, good, read = place[own], valid[own], metric[own]
-        complete, counted = _completed(at, good, rules)
+        rows = slice(starts[one], starts[one + 1])
+        at, good, read = place[rows], valid[rows], metric[rows]
+        complete, counted = _select_complete(at, good, rules)
         mean[one], square[one] = 0.0, 0.0
         if not complete.size:
             continue
         means, scatter, freedom = np.empty(complete.size), 0.0, -complete.size
         for k in range(complete.size):
-            mine = read[counted & (_rounded(at) == complete[k])]
+            mine = read[counted & (_round_position(at) == complete[k])]
             means[k] = mine.mean()
             scatter += ((mine - means[k]) ** 2).sum()
             freedom += mine.size
@@ -254,25 +254,25 @@ def shortfalls_of_block(
 
 
 @njit(cache=True)
-def _rounded(place: Array) -> Array:
+def _round_position(place: Array) -> Array:
     """Return positions rounded to a micrometre, which removes rounding errors of sums."""
     return np.rint(place * 1e6) / 1e6
 
 
 @njit(cache=True)
-def _completed(place: Array, valid: Mask, rules: ScanRules) -> tuple[Array, Mask]:
+def _select_complete(place: Array, valid: Mask, rules: ScanRules) -> tuple[Array, Mask]:
     """Return the positions with all hits of a scan, and the mask of these hits."""
     counted = np.empty(place.size, np.bool_)
     count_scan_hits(place, valid, rules, counted)
-    at = _rounded(place)
+    at = _round_position(place)
     each = np.unique(at[counted])
-    kept = np.empty(each.size, np.bool_)
+    full = np.empty(each.size, np.bool_)
     for k in range(each.size):
         mine = counted & (at == each[k])
-        kept[k] = mine.sum() >= rules.valid_hits
-        if not kept[k]:
+        full[k] = mine.sum() >= rules.valid_hits
+        if not full[k]:
             counted[mine] = False
-    return each[kept], counted
+    return each[full], counted
 
 
 @njit(cache=True)
@@ -283,21 +283,21 @@ def _next_to(best: float, complete: Array, rules: ScanRules) -> Mask:
 
 
 @njit(cache=True)
-def _hopeful(places: Array, hits: int, place: Array, sought: Array, reach: float) -> Array:
+def _hopeful(places: Array, hits: int, place: Array, objective: Array, reach: float) -> Array:
     """Return the positions without those at which most balls, at least `hits`, did not rebound.
 
     The bat returns almost no speed there, so the maximum cannot be at such a position.
     """
-    kept = np.ones(places.size, np.bool_)
+    hopeful = np.ones(places.size, np.bool_)
     for k in range(places.size):
         lost, back = 0, 0
         for shot in range(place.size):
             if is_at(place[shot], places[k], reach):
-                came = np.isfinite(sought[shot])
+                came = np.isfinite(objective[shot])
                 back += came
                 lost += not came
-        kept[k] = lost < hits or back > lost
-    return places[kept]
+        hopeful[k] = lost < hits or back > lost
+    return places[hopeful]
 
 
 @njit(cache=True)
@@ -321,7 +321,7 @@ def _lacking(places: Array, hits: int, place: Array, valid: Mask, reach: float, 
 
 @njit(cache=True)
 def _complete(places: Array, place: Array, valid: Mask, rules: ScanRules) -> Array:
-    kept = np.empty(places.size, np.bool_)
+    full = np.empty(places.size, np.bool_)
     for k in range(places.size):
-        kept[k] = _hits(places[k], place, valid, rules.reach) >= rules.valid_hits
-    return places[kept]
+        full[k] = _hits(places[k], place, valid, rules.reach) >= rules.valid_hits
+    return places[full]

@@ -47,7 +47,7 @@ def next_shots(
     owner: NDArray[np.intp],
     place: Array,
     valid: Mask,
-    sought: Array,
+    objective: Array,
 ) -> NextShots:
     """Return the next shots of a block; none for a laboratory whose test is complete.
 
@@ -57,7 +57,7 @@ def next_shots(
         Its counts and its scan.
     percussion
         Centre of percussion of each bat as measured, (laboratory,) [m].
-    owner, place, valid, sought
+    owner, place, valid, objective
         Laboratory and values of the shots fired so far, in order, (shot,).
     """
     laboratories = np.arange(percussion.size)
@@ -71,10 +71,10 @@ def next_shots(
 
     order, starts = in_turn_of(owner, fired.size)
     number, out = np.empty(fired.size, np.int64), np.empty((fired.size, procedure.attempts))
-    own = place[order], valid[order], sought[order]
-    next_hits_of_block(starts, *own, scan_rules(procedure, procedure.scan), number, out)
-    asked = np.arange(procedure.attempts) < number[:, None]
-    return NextShots(laboratories.repeat(number), out[asked])
+    columns = place[order], valid[order], objective[order]
+    next_hits_of_block(starts, *columns, scan_rules(procedure, procedure.scan), number, out)
+    mask = np.arange(procedure.attempts) < number[:, None]
+    return NextShots(laboratories.repeat(number), out[mask])
 
 
 def in_turn_of(

@@ -31,8 +31,8 @@ def climate_readings(block: SessionBlock) -> ClimateReadings | None:
     if record is None:
         return None
     if not isinstance(record, ClimateReadings):
-        found = type(record).__name__
-        raise InputError("bench/climate", "record", found, "expected climate readings")
+        kind = type(record).__name__
+        raise InputError("bench/climate", "record", kind, "expected climate readings")
     for name, (low, high) in ALLOWED.items():
         values = getattr(record, name)
         if (wrong := values[(values < low) | (values > high)]).size:
@@ -47,13 +47,16 @@ def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Arr
     The values have the shape (laboratory, reading), and their u, common to the readings,
     (laboratory, 1).
     """
-    found = {}
+    values = {}
     for name in ALLOWED:
-        known = block.calibration[f"{LOGGER}{name}"]
+        calibration = block.calibration[f"{LOGGER}{name}"]
         step = block.calibration[f"{LOGGER}{name}_resolution"].value
-        shown = getattr(record, name).reshape(block.laboratories, -1)
-        found[name] = shown - known.value[:, None], np.hypot(known.u, step / sqrt(12))[:, None]
-    return found
+        readings = getattr(record, name).reshape(block.laboratories, -1)
+        values[name] = (
+            readings - calibration.value[:, None],
+            np.hypot(calibration.u, step / sqrt(12))[:, None],
+        )
+    return values
 
 
 def measured_density(block: SessionBlock) -> Estimates | None:

@@ -68,7 +68,7 @@ class RawFlightsU:
     contact: Array  # [s]
 
     @classmethod
-    def unknown(cls, like: Array) -> Self:
+    def nan_like(cls, like: Array) -> Self:
         """Return unknown uncertainties (NaN) in the shape of `like`."""
         none = np.full(np.shape(like), np.nan)
         return cls(speed_in=none, speed_out=none, contact=none)
@@ -89,10 +89,10 @@ class FlightReadings(Protocol):
 
     @property
     def shows_height(self) -> bool:
-        """Whether `corrected` gives the height at which each ball met the target."""
+        """Whether `correct` gives the height at which each ball met the target."""
         ...
 
-    def corrected(self, x: Constants, drag: Array) -> Flights:
+    def correct(self, x: Constants, drag: Array) -> Flights:
         """Return the flights for any values of the constants.
 
         Parameters
@@ -113,16 +113,16 @@ class FlightReadings(Protocol):
         ...
 
 
-def numbered(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDArray[np.intp]:
+def number_shots(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDArray[np.intp]:
     """Return the indices of the used shots of each laboratory, (laboratory, hit), in order.
 
     Rows of laboratories with fewer shots are filled with -1.
     """
     shots = np.flatnonzero(used)
     shots = shots[np.argsort(owner[shots], kind="stable")]
-    own = owner[shots]
-    many = np.bincount(own, minlength=laboratories)
+    owners = owner[shots]
+    many = np.bincount(owners, minlength=laboratories)
     turn = np.arange(shots.size) - np.repeat(np.cumsum(many) - many, many)
-    found = np.full((laboratories, max(int(many.max(initial=0)), 1)), -1, dtype=np.intp)
-    found[own, turn] = shots
-    return found
+    numbers = np.full((laboratories, max(int(many.max(initial=0)), 1)), -1, dtype=np.intp)
+    numbers[owners, turn] = shots
+    return numbers

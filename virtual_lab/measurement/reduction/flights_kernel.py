@@ -75,12 +75,12 @@ def fit_heights(
             places[gate, :] = distances[row, gate]
         for way in range(2):
             _reaches(distances[row], SIGNS[way], drag[row], reach)
-            shown, speed, slope = heights[batch[row], way], speeds[way, row], out[1 + way, row]
+            height, speed, slope = heights[batch[row], way], speeds[way, row], out[1 + way, row]
             for gate in range(gates):
                 for i in range(shots):
                     since = reach[gate, i] / speed[i]
                     fallen = gravity[row] / 2 * since**2
-                    level[gate, i] = shown[gate, i] + zeros[row, gate] + fallen
+                    level[gate, i] = height[gate, i] + zeros[row, gate] + fallen
             _line(places, level, moments, slope)
             if way == 0:
                 for i in range(shots):
@@ -119,19 +119,19 @@ def _line(across: Array, up: Array, moments: Array, slope: Array) -> None:
     slope[:] = 0.0
     for gate in range(gates):
         for i in range(n):
-            known = abs(across[gate, i]) + abs(up[gate, i]) < np.inf
-            count[i] += 1.0 if known else 0.0
-            x_mean[i] += across[gate, i] if known else 0.0
-            y_mean[i] += up[gate, i] if known else 0.0
+            finite = abs(across[gate, i]) + abs(up[gate, i]) < np.inf
+            count[i] += 1.0 if finite else 0.0
+            x_mean[i] += across[gate, i] if finite else 0.0
+            y_mean[i] += up[gate, i] if finite else 0.0
     for i in range(n):
         many = count[i] if count[i] >= 2.0 else nan
         x_mean[i] /= many
         y_mean[i] /= many
     for gate in range(gates):
         for i in range(n):
-            known = abs(across[gate, i]) + abs(up[gate, i]) < np.inf
-            off = across[gate, i] - x_mean[i] if known else 0.0
-            rise = up[gate, i] - y_mean[i] if known else 0.0
+            finite = abs(across[gate, i]) + abs(up[gate, i]) < np.inf
+            off = across[gate, i] - x_mean[i] if finite else 0.0
+            rise = up[gate, i] - y_mean[i] if finite else 0.0
             slope[i] += off * rise
             square[i] += off * off
     for i in range(n):

@@ -102,7 +102,7 @@ class GateReadings:
     def of(
         cls,
         record: GateRecord | BoardRecord | PassageRecord,
-        known: Mapping[str, Estimate],
+        calibration: Mapping[str, Estimate],
         stage: str,
     ) -> Self:
         """Return the readings of a stage's gates. `InputError` where the calibration does not fit.
@@ -110,15 +110,15 @@ class GateReadings:
         Raises `KeyError` for a constant that the calibration lacks.
         """
         of_boards = (
-            {name: known[f"{stage}.gates.{name}"].value for name in ("lowest", "pitch")}
+            {name: calibration[f"{stage}.gates.{name}"].value for name in ("lowest", "pitch")}
             if isinstance(record, BoardRecord)
             else {}
         )
-        seen, surveyed = passages(record, **of_boards), gate_count(known, stage)
-        if surveyed != seen.times.shape[2]:
+        readings, surveyed = passages(record, **of_boards), gate_count(calibration, stage)
+        if surveyed != readings.times.shape[2]:
             allowed = f"the calibration has distances of {surveyed} gates"
-            raise InputError(f"{stage}/gates", "gates", seen.times.shape[2], allowed)
-        distances = np.array([known[_distance(stage, k)].value for k in range(surveyed)])
+            raise InputError(f"{stage}/gates", "gates", readings.times.shape[2], allowed)
+        distances = np.array([calibration[_distance(stage, k)].value for k in range(surveyed)])
         if not distances[0] > distances[-1]:
             raise InputError(
                 "session.json",
@@ -126,8 +126,8 @@ class GateReadings:
                 distances[0],
                 f"must be larger than the distance of the nearest gate, {distances[-1]:g} m",
             )
-        tall = f"{stage}.gates.height_0" in known
-        return cls(stage=stage, passages=seen, distances=distances, shows_height=tall)
+        tall = f"{stage}.gates.height_0" in calibration
+        return cls(stage=stage, passages=readings, distances=distances, shows_height=tall)
 
     @property
     def raw(self) -> RawFlights:
@@ -172,17 +172,17 @@ class GateReadings:
         middle = self.distances.mean(axis=-1, keepdims=True)
         off = self.distances - middle
         base = np.sum(off**2, axis=-1, keepdims=True)
-        shown = np.where(whole, times, 0.0)
-        shown = shown - shown.mean(axis=-1, keepdims=True)
-        lean = np.sum(shown * off[..., None, :], axis=-1, keepdims=True) / base[..., None]
-        left = shown - lean * off[..., None, :]
+        centered = np.where(whole, times, 0.0)
+        centered = centered - centered.mean(axis=-1, keepdims=True)
+        lean = np.sum(centered * off[..., None, :], axis=-1, keepdims=True) / base[..., None]
+        left = centered - lean * off[..., None, :]
         left -= left.sum(axis=-2, keepdims=True) / np.maximum(balls, 1)[..., None]
         square = np.sum(np.where(whole, left, 0.0) ** 2, axis=(-2, -1))[..., None]
         free = np.where((balls > 1) & (gates > 2), (gates - 2) * (balls - 1), np.nan)
         variance = square / free
         return np.sqrt(variance / base), np.sqrt(variance * (1 / gates + middle**2 / base))
 
-    def corrected(self, x: Constants, drag: Array) -> Flights:
+    def correct(self, x: Constants, drag: Array) -> Flights:
         """Return the flights by least squares over the gates, see `FlightReadings`.
 
         `x` holds the distances of the gates, their heights where they measure them, the clock.
@@ -207,7 +207,7 @@ def gate_count(x: Mapping[str, object], stage: str) -> int:
     return next(gate for gate in count() if f"{stage}.gates.distance_{gate}" not in x)
 
 
-def flights(x: Constants, stage: str, seen: Passages, drag: Array) -> Flights:
+def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flights:
     """Return the flights of a stage's balls.
 
     Parameters
@@ -215,7 +215,7 @@ def flights(x: Constants, stage: str, seen: Passages, drag: Array) -> Flights:
     x
         Constants, numbers or columns (..., 1): distances of the gates, their heights where they
         measure them, the clock.
-    seen
+    passages
         Passages, (..., shot, way, gate).
     drag
         κ of each ball, (..., shot) [1/m].
@@ -227,24 +227,24 @@ def flights(x: Constants, stage: str, seen: Passages, drag: Array) -> Flights:
     names = [f"{stage}.gates.clock", *(f"{stage}.gates.distance_{index}" for index in gates)]
     if tall:
         names += ["hall.gravity", *(f"{stage}.gates.height_{index}" for index in gates)]
-    known = np.stack(np.broadcast_arrays(*(x[name] for name in names)), axis=-1)
-    *own, shots, _, _ = seen.times.shape
+    columns = np.stack(np.broadcast_arrays(*(x[name] for name in names)), axis=-1)
+    *leading, shots, _, _ = passages.times.shape
     # each set of constants is a row; several rows may have the same shots
-    rows = np.broadcast_shapes(known.shape[:-2], np.shape(drag)[:-1], tuple(own))
+    rows = np.broadcast_shapes(columns.shape[:-2], np.shape(drag)[:-1], tuple(leading))
     many = prod(rows)
     # copies, because the functions would be compiled again for views and read-only arrays
-    batch = np.array(np.broadcast_to(np.arange(prod(own)).reshape(own), rows)).reshape(many)
-    if known.ndim == 1:
-        known = known[None]
-    sets = np.broadcast_to(known[..., 0, :], (*rows, len(names))).reshape(many, len(names))
+    batch = np.array(np.broadcast_to(np.arange(prod(leading)).reshape(leading), rows)).reshape(many)
+    if columns.ndim == 1:
+        columns = columns[None]
+    sets = np.broadcast_to(columns[..., 0, :], (*rows, len(names))).reshape(many, len(names))
     clock, distances = sets[:, 0].copy(), sets[:, 1 : 1 + len(gates)].copy()
     drag = np.array(np.broadcast_to(drag, (*rows, shots))).reshape(many, shots)
     speeds, heights = np.full((2, many, shots), np.nan), np.full((3, many, shots), np.nan)
-    fit_speeds(_by_gate(seen.times), batch, distances, clock, drag, speeds)
+    fit_speeds(_by_gate(passages.times), batch, distances, clock, drag, speeds)
     if tall:
         gravity, zeros = sets[:, 1 + len(gates)].copy(), sets[:, 2 + len(gates) :].copy()
-        shown = _by_gate(seen.heights)
-        fit_heights(shown, batch, speeds, distances, zeros, gravity, drag, heights)
+        heights_read = _by_gate(passages.heights)
+        fit_heights(heights_read, batch, speeds, distances, zeros, gravity, drag, heights)
     speed_in, speed_out = speeds.reshape(2, *rows, shots)
     offset, slope_in, slope_out = heights.reshape(3, *rows, shots)
     return Flights(
@@ -262,31 +262,31 @@ def heights_moved(readings: GateReadings) -> FlightModel:
     Each row shifts one of three quantities with independent errors: the height midway between the
     gates on the way in, the slope in, the slope out.
     """
-    stage, seen = readings.stage, readings.passages
+    stage, passages = readings.stage, readings.passages
 
-    def moved(x: Constants, drag: Array) -> Flights:
-        found = readings.corrected(x, drag)
+    def move(x: Constants, drag: Array) -> Flights:
+        flights = readings.correct(x, drag)
         distances = np.array(
             [x[f"{stage}.gates.distance_{i}"] for i in range(gate_count(x, stage))]
         )
-        known = np.isfinite(seen.heights)
-        many = np.maximum(known.sum(axis=-1), 1)
-        middle = known @ distances / many
-        off = np.where(known, distances - middle[..., None], 0.0)
-        squares = np.sum(np.where(known, seen.heights_u, 0.0) ** 2, axis=-1) / many
+        finite = np.isfinite(passages.heights)
+        many = np.maximum(finite.sum(axis=-1), 1)
+        middle = finite @ distances / many
+        off = np.where(finite, distances - middle[..., None], 0.0)
+        squares = np.sum(np.where(finite, passages.heights_u, 0.0) ** 2, axis=-1) / many
         base = np.sum(off**2, axis=-1)
         level = np.sqrt(squares / many)[:, 0]
         slope_in, slope_out = np.sqrt(squares / np.where(base > 0, base, np.inf)).T
         still = np.zeros_like(level)
         return Flights(
-            speed_in=found.speed_in,
-            speed_out=found.speed_out,
-            offset=found.offset + np.stack([level, -middle[:, 0] * slope_in, still]),
-            slope_in=found.slope_in + np.stack([still, slope_in, still]),
-            slope_out=found.slope_out + np.stack([still, still, slope_out]),
+            speed_in=flights.speed_in,
+            speed_out=flights.speed_out,
+            offset=flights.offset + np.stack([level, -middle[:, 0] * slope_in, still]),
+            slope_in=flights.slope_in + np.stack([still, slope_in, still]),
+            slope_out=flights.slope_out + np.stack([still, still, slope_out]),
         )
 
-    return moved
+    return move
 
 
 def _by_gate(values: Array) -> Array:

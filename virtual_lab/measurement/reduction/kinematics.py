@@ -6,8 +6,8 @@ broadcasts over numbers and arrays, works in SI (or any coherent units) and pass
 through: a shot without a rebound is a result, not an error. Equation numbers are those of
 the 2003 paper (source key ``nathan2003``).
 
-`reduced` applies them to a shot in the order of the paper. `compiled_reduction` compiles it, with
-the equations, for many sets of constants. Both are in this file because numba's cache notices
+`reduce_shot` applies them to a shot in the order of the paper. `compiled_reduction` compiles it,
+with the equations, for many sets of constants. Both are in this file because numba's cache notices
 changes of no other file than that of the compiled function.
 """
 
@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = float | NDArray[np.float64]
-CONSTANTS = (  # names of the constants of `reduced`
+CONSTANTS = (  # names of the constants of `reduce_shot`
     *("mass", "length", "z_cm", "inertia_cm", "turn_rate", "pivot_from_knob", "aim", "encoder"),
     *("lot_mass", "lot_restitution", "speed", "slope", "place_slope", "slope_error"),
 )
-# names of the results of `reduced`: those needed for every set of constants, and the others
+# names of the results of `reduce_shot`: those needed for every set of constants, and the others
 RESULTS = (
     *("place", "lot_ball_restitution", "lot_recoil_factor", "asked_recoil_factor"),
     *("bat_performance_factor", "lot_restitution", "lot_collision_efficiency"),
@@ -193,7 +193,7 @@ def inverse_effective_mass(
     return inverse_mass_pivoted(parallel_axis(I_cm, M, axis - z_cm), axis - z)
 
 
-def reduced(
+def reduce_shot(
     settings: Any, constants: Any, ball: Any, shot: Any
 ) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
     """Return the `RESULTS` and the `DETAILS` of a shot, from numbers or arrays that broadcast.
@@ -236,8 +236,8 @@ def reduced(
     I_p = parallel_axis(I_cm, M, axis - z_cm)
     v_f = rebound_speed_from_recoil(I_p, omega, m, b, v_in)
     by_bat = head_on_efficiency(collision_efficiency(v_in, 0.0, v_f), sine_square)
-    seen = by_bat if by_recoil else by_ball
-    e_A = efficiency_at_aim(seen, struck - aimed, place_slope, slope_error)
+    efficiency = by_bat if by_recoil else by_ball
+    e_A = efficiency_at_aim(efficiency, struck - aimed, place_slope, slope_error)
     place = aimed if at_aim else struck
     # r by Eqs. (7) to (9), about the axis that the procedure requires: e_A hardly depends on the
     # axis, so a misplaced axis changes only the angular momentum above
@@ -264,20 +264,20 @@ def reduced(
 
 
 def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, results: Any) -> None:
-    """Fill in the results of `reduced` for each set of constants, arrays (block, set, shot).
+    """Fill in the results of `reduce_shot` for each set of constants, arrays (block, set, shot).
 
     Parameters
     ----------
     settings
-        Those of `reduced`.
+        Those of `reduce_shot`.
     sets
-        Constants in the order of `reduced`, each (block, set, 1).
+        Constants in the order of `reduce_shot`, each (block, set, 1).
     balls
         Masses [kg] and e0 of the balls, each (block, set, ball).
     ball
         Index of the ball of each shot.
     shots
-        Readings of the shots in the order of `reduced`.
+        Readings of the shots in the order of `reduce_shot`.
     results
         Arrays for the `RESULTS`, and those for the `DETAILS`, empty if not needed.
     """
@@ -297,9 +297,9 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
                     *(shots[4][at], shots[5][at], shots[6][at], shots[7][at]),
                 )
                 of_ball = masses[hit], restitutions[hit]
-                found, more = reduced(settings, constants, of_ball, shot)
+                values, more = reduce_shot(settings, constants, of_ball, shot)
                 for field in range(len(results)):
-                    results[field][at] = found[field]
+                    results[field][at] = values[field]
                 if details[0].size:
                     for field in range(len(details)):
                         details[field][at] = more[field]

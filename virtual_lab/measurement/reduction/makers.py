@@ -24,10 +24,10 @@ def makers() -> Mapping[type[Record], Maker]:
     A package adds one by an entry point in the group ``virtual_lab.flights``, with the name of its
     record in the group ``virtual_lab.records``.
     """
-    own = dict.fromkeys(("gates", "boards", "passages"), GateReadings.of)
+    built_in = dict.fromkeys(("gates", "boards", "passages"), GateReadings.of)
     others = {point.name: point.load() for point in entry_points(group="virtual_lab.flights")}
     kinds = record_types()
-    return {kinds[name]: maker for name, maker in (own | others).items()}
+    return {kinds[name]: maker for name, maker in (built_in | others).items()}
 
 
 def flight_readings(block: SessionBlock, stage: str) -> FlightReadings:
@@ -40,19 +40,19 @@ def flight_readings(block: SessionBlock, stage: str) -> FlightReadings:
     InputError
         The stage has no record of its balls, or two, or one of an unknown type.
     """
-    found = {
+    channels = {
         channel: record
         for channel, record in block.records.get(stage, {}).items()
         if isinstance(record, BallRecord)
     }
-    if not found:
+    if not channels:
         raise InputError(f"{stage}/gates", "record", None, "this record is missing")
-    if len(found) > 1:
+    if len(channels) > 1:
         allowed = "allowed: one record of the ball's flight"
-        raise InputError(stage, "channels", ", ".join(found), allowed)
-    ((channel, record),) = found.items()
+        raise InputError(stage, "channels", ", ".join(channels), allowed)
+    ((channel, record),) = channels.items()
     maker = makers().get(type(record))
     if maker is None:
-        known = ", ".join(sorted(kind.__name__ for kind in makers()))
-        raise InputError(f"{stage}/{channel}", "record", type(record).__name__, f"allowed: {known}")
+        names = ", ".join(sorted(kind.__name__ for kind in makers()))
+        raise InputError(f"{stage}/{channel}", "record", type(record).__name__, f"allowed: {names}")
     return maker(record, block.known_to(0), stage)

@@ -23,7 +23,7 @@ from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.reduction.flights import FlightReadings
 from virtual_lab.measurement.reduction.makers import flight_readings
-from virtual_lab.measurement.reduction.rate import RateFit, summed_up, unseen, unwrapped
+from virtual_lab.measurement.reduction.rate import RateFit, empty_rates, summed_up, unwrap
 from virtual_lab.measurement.reduction.recoil import fit_recoil
 from virtual_lab.measurement.reduction.swing import fit_swing
 from virtual_lab.records import (
@@ -111,17 +111,17 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
         if not (getattr(pendulum, name) > 0).all():
             raise InputError("bench/pendulum", name, None, "amplitudes must be above 0")
     counted = counted_releases(odd_swings(times))
-    shown = (times[..., -1] - times[..., 0]) / swings
+    periods = (times[..., -1] - times[..., 0]) / swings
     first = _by_laboratory(block, pendulum.first_amplitude)
     last = _by_laboratory(block, pendulum.last_amplitude)
     constants = {
         f"bat.{name}": means_of_readings(
-            _repeated(block, channel),
+            _read_repeats(block, channel),
             least_u=block.calibration[f"bench.{instrument}.resolution"].value / sqrt(12),
         )
         for name, channel, instrument in READ_WITH
     }
-    small = shown / mean_amplitude_factor(first, last, swings)
+    small = periods / mean_amplitude_factor(first, last, swings)
     constants["bat.period"] = means_of_readings(small, used=counted)
     constants["bat.first_amplitude"] = _exactly(first.mean(axis=1, where=counted))
     constants["bat.last_amplitude"] = _exactly(last.mean(axis=1, where=counted))
@@ -163,9 +163,9 @@ def reference_readings(block: SessionBlock) -> Array:
     """
     readings = _table(block, REFERENCE_MASS)
     if readings.shape[1] != 2 or readings.shape[2] < 2:
-        found = f"{readings.shape[1]} items, {readings.shape[2]} readings of each"
+        size = f"{readings.shape[1]} items, {readings.shape[2]} readings of each"
         allowed = "needs items 0 (before) and 1 (after), with at least 2 readings of each"
-        raise InputError(f"bench/{REFERENCE_MASS}", "size", found, allowed)
+        raise InputError(f"bench/{REFERENCE_MASS}", "size", size, allowed)
     return np.asarray(readings)
 
 
@@ -214,17 +214,17 @@ def observe_impact(block: SessionBlock) -> ImpactReadings:
 
 def _reach(block: SessionBlock, log: ShotLog, speed: Array) -> Array:
     """Return the ball's time over the bat's motion for one encoder count, (shot,)."""
-    known, owner = block.calibration, block.owner
-    length = _repeated(block, "length").mean(axis=1)
-    axis = length - known["impact.pivot.from_knob"].value
-    turn = 2 * np.pi / known["impact.swing.counts_per_turn"].value
+    constants, owner = block.calibration, block.owner
+    length = _read_repeats(block, "length").mean(axis=1)
+    axis = length - constants["impact.pivot.from_knob"].value
+    turn = 2 * np.pi / constants["impact.swing.counts_per_turn"].value
     return np.asarray(turn[owner] * (axis[owner] - log.place - _along(block)) / speed)
 
 
 def _along(block: SessionBlock) -> Array:
     """Return the offset along the bat of each impact from the set place, (shot,) [m]."""
-    known = block.calibration.get("impact.cannon.along")
-    return known.value[block.owner] if known else np.zeros(block.owner.shape)
+    estimate = block.calibration.get("impact.cannon.along")
+    return estimate.value[block.owner] if estimate else np.zeros(block.owner.shape)
 
 
 def along_of(session: Session) -> float:
@@ -232,8 +232,8 @@ def along_of(session: Session) -> float:
 
     It is positive toward the knob, and 0 if the calibration does not state it.
     """
-    known = session.calibration.get("impact.cannon.along")
-    return known.value if known else 0.0
+    estimate = session.calibration.get("impact.cannon.along")
+    return estimate.value if estimate else 0.0
 
 
 def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
@@ -245,16 +245,16 @@ def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
     """
     raw, share = readings.flights.raw, readings.share
     share = share.reshape(-1, *share.shape[-2:])  # (laboratory, hit, ball)
-    known = readings.ball.reshape(len(share), -1) >= 0
-    ratio = np.where(known, np.reshape(raw.speed_out / raw.speed_in, known.shape), 0.0)
-    speed = np.where(known, readings.nominal_speed.reshape(known.shape), 0.0)
+    present = readings.ball.reshape(len(share), -1) >= 0
+    ratio = np.where(present, np.reshape(raw.speed_out / raw.speed_in, present.shape), 0.0)
+    speed = np.where(present, readings.nominal_speed.reshape(present.shape), 0.0)
     balls, hits = share.shape[2], (share > 0).sum(axis=1)
 
     def within(values: Array) -> Array:
         """Return values less the mean of their ball, (laboratory, hit)."""
         means = (values[:, None] @ share)[:, 0]
-        own = (share > 0) @ means[..., None]
-        return np.where(known, values - own[..., 0], 0.0)
+        ball_mean = (share > 0) @ means[..., None]
+        return np.where(present, values - ball_mean[..., 0], 0.0)
 
     steeper = within(speed)
     width = np.sum(steeper**2, axis=1)
@@ -262,7 +262,7 @@ def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
     away = within(ratio)
     slope = np.sum(steeper * away, axis=1) / width if sloped else np.zeros(len(share))
     rest = away - slope[:, None] * steeper
-    dof = known.sum(axis=1) - balls - float(sloped)
+    dof = present.sum(axis=1) - balls - float(sloped)
     scatter = np.sum(rest**2, axis=1) / dof
     nothing = np.zeros(len(share))
     constants = {
@@ -327,11 +327,11 @@ def _rates(
     if not (ticks.size and ticks.min() > 0 and np.ptp(ticks) < 1e-3 * ticks.min()):
         raise InputError(where, "times", None, "must increase in equal steps")
     if not np.isfinite(contact).any():
-        return unseen(len(contact))
+        return empty_rates(len(contact))
     # counts come from one laboratory
     turn = block.calibration[f"impact.{channel}.counts_per_turn"].value[0]
     try:
-        return fit(unwrapped(record, turn, contact), contact)
+        return fit(unwrap(record, turn, contact), contact)
     except ValueError as fault:
         raise InputError(where, "times", None, str(fault)) from fault
 
@@ -350,7 +350,7 @@ def _log_and_flights(block: SessionBlock, stage: str) -> tuple[ShotLog, FlightRe
     return log, flights
 
 
-def _repeated(block: SessionBlock, channel: str) -> Array:
+def _read_repeats(block: SessionBlock, channel: str) -> Array:
     """Return the readings of a channel of one item, (laboratory, repeat), all above 0."""
     readings = _table(block, channel)[:, 0]
     if readings.shape[1] < 2:
@@ -378,7 +378,7 @@ def _channel(block: SessionBlock, stage: str, channel: str, kind: Any) -> Any:
     if record is None:
         raise InputError(f"{stage}/{channel}", "record", None, "this record is missing")
     if not isinstance(record, kind):
-        found = type(record).__name__
+        actual = type(record).__name__
         allowed = " or ".join(each.__name__ for each in get_args(kind) or (kind,))
-        raise InputError(f"{stage}/{channel}", "record", found, f"expected {allowed}")
+        raise InputError(f"{stage}/{channel}", "record", actual, f"expected {allowed}")
     return record

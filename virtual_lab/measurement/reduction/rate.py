@@ -50,7 +50,7 @@ class RateFit(AlignedArrays):
         return np.hypot(self.counting, np.nan_to_num(self.rest))
 
 
-def unwrapped(record: EncoderRecord, counts_per_turn: float, contact: Array) -> EncoderRecord:
+def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> EncoderRecord:
     """Return the record of a counter that never starts again.
 
     A counter of n bits, with or without a sign, and one that counts a turn start again at the other
@@ -82,7 +82,7 @@ def counting_noise(counts: Array) -> float:
     return max(int(np.gcd.reduce(steps.astype(np.int64), axis=None)), 1) / sqrt(12)
 
 
-def unseen(shots: int) -> RateFit:
+def empty_rates(shots: int) -> RateFit:
     """Return empty rates, for shots without a known contact."""
     none, empty = np.full(shots, np.nan), np.zeros(0)
     return RateFit(
@@ -104,7 +104,7 @@ def unseen(shots: int) -> RateFit:
 def summed_up(record: RateRecord) -> RateFit:
     """Return the rates computed by the encoder's recorder, without data of its unknown fit."""
     return replace(
-        unseen(len(record.rate)),
+        empty_rates(len(record.rate)),
         rate=record.rate,
         rate_u=record.rate_u,
         before=record.before,

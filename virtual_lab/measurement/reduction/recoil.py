@@ -62,8 +62,8 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     ValueError
         The record ends too soon after contact to fit anything.
     """
-    seen = contact[np.isfinite(contact)]
-    after = record.times > (seen.max() if seen.size else np.inf) + RECOIL.settling_time
+    contacts = contact[np.isfinite(contact)]
+    after = record.times > (contacts.max() if contacts.size else np.inf) + RECOIL.settling_time
     fewest = 20 * (RECOIL.polynomial_order + 1 + 2 * RECOIL.most_rings)
     if after.sum() < fewest:
         raise ValueError("the encoder record ends too soon after contact")
@@ -139,9 +139,9 @@ def _rates(
     rate, square, late = np.empty((3, len(counts)))
     for first in range(0, len(counts), RECOIL.shots_together):
         part = slice(first, first + RECOIL.shots_together)
-        seen = counts[part] @ orthogonal
-        left = counts[part] - seen @ orthogonal.T
-        rate[part] = np.einsum("ps,sp->s", weight[:, part], seen)
+        projection = counts[part] @ orthogonal
+        left = counts[part] - projection @ orthogonal.T
+        rate[part] = np.einsum("ps,sp->s", weight[:, part], projection)
         square[part] = np.einsum("st,st->s", left, left)
         late[part] = np.einsum("st,st->s", left[:, until:], left[:, until:])
     return rate, (weight**2).sum(axis=0), square, late
@@ -193,8 +193,11 @@ def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
     for _ in range(RECOIL.most_steps):
         basis = turn_and_rings(clock, rings)
         orthogonal, triangle = np.linalg.qr(basis)
-        seen = orthogonal.T @ counts
-        coefficients, residual = np.linalg.solve(triangle, seen), counts - orthogonal @ seen
+        projection = orthogonal.T @ counts
+        coefficients, residual = (
+            np.linalg.solve(triangle, projection),
+            counts - orthogonal @ projection,
+        )
         moves = clock[:, None] * basis[:, RECOIL.polynomial_order + 1 :]
         moves -= orthogonal @ (orthogonal.T @ moves)
         shares = _shares(coefficients[RECOIL.polynomial_order + 1 :])
@@ -237,8 +240,8 @@ def turn_and_rings(clock: Array, rings: Array) -> Array:
 def project(basis: Array, data: Array) -> tuple[Array, Array]:
     """Return least-squares coefficients and the residual."""
     orthogonal, triangle = np.linalg.qr(basis)
-    seen = orthogonal.T @ data
-    return np.linalg.solve(triangle, seen), data - orthogonal @ seen
+    projection = orthogonal.T @ data
+    return np.linalg.solve(triangle, projection), data - orthogonal @ projection
 
 
 def _at_rest(record: EncoderRecord, contact: Array) -> tuple[Array, Array]:

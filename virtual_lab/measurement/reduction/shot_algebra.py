@@ -169,9 +169,9 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
 
     mass = ball_masses(x, readings)
     sets = _sets_of(x, AT_WALL, ADDED)
-    own = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_WALL)}
-    drag = of_ball(drag_of(own, sets.chosen(mass)), np.maximum(readings.ball, 0))
-    flights = readings.flights.corrected(own, drag)
+    at_wall = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_WALL)}
+    drag = of_ball(drag_of(at_wall, sets.chosen(mass)), np.maximum(readings.ball, 0))
+    flights = readings.flights.correct(at_wall, drag)
     with np.errstate(all="ignore"):  # one nominal speed has no slope
         means, faster, nominal, slope = balls_of_sets(
             readings.mass,
@@ -181,17 +181,17 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
             flights.speed_out,
         )
     speed = nominal[..., :1, None] if nominal.ndim else nominal
-    given = x["ball.restitution_slope"]
+    slopes = x["ball.restitution_slope"]
     if SLOPE_REPEATABILITY in x:
-        given = sets.spread(slope[..., None]) + x[SLOPE_REPEATABILITY]
+        slopes = sets.spread(slope[..., None]) + x[SLOPE_REPEATABILITY]
     errors = (np.atleast_1d(x[error]) for error in restitution_names(mass.shape[-1]))
     scattered = np.concatenate(np.broadcast_arrays(*errors), axis=-1)
-    restitution = sets.spread(means) - given * sets.spread(faster) + scattered
+    restitution = sets.spread(means) - slopes * sets.spread(faster) + scattered
     return MeasuredBalls(
         mass=np.broadcast_to(mass, restitution.shape),
         restitution=restitution,
         speed=speed,
-        slope=np.asarray(given),
+        slope=np.asarray(slopes),
     )
 
 
@@ -222,15 +222,15 @@ def is_certain(values: Array) -> bool:
 def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> Sets:
     """Return the sets that differ in a constant whose name begins with `names`, not `others`."""
     every = np.zeros(0, dtype=np.intp)
-    known = [
+    arrays = [
         value
         for name, value in x.items()
         if name.startswith(names) and not name.startswith(others) and np.ndim(value) > 1
     ]
-    if not known:
+    if not arrays:
         return Sets(None, every)
-    moved = np.zeros(max(value.shape[-2] for value in known), dtype=bool)
-    for value in known:
+    moved = np.zeros(max(value.shape[-2] for value in arrays), dtype=bool)
+    for value in arrays:
         if is_certain(value):
             continue
         differs = value != value[..., :1, :]
@@ -257,11 +257,11 @@ def shot_results(
     bat: BatProperties,
     balls: MeasuredBalls,
     readings: ImpactReadings,
-    asked: ReductionSettings,
+    settings: ReductionSettings,
     flown: FlightModel | None = None,
     used: Mask | None = None,
 ) -> R:
-    """Return the results of the shots by the equations of `kinematics.reduced`.
+    """Return the results of the shots by the equations of `kinematics.reduce_shot`.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ def shot_results(
         `ShotResults`, or `SetResults` for those needed for many sets of constants.
     x, bat, balls
         Constants, and the bat and the balls measured with them.
-    readings, asked
+    readings, settings
         Readings of the shots, and the settings of the procedure.
     flown
         Flights by another instrument than that of the readings, as a function.
@@ -291,7 +291,7 @@ def shot_results(
     used = np.ones(balls.mass.shape[-1], dtype=bool) if used is None else used
     constants = {
         **{name: getattr(bat, name) for name in ("mass", "length", "z_cm", "inertia_cm")},
-        "turn_rate": asked.turn_rate(bat.length),
+        "turn_rate": settings.turn_rate(bat.length),
         "pivot_from_knob": x["impact.pivot.from_knob"],
         "aim": x.get("impact.cannon.along", 0.0),
         "encoder": encoder,
@@ -315,26 +315,26 @@ def shot_results(
         return np.broadcast_to(each, (*shape, many)).reshape(*block, many)
 
     names = [each.name for each in fields(kind)]
-    found = {
+    columns = {
         name: np.empty((*block, number) if name in names else (0, 0, 0))
         for name in RESULTS + DETAILS
     }
     compiled_reduction()(
         (
-            *(PLACE_SLOPE in x, asked.reads == "recoil", asked.recoil == "free"),
-            *(asked.pivot_from_knob, asked.ball_speed, asked.window_speed),
+            *(PLACE_SLOPE in x, settings.reads == "recoil", settings.recoil == "free"),
+            *(settings.pivot_from_knob, settings.ball_speed, settings.window_speed),
         ),
         tuple(wide(constants[name], 1) for name in CONSTANTS),
         tuple(wide(each, balls.mass.shape[-1]) for each in (balls.mass, balls.restitution)),
         wide(readings.ball, number),
         tuple(wide(each, number) for each in shots),
-        tuple(tuple(found[name] for name in group) for group in (RESULTS, DETAILS)),
+        tuple(tuple(columns[name] for name in group) for group in (RESULTS, DETAILS)),
     )
-    found = {name: found[name].reshape(*shape, number) for name in found if name in names}
-    found["speed"], found["rebound_speed"] = flights.speed_in, flights.speed_out
-    found["rebound_slope"] = flights.slope_out
-    found["swing_rate"] = np.broadcast_to(swing_rate, (*shape, number))
-    return kind(**{name: found[name] for name in names})
+    columns = {name: columns[name].reshape(*shape, number) for name in columns if name in names}
+    columns["speed"], columns["rebound_speed"] = flights.speed_in, flights.speed_out
+    columns["rebound_slope"] = flights.slope_out
+    columns["swing_rate"] = np.broadcast_to(swing_rate, (*shape, number))
+    return kind(**{name: columns[name] for name in names})
 
 
 def _mean_of(values: Array, used: Mask) -> Array:
@@ -342,8 +342,8 @@ def _mean_of(values: Array, used: Mask) -> Array:
 
     The sum is that of the balls one after another, whatever the layout of the array.
     """
-    kept = np.where(used, values, 0.0)
-    total = sum(kept[..., ball, None] for ball in range(kept.shape[-1]))
+    used_values = np.where(used, values, 0.0)
+    total = sum(used_values[..., ball, None] for ball in range(used_values.shape[-1]))
     with np.errstate(invalid="ignore"):
         return np.asarray(total / np.sum(used, axis=-1, keepdims=True))
 
@@ -351,9 +351,9 @@ def _mean_of(values: Array, used: Mask) -> Array:
 def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Flights:
     """Return the flights, computed only for sets that differ in a constant of the flight."""
     sets = _sets_of(x, AT_BAT, HELD)
-    own = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_BAT)}
+    at_bat = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_BAT)}
     mass = of_ball(sets.chosen(balls.mass), readings.ball)
-    flights = readings.flights.corrected(own, drag_of(own, mass))
+    flights = readings.flights.correct(at_bat, drag_of(at_bat, mass))
     if sets.rows is None:
         return flights
     names = [each.name for each in fields(Flights)]

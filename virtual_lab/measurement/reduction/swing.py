@@ -108,6 +108,6 @@ def _fit(times: Array, counts: Array, contact: Array, reach: Array) -> tuple[Arr
 def _cubic(clock: Array, counts: Array) -> tuple[Array, Array, Array]:
     """Return coefficients (power, shot), triangle of the fit, and squared residuals (shot,)."""
     orthogonal, triangle = np.linalg.qr(np.vander(clock, DEGREE + 1, increasing=True))
-    seen = counts @ orthogonal
-    left = counts - seen @ orthogonal.T
-    return np.linalg.solve(triangle, seen.T), triangle, (left**2).sum(axis=1)
+    projection = counts @ orthogonal
+    left = counts - projection @ orthogonal.T
+    return np.linalg.solve(triangle, projection.T), triangle, (left**2).sum(axis=1)

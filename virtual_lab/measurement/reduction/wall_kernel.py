@@ -42,22 +42,22 @@ def balls_of_sets(
     many, middle = np.zeros(masses.size), np.zeros(masses.size)
     restitution[:], faster[:], speed[0] = 0.0, 0.0, 0.0
     for i in range(ball.size):
-        own = ball[i]
-        if own >= 0:
-            many[own] += 1
-            middle[own] += nominal[i]
+        number = ball[i]
+        if number >= 0:
+            many[number] += 1
+            middle[number] += nominal[i]
             speed[0] += nominal[i]
-            restitution[own] += speed_out[i] / speed_in[i]
+            restitution[number] += speed_out[i] / speed_in[i]
     speed[0] /= many.sum()
-    for own in range(masses.size):
-        restitution[own] /= many[own]
-        middle[own] /= many[own]
+    for number in range(masses.size):
+        restitution[number] /= many[number]
+        middle[number] /= many[number]
     rise, width = 0.0, 0.0
     for i in range(ball.size):
-        own = ball[i]
-        if own >= 0:
-            faster[own] += (speed_in[i] - speed[0]) / many[own]
-            off = nominal[i] - middle[own]
+        number = ball[i]
+        if number >= 0:
+            faster[number] += (speed_in[i] - speed[0]) / many[number]
+            off = nominal[i] - middle[number]
             rise += speed_out[i] / speed_in[i] * off
             width += speed_in[i] * off
     slope[0] = rise / width

@@ -122,7 +122,7 @@ def _radius(place: float, scene: Scene) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _moved(state: Moving, time: float, shot: Own) -> Moving:
+def _move(state: Moving, time: float, shot: Own) -> Moving:
     """Return the state after a `time` [s] of free motion."""
     lost = shot.drag * hypot(state.vx, state.vz) * time
     way = time * log1p(lost) / lost if lost > 0 else time
@@ -163,7 +163,7 @@ def _nearness(state: Moving, shot: Own, scene: Scene) -> Near:
 
 
 @njit(cache=True, error_model="numpy")
-def _kicked(state: Moving, gain: float, normal: tuple[float, float, float], rate: float) -> Moving:
+def _kick(state: Moving, gain: float, normal: tuple[float, float, float], rate: float) -> Moving:
     """Return the state with the ball's velocity changed by `gain` along `normal`, and `rate`."""
     vx, vy, vz = state.vx + gain * normal[0], state.vy + gain * normal[1], state.vz
     return Moving(state.x, state.y, state.z, vx, vy, vz + gain * normal[2], state.angle, rate)
@@ -175,7 +175,7 @@ def _struck(state: Moving, efficiency: float, shot: Own, scene: Scene) -> tuple[
     near = _nearness(state, shot, scene)
     gain = (1 + efficiency) * near.approach
     rate = state.rate + shot.mass * gain * near.lever * near.turning / shot.inertia
-    after = _kicked(state, gain, near.normal, rate)
+    after = _kick(state, gain, near.normal, rate)
     if near.place < scene.knots[0] or near.place > scene.knots[-1]:
         return after, EDGE
     if near.approach <= 0:
@@ -198,7 +198,7 @@ def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
         time = -PARTING * near.approach / (speeds**2 / reach + shot.gravity)
     drop = abs(state.vy - shot.gravity * until)
     while time < until:
-        here = _moved(state, time, shot)
+        here = _move(state, time, shot)
         near = _nearness(here, shot, scene)
         if near.gap <= NEAR:
             break
@@ -210,7 +210,7 @@ def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
     if not time < until:
         return inf
     for _ in range(NEWTONS):
-        near = _nearness(_moved(state, time, shot), shot, scene)
+        near = _nearness(_move(state, time, shot), shot, scene)
         if near.approach <= SHARP * fast:
             break
         later = max(time + near.gap / near.approach, 0.0)
@@ -285,13 +285,13 @@ def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log
             free = min(solid, stop, shot.duration - now)
             span = min(free, _first_touch(state, free, shot, scene))
             now += span
-            state = _moved(state, span, shot)
+            state = _move(state, span, shot)
             row += 1
             log.place[row, i] = log.speed[row, i] = nan
             if span == solid:
                 away = state.vx * normal[0] + state.vz * normal[2]
                 gain = -(1 + solids[ahead, SOLID.restitution]) * away
-                state = _kicked(state, gain, normal, state.rate)
+                state = _kick(state, gain, normal, state.rate)
                 log.kind[row, i] = int(solids[ahead, SOLID.kind])
             elif span == stop:
                 state = Moving(*state[:6], scene.stop, -scene.restitution * state.rate)

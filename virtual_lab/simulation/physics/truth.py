@@ -226,10 +226,10 @@ def _as_lists(arrays: Mapping[str, Array]) -> dict[str, Any]:
 def made_bat(spec: BatSpec, draws: Draws) -> TrueBat:
     """Draw an individual bat, one per laboratory in a block: density, stiffness and balance."""
     drawn = draws.normal("bat", (3,)).reshape(-1, 3)
-    return TrueBat(name=spec.name, bodies=tuple(_made(spec, *row) for row in drawn.tolist()))
+    return TrueBat(name=spec.name, bodies=tuple(_make_body(spec, *row) for row in drawn.tolist()))
 
 
-def _made(spec: BatSpec, density: float, modulus: float, tilt: float) -> BatBody:
+def _make_body(spec: BatSpec, density: float, modulus: float, tilt: float) -> BatBody:
     body, spread = spec.body, spec.spread
     stiffer = 1 + spread.youngs_modulus * modulus
     material = replace(

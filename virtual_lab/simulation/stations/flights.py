@@ -156,7 +156,7 @@ def _beyond_closed_form(
     """
     frame, radius, count = around.frame, passage.radius, len(bat.place)
 
-    def framed(
+    def reaches_frame(
         gate: Any, speed: Any, slope: Any, height: Any, flights: Passage = passage
     ) -> NDArray[np.bool_]:
         far = gate + frame.radius + flights.radius
@@ -172,15 +172,17 @@ def _beyond_closed_form(
     worst = np.array([np.min(height), np.max(height)])
     aside = bat.place.min(), bat.place.max()
     beyond = np.zeros(count, dtype=bool)
-    if framed(gate.max(), passage.speed_in.min(), 0.0, worst, replace(passage, **most)).any():
-        beyond |= framed(gate, passage.speed_in, 0.0, height)
+    if reaches_frame(
+        gate.max(), passage.speed_in.min(), 0.0, worst, replace(passage, **most)
+    ).any():
+        beyond |= reaches_frame(gate, passage.speed_in, 0.0, height)
     if aside[0] <= frame.tip_side + largest or aside[1] >= frame.knob_side - largest:
         beyond |= bat.place <= frame.tip_side + radius
         beyond |= bat.place >= frame.knob_side - radius
     beyond |= _caught(passage, bat, around.stop)
     with np.errstate(divide="ignore", invalid="ignore"):
         gate = around.hiding(radius)[..., 0]
-        back = framed(gate, passage.speed_out, passage.slope_out, height)
+        back = reaches_frame(gate, passage.speed_out, passage.slope_out, height)
     return beyond, back & (passage.speed_out > 0)
 
 

@@ -226,7 +226,7 @@ def _gather(
 
 
 @njit(**FAST)
-def _turned(turn: Array, share: float, body: Array, out: Array) -> None:
+def _rotate(turn: Array, share: float, body: Array, out: Array) -> None:
     """Set `out` to `body` (axes of the ball as rows), rotated by a share of a rotation vector."""
     angle = share * sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
     a = share * (sin(angle) / angle if angle != 0 else 1.0)
@@ -259,7 +259,7 @@ def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
         weights = np.empty((last[1] - first[1], last[0] - first[0]))
         for span in range(spans):
             start, end = span / spans, (span + 1) / spans
-            _turned(balls.turn[r], (start + end) / 2 - 0.5, balls.body[r], own)
+            _rotate(balls.turn[r], (start + end) / 2 - 0.5, balls.body[r], own)
             _spread(balls.warp[r], own, balls.light[r], look, grid)
             _weights(path, balls.times[r], start, end, look, first, weights)
             _gather(grid, planes, weights, first, out[r])
