@@ -100,6 +100,12 @@ def outer_diameter(profile: Profile, z: Array) -> Array:
     return _between_stations(profile, profile.outer_diameter, z)
 
 
+def wall_thickness(profile: Profile, z: Array) -> Array:
+    """Return the wall thickness [m] of a hollow bat at positions `z` [m], as `outer_diameter`."""
+    assert profile.wall is not None
+    return _between_stations(profile, profile.wall, z)
+
+
 def barrel_radius(profile: Profile) -> Array:
     """Return the outer radius [m] six inches from the tip, where a laboratory measures it."""
     return outer_diameter(profile, np.array(6 * INCH)) / 2
@@ -121,7 +127,7 @@ def section(body: BatBody, z: Array) -> Section:
     if body.profile.wall is None:
         bore = np.zeros_like(d)
     else:
-        bore = d - 2 * _between_stations(body.profile, body.profile.wall, z)
+        bore = d - 2 * wall_thickness(body.profile, z)
     area = np.pi / 4 * (d**2 - bore**2)
     second_moment = np.pi / 64 * (d**4 - bore**4)
     density = material.density * (1 + material.density_tilt * (1 - 2 * z / body.length))
